@@ -1,0 +1,23 @@
+"""Fixtures shared by all tests."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def repository():
+    """Top folder of the project."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def recordings():
+    """Folder with the measured recordings, or a skip that says what is missing."""
+    for folder in (os.environ.get("IMULOOP_MIRROR"), REPOSITORY.parent / "shared" / "data"):
+        if folder and Path(folder).is_dir():
+            return Path(folder)
+    pytest.skip("measured recordings not at hand: set IMULOOP_MIRROR to the folder that holds them")

@@ -1,0 +1,1 @@
+"""From poses and rotations to a calibration: six-position and multi-position."""

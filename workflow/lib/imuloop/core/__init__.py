@@ -1,0 +1,1 @@
+"""What every stage shares: units, samples, segments, rotation, model, effect, noise model."""

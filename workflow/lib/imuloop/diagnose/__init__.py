@@ -1,0 +1,1 @@
+"""From residuals to the effects that the model lacks."""

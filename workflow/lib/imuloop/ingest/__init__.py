@@ -1,0 +1,1 @@
+"""From a source to the canonical samples: sources, readers, quality."""

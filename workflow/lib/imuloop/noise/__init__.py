@@ -1,0 +1,1 @@
+"""From rests to noise coefficients: Allan deviation, fit, statistics."""

@@ -1,0 +1,1 @@
+"""From samples to segments: rests, motion, disturbances."""

@@ -1,0 +1,1 @@
+"""From a known truth to a raw log."""
