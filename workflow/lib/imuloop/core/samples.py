@@ -1,0 +1,50 @@
+"""Samples: the one table from ingest to the end, SI units, one clock.
+
+A pandas DataFrame of float64 columns: `t` (s from the first sample), specific force `ax ay az`
+(m/s^2), angular rate `gx gy gz` (rad/s) and, where logged, `temperature` (degC).
+"""
+
+import json
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+# time, s from the first sample
+TIME = "t"
+# specific force along the sensor's axes, m/s^2
+ACCELERATION = ("ax", "ay", "az")
+# angular rate about the sensor's axes, rad/s
+ANGULAR_RATE = ("gx", "gy", "gz")
+# the six axes in the order of every table
+CHANNELS = ACCELERATION + ANGULAR_RATE
+# temperature, degC
+TEMPERATURE = "temperature"
+
+# key of the project's own entry in a Parquet file's metadata
+METADATA_KEY = b"imuloop"
+
+
+def schema(temperature, metadata):
+    """Return the Parquet schema of a samples file.
+
+    Parameters
+    ----------
+    temperature : bool
+        Whether the log holds a temperature.
+    metadata : dict
+        Source, units, hashes; kept as JSON in the file.
+    """
+    names = (TIME, *CHANNELS, *((TEMPERATURE,) if temperature else ()))
+    fields = [pa.field(name, pa.float64()) for name in names]
+    return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
+
+
+def read_samples(path, columns=None):
+    """Return samples of a Parquet file as a DataFrame, all columns or only those named."""
+    return pq.read_table(path, columns=columns and list(columns)).to_pandas()
+
+
+def read_metadata(path):
+    """Return the project's metadata of a Parquet file; empty if it has none."""
+    entries = pq.read_schema(path).metadata or {}
+    return json.loads(entries.get(METADATA_KEY, b"{}"))

@@ -1,0 +1,79 @@
+"""Units at the edges: everything inside is SI."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.errors import ImuloopError
+
+# standard gravity, m/s^2: the unit g of data sheets, not the local gravity
+STANDARD_GRAVITY = 9.80665
+# one degree, rad
+DEGREE = np.pi / 180
+# one hour, s
+HOUR = 3600.0
+# 0 degC, K
+ZERO_CELSIUS = 273.15
+
+# factor from each unit to SI
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ACCELERATION = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY * 1e-3}
+ANGULAR_RATE = {"rad/s": 1.0, "deg/s": DEGREE, "mrad/s": 1e-3, "deg/h": DEGREE / HOUR}
+# offset in the unit that is 0 degC
+TEMPERATURE = {"degC": 0.0, "K": ZERO_CELSIUS}
+
+_FACTORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+
+
+@dataclass(frozen=True)
+class RawUnit:
+    """The unit in which a sensor was logged: ``SI = (raw - offset) * scale``.
+
+    Attributes
+    ----------
+    name : str
+        Name of the unit, one of the contract's.
+    scale : float
+        SI units per raw unit.
+    offset : float
+        Raw value that stands for zero, raw units; 0 except for counts.
+    """
+
+    name: str
+    scale: float
+    offset: float = 0.0
+
+    def to_si(self, raw):
+        """Return raw values in SI units."""
+        return (np.asarray(raw, dtype=float) - self.offset) * self.scale
+
+    def from_si(self, value):
+        """Return SI values in raw units."""
+        return np.asarray(value, dtype=float) / self.scale + self.offset
+
+
+def raw_unit(quantity, name, nominal=None):
+    """Return the raw unit of a quantity by its name.
+
+    Parameters
+    ----------
+    quantity : {'acceleration', 'angular_rate'}
+        What is measured.
+    name : str
+        Name of the unit; ``count`` needs `nominal`.
+    nominal : dict, optional
+        ``scale`` (SI per count) and ``offset`` (counts) of raw counts.
+
+    Raises
+    ------
+    ImuloopError
+        If the unit is unknown, or is ``count`` without `nominal`.
+    """
+    if name == "count":
+        if not nominal:
+            raise ImuloopError(f"{quantity} in counts needs nominal.{quantity}.scale and .offset")
+        return RawUnit("count", float(nominal["scale"]), float(nominal.get("offset", 0.0)))
+    if name not in _FACTORS[quantity]:
+        known = ", ".join([*_FACTORS[quantity], "count"])
+        raise ImuloopError(f"'{name}' is not a unit of {quantity}; use one of {known}")
+    return RawUnit(name, _FACTORS[quantity][name])
