@@ -1,0 +1,158 @@
+"""The noise model against closed forms and simulated processes."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.samples import CHANNELS
+
+
+def known(value):
+    return Coefficient(value, (0.9 * value, 1.1 * value), 1.08 * value, True)
+
+
+PROCESSES = {
+    "quantisation": AxisNoise(Q=known(0.3)),
+    "white": AxisNoise(N=known(0.2)),
+    "flicker": AxisNoise(B=known(0.05)),
+    "walk": AxisNoise(K=known(0.02)),
+    "gauss_markov": AxisNoise(gauss_markov=(GaussMarkov(known(0.1), known(4.0)),)),
+    "sinusoid": AxisNoise(sinusoid=(Sinusoid(known(0.3), known(0.07)),)),
+}
+PROCESSES["all"] = AxisNoise(
+    known(0.3),
+    known(0.2),
+    known(0.05),
+    known(0.02),
+    Coefficient(upper95=1e-3),
+    PROCESSES["gauss_markov"].gauss_markov,
+    PROCESSES["sinusoid"].sinusoid,
+)
+process = pytest.mark.parametrize("name", PROCESSES)
+
+
+def model(axis):
+    return NoiseModel("device", dict.fromkeys(CHANNELS, axis))
+
+
+@process
+@pytest.mark.parametrize("tau", [0.01, 1.0, 37.0, 2000.0])
+def test_adjacent_means_have_the_allan_variance(name, tau):
+    c = model(PROCESSES[name]).pose_mean_covariance([[5, 5 + tau], [5 + tau, 5 + 2 * tau]])[4]
+    half_variance = (c[0, 0] + c[1, 1] - 2 * c[0, 1]) / 2
+    assert half_variance == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-9)
+
+
+@process
+def test_covariance_is_symmetric_and_positive_semidefinite(name):
+    rng = np.random.default_rng(3)
+    edges = np.cumsum(rng.exponential(20, 81))
+    windows = np.c_[edges[:-1], edges[1:]]
+    windows = np.r_[windows, [[edges[0], edges[-1]], [edges[3], edges[40]]]]  # overlapping, whole
+    c = model(PROCESSES[name]).pose_mean_covariance(windows)
+    assert c.shape == (6, 82, 82)
+    assert np.array_equal(c, c.transpose(0, 2, 1))
+    eigenvalues = np.linalg.eigvalsh(c[0])
+    assert eigenvalues[0] > -1e-10 * eigenvalues[-1]
+
+
+@process
+def test_shifted_clock_changes_nothing(name):
+    windows = np.array([[0, 3], [10, 18], [18, 30.0]])
+    a = model(PROCESSES[name]).pose_mean_covariance(windows)
+    b = model(PROCESSES[name]).pose_mean_covariance(windows + 4096)
+    assert b == pytest.approx(a, rel=1e-9)
+
+
+# output sampled at 10 Hz, 400 s: (n, rate), windows in s
+N, RATE = 4000, 10.0
+WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [150, 290], [310, 400]])
+
+
+def sample(name, rng):
+    """One record of increments of X (output integrated over each sample interval)."""
+    dt = 1 / RATE
+    if name == "quantisation":
+        return 0.3 * np.diff(rng.standard_normal(N + 1))
+    if name == "white":
+        return 0.2 * np.sqrt(dt) * rng.standard_normal(N)
+    if name == "walk":
+        return 0.02 * np.sqrt(dt) * np.cumsum(rng.standard_normal(N)) * dt
+    if name == "gauss_markov":
+        q, tc = 0.1, 4.0
+        rho = np.exp(-dt / tc)
+        std = q * np.sqrt(tc / 2)
+        drive = std * np.sqrt(1 - rho**2) * rng.standard_normal(N)
+        drive[0] = std * rng.standard_normal()
+        return lfilter([1], [1, -rho], drive) * dt
+    if name == "sinusoid":
+        t = (np.arange(N) + 0.5) * dt
+        return 0.3 * np.sin(2 * np.pi * 0.07 * t + rng.uniform(0, 2 * np.pi)) * dt
+    # flicker of one-sided density B^2/(pi f), over 16 record lengths so that the ring is not seen
+    f = np.fft.rfftfreq(16 * N, dt)[1:]
+    std = 0.05 * np.sqrt(1 / (np.pi * f) * (16 * N) * RATE / 4)
+    spectrum = std * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
+    return np.fft.irfft(np.r_[0, spectrum])[:N] * dt
+
+
+@pytest.mark.parametrize("name", [name for name in PROCESSES if name != "all"])
+def test_covariance_of_window_means_agrees_with_simulation(name):
+    rng = np.random.default_rng(11)
+    count = 2000 if name != "flicker" else 1000
+    starts, ends = (WINDOWS * RATE).astype(int).T
+    means = []
+    for _ in range(count):
+        x = np.r_[0, np.cumsum(sample(name, rng))]
+        means.append((x[ends] - x[starts]) / np.diff(WINDOWS)[:, 0])
+    # a common level is what a bias absorbs: compare contrasts
+    contrast = np.eye(5) - 0.2
+    expected = contrast @ model(PROCESSES[name]).pose_mean_covariance(WINDOWS)[2] @ contrast
+    found = contrast @ np.cov(np.array(means).T) @ contrast
+    scale = np.sqrt(np.diag(expected))
+    assert np.max(np.abs(found - expected) / (scale[:, None] * scale)) < 0.1
+
+
+def test_angles_are_means_times_length():
+    noise = model(PROCESSES["all"])
+    length = np.diff(WINDOWS)[:, 0]
+    means = noise.pose_mean_covariance(WINDOWS)[3:]
+    assert noise.angle_covariance(WINDOWS) == pytest.approx(means * length[:, None] * length)
+
+
+def test_white_angle_grows_with_time():
+    noise = model(AxisNoise(N=known(0.2)))
+    assert noise.angle_covariance([[0, 9.0]])[0, 0, 0] == pytest.approx(0.04 * 9)
+
+
+def test_nothing_identifiable_gives_zeros():
+    assert not model(AxisNoise()).pose_mean_covariance(WINDOWS).any()
+
+
+@pytest.mark.parametrize("windows", [[1.0, 2.0], [[1, 2, 3]], [[2, 1]], [[1, 1]]])
+def test_wrong_windows_are_named(windows):
+    with pytest.raises(ValueError, match="windows"):
+        model(AxisNoise()).pose_mean_covariance(windows)
+
+
+def test_no_windows():
+    assert model(AxisNoise()).angle_covariance(np.empty((0, 2))).shape == (3, 0, 0)
+
+
+def test_json_both_ways(tmp_path):
+    noise = model(PROCESSES["all"])
+    noise.to_json(tmp_path / "noise.json")
+    assert NoiseModel.from_json(tmp_path / "noise.json") == noise
+
+
+def test_json_has_the_contract_shape():
+    content = model(PROCESSES["all"]).to_dict()
+    assert set(content) == {"format", "device", "axes"}
+    assert list(content["axes"]) == list(CHANNELS)
+    assert set(content["axes"]["gz"]) == {"Q", "N", "B", "K", "R", "gauss_markov", "sinusoid"}
+    assert content["axes"]["ax"]["R"] == {
+        "value": None,
+        "ci95": None,
+        "upper95": 1e-3,
+        "identifiable": False,
+    }

@@ -1,0 +1,292 @@
+"""Noise coefficients of a device, and the covariance that they give means and angles."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from imuloop.core.files import read_json, write_json
+from imuloop.core.samples import ANGULAR_RATE, CHANNELS
+
+# version of the JSON file
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One coefficient with its uncertainty.
+
+    Attributes
+    ----------
+    value : float or None
+        Estimate, SI; None where the data do not support the term.
+    ci95 : tuple of two floats, or None
+        95 % interval of `value`.
+    upper95 : float or None
+        One-sided 95 % upper limit; given also where `value` is None.
+    identifiable : bool
+        Whether the data support the term.
+    """
+
+    value: float | None = None
+    ci95: tuple[float, float] | None = None
+    upper95: float | None = None
+    identifiable: bool = False
+
+    @property
+    def square(self):
+        """Return the square of the value, 0 where not identifiable."""
+        return 0.0 if self.value is None else self.value**2
+
+    @classmethod
+    def from_dict(cls, content):
+        """Return the coefficient from its JSON form."""
+        interval = content["ci95"]
+        return cls(
+            content["value"],
+            None if interval is None else (interval[0], interval[1]),
+            content["upper95"],
+            content["identifiable"],
+        )
+
+
+@dataclass(frozen=True)
+class GaussMarkov:
+    """First-order Gauss-Markov process: density `q` of the drive, correlation time `tc` in s."""
+
+    q: Coefficient
+    tc: Coefficient
+
+
+@dataclass(frozen=True)
+class Sinusoid:
+    """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown."""
+
+    amplitude: Coefficient
+    frequency: Coefficient
+
+
+@dataclass(frozen=True)
+class AxisNoise:
+    r"""Processes of one axis; independent, so that their Allan variances add.
+
+    .. math::
+        \sigma^2(\tau) = 3 Q^2/\tau^2 + N^2/\tau + (2 \ln 2/\pi) B^2 + K^2 \tau/3 + R^2 \tau^2/2
+        + (q^2 T^2/\tau) [1 - (T/2\tau)(3 - 4 e^{-\tau/T} + e^{-2\tau/T})]
+        + \Omega^2 [\sin^2(\pi f \tau)/(\pi f \tau)]^2
+
+    Attributes
+    ----------
+    Q : Coefficient
+        Quantisation, m/s or rad.
+    N : Coefficient
+        White noise, m/s^2/sqrt(Hz) or rad/s/sqrt(Hz).
+    B : Coefficient
+        Flicker noise (bias instability), m/s^2 or rad/s.
+    K : Coefficient
+        Random walk, m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
+    R : Coefficient
+        Ramp, m/s^3 or rad/s^2.
+    gauss_markov : tuple of GaussMarkov
+        q in the unit of K, T = tc in s.
+    sinusoid : tuple of Sinusoid
+        Omega = amplitude in the unit of the axis, f = frequency in Hz.
+
+    References
+    ----------
+    IEEE Std 952-1997 (R2008), annex C.
+    """
+
+    Q: Coefficient = Coefficient()
+    N: Coefficient = Coefficient()
+    B: Coefficient = Coefficient()
+    K: Coefficient = Coefficient()
+    R: Coefficient = Coefficient()
+    gauss_markov: tuple[GaussMarkov, ...] = ()
+    sinusoid: tuple[Sinusoid, ...] = ()
+
+    @classmethod
+    def from_dict(cls, content):
+        """Return the processes from their JSON form."""
+        return cls(
+            *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
+            gauss_markov=tuple(
+                GaussMarkov(Coefficient.from_dict(p["q"]), Coefficient.from_dict(p["tc"]))
+                for p in content["gauss_markov"]
+            ),
+            sinusoid=tuple(
+                Sinusoid(
+                    Coefficient.from_dict(p["amplitude"]), Coefficient.from_dict(p["frequency"])
+                )
+                for p in content["sinusoid"]
+            ),
+        )
+
+    def allan_variance(self, tau):
+        """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
+        tau = np.asarray(tau, float)
+        variance = (
+            3 * self.Q.square / tau**2
+            + self.N.square / tau
+            + 2 * np.log(2) / np.pi * self.B.square
+            + self.K.square * tau / 3
+            + self.R.square * tau**2 / 2
+        )
+        for process in self.gauss_markov:
+            u = tau / process.tc.value
+            bracket = 1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u)
+            variance = variance + process.q.square * process.tc.value / u * bracket
+        for line in self.sinusoid:
+            u = np.pi * line.frequency.value * tau
+            variance = variance + line.amplitude.square * (np.sin(u) ** 2 / u) ** 2
+        return variance
+
+    def kernel(self, t, span):
+        r"""Return the covariance of the integral X of the output between all pairs of times.
+
+        Only up to terms that vanish in increments of X. For a lag d the processes give
+
+        - quantisation: :math:`Q^2` at d = 0;
+        - white: :math:`-N^2 |d|/2`;
+        - flicker: :math:`(B^2/2\pi)\, d^2 \ln(|d|/e^{3/2}\,\mathrm{span})`, that is an output of
+          covariance :math:`(B^2/\pi) \ln(\mathrm{span}/|d|)`;
+        - Gauss-Markov: :math:`-(q^2 T^3/2)(d/T - 1 + e^{-d/T})`;
+        - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
+        - walk from t = 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`, s the earlier time.
+
+        The ramp is deterministic and adds nothing.
+
+        Parameters
+        ----------
+        t : array_like, shape (m,)
+            Times in s from the start of the walk.
+        span : float
+            Length in s that holds all times; the flicker's level refers to it.
+
+        Returns
+        -------
+        ndarray, shape (m, m)
+        """
+        t = np.asarray(t, float)
+        d = np.abs(t[:, None] - t)
+        early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
+        # ln 1 at lag 0, where the factor d^2 removes the term
+        logarithm = np.log(np.where(d > 0, d, span) / span) - 1.5
+        total = (
+            self.Q.square * (d == 0)
+            - self.N.square * d / 2
+            + self.B.square / (2 * np.pi) * d**2 * logarithm
+            + self.K.square * early**2 * (late / 2 - early / 6)
+        )
+        for process in self.gauss_markov:
+            u = d / process.tc.value
+            total = total - process.q.square * process.tc.value**3 / 2 * (u + np.expm1(-u))
+        for line in self.sinusoid:
+            omega = 2 * np.pi * line.frequency.value
+            total = total + line.amplitude.square * np.cos(omega * d) / (2 * omega**2)
+        return total
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Noise of the six axes of a device.
+
+    Attributes
+    ----------
+    device : str
+        Name of the device.
+    axes : dict of str to AxisNoise
+        One entry for each of ax, ay, az, gx, gy, gz.
+    """
+
+    device: str
+    axes: dict[str, AxisNoise]
+
+    def allan_variance(self, axis, tau):
+        """Return the Allan variance of `axis`, its unit squared, at `tau` in s (array_like)."""
+        return self.axes[axis].allan_variance(tau)
+
+    def pose_mean_covariance(self, windows):
+        """Return the covariance of the mean outputs over windows of time.
+
+        Coefficients that are not identifiable count as 0, so a model without any gives zeros.
+        The levels of flicker and walk, common to all windows, are the smallest natural ones (see
+        `AxisNoise.kernel`, walk from the first window on): they are what a fitted bias absorbs.
+        The ramp is no random process and is not part of the covariance.
+
+        Parameters
+        ----------
+        windows : array_like, shape (n, 2)
+            Start and end of each window in s, in any order; they may touch or overlap.
+
+        Returns
+        -------
+        ndarray, shape (6, n, n)
+            (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz.
+
+        Raises
+        ------
+        ValueError
+            Where `windows` has another shape or a window that does not end after its start.
+        """
+        return self._mean_covariance(windows, CHANNELS)
+
+    def angle_covariance(self, windows):
+        """Return the covariance of the angular rate integrated over windows of time.
+
+        Parameters
+        ----------
+        windows : array_like, shape (n, 2)
+            Start and end of each window in s, as in `pose_mean_covariance`.
+
+        Returns
+        -------
+        ndarray, shape (3, n, n)
+            rad^2, for gx, gy, gz.
+        """
+        length = np.diff(np.asarray(windows, float))[:, 0]
+        return self._mean_covariance(windows, ANGULAR_RATE) * length[:, None] * length
+
+    def _mean_covariance(self, windows, axes):
+        windows = np.asarray(windows, float)
+        if windows.ndim != 2 or windows.shape[1] != 2:
+            raise ValueError(f"windows: shape (n, 2) needed, got {windows.shape}")
+        length = windows[:, 1] - windows[:, 0]
+        if not np.all(length > 0):
+            raise ValueError("windows: each must end after its start")
+        if not len(windows):
+            return np.zeros((len(axes), 0, 0))
+        times = np.unique(windows)
+        start, end = np.searchsorted(times, windows).T
+        times = times - times[0]
+
+        covariance = np.empty((len(axes), len(length), len(length)))
+        for total, axis in zip(covariance, axes, strict=True):
+            k = self.axes[axis].kernel(times, times[-1])
+            k = k[end] - k[start]
+            total[:] = k[:, end] - k[:, start]
+        return (covariance + covariance.transpose(0, 2, 1)) / 2 / (length[:, None] * length)
+
+    def to_dict(self):
+        """Return the content of noise.json, as far as the model goes."""
+        return {
+            "format": FORMAT,
+            "device": self.device,
+            "axes": {name: asdict(self.axes[name]) for name in CHANNELS},
+        }
+
+    def to_json(self, path):
+        """Write noise.json."""
+        write_json(path, self.to_dict())
+
+    @classmethod
+    def from_dict(cls, content):
+        """Return the model from the content of noise.json; what else is in it is not read."""
+        return cls(
+            content["device"],
+            {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS},
+        )
+
+    @classmethod
+    def from_json(cls, path):
+        """Return the model from noise.json."""
+        return cls.from_dict(read_json(path))
