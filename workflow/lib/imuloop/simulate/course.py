@@ -1,0 +1,121 @@
+"""The course of a session: which rests and moves it is made of."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from imuloop.core.units import DEGREE
+from imuloop.simulate.motion import knock, move, rest, shortest_turn
+
+# upward axes of the six faces, in an order of quarter turns
+FACES = np.array([[0, 0, 1], [1, 0, 0], [0, 0, -1], [-1, 0, 0], [0, 1, 0], [0, -1, 0.0]])
+# a hand-like move: wobble and tremor in rad, linear acceleration in m/s^2
+HAND = {"wobble": 5 * DEGREE, "tremor": 0.15 * DEGREE, "shake": 0.8}
+
+
+def spread(n, rng):
+    """Return `n` directions evenly spread over the sphere, turned and ordered at random.
+
+    The Fibonacci lattice; González, Mathematical Geosciences 42 (2010) 49.
+    """
+    k = np.arange(n) + 0.5
+    z, longitude = 1 - 2 * k / n, k * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - z**2)
+    lattice = np.stack([radius * np.cos(longitude), radius * np.sin(longitude), z], axis=1)
+    return rng.permutation(Rotation.random(rng=rng).apply(lattice))
+
+
+def tilted(directions, degrees, rng):
+    """Return unit vectors tilted at random by `degrees` (std about each of two axes)."""
+    tilt = rng.standard_normal(directions.shape) * degrees * DEGREE
+    moved = directions + np.cross(tilt, directions)
+    return moved / np.linalg.norm(moved, axis=1, keepdims=True)
+
+
+def poses(session, rate, rng):
+    """Return the pieces of a six- or multi-position session and the direction it starts with.
+
+    Parameters
+    ----------
+    session : Session
+        Number and length of rests and moves.
+    rate : float
+        Hz.
+    rng : Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    pieces : list of Piece
+        Rests and moves.
+    up : ndarray, shape (3,)
+        Upward direction on body axes at the start.
+    """
+    if session.kind == "six_position":
+        up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
+    else:
+        up = np.vstack(
+            [np.divide(session.up, np.linalg.norm(session.up)), spread(session.poses, rng)]
+        )
+    yawed = set(rng.permutation(len(up))[: session.turns_about_vertical])
+
+    def samples(span):
+        return round(rng.uniform(*span) * rate)
+
+    pieces = [rest(round(session.initial_rest_s * rate), 0)]
+    for pose, here in enumerate(up):
+        if pose > 0:
+            twist = Rotation.from_rotvec(up[pose - 1] * rng.uniform(-60, 60) * DEGREE)
+            turn = twist * Rotation.from_rotvec(shortest_turn(up[pose - 1], here))
+            pieces.append(
+                move(samples(session.move_s), 1 / rate, turn.as_rotvec(), rng=rng, **HAND)
+            )
+            pieces.append(rest(samples(session.rest_s), pose))
+        if pose in yawed:
+            angle = rng.choice([-1, 1]) * rng.uniform(40, 150) * DEGREE
+            pieces.append(move(samples((3.0, 6.0)), 1 / rate, here * angle))
+            pieces.append(rest(samples(session.rest_s), pose))
+    return pieces, up[0]
+
+
+def at_rest(session, rate, rng):
+    """Return the pieces of a static session with its disturbances, and its upward direction.
+
+    A knock is a short burst; a tilt a turn about a horizontal axis that lasts; handling is a
+    stretch of wobble, tremor and acceleration that ends in the attitude it began in.
+
+    Parameters
+    ----------
+    session : Session
+        Duration and disturbances, in order of time.
+    rate : float
+        Hz.
+    rng : Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    pieces : list of Piece
+        Rests and disturbances.
+    up : ndarray, shape (3,)
+        Upward direction on body axes at the start.
+    """
+    up = start = np.divide(session.up, np.linalg.norm(session.up))
+    pieces, pose, done = [], 0, 0
+    for disturbance in session.disturbances:
+        first, n = round(disturbance.time_s * rate), round(disturbance.duration_s * rate)
+        pieces.append(rest(first - done, pose))
+        angle = disturbance.size * DEGREE
+        if disturbance.kind == "knock":
+            pieces.append(knock(n, 1 / rate, disturbance.size, rng))
+        elif disturbance.kind == "handling":
+            hand = {"wobble": angle, "tremor": angle / 10, "shake": 0.1 * disturbance.size}
+            pieces.append(move(n, 1 / rate, np.zeros(3), rng=rng, **hand))
+        else:
+            axis = rng.standard_normal(3) if disturbance.axis is None else disturbance.axis
+            axis = axis - np.dot(axis, up) * up
+            turn = axis / np.linalg.norm(axis) * angle
+            pieces.append(move(n, 1 / rate, turn))
+            up, pose = Rotation.from_rotvec(turn).inv().apply(up), pose + 1
+        done = first + n
+    pieces.append(rest(round(session.duration_s * rate) - done, pose))
+    return [piece for piece in pieces if len(piece.rate)], start

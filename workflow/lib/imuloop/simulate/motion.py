@@ -1,0 +1,180 @@
+"""True motion: attitude, angular rate and specific force, exact at every sample.
+
+Attitude takes body axes to level axes with the third one up, so the specific force at rest is
+``f = Cᵀ (0, 0, g)``; the angular rate is on body axes. A session is a chain of rests and moves;
+the attitude of a move is a product of rotations about fixed axes by given angles, so its angular
+rate follows in closed form and no integration error enters the truth.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.rotation import exponential, matrix, multiply
+
+# physiological tremor of the hand, Hz
+TREMOR = (8.0, 12.0)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """True motion of a session.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time, s.
+    attitude : ndarray, shape (n, 4)
+        Quaternions, scalar first, that take body axes to level axes.
+    specific_force : ndarray, shape (n, 3)
+        On body axes, m/s^2.
+    angular_rate : ndarray, shape (n, 3)
+        On body axes, rad/s.
+    rests : DataFrame
+        `start_s`, `end_s` (half-open) and `pose` of each rest; rests that differ only by a turn
+        about the vertical share the number.
+    """
+
+    t: np.ndarray
+    attitude: np.ndarray
+    specific_force: np.ndarray
+    angular_rate: np.ndarray
+    rests: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of a session, relative to its first attitude; the last attitude is `after`."""
+
+    attitude: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    after: np.ndarray
+    # number of the pose, -1 for a move
+    pose: int = -1
+
+
+def rest(n, pose):
+    """Return `n` samples without motion."""
+    still = np.broadcast_to([1.0, 0, 0, 0], (n, 4))
+    return Piece(still, np.zeros((n, 3)), np.zeros((n, 3)), still[0], pose)
+
+
+def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
+    """Return a move of `n` samples from rest to rest.
+
+    ``C = exp(v s) exp(m φ) exp(p ψ)``: the turn v with the minimum-jerk course
+    ``s = 10τ³ - 15τ⁴ + 6τ⁵`` (Flash & Hogan, J. Neurosci. 5 (1985) 1688), a wobble φ about a
+    second axis and a tremor ψ about a third. With each factor ``R = exp(a θ)`` the rate becomes
+    ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out as ``64 τ³(1-τ)³``.
+
+    Parameters
+    ----------
+    n, dt : int, float
+        Number of samples, and their distance in s.
+    turn : array_like, shape (3,)
+        Rotation vector v of the whole move, rad, on body axes at its start.
+    wobble, tremor : float
+        Largest angles φ and ψ, rad.
+    shake : float
+        Size of the linear acceleration, m/s^2.
+    rng : Generator, optional
+        Source of the axes, phases and frequencies of wobble, tremor and shake.
+
+    Returns
+    -------
+    Piece
+        The move; the sample after its last one is at rest again.
+    """
+    tau, duration = np.arange(n) / n, n * dt
+    fade, fade_rate = 64 * (tau - tau**2) ** 3, 192 * (tau - tau**2) ** 2 * (1 - 2 * tau) / duration
+    course = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    factors = [(np.asarray(turn), course, 30 * (tau - tau**2) ** 2 / duration)]
+    acceleration = np.zeros((n, 3))
+    if rng is not None:
+        # one axis square to the turn, so that rotations do not commute; the other anywhere
+        axes = rng.standard_normal((2, 3))
+        axes[0] -= axes[0] @ turn * np.asarray(turn) / max(np.dot(turn, turn), 1e-12)
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        omega, phase = 2 * np.pi * rng.uniform(*TREMOR), rng.uniform(0, 2 * np.pi, 2)
+        wave, wave_rate = (
+            np.sin(omega * tau * duration + phase[0]),
+            omega * np.cos(omega * tau * duration + phase[0]),
+        )
+        factors.append((axes[0], wobble * fade, wobble * fade_rate))
+        factors.append(
+            (axes[1], tremor * fade * wave, tremor * (fade_rate * wave + fade * wave_rate))
+        )
+        # the hand starts and stops, so the slow part of its acceleration has zero mean
+        slow, fast = rng.standard_normal((2, 3)) * shake
+        acceleration = fade[:, None] * (
+            np.outer(np.sin(2 * np.pi * tau), slow)
+            + np.outer(np.sin(omega * tau * duration + phase[1]), fast / 3)
+        )
+    attitude, rate = np.array([1.0, 0, 0, 0]), np.zeros((n, 3))
+    for axis, angle, angle_rate in factors:
+        factor = exponential(np.outer(angle, axis))
+        attitude = multiply(attitude, factor)
+        rate = np.einsum("nji,nj->ni", matrix(factor), rate) + np.outer(angle_rate, axis)
+    return Piece(attitude, rate, acceleration, exponential(np.asarray(turn)))
+
+
+def knock(n, dt, size, rng):
+    """Return a knock: a decaying 15 Hz burst of `size` (m/s^2) with a little rocking."""
+    t = dt * np.arange(n)
+    burst = np.exp(-t / 0.06) * np.sin(2 * np.pi * 15 * t)
+    direction = rng.standard_normal(3)
+    rocking = move(n, dt, np.zeros(3), tremor=2e-4 * size, rng=rng)
+    acceleration = np.outer(burst, size * direction / np.linalg.norm(direction))
+    return Piece(rocking.attitude, rocking.rate, acceleration, rocking.after)
+
+
+def chain(pieces, up, gravity, rate):
+    """Return the motion of pieces one after the other.
+
+    Parameters
+    ----------
+    pieces : list of Piece
+        Rests and moves.
+    up : array_like, shape (3,)
+        Upward direction on body axes at the start.
+    gravity : float
+        m/s^2.
+    rate : float
+        Samples per second, Hz.
+
+    Returns
+    -------
+    Motion
+        The whole session.
+    """
+    attitude = exponential(shortest_turn([0, 0, 1.0], up))
+    attitudes, forces, rests, first = [], [], [], 0
+    for piece in pieces:
+        n = len(piece.rate)
+        attitudes.append(multiply(attitude, piece.attitude))
+        acceleration = piece.acceleration + np.array([0, 0, gravity])
+        if piece.pose >= 0:
+            forces.append(np.broadcast_to(matrix(attitude).T @ acceleration[0], (n, 3)))
+            rests.append((first / rate, (first + n) / rate, piece.pose))
+        else:
+            forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))
+        attitude, first = multiply(attitude, piece.after), first + n
+    return Motion(
+        np.arange(first) / rate,
+        np.concatenate(attitudes),
+        np.concatenate(forces),
+        np.concatenate([piece.rate for piece in pieces]),
+        pd.DataFrame(rests, columns=["start_s", "end_s", "pose"]),
+    )
+
+
+def shortest_turn(before, after):
+    """Return the rotation vector that brings direction `after` of the body where `before` was."""
+    before, after = (np.asarray(v) / np.linalg.norm(v) for v in (before, after))
+    axis = np.cross(after, before)
+    sine = np.linalg.norm(axis)
+    if sine < 1e-9:
+        axis = np.cross(before, np.eye(3)[np.argmin(np.abs(before))])
+    return axis / np.linalg.norm(axis) * np.arctan2(sine, before @ after)

@@ -1,0 +1,115 @@
+"""Noise of known coefficients: each process made from its definition, not from its Allan curve."""
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len
+from scipy.signal import lfilter
+
+
+def white(n, dt, N, rng):
+    """Return white noise of density `N` (SI/√Hz), band-limited at half the rate: σ = N/√Δt."""
+    return N / np.sqrt(dt) * rng.standard_normal(n)
+
+
+def quantisation(n, dt, Q, rng):
+    """Return the rate of an integrated signal that was read with white errors of std `Q` (SI·s).
+
+    ``x_k = (q_{k+1} - q_k)/Δt``, blue noise; IEEE Std 952-1997, C.1.2. Rounding of the logged
+    value itself is another thing: see `sensor.logged`.
+    """
+    return np.diff(Q * rng.standard_normal(n + 1)) / dt
+
+
+def flicker(n, dt, B, rng):
+    """Return flicker noise of bias instability `B` (SI) by spectral synthesis.
+
+    The two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
+    variance ``(2 ln 2/π) B²``. Each frequency has an independent Gaussian cosine and sine of
+    variance ``S Δf``; twice the length is made and half kept, so that start and end of the record
+    are not tied together, and the lowest frequency is half of the record's.
+
+    References
+    ----------
+    Timmer & König, Astronomy & Astrophysics 300 (1995) 707; IEEE Std 952-1997, C.1.3.
+    """
+    m = next_fast_len(2 * n, real=True)
+    f = np.arange(1, m // 2 + 1) / (m * dt)
+    std = B / np.sqrt(np.pi * f * m * dt)
+    spectrum = np.zeros(m // 2 + 1, dtype=complex)
+    spectrum[1:] = (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) * std * m / 2
+    return irfft(spectrum, m)[:n]
+
+
+def walk(n, dt, K, rng):
+    """Return a random walk from zero with steps of `K` √Δt (K in SI/√s)."""
+    return np.cumsum(K * np.sqrt(dt) * rng.standard_normal(n))
+
+
+def ramp(n, dt, R):
+    """Return a ramp ``R t`` from zero (R in SI/s)."""
+    return R * dt * np.arange(n)
+
+
+def gauss_markov(n, dt, q, tc, rng):
+    """Return a stationary first-order Gauss–Markov process, ``dx/dt = -x/tc + q·white``.
+
+    Parameters
+    ----------
+    n, dt : int, float
+        Number of samples, and their distance in s.
+    q : float
+        Density of the driving noise, SI/√s; the variance of x is ``q² tc/2``.
+    tc : float
+        Correlation time, s.
+    rng : Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Samples of the process, exact at their times.
+    """
+    phi, std = np.exp(-dt / tc), q * np.sqrt(tc / 2)
+    drive = rng.standard_normal(n) * std * np.sqrt(1 - phi**2)
+    drive[0] /= np.sqrt(1 - phi**2)
+    return lfilter([1.0], [1.0, -phi], drive)
+
+
+def sinusoid(n, dt, amplitude, frequency, rng):
+    """Return a sinusoid of `amplitude` (SI) and `frequency` (Hz) with a random phase."""
+    return amplitude * np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
+
+
+def axis_noise(n, dt, noise, axis, seed):
+    """Return the sum of one axis' processes.
+
+    Parameters
+    ----------
+    n, dt : int, float
+        Number of samples, and their distance in s.
+    noise : Noise
+        Coefficients.
+    axis : int
+        Which of the three.
+    seed : SeedSequence
+        Every process draws from a child of it, so that one does not move another.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Noise, SI.
+    """
+    first, second, third, fourth, *rest = (
+        np.random.default_rng(s)
+        for s in seed.spawn(4 + len(noise.gauss_markov) + len(noise.sinusoid))
+    )
+    total = ramp(n, dt, noise.R[axis])
+    processes = (white, "N", first), (quantisation, "Q", second), (flicker, "B", third)
+    for process, name, rng in (*processes, (walk, "K", fourth)):
+        value = getattr(noise, name)[axis]
+        if value:
+            total += process(n, dt, value, rng)
+    for term, rng in zip(noise.gauss_markov, rest, strict=False):
+        total += gauss_markov(n, dt, term.q[axis], term.tc, rng)
+    for term, rng in zip(noise.sinusoid, rest[len(noise.gauss_markov) :], strict=True):
+        total += sinusoid(n, dt, term.amplitude[axis], term.frequency, rng)
+    return total

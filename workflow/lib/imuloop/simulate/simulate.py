@@ -1,0 +1,128 @@
+"""Raw logs of a known truth."""
+
+import json
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from imuloop.core.effect import Channels, find_effect
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import replaced
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, TEMPERATURE, TIME
+from imuloop.simulate.course import at_rest, poses
+from imuloop.simulate.motion import chain
+from imuloop.simulate.sensor import logged, output
+
+
+def _seeds(truth, session, seed):
+    """Return seeds of the motion and of the two sensors; sessions of one number differ."""
+    number = truth.sessions[session].seed if seed is None else seed
+    return np.random.SeedSequence([number, zlib.crc32(session.encode())]).spawn(3)
+
+
+def true_motion(truth, session, seed=None):
+    """Return the motion behind `simulate_session` of the same arguments.
+
+    Returns
+    -------
+    Motion
+        True attitude, specific force, angular rate and rests.
+    """
+    plan = truth.sessions[session]
+    rng = np.random.default_rng(_seeds(truth, session, seed)[0])
+    course = at_rest if plan.kind == "static" else poses
+    pieces, up = course(plan, truth.rate, rng)
+    return chain(pieces, up, truth.gravity, truth.rate)
+
+
+def simulate_session(truth, session, seed=None):
+    """Return the raw log of a session.
+
+    Parameters
+    ----------
+    truth : Truth
+        The device.
+    session : str
+        Name of one of its sessions.
+    seed : int, optional
+        In place of the session's own number.
+
+    Returns
+    -------
+    DataFrame
+        `t` (s), `ax ay az gx gy gz` in the sensors' raw units, and `temperature` (degC) if the
+        session has a profile of it.
+
+    Raises
+    ------
+    ImuloopError
+        If the device has no such session, or an effect needs a temperature that it lacks.
+    """
+    if session not in truth.sessions:
+        known = ", ".join(truth.sessions)
+        raise ImuloopError(f"{truth.name}: no session '{session}'; it has {known}")
+    plan = truth.sessions[session]
+    sensors = {"accelerometer": truth.accelerometer, "gyroscope": truth.gyroscope}
+    effects = [find_effect(e.name) for sensor in sensors.values() for e in sensor.effects]
+    if not plan.temperature and any("temperature" in effect.needs for effect in effects):
+        raise ImuloopError(f"{truth.name}.{session}: an effect needs a temperature profile")
+    motion = true_motion(truth, session, seed)
+    temperature = np.interp(motion.t, *np.transpose(plan.temperature)) if plan.temperature else None
+    force, rate = motion.specific_force, motion.angular_rate
+    seeds = dict(zip(sensors, _seeds(truth, session, seed)[1:], strict=True))
+    log = {TIME: motion.t}
+    for name, x, other, columns in (
+        ("accelerometer", force, rate, ACCELERATION),
+        ("gyroscope", rate, force, ANGULAR_RATE),
+    ):
+        sensor = sensors[name]
+        u = output(sensor, x, lambda u, other=other: Channels(motion.t, u, other, temperature))
+        bias = np.add(sensor.b, (plan.turn_on or {}).get(name, 0.0))
+        raw = logged(sensor, u, bias, 1 / truth.rate, seeds[name])
+        log |= dict(zip(columns, raw.T, strict=True))
+    if temperature is not None:
+        log[TEMPERATURE] = temperature
+    return pd.DataFrame(log)
+
+
+def write_log(path, log, metadata):
+    """Write a raw log as CSV or, for any other ending, as Parquet that says it is simulated.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write; ``.csv`` has a header of the columns' names and nothing else.
+    log : DataFrame
+        From `simulate_session`.
+    metadata : dict
+        Kept in the Parquet file beside ``"simulated": true``.
+    """
+    with replaced(path) as temporary:
+        if Path(path).suffix == ".csv":
+            log.to_csv(temporary, index=False)
+        else:
+            content = json.dumps({"simulated": True, **metadata}).encode()
+            table = pa.Table.from_pandas(log, preserve_index=False)
+            pq.write_table(table.replace_schema_metadata({METADATA_KEY: content}), temporary)
+
+
+def log_metadata(truth, session):
+    """Return what a log says of itself: its truth's name and units, never its effects."""
+    units = {
+        "acceleration": truth.accelerometer.raw_unit,
+        "angular_rate": truth.gyroscope.raw_unit,
+    }
+    kind = truth.sessions[session].kind
+    return {"truth": truth.name, "session": session, "kind": kind, "units": units}
+
+
+def simulate_device(truth, folder, seed=None):
+    """Write ``folder/<session>.parquet`` for every session of a device; return their paths."""
+    paths = [Path(folder) / f"{session}.parquet" for session in truth.sessions]
+    for session, path in zip(truth.sessions, paths, strict=True):
+        write_log(path, simulate_session(truth, session, seed), log_metadata(truth, session))
+    return paths

@@ -1,0 +1,303 @@
+"""The truth of a simulated device: what a good estimator has to find."""
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.core.errors import ImuloopError
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY
+
+ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class GaussMarkov:
+    """First-order Gauss–Markov process: density `q` per axis, SI/√s; correlation time `tc`, s."""
+
+    q: tuple
+    tc: float
+
+
+@dataclass(frozen=True)
+class Sinusoid:
+    """Sinusoid of random phase: `amplitude` per axis, SI; `frequency`, Hz."""
+
+    amplitude: tuple
+    frequency: float
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise coefficients of a sensor's three axes, at its output in SI units.
+
+    Attributes
+    ----------
+    Q, N, B, K, R : tuple of 3 floats
+        Quantisation (SI·s), white (SI/√Hz), flicker (SI), walk (SI/√s), ramp (SI/s).
+    gauss_markov, sinusoid : tuple
+        Further processes.
+    """
+
+    Q: tuple = ZERO
+    N: tuple = ZERO
+    B: tuple = ZERO
+    K: tuple = ZERO
+    R: tuple = ZERO
+    gauss_markov: tuple[GaussMarkov, ...] = ()
+    sinusoid: tuple[Sinusoid, ...] = ()
+
+
+@dataclass(frozen=True)
+class SensorTruth:
+    """One sensor: ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
+
+    Attributes
+    ----------
+    raw_unit : str
+        Unit that is logged: m/s^2, rad/s, count, …
+    T : ndarray, shape (3, 3)
+        Misalignment, unit diagonal.
+    K : ndarray, shape (3,)
+        Scale factor, SI per raw unit.
+    b : ndarray, shape (3,)
+        Bias, raw units.
+    noise : Noise
+        SI, added to the sensor's output.
+    step : float
+        Step to which the logged value is rounded, raw units; 0 for none.
+    effects : tuple of FittedEffect
+        Effects of the library that the base model lacks.
+    extra : callable, optional
+        An effect outside the library: takes `Channels`, returns (n, 3), SI.
+    """
+
+    raw_unit: str
+    T: np.ndarray
+    K: np.ndarray
+    b: np.ndarray
+    noise: Noise = Noise()
+    step: float = 0.0
+    effects: tuple[FittedEffect, ...] = ()
+    extra: Callable | None = None
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """Something that happens to a static session.
+
+    Attributes
+    ----------
+    kind : {'knock', 'tilt', 'handling'}
+        Burst of acceleration, lasting turn, or seconds of motion that end where they began.
+    time_s : float
+        Start, s.
+    size : float
+        m/s^2 of a knock, degrees of a tilt or of handling.
+    duration_s : float
+        s.
+    axis : tuple of 3 floats, optional
+        Body axis of a tilt (its level part counts); at random if not given.
+    """
+
+    kind: str
+    time_s: float
+    size: float
+    duration_s: float = 1.0
+    axis: tuple | None = None
+
+
+@dataclass(frozen=True)
+class Session:
+    """One log to be made.
+
+    Attributes
+    ----------
+    kind : {'static', 'six_position', 'multi_position'}
+        What is done with the device.
+    seed : int
+        Number from which all of the session's random numbers follow.
+    up : tuple of 3 floats
+        Upward direction on body axes in the static session, and at the start of the poses.
+    duration_s : float
+        Length of a static session, s.
+    disturbances : tuple of Disturbance
+        Of a static session, in order of time.
+    initial_rest_s : float
+        First rest of the other kinds, s.
+    poses : int
+        Poses after the first rest (multi_position).
+    repeats : int
+        Rounds over the six faces (six_position).
+    placement_deg : float
+        Placement error of a face, standard deviation about each level axis, degrees.
+    rest_s, move_s : tuple of 2 floats
+        Shortest and longest rest and move, s.
+    turns_about_vertical : int
+        Poses that are turned slowly about the vertical and held again, not seen by the
+        accelerometer.
+    temperature : tuple of (float, float)
+        Knots (s, degC), linear between them; the log has no temperature without.
+    turn_on : dict
+        Change of the bias in this power cycle per sensor, raw units.
+    """
+
+    kind: str
+    seed: int = 0
+    up: tuple = (0.0, 0.0, 1.0)
+    duration_s: float = 7200.0
+    disturbances: tuple[Disturbance, ...] = ()
+    initial_rest_s: float = 50.0
+    poses: int = 40
+    repeats: int = 1
+    placement_deg: float = 0.2
+    rest_s: tuple = (3.0, 6.0)
+    move_s: tuple = (1.0, 2.5)
+    turns_about_vertical: int = 0
+    temperature: tuple = ()
+    turn_on: dict | None = None
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A simulated device.
+
+    Attributes
+    ----------
+    name : str
+        Name in the logs' metadata.
+    accelerometer, gyroscope : SensorTruth
+        Its sensors.
+    sessions : dict of str to Session
+        Its logs.
+    gravity : float
+        m/s^2.
+    rate : float
+        Samples per second, Hz.
+    """
+
+    name: str
+    accelerometer: SensorTruth
+    gyroscope: SensorTruth
+    sessions: dict[str, Session]
+    gravity: float = STANDARD_GRAVITY
+    rate: float = 100.0
+
+
+KINDS = {
+    Session: ("static", "six_position", "multi_position"),
+    Disturbance: ("knock", "tilt", "handling"),
+}
+
+
+def read_truth(path):
+    """Return the truth that a YAML file holds, its keys as the attributes of the classes here.
+
+    Raises
+    ------
+    ImuloopError
+        If a key, a kind, a unit or an effect is unknown, or a value has the wrong shape.
+    """
+    content = yaml.safe_load(Path(path).read_text())
+    try:
+        sensors = {
+            name: _sensor(content[name], f"{path}: {name}", units)
+            for name, units in (("accelerometer", ACCELERATION), ("gyroscope", ANGULAR_RATE))
+        }
+        sessions = {
+            name: _session(values, f"{path}: sessions.{name}")
+            for name, values in content["sessions"].items()
+        }
+        return _made(Truth, {**content, **sensors, "sessions": sessions}, str(path))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ImuloopError(f"{path}: not a truth: {error!r}") from error
+
+
+def _made(cls, content, where):
+    """Return a dataclass of a mapping, or say which key it does not have."""
+    names = [field.name for field in fields(cls)]
+    for key in content:
+        if key not in names:
+            near = difflib.get_close_matches(key, names, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else ""
+            raise ImuloopError(f"{where}.{key}: no such key{hint}")
+    kind = content.get("kind")
+    if cls in KINDS and kind not in KINDS[cls]:
+        raise ImuloopError(f"{where}.kind: '{kind}' is not one of {', '.join(KINDS[cls])}")
+    return cls(**content)
+
+
+def _sensor(content, where, units):
+    """Return a sensor of a mapping."""
+    if content["raw_unit"] not in (*units, "count"):
+        known = ", ".join((*units, "count"))
+        raise ImuloopError(f"{where}.raw_unit: '{content['raw_unit']}' is not one of {known}")
+    noise = {key: value for key, value in content.get("noise", {}).items()}
+    for key, cls in (("gauss_markov", GaussMarkov), ("sinusoid", Sinusoid)):
+        noise[key] = tuple(_made(cls, term, f"{where}.noise.{key}") for term in noise.get(key, ()))
+    for key in set(noise) & set("QNBKR"):
+        noise[key] = tuple(_numbers(noise[key], (3,), f"{where}.noise.{key}"))
+    effects = []
+    for effect in content.get("effects", ()):
+        names, values = find_effect(effect["name"]).parameters, effect["parameters"]
+        if set(values) != set(names):
+            raise ImuloopError(f"{where}.effects.{effect['name']}: parameters are {names}")
+        effects.append(FittedEffect(effect["name"], {k: float(v) for k, v in values.items()}, {}))
+    made = {
+        "T": _numbers(content["T"], (3, 3), f"{where}.T"),
+        "K": _numbers(content["K"], (3,), f"{where}.K"),
+        "b": _numbers(content["b"], (3,), f"{where}.b"),
+        "step": float(content.get("step", 0.0)),
+        "noise": _made(Noise, noise, f"{where}.noise"),
+        "effects": tuple(effects),
+    }
+    return _made(SensorTruth, {**content, **made}, where)
+
+
+def _session(content, where):
+    """Return a session of a mapping."""
+    disturbances = tuple(
+        _made(Disturbance, item, f"{where}.disturbances")
+        for item in content.get("disturbances", ())
+    )
+    return _made(Session, {**content, "disturbances": disturbances}, where)
+
+
+def _numbers(value, shape, where):
+    """Return an array of that shape, or say where it is not."""
+    array = np.asarray(value, dtype=float)
+    if array.shape != shape:
+        raise ImuloopError(f"{where}: shape {array.shape}, needs {shape}")
+    return array
+
+
+def example_truth(**changes):
+    """Return a plain middle-grade MEMS device for tests, with any attribute of it changed.
+
+    100 Hz, misalignments and scale factor errors of some 0.5 %, white and flicker noise only; a
+    static session of half an hour, a six-position and a multi-position one.
+    """
+    accelerometer = SensorTruth(
+        raw_unit="m/s^2",
+        T=np.array([[1, -0.004, 0.006], [0, 1, 0.003], [0, 0, 1]]),
+        K=np.array([1.006, 0.996, 1.009]),
+        b=np.array([0.12, -0.09, 0.2]),
+        noise=Noise(N=(1.5e-3, 1.4e-3, 1.9e-3), B=(3e-4, 2.5e-4, 4e-4)),
+    )
+    gyroscope = SensorTruth(
+        raw_unit="rad/s",
+        T=np.array([[1, 0.005, -0.003], [0.004, 1, 0.006], [-0.002, 0.007, 1]]),
+        K=np.array([0.994, 1.005, 1.008]),
+        b=np.array([0.011, -0.017, 0.006]),
+        noise=Noise(N=(1.7e-4, 1.6e-4, 1.5e-4), B=(3e-5, 4e-5, 2.5e-5)),
+    )
+    sessions = {
+        "static": Session("static", seed=1, duration_s=1800.0),
+        "six_position": Session("six_position", seed=2),
+        "multi_position": Session("multi_position", seed=3),
+    }
+    return replace(Truth("example", accelerometer, gyroscope, sessions), **changes)
