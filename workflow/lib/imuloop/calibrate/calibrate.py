@@ -1,0 +1,287 @@
+"""Calibrate a device: six-position and multi-position, from its sessions' segments."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from imuloop.calibrate import accelerometer, gyroscope, six_position
+from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.poses import Recording, gather_poses, gather_rotations
+from imuloop.core.effect import FittedEffect
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import read_metadata, read_samples
+from imuloop.core.segments import read_segments
+from imuloop.core.units import RawUnit
+
+
+def read_recording(sessions, kind, longest_rotation):
+    """Return the poses and rotations of the sessions of one kind that were not rejected.
+
+    Parameters
+    ----------
+    sessions : dict of str to dict
+        ``kind``, ``samples`` and ``segments`` (paths) of each session.
+    kind : str
+        Kind of session to take.
+    longest_rotation : float
+        Seconds.
+
+    Returns
+    -------
+    Recording
+        Without poses if there is no such session.
+    """
+    chosen = [s for s in sessions.values() if s["kind"] == kind]
+    segments = [read_segments(s["segments"]) for s in chosen]
+    usable = [i for i, table in enumerate(segments) if len(table)]
+    segments = [segments[i] for i in usable]
+    poses = gather_poses(segments)
+    samples = [] if kind == "static" else [read_samples(chosen[i]["samples"]) for i in usable]
+    if not samples:
+        return Recording(poses, gather_rotations(poses_without(poses), [], [], longest_rotation))
+    return Recording(poses, gather_rotations(poses, samples, segments, longest_rotation))
+
+
+def poses_without(poses):
+    """Return no poses at all, of the same channels."""
+    empty = gather_poses([])
+    return replace(empty, temperature=None if poses.temperature is None else np.zeros(0))
+
+
+def raw_units(sessions, kinds):
+    """Return the raw units (accelerometer, gyroscope) of the first session, by order of kinds."""
+    ordered = sorted(sessions.values(), key=lambda s: kinds.index(s["kind"]))
+    units = read_metadata(ordered[0]["samples"])["raw_units"]
+    return tuple(
+        RawUnit(units[q]["name"], units[q]["scale"], units[q]["offset"])
+        for q in ("acceleration", "angular_rate")
+    )
+
+
+def in_raw_units(unit, x, covariance, effects, base):
+    """Return parameters and covariance with scale factor and bias in raw units.
+
+    ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``.
+
+    Parameters
+    ----------
+    unit : RawUnit
+        Unit of the log.
+    x : ndarray, shape (p,)
+        Misalignment, scale factor, bias, effects; SI as logged.
+    covariance : ndarray, shape (p, p)
+        Theirs.
+    effects : sequence of type
+        Classes of the effects whose parameters follow the base's.
+    base : tuple of str
+        Names of the base parameters.
+    """
+    count = len(base)
+    factor = np.ones(len(x))
+    factor[count - 6 : count - 3] = unit.scale
+    factor[count - 3 : count] = 1 / unit.scale
+    raw = x * factor
+    raw[count - 3 : count] += unit.offset
+    std = np.sqrt(np.diag(covariance))
+    fitted, names, at = [], list(base), count
+    for effect in effects:
+        part = slice(at, at + len(effect.parameters))
+        fitted.append(
+            FittedEffect(
+                effect.name,
+                dict(zip(effect.parameters, x[part].tolist(), strict=True)),
+                dict(zip(effect.parameters, std[part].tolist(), strict=True)),
+            )
+        )
+        names += [f"{effect.name}.{p}" for p in effect.parameters]
+        at = part.stop
+    return raw, covariance * np.outer(factor, factor), tuple(fitted), tuple(names)
+
+
+def calibrate_accelerometer(poses, noise, gravity, unit, settings, effects=()):
+    """Return the multi-position calibration of the accelerometer.
+
+    Parameters
+    ----------
+    poses : Poses
+        Poses.
+    noise : NoiseModel
+        Noise of the device.
+    gravity : float
+        m/s^2.
+    unit : RawUnit
+        Unit of the log.
+    settings : CalibrateSettings
+        Settings.
+    effects : sequence of type
+        Classes of effects to add.
+
+    Returns
+    -------
+    SensorCalibration
+        Nominal, with the reason, where the poses do not determine it.
+    """
+    reason = accelerometer.untestable_accelerometer(poses, gravity, settings.largest_condition)
+    if reason:
+        return SensorCalibration.nominal(unit, reason)
+    means = poses.mean_covariance(noise)[:3]
+    fit, _ = accelerometer.fit_accelerometer(poses, means, gravity, effects)
+    raw, covariance, fitted, names = in_raw_units(
+        unit, fit.x, fit.scaled_covariance, effects, accelerometer.NAMES
+    )
+    T, K, b = accelerometer.unpack(raw)
+    return SensorCalibration(
+        unit, T, K, b, names, covariance, fitted, "multi_position", None, fit.reduced_chi2
+    )
+
+
+def calibrate_gyroscope(recording, noise, force, unit, settings, effects=()):
+    """Return the multi-position calibration of the gyroscope.
+
+    Parameters
+    ----------
+    recording : Recording
+        Poses and rotations.
+    noise : NoiseModel
+        Noise of the device.
+    force : SensorCalibration
+        Calibration of the accelerometer.
+    unit : RawUnit
+        Unit of the log.
+    settings : CalibrateSettings
+        Settings.
+    effects : sequence of type
+        Classes of effects to add.
+
+    Returns
+    -------
+    SensorCalibration
+        With the bias alone, and the reason, where the rotations do not determine the rest.
+    """
+    poses, rotations = recording.poses, recording.rotations
+    if not len(poses):
+        return SensorCalibration.nominal(unit, "no pose found")
+    force = calibrated_force(force, poses, rotations, noise)
+    reason = gyroscope.untestable_gyroscope(poses, rotations, force, settings.largest_condition)
+    if reason:
+        return rest_bias(poses, noise, unit, reason)
+    # an effect that acts at rest moves the bias away from what the first rest showed
+    held = poses.w[0] if settings.gyroscope_bias == "initial_rest" and not effects else None
+    fit, model, _ = gyroscope.fit_gyroscope(
+        poses, rotations, force, noise, effects=effects, bias=held
+    )
+    free = model.free()
+    covariance = np.zeros((len(fit.x), len(fit.x)))
+    covariance[np.ix_(free, free)] = fit.scaled_covariance
+    if held is not None:
+        # the bias was not fitted: its error is that of the first rest's mean
+        covariance[9:12, 9:12] = np.diag(poses.mean_covariance(noise)[3:, 0, 0])
+    raw, covariance, fitted, names = in_raw_units(unit, fit.x, covariance, effects, gyroscope.NAMES)
+    T, K, b = gyroscope.unpack(raw)
+    return SensorCalibration(
+        unit, T, K, b, names, covariance, fitted, "multi_position", None, fit.reduced_chi2
+    )
+
+
+def rest_bias(poses, noise, unit, reason):
+    """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise."""
+    covariance = poses.mean_covariance(noise)[3:]
+    weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
+    total = weights.sum(axis=1)
+    bias = np.einsum("an,na->a", weights, poses.w) / total
+    return replace(
+        SensorCalibration.nominal(unit, reason),
+        b=unit.from_si(bias),
+        names=("b0", "b1", "b2"),
+        covariance=np.diag(1 / total) / unit.scale**2,
+        method="static",
+    )
+
+
+def calibrate_six_position(poses, noise, gravity, units, settings):
+    """Return the accelerometer's six-position calibration and the gyroscope's bias.
+
+    Parameters
+    ----------
+    poses : Poses
+        Poses of six-position sessions; those that are no face are left out.
+    noise : NoiseModel
+        Noise of the device.
+    gravity : float
+        m/s^2.
+    units : tuple of RawUnit
+        Of accelerometer and gyroscope.
+    settings : CalibrateSettings
+        Settings.
+
+    Returns
+    -------
+    SensorCalibration, SensorCalibration
+        Accelerometer, gyroscope.
+    """
+    if not len(poses):
+        reason = "no six_position session with a pose"
+        return tuple(SensorCalibration.nominal(unit, reason) for unit in units)
+    faces = six_position.find_faces(poses.f, settings.face_tolerance)
+    reason = six_position.untestable_faces(faces)
+    turns = "six faces do not show misalignment and scale factor of a gyroscope: bias only"
+    rest = rest_bias(poses, noise, units[1], turns)
+    if reason:
+        return SensorCalibration.nominal(units[0], reason), rest
+    known = faces != 0
+    fit = six_position.fit_six_position(poses.f[known], faces[known], gravity)
+    raw, covariance, _, names = in_raw_units(
+        units[0], fit.x, fit.covariance, (), six_position.NAMES
+    )
+    T, K, b = accelerometer.unpack(raw)
+    return SensorCalibration(units[0], T, K, b, names, covariance, method="six_position"), rest
+
+
+def best(*candidates):
+    """Return the calibration that rests on most: multi-position, six-position, rest, nominal."""
+    order = ("multi_position", "six_position", "static", "nominal")
+    return min(candidates, key=lambda c: order.index(c.method))
+
+
+def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, multi_path):
+    """Calibrate a device from its sessions and write both calibrations.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    gravity : float
+        Local gravity, m/s^2.
+    sessions : dict of str to dict
+        ``kind``, ``samples`` and ``segments`` (paths) of each session.
+    noise : path-like
+        noise.json of the device.
+    settings : CalibrateSettings
+        Settings.
+    six_path, multi_path : path-like
+        Where to write the six-position and the multi-position calibration.
+
+    Returns
+    -------
+    Calibration, Calibration
+        Six-position, multi-position.
+    """
+    model = NoiseModel.from_json(noise)
+    kinds = ["multi_position", "six_position", "static"]
+    units = raw_units(sessions, kinds)
+    six, multi, static = (
+        read_recording(sessions, kind, settings.longest_rotation)
+        for kind in ("six_position", "multi_position", "static")
+    )
+    six_sensors = calibrate_six_position(six.poses, model, gravity, units, settings)
+    force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
+    # the gyroscope needs the direction of gravity, from whichever calibration there is
+    turn = calibrate_gyroscope(multi, model, best(force, six_sensors[0]), units[1], settings)
+    if not len(multi.poses) and len(static.poses):
+        turn = rest_bias(static.poses, model, units[1], "no multi_position session: bias only")
+    six_calibration = Calibration(device, gravity, *six_sensors)
+    multi_calibration = Calibration(device, gravity, force, turn)
+    six_calibration.to_json(six_path)
+    multi_calibration.to_json(multi_path)
+    return six_calibration, multi_calibration

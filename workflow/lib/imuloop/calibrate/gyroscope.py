@@ -1,0 +1,324 @@
+"""Multi-position calibration of a gyroscope: its rotations carry gravity from pose to pose."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from imuloop.calibrate.accelerometer import effect_design
+from imuloop.calibrate.least_squares import condition_number, fit
+from imuloop.calibrate.poses import Rotations
+from imuloop.core.effect import Channels
+from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
+
+# parameters of the base model
+NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1", "b2")
+_OFF_DIAGONAL = ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1))
+
+
+def unpack(x):
+    """Return T (3, 3), K (3,) and b (3,) of the parameters in the order of `NAMES`."""
+    T = np.eye(3)
+    T[_OFF_DIAGONAL] = x[:6]
+    return T, x[6:9], x[9:12]
+
+
+@dataclass(frozen=True)
+class GyroscopeModel:
+    """``w = T (K (y - b) - e)``, from the mean rate of each pose and every rotation between poses.
+
+    Attributes
+    ----------
+    rate : ndarray, shape (n, 3)
+        Mean angular rate of each pose, rad/s as logged.
+    rate_design : ndarray, shape (n, 3, p)
+        Derivative of e at the poses.
+    rotations : Rotations
+        Rotations, m of them.
+    rotation_design : ndarray, shape (m, k, 3, p)
+        Derivative of e along the rotations.
+    directions : ndarray, shape (n, 3)
+        Unit vector of calibrated specific force at each pose.
+    bias : ndarray, shape (3,), or None
+        Held at this value, rad/s, instead of estimated.
+    """
+
+    rate: np.ndarray
+    rate_design: np.ndarray
+    rotations: Rotations
+    rotation_design: np.ndarray
+    directions: np.ndarray
+    bias: np.ndarray | None = None
+
+    def start(self):
+        """Return parameters to start from: as logged, the mean rate of the poses as bias."""
+        bias = self.rate.mean(axis=0) if self.bias is None else self.bias
+        effects = np.zeros(self.rate_design.shape[2])
+        return np.concatenate([np.zeros(6), np.ones(3), bias, effects])
+
+    def free(self):
+        """Return which parameters are estimated, shape (12 + p,)."""
+        free = np.ones(12 + self.rate_design.shape[2], dtype=bool)
+        free[9:12] = self.bias is None
+        return free
+
+    def pose_rates(self, x):
+        """Return ``K (y - b) - e`` at the poses, rad/s, zero at rest, and its derivative.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Residual on the sensor's own axes.
+        ndarray, shape (n, 3, 12 + p)
+            Derivative.
+        """
+        _, K, b = unpack(x)
+        n = len(self.rate)
+        jacobian = np.zeros((n, 3, len(x)))
+        axes = np.arange(3)
+        jacobian[:, axes, 6 + axes] = self.rate - b
+        jacobian[:, axes, 9 + axes] = -K
+        jacobian[:, :, 12:] = -self.rate_design
+        return K * (self.rate - b) - self.rate_design @ x[12:], jacobian
+
+    def attitudes(self, x):
+        """Return the attitude at the middle (m, k-1, 3, 3) and at the end (m, 3, 3) of rotations.
+
+        Matrices take body axes to the body axes at the start of the rotation.
+        """
+        T, K, b = unpack(x)
+        output = K * (self.rotations.w - b) - self.rotation_design @ x[12:]
+        rates = output @ T.T
+        vectors = step_vectors(rates, self.rotations.steps)
+        after = prefix_product(exponential(vectors))
+        # the middle of a step is half a step back from its end
+        return matrix(after) @ matrix(exponential(-vectors / 2)), matrix(after[:, -1]), output
+
+    def turned(self, x):
+        """Return gravity's direction after each rotation and its derivative.
+
+        With C the attitude, ``u_end = Cᵀ u_start`` and a small change of rate δw gives
+
+            δu_end = Cᵀ (u_start × φ),   φ = ∫ C(t) δw(t) dt
+
+        Returns
+        -------
+        ndarray, shape (m, 3)
+            Predicted direction on the axes at the end.
+        ndarray, shape (m, 3, 12 + p)
+            Derivative.
+        """
+        T, K, b = unpack(x)
+        middle, last, output = self.attitudes(x)
+        weighted = middle * self.rotations.steps[..., None, None]
+        raw = self.rotations.w - b
+        # moments of the attitude with the mean of each step's two samples
+        moment = np.einsum("mkai,mkj->maij", weighted, (output[:, 1:] + output[:, :-1]) / 2)
+        raw_moment = np.einsum("mkai,mkj->maij", weighted, (raw[:, 1:] + raw[:, :-1]) / 2)
+        phi = np.zeros((len(self.rotations), 3, len(x)))
+        rows, columns = _OFF_DIAGONAL
+        phi[:, :, :6] = moment[:, :, rows, columns]
+        phi[:, :, 6:9] = np.einsum("maij,ij->maj", raw_moment, T)
+        phi[:, :, 9:12] = -weighted.sum(axis=1) @ (T * K)
+        if len(x) > 12:
+            design = (self.rotation_design[:, 1:] + self.rotation_design[:, :-1]) / 2
+            phi[:, :, 12:] = -np.einsum("mkai,mkip->map", weighted @ T, design)
+        start = self.directions[self.rotations.first]
+        turned = np.einsum("mji,mj->mi", last, start)
+        jacobian = np.einsum("mji,mjp->mip", last, np.cross(start[:, :, None], phi, axis=1))
+        return turned, jacobian
+
+    def rotation_errors(self, x):
+        """Return the angle between predicted and measured gravity, two components a rotation.
+
+        Returns
+        -------
+        ndarray, shape (m, 2)
+            Error in the plane normal to the measured direction, rad.
+        ndarray, shape (m, 2, 12 + p)
+            Derivative.
+        """
+        turned, jacobian = self.turned(x)
+        plane = tangents(self.directions[self.rotations.first + 1])
+        return np.einsum("mij,mj->mi", plane, turned), plane @ jacobian
+
+    def residuals(self, x):
+        """Return all residuals in one vector, and their derivative."""
+        rates, rates_jacobian = self.pose_rates(x)
+        errors, errors_jacobian = self.rotation_errors(x)
+        residuals = np.concatenate([rates.ravel(), errors.ravel()])
+        jacobian = np.concatenate(
+            [rates_jacobian.reshape(-1, len(x)), errors_jacobian.reshape(-1, len(x))]
+        )
+        return residuals, jacobian
+
+
+def tangents(directions):
+    """Return two unit vectors normal to each direction and to each other, shape (n, 2, 3)."""
+    helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+def rotation_covariance(model, x, session, directions, noise):
+    """Return the covariance of the rotation errors that the noise model predicts.
+
+    Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
+    a bias of each rotation, so it goes through the derivative with respect to the bias. Gravity:
+    the error of a pose's direction enters the rotation before and the one after it.
+
+    Parameters
+    ----------
+    model : GyroscopeModel
+        Model with m rotations and n poses.
+    x : array_like, shape (12 + p,)
+        Parameters.
+    session : array_like of int, shape (n,)
+        Session of each pose; noise of different sessions is independent.
+    directions : array_like, shape (3 n, 3 n)
+        Covariance of the poses' directions, ordered pose by pose.
+    noise : NoiseModel
+        Noise of the device.
+
+    Returns
+    -------
+    ndarray, shape (2 m, 2 m)
+        rad².
+    """
+    rotations = model.rotations
+    m = len(rotations)
+    middle, last, _ = model.attitudes(x)
+    plane = tangents(model.directions[rotations.first + 1])
+    start = model.directions[rotations.first]
+    # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
+    to_error = np.einsum("mij,mkj,mkl->mil", plane, last, _cross_matrix(start))
+    length = rotations.end_s - rotations.start_s
+    weighted = middle * rotations.steps[..., None, None]
+    mean_attitude = weighted.sum(axis=1) / length[:, None, None]
+    of_session = session[rotations.first]
+    covariance = np.zeros((m, 2, m, 2))
+    windows = np.column_stack([rotations.start_s, rotations.end_s])
+    for s in np.unique(of_session):
+        index = np.flatnonzero(of_session == s)
+        angles = noise.angle_covariance(windows[index])
+        for axis, name in enumerate(("gx", "gy", "gz")):
+            white = (noise.axes[name].N.value or 0.0) ** 2
+            slow = angles[axis] - np.diag(white * length[index])
+            column = np.einsum("mij,mj->mi", to_error[index], mean_attitude[index][:, :, axis])
+            covariance[np.ix_(index, [0, 1], index, [0, 1])] += np.einsum(
+                "mi,mn,nj->minj", column, slow, column
+            )
+            turned = np.einsum("mij,mkj->mki", to_error[index], middle[index][..., axis])
+            spread = np.einsum("mki,mkj,mk->mij", turned, turned, rotations.steps[index] * white)
+            covariance[index, :, index, :] += spread
+    n = len(model.directions)
+    to_directions = np.zeros((m, 2, n, 3))
+    each = np.arange(m)
+    to_directions[each, :, rotations.first] = np.einsum("mij,mkj->mik", plane, last)
+    to_directions[each, :, rotations.first + 1] = -plane
+    to_directions = to_directions.reshape(2 * m, 3 * n)
+    return covariance.reshape(2 * m, 2 * m) + to_directions @ directions @ to_directions.T
+
+
+def _cross_matrix(vectors):
+    """Return the matrices of ``v ×``, shape (n, 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    o = np.zeros_like(x)
+    rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
+    """Fit the twelve-parameter model, and effects, to pose rates and rotations together.
+
+    Parameters
+    ----------
+    poses : Poses
+        Poses.
+    rotations : Rotations
+        Rotations between them.
+    force : AccelerometerFit
+        Calibrated specific force at the poses and along the rotations.
+    noise : NoiseModel
+        Noise of the device.
+    effects : sequence of type
+        Classes of the effect library to add.
+    bias : array_like, shape (3,), optional
+        rad/s; held instead of estimated.
+
+    Returns
+    -------
+    Fit, GyroscopeModel, ndarray
+        Parameters in the order of `NAMES` (without the bias where it is held), then the effects',
+        SI units as logged; the model; the covariance of its residuals.
+
+    References
+    ----------
+    Tedaldi, Pretto, Menegatti, ICRA 2014, section IV-B; here every rotation at once, with the
+    bias and the effects among the parameters and full covariances as weights.
+    """
+    model = gyroscope_model(poses, rotations, force, effects=effects, bias=bias)
+    means = poses.mean_covariance(noise)[3:]
+    # ordered pose by pose, the three axes of each together
+    n = len(poses)
+    rates = np.zeros((n, 3, n, 3))
+    for axis in range(3):
+        rates[:, axis, :, axis] = means[axis]
+    x = model.start()
+    free = model.free()
+    # weights need the attitude along the rotations, which the first fit gives
+    for _ in range(2):
+        errors = rotation_covariance(model, x, poses.session, force.direction_covariance, noise)
+        covariance = block_diag(rates.reshape(3 * n, 3 * n), errors)
+        base = x.copy()
+
+        def residuals(values, base=base):
+            full = base.copy()
+            full[free] = values
+            r, jacobian = model.residuals(full)
+            return r, jacobian[:, free]
+
+        result = fit(residuals, x[free], covariance)
+        x[free] = result.x
+    return replace(result, x=x), model, covariance
+
+
+def gyroscope_model(poses, rotations, force, effects=(), bias=None):
+    """Return the model of the poses' rates and rotations for `effects`, ready to fit."""
+    at_poses = Channels(poses.mid_s, poses.w, force.poses, poses.temperature)
+    m, k = rotations.t.shape
+    along = Channels(
+        rotations.t.ravel(),
+        rotations.w.reshape(-1, 3),
+        force.rotations.reshape(-1, 3),
+        None if rotations.temperature is None else rotations.temperature.ravel(),
+    )
+    return GyroscopeModel(
+        rate=poses.w,
+        rate_design=effect_design(effects, at_poses),
+        rotations=rotations,
+        rotation_design=effect_design(effects, along).reshape(m, k, 3, -1),
+        directions=force.poses / np.linalg.norm(force.poses, axis=1, keepdims=True),
+        bias=None if bias is None else np.asarray(bias, dtype=float),
+    )
+
+
+def untestable_gyroscope(poses, rotations, force, largest_condition):
+    """Return why the rotations do not determine T and K, or None if they do."""
+    needed = 5
+    if len(rotations) < needed:
+        return (
+            f"{len(rotations)} rotations between poses found, at least {needed} needed for the "
+            f"9 parameters of misalignment and scale factor"
+        )
+    model = gyroscope_model(poses, rotations, force)
+    jacobian = model.rotation_errors(model.start())[1].reshape(-1, 12)[:, :9]
+    condition = condition_number(jacobian, np.ones(9))
+    if condition > largest_condition:
+        return (
+            f"the axes of {len(rotations)} rotations do not determine misalignment and scale "
+            f"factor: condition number {condition:.3g}, at most {largest_condition:g} allowed; "
+            f"turn about each axis, both ways, by 90 degrees and more"
+        )
+    return None

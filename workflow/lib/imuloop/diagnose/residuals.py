@@ -1,0 +1,103 @@
+"""Residuals at the poses: what the calibrated output still lacks, against its floor."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from imuloop.calibrate.gyroscope import gyroscope_model
+from imuloop.core.effect import Channels
+
+
+@dataclass(frozen=True)
+class Residual:
+    """One kind of residual of a sensor with what the noise model predicts for it.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit.
+    values : ndarray, shape (n, k)
+        Residual of each pose or rotation; its size is the norm over the k components.
+    variance : ndarray, shape (n, k)
+        Variance that the noise predicts, with what the fitted parameters add.
+    reduced_chi2 : float
+        Against the full covariance.
+    dof : float
+        Degrees of freedom: residuals less the share of the parameters that they carry.
+    """
+
+    unit: str
+    values: np.ndarray
+    variance: np.ndarray
+    reduced_chi2: float
+    dof: float
+
+    @property
+    def floor(self):
+        """Root mean square of the size that the noise alone predicts."""
+        return float(np.sqrt(self.variance.sum(axis=1).mean()))
+
+    def above_floor(self, significance):
+        """Return whether the residual is larger than the noise explains."""
+        return bool(chi2.sf(self.reduced_chi2 * self.dof, self.dof) < significance)
+
+
+def judge(unit, values, covariance, jacobian, parameters):
+    """Compare residuals of a fit with their predicted covariance.
+
+    The parameters are estimated from these residuals, and maybe from others too. The trace of
+    ``H = J C Jᵀ Σ⁻¹`` is how many of them these residuals carry.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit.
+    values : ndarray, shape (n, k)
+        Residuals.
+    covariance : ndarray, shape (n k, n k)
+        Predicted covariance Σ.
+    jacobian : ndarray, shape (n k, p)
+        Derivative J with respect to the fitted parameters.
+    parameters : ndarray, shape (p, p)
+        Covariance C of the parameters, from the noise alone.
+    """
+    flat = values.ravel()
+    leverage = jacobian @ parameters @ jacobian.T
+    dof = len(flat) - np.trace(np.linalg.solve(covariance, leverage))
+    square = flat @ np.linalg.solve(covariance, flat)
+    variance = np.diag(covariance) + np.diag(leverage)
+    return Residual(unit, values, variance.reshape(values.shape), float(square / dof), float(dof))
+
+
+def gravity_norm(calibration, gravity, poses):
+    """Return ``|x| - g`` of calibrated specific force at each pose, m/s^2, shape (n, 1)."""
+    channels = Channels(poses.mid_s, calibration.output(poses.f), poses.w, poses.temperature)
+    force = calibration.apply(poses.f, channels)
+    return (np.linalg.norm(force, axis=1) - gravity)[:, None]
+
+
+def pose_rate(calibration, force, poses):
+    """Return the calibrated mean angular rate at each pose, rad/s, shape (n, 3)."""
+    channels = Channels(poses.mid_s, calibration.output(poses.w), force.poses, poses.temperature)
+    return calibration.apply(poses.w, channels)
+
+
+def rotation(calibration, force, recording):
+    """Return the error of gravity's direction after each rotation, rad, shape (m, 2)."""
+    poses, rotations = recording.poses, recording.rotations
+    flat = rotations.w.reshape(-1, 3)
+    channels = Channels(
+        rotations.t.ravel(),
+        calibration.output(flat),
+        force.rotations.reshape(-1, 3),
+        None if rotations.temperature is None else rotations.temperature.ravel(),
+    )
+    calibrated = replace(rotations, w=calibration.apply(flat, channels).reshape(rotations.w.shape))
+    model = gyroscope_model(poses, calibrated, force, bias=np.zeros(3))
+    return model.rotation_errors(model.start())[0]
+
+
+def size(values):
+    """Return the root mean square of the norms of residuals, shape (n, k)."""
+    return float(np.sqrt((values**2).sum(axis=1).mean()))

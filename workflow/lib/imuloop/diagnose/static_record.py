@@ -1,0 +1,201 @@
+"""A static record: means over a minute against what the noise model predicts for them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from imuloop.core.effect import Effect
+from imuloop.core.samples import CHANNELS, TIME
+from imuloop.core.segments import STATIC
+from imuloop.diagnose.residuals import judge, size
+from imuloop.diagnose.verdict import NOTHING, verdict
+
+
+@dataclass(frozen=True)
+class StaticMeans:
+    """Means of consecutive windows at rest.
+
+    Attributes
+    ----------
+    windows : ndarray, shape (n, 2)
+        Start and end of each window, s.
+    means : ndarray, shape (n, 6)
+        Mean of every axis, SI.
+    """
+
+    windows: np.ndarray
+    means: np.ndarray
+
+
+def window_means(samples, segments, mean_time):
+    """Return the means of consecutive windows that lie whole in a static stretch.
+
+    Parameters
+    ----------
+    samples, segments : DataFrame
+        Of the session.
+    mean_time : float
+        Length of a window, s.
+
+    Returns
+    -------
+    StaticMeans
+        In order of time.
+    """
+    windows = []
+    for row in segments[segments["kind"] == STATIC].itertuples():
+        count = int((row.end_s - row.start_s) // mean_time)
+        starts = row.start_s + mean_time * np.arange(count)
+        windows.append(np.column_stack([starts, starts + mean_time]))
+    windows = np.concatenate(windows) if windows else np.zeros((0, 2))
+    at = np.searchsorted(samples[TIME].to_numpy(), windows)
+    values = samples[list(CHANNELS)].to_numpy()
+    means = [values[i:j].mean(axis=0) if j > i else np.full(6, np.nan) for i, j in at]
+    keep = at[:, 1] > at[:, 0]
+    return StaticMeans(windows[keep], np.array(means).reshape(-1, 6)[keep])
+
+
+def mean_covariance(record, noise):
+    """Return the covariance of the means, shape (6, n, n): random processes and ramp.
+
+    A ramp of rate R has an unknown sign, so it adds ``R² (t_i - t̄)(t_j - t̄)``.
+    """
+    covariance = noise.pose_mean_covariance(record.windows)
+    mid = record.windows.mean(axis=1)
+    slope = np.outer(mid - mid.mean(), mid - mid.mean())
+    for axis, name in enumerate(CHANNELS):
+        covariance[axis] = covariance[axis] + noise.axes[name].R.square * slope
+    return covariance
+
+
+def constant_fit(values, covariance):
+    """Return the generalised least-squares mean of values and its variance."""
+    root = np.linalg.cholesky(covariance)
+    ones = solve_triangular(root, np.ones(len(values)), lower=True)
+    variance = 1 / (ones @ ones)
+    return variance * (ones @ solve_triangular(root, values, lower=True)), variance
+
+
+def bias_residuals(record, noise, axes, unit):
+    """Return the residual of a constant bias on three axes, judged against the noise.
+
+    Parameters
+    ----------
+    record : StaticMeans
+        Means.
+    noise : NoiseModel
+        Noise of the device.
+    axes : slice
+        The sensor's columns.
+    unit : str
+        SI unit.
+    """
+    covariance = mean_covariance(record, noise)[axes]
+    n = len(record.means)
+    values, whole = np.empty((n, 3)), np.zeros((n, 3, n, 3))
+    parameters, jacobian = np.zeros((3, 3)), np.zeros((n, 3, 3))
+    for axis in range(3):
+        column = record.means[:, axes][:, axis]
+        bias, parameters[axis, axis] = constant_fit(column, covariance[axis])
+        values[:, axis] = column - bias
+        whole[:, axis, :, axis] = covariance[axis]
+        jacobian[:, axis, axis] = -1
+    return judge(unit, values, whole.reshape(3 * n, 3 * n), jacobian.reshape(3 * n, 3), parameters)
+
+
+def hold_out(record, noise, axes, blocks):
+    """Return the held-out errors of a constant bias, each block of time predicted by the others.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        SI.
+    """
+    covariance = mean_covariance(record, noise)[axes]
+    n = len(record.means)
+    part = np.arange(n) * blocks // n
+    errors = np.empty((n, 3))
+    for block in range(blocks):
+        seen, held = part != block, part == block
+        for axis in range(3):
+            column = record.means[:, axes][:, axis]
+            bias, _ = constant_fit(column[seen], covariance[axis][np.ix_(seen, seen)])
+            errors[held, axis] = column[held] - bias
+    return errors
+
+
+def diagnose_static(records, noise, axes, unit, sensor, settings):
+    """Diagnose one sensor in its static records.
+
+    Parameters
+    ----------
+    records : dict of str to StaticMeans
+        Means of each static session.
+    noise : NoiseModel
+        Noise of the device.
+    axes : slice
+        The sensor's columns.
+    unit : str
+        SI unit.
+    sensor : str
+        Name of the sensor.
+    settings : DiagnoseSettings
+        Settings.
+    """
+    usable = {name: r for name, r in records.items() if len(r.means) >= 2 * settings.blocks}
+    if not usable:
+        why = (
+            f"no static session with {2 * settings.blocks} means of {settings.mean_time:g} s: "
+            f"record at least {2 * settings.blocks * settings.mean_time / 60:g} min at rest"
+        )
+        return {"verdict": "not_testable", "why": why, **NOTHING}
+    if not all(
+        np.all(np.diagonal(mean_covariance(r, noise)[axes], 0, 1, 2) > 0) for r in usable.values()
+    ):
+        return {"verdict": "not_testable", "why": "the noise of an axis is not known", **NOTHING}
+    judged = [bias_residuals(r, noise, axes, unit) for r in usable.values()]
+    held = [hold_out(r, noise, axes, settings.blocks) for r in usable.values()]
+    error = size(np.concatenate(held))
+    dof = sum(j.dof for j in judged)
+    reduced = sum(j.reduced_chi2 * j.dof for j in judged) / dof
+    share = settings.significance / len(judged)
+    above = any(j.above_floor(share) for j in judged)
+    return {
+        "verdict": verdict(above, above, ()),
+        "residuals": {
+            "bias": {
+                "unit": unit,
+                "n": sum(len(h) for h in held),
+                "floor": size(np.sqrt(np.concatenate([j.variance for j in judged]))),
+                "before": error,
+                "after": error,
+                "chi2_before": reduced,
+                "chi2_after": reduced,
+            }
+        },
+        "effects": [],
+        "candidates": [
+            {
+                "name": effect.name,
+                "status": "not_observable",
+                "why": "in one attitude it cannot be told from the bias",
+            }
+            for effect in Effect.library.values()
+            if sensor in effect.sensors
+        ],
+        "points": [
+            {
+                "residual": "bias",
+                "index": i,
+                "session": name,
+                "start_s": float(record.windows[i, 0]),
+                "before": float(np.linalg.norm(e)),
+                "after": float(np.linalg.norm(e)),
+                "values": j.values[i].tolist(),
+                "floor": float(np.sqrt(j.variance[i].sum())),
+            }
+            for (name, record), errors, j in zip(usable.items(), held, judged, strict=True)
+            for i, e in enumerate(errors)
+        ],
+    }
