@@ -1,0 +1,29 @@
+"""Result files are whole or not there."""
+
+import json
+
+import numpy as np
+import pytest
+
+from imuloop.core.files import read_json, replaced, write_json
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "r.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(RuntimeError), replaced(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError("disk full")
+    assert read_json(path) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_arrays_and_not_a_number_become_plain_json(tmp_path):
+    write_json(tmp_path / "r.json", {"x": np.array([1.5, np.nan]), "n": np.int64(3)})
+    assert json.loads((tmp_path / "r.json").read_text()) == {"x": [1.5, None], "n": 3}
+
+
+def test_floats_come_back_to_the_last_bit(tmp_path):
+    values = np.random.default_rng(0).normal(size=100)
+    write_json(tmp_path / "r.json", values)
+    np.testing.assert_array_equal(read_json(tmp_path / "r.json"), values)

@@ -1,0 +1,98 @@
+"""The calibration model, its file, and effects, by hand-made numbers."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import imuloop.diagnose.effects  # noqa: F401  the library of effects
+from imuloop.core.effect import Channels, FittedEffect, find_effect
+from imuloop.core.errors import ImuloopError
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import RawUnit
+
+COUNTS = RawUnit("count", 0.0024, 32768.0)
+
+
+def sensor(**changes):
+    made = SensorCalibration(
+        RawUnit("rad/s", 1.0),
+        np.eye(3),
+        np.ones(3),
+        np.zeros(3),
+        names=("b0",),
+        covariance=np.array([[4e-8]]),
+        method="static",
+        not_testable="no rotation",
+    )
+    return replace(made, **changes)
+
+
+def log(n=5):
+    values = np.random.default_rng(1).normal(size=(n, 6))
+    return pd.DataFrame({"t": np.arange(n) / 10, **dict(zip(CHANNELS, values.T, strict=True))})
+
+
+def test_the_identity_leaves_samples_alone():
+    nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
+    same = Calibration("d", 9.81, nominal, sensor()).apply(log())
+    pd.testing.assert_frame_equal(same, log())
+
+
+def test_the_model_is_the_formula_of_the_contract():
+    T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
+    K, b = np.array([0.0024, 0.0025, 0.0026]), np.array([32700.0, 32800.0, 33000.0])
+    accelerometer = SensorCalibration(COUNTS, T, K, b)
+    raw = np.array([[33000.0, 32000.0, 36000.0]])
+    x = accelerometer.apply(COUNTS.to_si(raw))
+    # written out for the x axis
+    o = [(33000 - 32700) * 0.0024, (32000 - 32800) * 0.0025, (36000 - 33000) * 0.0026]
+    assert x[0, 0] == pytest.approx(o[0] + 0.01 * o[1] + 0.02 * o[2], rel=1e-12)
+    assert x[0, 2] == pytest.approx(o[2], rel=1e-12)
+
+
+def test_an_effect_is_subtracted_on_the_sensors_own_axes():
+    G = np.arange(9) * 1e-3
+    names = find_effect("g_sensitivity").parameters
+    effect = FittedEffect("g_sensitivity", dict(zip(names, G, strict=True)), {})
+    gyroscope = sensor(T=np.array([[1, 0.1, 0], [0, 1, 0], [0, 0, 1.0]]), effects=(effect,))
+    nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
+    samples = log()
+    applied = Calibration("d", 9.81, nominal, gyroscope).apply(samples)
+    f, w = samples[["ax", "ay", "az"]].to_numpy(), samples[["gx", "gy", "gz"]].to_numpy()
+    e = f @ G.reshape(3, 3).T
+    np.testing.assert_allclose(applied["gx"], (w - e)[:, 0] + 0.1 * (w - e)[:, 1], rtol=1e-12)
+    np.testing.assert_allclose(applied["gz"], (w - e)[:, 2], rtol=1e-12)
+
+
+def test_the_file_gives_back_what_was_written(tmp_path):
+    effect = FittedEffect("g_sensitivity", {"G00": 1e-4}, {"G00": 1e-6})
+    calibration = Calibration(
+        "d", 9.80665, SensorCalibration.nominal(COUNTS, "why"), sensor(effects=(effect,))
+    )
+    calibration.to_json(tmp_path / "c.json")
+    back = Calibration.from_json(tmp_path / "c.json")
+    back.to_json(tmp_path / "again.json")
+    assert (tmp_path / "c.json").read_bytes() == (tmp_path / "again.json").read_bytes()
+    assert back.gyroscope.effects == (effect,)
+    assert back.gyroscope.std == {"b0": pytest.approx(2e-4)}
+    assert back.accelerometer.raw_unit == COUNTS
+    content = json.loads((tmp_path / "c.json").read_text())
+    assert list(content)[:3] == ["format", "device", "gravity"]
+    assert {"raw_unit", "T", "K", "b", "covariance", "effects"} <= set(content["gyroscope"])
+
+
+def test_another_format_is_refused(tmp_path):
+    (tmp_path / "c.json").write_text('{"format": 99}')
+    with pytest.raises(ImuloopError, match="format 99"):
+        Calibration.from_json(tmp_path / "c.json")
+
+
+def test_an_unknown_effect_is_named():
+    with pytest.raises(ImuloopError, match="'magic' is not an effect.*g_sensitivity"):
+        FittedEffect("magic", {}, {}).output(
+            Channels(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
+        )

@@ -1,0 +1,75 @@
+"""Rotation against an independent integrator and the standard library of the field."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
+
+vectors = st.lists(st.floats(-3, 3), min_size=3, max_size=3).map(np.array)
+
+
+@given(vectors, vectors)
+def test_product_and_matrix_agree_with_scipy(a, b):
+    ours = matrix(multiply(exponential(a), exponential(b)))
+    theirs = (Rotation.from_rotvec(a) * Rotation.from_rotvec(b)).as_matrix()
+    np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+@settings(max_examples=20)
+@given(st.integers(1, 40), st.integers(0, 1000))
+def test_prefix_product_is_the_running_product(n, seed):
+    q = exponential(np.random.default_rng(seed).normal(size=(2, n, 3)))
+    running = q[:, 0]
+    for k in range(n):
+        running = q[:, 0] if k == 0 else multiply(running, q[:, k])
+        np.testing.assert_allclose(prefix_product(q)[:, k], running, atol=1e-12)
+
+
+def rate(t):
+    """A rate that turns its axis, so that steps do not commute."""
+    return np.array([1.5 * np.sin(3 * t), 2.0 * np.cos(2 * t), 1.0 + 0.5 * np.sin(5 * t)])
+
+
+def attitude_after(step, end=2.0):
+    t = np.arange(round(end / step) + 1) * step
+    q = prefix_product(exponential(step_vectors(rate(t).T, np.diff(t))))
+    return matrix(q[-1])
+
+
+def test_a_sampled_rate_costs_only_its_straight_lines():
+    # an ODE solver on the matrix equation C' = C [w x] knows nothing of quaternions
+    def derivative(t, c):
+        x, y, z = rate(t)
+        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return (c.reshape(3, 3) @ skew).ravel()
+
+    exact = solve_ivp(derivative, (0, 2), np.eye(3).ravel(), rtol=1e-12, atol=1e-13)
+    exact = exact.y[:, -1].reshape(3, 3)
+    errors = [np.abs(attitude_after(step) - exact).max() for step in (0.02, 0.01)]
+    # between samples the rate is taken as a line: second order, whatever the scheme
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.2)
+
+
+def test_a_linear_rate_is_integrated_to_fourth_order():
+    def line(t):
+        return np.stack([0.5 + 2 * t, 1 - 3 * t, -0.5 + t], axis=-1)
+
+    def after(n):
+        t = np.linspace(0, 1, n + 1)
+        return matrix(prefix_product(exponential(step_vectors(line(t), np.diff(t))))[-1])
+
+    exact = after(4000)
+    errors = [np.abs(after(n) - exact).max() for n in (10, 20)]
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)
+
+
+def test_padding_with_steps_of_zero_turns_nothing():
+    rates = np.random.default_rng(0).normal(size=(1, 9, 3))
+    steps = np.array([[0.1] * 5 + [0.0] * 3])
+    q = prefix_product(exponential(step_vectors(rates, steps)))
+    np.testing.assert_allclose(q[0, 4], q[0, -1], atol=1e-15)
