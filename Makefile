@@ -1,0 +1,46 @@
+# `make report` builds results/report.html; every target first sets up .venv from the lock file.
+PYTHON ?= python3
+CORES ?= 2
+BIN := .venv/bin
+READY := .venv/.ready
+
+.PHONY: report test lint format bench setup lock clean
+
+report: setup
+	$(BIN)/snakemake -c$(CORES) results/report.html
+
+test: setup
+	$(BIN)/pytest
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint
+
+format: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/snakefmt Snakefile workflow
+
+bench: setup
+	PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
+
+setup: $(READY)
+
+$(READY): requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
+	$(PYTHON) -m venv --clear .venv
+	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+	touch $@
+
+# exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml
+lock:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/pip install --quiet uv
+	build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+		--all-extras --custom-compile-command "make lock" pyproject.toml -o requirements.lock
+
+# results and logs only; downloads in data/cache and .venv stay
+clean:
+	rm -rf results logs benchmarks data/simulated .snakemake build

@@ -1,0 +1,30 @@
+"""From raw logs of inertial sensors to results/report.html; one word a stage."""
+
+import sys
+
+from snakemake.utils import min_version
+
+min_version("9.27")
+
+# every script inherits this path, on a cluster too
+sys.path.insert(0, f"{workflow.basedir}/workflow/lib")
+
+if not workflow.configfiles:
+
+    configfile: "config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/simulate.smk"
+include: "workflow/rules/ingest.smk"
+include: "workflow/rules/segment.smk"
+include: "workflow/rules/noise.smk"
+include: "workflow/rules/calibrate.smk"
+include: "workflow/rules/diagnose.smk"
+include: "workflow/rules/report.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        "results/report.html",

@@ -1,0 +1,18 @@
+"""Bring one raw log into the canonical samples and measure its quality."""
+
+from imuloop.ingest.ingest import ingest
+from imuloop.job_log import open_log
+
+params = snakemake.params
+open_log(snakemake.log[0], f"ingest {params.device}/{params.session}")
+
+ingest(
+    device=params.device,
+    session=params.session,
+    **params.declared,
+    nominal=params.nominal,
+    full_scale=params.full_scale,
+    paths=list(snakemake.input),
+    samples_path=snakemake.output.samples,
+    quality_path=snakemake.output.quality,
+)

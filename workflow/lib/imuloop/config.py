@@ -1,0 +1,117 @@
+"""The config resolved: each device with its defaults, as plain data."""
+
+from datetime import date, datetime
+from pathlib import PurePosixPath
+
+from imuloop.core.gravity import normal_gravity
+from imuloop.core.units import STANDARD_GRAVITY
+
+STAGES = ("segment", "noise", "calibrate", "diagnose")
+
+
+def merge(base, override):
+    """Return `base` with `override` laid over it, mapping by mapping, key by key."""
+    if not isinstance(base, dict) or not isinstance(override, dict):
+        return override
+    return {
+        key: merge(base.get(key), override[key]) if key in override else base[key]
+        for key in (*base, *(key for key in override if key not in base))
+    }
+
+
+def plain(value):
+    """Return `value` as plain data; a date, which YAML makes of a bare stamp, as ISO text."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return value.isoformat() if isinstance(value, (date, datetime)) else value
+
+
+def merged_devices(config):
+    """Return the devices by name, each laid over the defaults."""
+    defaults = config.get("defaults") or {}
+    return {name: merge(defaults, device) for name, device in config["devices"].items()}
+
+
+def resolve(config):
+    """Return every device with all keys present, as the stages need them.
+
+    Parameters
+    ----------
+    config : dict
+        A config without faults.
+
+    Returns
+    -------
+    dict of str to dict
+        By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages'
+        settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or
+        ``acceleration`` and ``angular_rate``), ``columns``, ``units``, ``rate`` (Hz),
+        ``time_range``.
+    """
+    return {name: _device(name, each) for name, each in merged_devices(plain(config)).items()}
+
+
+def _device(name, device):
+    gravity = device.get("gravity", STANDARD_GRAVITY)
+    if isinstance(gravity, dict):
+        gravity = normal_gravity(gravity["latitude"], gravity["height"])
+    return {
+        "label": device.get("label", name),
+        "gravity": float(gravity),
+        "full_scale": device.get("full_scale", {}),
+        "nominal": device.get("nominal", {}),
+        **{stage: device.get(stage) or {} for stage in STAGES},
+        "sessions": {key: _session(session) for key, session in device["sessions"].items()},
+    }
+
+
+def _session(session):
+    return {
+        "kind": session["kind"],
+        "format": session.get("format"),
+        "sources": sources(session["file"]),
+        "columns": session.get("columns") or {},
+        "units": session.get("units") or {},
+        "rate": session.get("rate"),
+        "time_range": session.get("time_range"),
+    }
+
+
+def sources(file):
+    """Return the sources of a session's ``file`` by role: ``log``, or one for each sensor."""
+    if isinstance(file, dict) and "acceleration" in file:
+        return {role: sources(file[role])["log"] for role in ("acceleration", "angular_rate")}
+    return {"log": {"path": file} if isinstance(file, str) else dict(file)}
+
+
+def source_name(source):
+    """Return the file name of a source."""
+    return PurePosixPath(source.get("path") or source.get("member") or _url_path(source)).name
+
+
+def _url_path(source):
+    return source["url"].split("?")[0].split("#")[0]
+
+
+def source_path(source, cache):
+    """Return where a source lies in the working folder, once it is fetched."""
+    return source.get("path") or f"{cache}/{source['sha256']}/{source_name(source)}"
+
+
+def fetched(devices):
+    """Return every source that has to be fetched, by its place ``<sha256>/<name>`` in the cache."""
+    return {
+        source_path(source, "").lstrip("/"): source
+        for device in devices.values()
+        for session in device["sessions"].values()
+        for source in session["sources"].values()
+        if "path" not in source
+    }
+
+
+def noise_sessions(device):
+    """Return the sessions that tell of the noise: the static ones or, without any, all."""
+    sessions = device["sessions"]
+    return [name for name in sessions if sessions[name]["kind"] == "static"] or list(sessions)

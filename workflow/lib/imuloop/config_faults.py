@@ -1,0 +1,299 @@
+"""What is wrong in a config: every fault at once, one a line, each naming its key."""
+
+import difflib
+import os
+import re
+from datetime import datetime
+from pathlib import Path
+
+import yaml
+from jsonschema import Draft202012Validator
+
+from imuloop.config import merged_devices, plain, source_name, sources
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.ingest.formats import find_format
+
+# where the simulate rule puts a replica's log, relative to the working folder
+SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
+
+_TYPES = {
+    "number": "a number",
+    "integer": "a whole number",
+    "string": "text",
+    "object": "a mapping of keys",
+    "array": "a list",
+    "null": "null",
+}
+_TRAPS = (
+    (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "tag:yaml.org,2002:str"),
+    (r"(?i)on|off|yes|no", "tag:yaml.org,2002:bool"),
+    (r"[-+]?[0-9]+(:[0-9]+)+(\.[0-9]*)?", "tag:yaml.org,2002:(int|float)"),
+    (r"[-+]?0[0-9_]+", "tag:yaml.org,2002:int"),
+)
+
+
+def config_faults(config, files, schema, replicas, mirror=None):
+    """Return the faults of a config, one line each; empty if there is none.
+
+    Parameters
+    ----------
+    config : dict
+        The config as Snakemake merged it.
+    files : dict of str to path-like
+        The files that it came from, by the name that a fault shall show.
+    schema : path-like
+        The config's JSON schema (YAML).
+    replicas : dict of str to list of str
+        Recordings of each simulated device that the workflow can make.
+    mirror : str, optional
+        Folder named by the environment variable IMULOOP_MIRROR.
+
+    Returns
+    -------
+    list of str
+        ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
+    """
+    config = plain(config)
+    contents, found = {}, []
+    for name, path in files.items():
+        with open(path, encoding="utf-8") as stream:
+            node = yaml.compose(stream, Loader=yaml.SafeLoader)
+        contents[name] = plain(yaml.safe_load(Path(path).read_text(encoding="utf-8"))) or {}
+        found += [(key, text, name) for key, text in _yaml_faults(node, ())]
+    trapped = {key for key, _, _ in found}
+    declared = _schema_faults(config, yaml.safe_load(Path(schema).read_text(encoding="utf-8")))
+    wrong = {key for key, _ in declared} | trapped
+    declared += _meaning_faults(config, wrong, replicas)
+    found += [(key, text, _origin(contents, key)) for key, text in declared if key not in trapped]
+    lines = [f"{name}: {'.'.join(map(str, key))}: {text}" for key, text, name in found]
+    if mirror and not Path(mirror).is_dir():
+        lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
+    return list(dict.fromkeys(lines))
+
+
+def as_given(path, arguments):
+    """Return a config file's name as the command line gave it, else its own."""
+    absolute = f"/{os.path.abspath(path).lstrip('/')}"
+    values = [argument.rpartition("=")[2] for argument in arguments]
+    ends = [value for value in values if value and absolute.endswith(_anchored(value))]
+    return max(ends, key=len, default=str(path))
+
+
+def _anchored(value):
+    return "/" + os.path.normpath(value).removeprefix("../").lstrip("/")
+
+
+def _origin(contents, key):
+    """Return the name of the last file that holds the most of a key's path."""
+    return max(reversed(contents), key=lambda name: _depth(contents[name], key), default="config")
+
+
+def _depth(content, key):
+    """Return how many steps of a key's path exist in a mapping."""
+    for depth, part in enumerate(key):
+        if isinstance(content, dict) and part in content:
+            content = content[part]
+        elif isinstance(content, list) and isinstance(part, int) and part < len(content):
+            content = content[part]
+        else:
+            return depth
+    return len(key)
+
+
+def _yaml_faults(node, key):
+    """Yield what YAML would read otherwise than written, in a tree of nodes."""
+    if isinstance(node, yaml.MappingNode):
+        seen = set()
+        for name, value in node.value:
+            if name.value in seen:
+                line = name.start_mark.line + 1
+                yield (
+                    (*key, name.value),
+                    f"given twice (again in line {line}); only one would count",
+                )
+            seen.add(name.value)
+            yield from _yaml_faults(name, (*key, name.value))
+            yield from _yaml_faults(value, (*key, name.value))
+    elif isinstance(node, yaml.SequenceNode):
+        for i, value in enumerate(node.value):
+            yield from _yaml_faults(value, (*key, i))
+    elif isinstance(node, yaml.ScalarNode) and node.style is None:
+        for pattern, tag in _TRAPS:
+            if re.fullmatch(pattern, node.value) and re.fullmatch(tag, node.tag):
+                yield key, _trap(node)
+
+
+def _trap(node):
+    written, tag = node.value, node.tag.rpartition(":")[2]
+    if tag == "str":
+        mantissa, exponent = written.lower().split("e")
+        whole = mantissa if "." in mantissa else f"{mantissa}.0"
+        sign = "" if exponent[0] in "+-" else "+"
+        return f"{written} is text to YAML, no number; write {whole}e{sign}{exponent}"
+    meaning = yaml.safe_load(written)
+    shown = str(meaning).lower() if tag == "bool" else meaning
+    return f"{written} is {shown} to YAML; write '{written}' with quotes, or {shown}"
+
+
+def _schema_faults(config, schema):
+    """Return (key, text) for each way in which a config breaks the schema."""
+    effective = config
+    devices, defaults = config.get("devices"), config.get("defaults", {})
+    if isinstance(devices, dict) and isinstance(defaults, dict):
+        effective = {**config, "devices": merged_devices(config)}
+    found = []
+    for error in Draft202012Validator(schema).iter_errors(effective):
+        for key, text in _texts(error):
+            found.append((_declared(config, key), text))
+    return list(dict.fromkeys(found))
+
+
+def _declared(config, key):
+    """Return where a key of a merged device was written: in the device or in the defaults."""
+    if len(key) > 2 and key[0] == "devices":
+        inherited = ("defaults", *key[2:])
+        if _depth(config, inherited) == len(key) - 1 and _depth(config, key) < len(key):
+            return inherited
+    return key
+
+
+def _texts(error):
+    """Yield (key, text) of one error of the validator."""
+    key, value, rule = tuple(error.absolute_path), error.instance, error.validator
+    title = error.schema.get("title", "")
+    shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:76]}…"
+    if rule == "additionalProperties":
+        known = error.schema.get("properties", {})
+        for name in (name for name in value if name not in known):
+            yield (*key, name), f"unknown key{_nearest(name, known, 0.6)}"
+    elif rule == "required":
+        for name in error.validator_value:
+            if name not in value:
+                yield (*key, name), f"missing; {key[-1] if key else 'the config'} needs it"
+    elif rule == "enum":
+        hint = _nearest(str(value), error.validator_value, 0.4)
+        yield key, f"{shown} is not a {title}{hint}"
+    elif rule == "type":
+        kinds = error.validator_value
+        needed = " or ".join(
+            _TYPES[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds)
+        )
+        yield key, "nothing is given" if value is None else f"{shown} is not {needed}"
+    elif rule == "pattern" and "propertyNames" in error.absolute_schema_path:
+        yield (*key, value), f"{shown} is not a {title}"
+    elif rule == "pattern":
+        yield key, f"{shown} is not a {title}"
+    elif rule in ("minProperties", "minLength"):
+        yield key, "empty"
+    elif rule in ("minItems", "maxItems"):
+        yield key, f"{len(value)} entries, {error.validator_value} needed"
+    else:
+        yield key, error.message
+
+
+def _nearest(name, known, cutoff):
+    near = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+    return f"; did you mean '{near[0]}'?" if near else f"; use one of {', '.join(known)}"
+
+
+def _meaning_faults(config, wrong, replicas):
+    """Return (key, text) for what a schema cannot say, of everything that is not wrong yet."""
+    found = []
+    if ("mirror",) not in wrong and "mirror" in config and not Path(config["mirror"]).is_dir():
+        found.append((("mirror",), f"there is no folder {config['mirror']}"))
+    if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
+        return found
+    for name, device in merged_devices(config).items():
+        sessions = device.get("sessions") if isinstance(device, dict) else None
+        for session, content in sessions.items() if isinstance(sessions, dict) else ():
+            key = ("devices", name, "sessions", session)
+            below = {
+                bad[len(each) :]
+                for bad in wrong
+                for each in (key, ("defaults", *key[2:]))
+                if bad[: len(each)] == each
+            }
+            if () not in below:
+                sound = {
+                    part: content[part] for part in content if not any(b[0] == part for b in below)
+                }
+                found += [
+                    (_declared(config, (*key, *part)), text)
+                    for part, text in _session_faults(session, sound, device, replicas)
+                ]
+    return found
+
+
+def _session_faults(name, session, device, replicas):
+    """Yield (key below the session, text) for the sound keys of a session."""
+    if name == "exports":
+        yield (), "'exports' is reserved for a folder of results; name the session otherwise"
+    nominal = device.get("nominal") if isinstance(device.get("nominal"), dict) else {}
+    for quantity in ("acceleration", "angular_rate"):
+        if session.get("units", {}).get(quantity) == "count" and quantity not in nominal:
+            yield ("units", quantity), f"'count' needs the device's nominal.{quantity}"
+    text = "time_range" in session and _time_range_fault(*session["time_range"])
+    if text:
+        yield ("time_range",), text
+    if "file" in session:
+        yield from _file_faults(session, replicas)
+
+
+def _file_faults(session, replicas):
+    """Yield what is wrong with a session's file, as far as it can be seen before the run."""
+    given = sources(session["file"])
+    names = {role: source.get("path") or source_name(source) for role, source in given.items()}
+    try:
+        log_format = find_format(session.get("format"), names)
+    except ImuloopError as error:
+        yield ("file",), str(error)
+        return
+    there = [role for role, source in given.items() if Path(source.get("path", "")).is_file()]
+    for role in (role for role in given if role not in there):
+        text = "path" in given[role] and _missing(names[role], replicas)
+        if text:
+            yield ("file", *(() if role == "log" else (role,))), text
+    if len(there) == len(given):
+        try:
+            log = log_format.read(names, session.get("columns"))
+        except RejectedLog:
+            # a fault of the data, for the job to find
+            return
+        except ImuloopError as error:
+            quantity, _, text = str(error).removeprefix("columns.").partition(": ")
+            named = str(error).startswith("columns.")
+            yield (("columns", quantity), text) if named else (("file",), str(error))
+            return
+        if len(given) == 1 and "time" not in log.found and "rate" not in session:
+            yield ("rate",), f"missing; {names['log']} has no time column"
+
+
+def _time_range_fault(start, end):
+    """Return what is wrong with a time range, or None."""
+    if start is None or end is None:
+        return None
+    if isinstance(start, str) != isinstance(end, str):
+        return "start and end must both be seconds or both be ISO 8601"
+    if isinstance(start, str):
+        try:
+            start, end = datetime.fromisoformat(start), datetime.fromisoformat(end)
+        except ValueError as error:
+            return f"not ISO 8601: {error}"
+        if (start.tzinfo is None) != (end.tzinfo is None):
+            return "start and end must both name their time zone, or neither"
+    return None if start < end else "the start is not before the end"
+
+
+def _missing(path, replicas):
+    """Return why a local file cannot be had, or None if the workflow makes it."""
+    simulated = SIMULATED.fullmatch(os.path.normpath(path))
+    if not simulated:
+        return f"there is no file {path}"
+    replica, recording = simulated.groups()
+    if replica not in replicas:
+        return f"there is no replica '{replica}'{_nearest(replica, replicas, 0.6)}"
+    if recording not in replicas[replica]:
+        return (
+            f"{replica} has no session '{recording}'{_nearest(recording, replicas[replica], 0.6)}"
+        )
+    return None

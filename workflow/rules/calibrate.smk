@@ -1,0 +1,23 @@
+rule calibrate:
+    input:
+        samples=each_session("samples"),
+        segments=each_session("segments"),
+        noise="results/{device}/noise.json",
+    output:
+        six_position="results/{device}/six_position.json",
+        multi_position="results/{device}/multi_position.json",
+    log:
+        "logs/calibrate/{device}.log",
+    benchmark:
+        "benchmarks/calibrate/{device}.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        device="{device}",
+        sessions=sessions,
+        gravity=setting("gravity"),
+        settings=setting("calibrate"),
+        code=code("calibrate.py"),
+    script:
+        "../../scripts/calibrate.py"

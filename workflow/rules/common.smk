@@ -1,0 +1,93 @@
+"""The config, read and checked; what a rule takes from it."""
+
+import os
+import sys
+from pathlib import Path
+
+import yaml
+from imuloop.code_digest import code_digest
+from imuloop.config import fetched, noise_sessions, resolve, source_path
+from imuloop.config_faults import as_given, config_faults
+
+REPOSITORY = Path(workflow.basedir)
+# recordings of each simulated device that the workflow can make
+REPLICAS = {
+    path.stem: list(yaml.safe_load(path.read_text())["sessions"])
+    for path in sorted(REPOSITORY.glob("data/replicas/*.yaml"))
+}
+
+faults = config_faults(
+    config,
+    {as_given(path, sys.argv): path for path in workflow.configfiles},
+    schema=REPOSITORY / "workflow/schemas/config.schema.yaml",
+    replicas=REPLICAS,
+    mirror=os.environ.get("IMULOOP_MIRROR"),
+)
+if faults:
+    print(*faults, sep="\n", file=sys.stderr)
+    sys.exit(1)
+
+DEVICES = resolve(config)
+CACHE = config.get("cache", "data/cache")
+FETCHED = fetched(DEVICES)
+# by the environment, not as a parameter: where a file came from changes nothing in it
+if "mirror" in config:
+    os.environ.setdefault("IMULOOP_MIRROR", config["mirror"])
+
+
+wildcard_constraints:
+    device="|".join(DEVICES),
+    session=r"[A-Za-z][A-Za-z0-9_-]*",
+    replica="|".join(REPLICAS) or "none",
+    recording=r"[A-Za-z][A-Za-z0-9_-]*",
+    sha256=r"[0-9a-f]{64}",
+    filename=r"[^/]+",
+
+
+def code(script):
+    """Return the digest of the code that a script reaches."""
+    return code_digest(REPOSITORY / "scripts" / script)
+
+
+def device_of(wildcards):
+    """Return the resolved config of a job's device."""
+    return DEVICES[wildcards.device]
+
+
+def session_of(wildcards):
+    """Return the resolved config of a job's session."""
+    return DEVICES[wildcards.device]["sessions"][wildcards.session]
+
+
+def source_files(wildcards):
+    """Return where the files of a session lie."""
+    return [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
+
+
+def setting(key):
+    """Return a function that gives one value of a job's device."""
+    return lambda wildcards: device_of(wildcards)[key]
+
+
+def session_files(device, names=None):
+    """Return kind and files of a device's sessions by name, of all or of those named."""
+    return {
+        name: {
+            "kind": session["kind"],
+            "quality": f"results/{device}/{name}/quality.json",
+            "samples": f"results/{device}/{name}/samples.parquet",
+            "segments": f"results/{device}/{name}/segments.parquet",
+        }
+        for name, session in DEVICES[device]["sessions"].items()
+        if names is None or name in names
+    }
+
+
+def sessions(wildcards):
+    """Return kind and files of all sessions of a job's device by name."""
+    return session_files(wildcards.device)
+
+
+def each_session(column):
+    """Return a function that lists one file of each session of a job's device."""
+    return lambda wildcards: [files[column] for files in sessions(wildcards).values()]

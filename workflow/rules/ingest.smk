@@ -1,0 +1,39 @@
+# Without a digest of its code: what it gives is fixed by the SHA-256.
+rule ingest_fetch:
+    output:
+        f"{CACHE}/{{sha256}}/{{filename}}",
+    log:
+        "logs/ingest_fetch/{sha256}/{filename}.log",
+    benchmark:
+        "benchmarks/ingest_fetch/{sha256}/{filename}.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        source=lambda wildcards: FETCHED[f"{wildcards.sha256}/{wildcards.filename}"],
+    script:
+        "../../scripts/ingest_fetch.py"
+
+
+rule ingest:
+    input:
+        source_files,
+    output:
+        samples="results/{device}/{session}/samples.parquet",
+        quality="results/{device}/{session}/quality.json",
+    log:
+        "logs/ingest/{device}/{session}.log",
+    benchmark:
+        "benchmarks/ingest/{device}/{session}.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        device="{device}",
+        session="{session}",
+        declared=session_of,
+        nominal=setting("nominal"),
+        full_scale=setting("full_scale"),
+        code=code("ingest.py"),
+    script:
+        "../../scripts/ingest.py"

@@ -1,0 +1,27 @@
+# A rule a device, because the sessions that have an Allan table differ from device to device.
+for device, resolved in DEVICES.items():
+    used = session_files(device, noise_sessions(resolved))
+
+    rule:
+        name:
+            f"noise_{device}"
+        input:
+            samples=[files["samples"] for files in used.values()],
+            segments=[files["segments"] for files in used.values()],
+        output:
+            noise=f"results/{device}/noise.json",
+            allan=[f"results/{device}/{session}/allan.parquet" for session in used],
+        log:
+            f"logs/noise/{device}.log",
+        benchmark:
+            f"benchmarks/noise/{device}.tsv"
+        conda:
+            "../envs/imuloop.yaml"
+        threads: 1
+        params:
+            device=device,
+            sessions=used,
+            settings=resolved["noise"],
+            code=code("noise.py"),
+        script:
+            "../../scripts/noise.py"

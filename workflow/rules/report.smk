@@ -1,0 +1,54 @@
+rule report_device:
+    input:
+        samples=each_session("samples"),
+        quality=each_session("quality"),
+        segments=each_session("segments"),
+        allan=lambda wildcards: expand(
+            "results/{device}/{session}/allan.parquet",
+            device=wildcards.device,
+            session=noise_sessions(device_of(wildcards)),
+        ),
+        noise="results/{device}/noise.json",
+        six_position="results/{device}/six_position.json",
+        multi_position="results/{device}/multi_position.json",
+        calibration="results/{device}/calibration.json",
+        diagnosis="results/{device}/diagnosis.json",
+    output:
+        section="results/{device}/section.html",
+        summary="results/{device}/summary.json",
+        figures=directory("results/{device}/figures"),
+    log:
+        "logs/report_device/{device}.log",
+    benchmark:
+        "benchmarks/report_device/{device}.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        name="{device}",
+        device=device_of,
+        code=code("report_device.py"),
+    script:
+        "../../scripts/report_device.py"
+
+
+rule report:
+    input:
+        sections=expand("results/{device}/section.html", device=DEVICES),
+        summaries=expand("results/{device}/summary.json", device=DEVICES),
+        templates=sorted(map(str, REPOSITORY.glob("workflow/templates/*"))),
+    output:
+        report="results/report.html",
+        comparison="results/comparison.csv",
+    log:
+        "logs/report/report.log",
+    benchmark:
+        "benchmarks/report/report.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        devices=list(DEVICES),
+        code=code("report.py"),
+    script:
+        "../../scripts/report.py"

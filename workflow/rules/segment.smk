@@ -1,0 +1,19 @@
+rule segment:
+    input:
+        samples="results/{device}/{session}/samples.parquet",
+        quality="results/{device}/{session}/quality.json",
+    output:
+        "results/{device}/{session}/segments.parquet",
+    log:
+        "logs/segment/{device}/{session}.log",
+    benchmark:
+        "benchmarks/segment/{device}/{session}.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        kind=lambda wildcards: session_of(wildcards)["kind"],
+        settings=setting("segment"),
+        code=code("segment.py"),
+    script:
+        "../../scripts/segment.py"
