@@ -1,0 +1,179 @@
+"""From raw batches to samples: SI units, time from zero, faulty rows dropped and counted."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
+from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
+from imuloop.core.units import TIME as TIME_SCALES
+from imuloop.ingest.raw_log import STAMP
+from imuloop.ingest.stamps import absolute_nanoseconds, is_iso, iso_nanoseconds, stamp_values
+
+
+@dataclass
+class Counts:
+    """What became of the rows of a log; each row is counted once.
+
+    Attributes
+    ----------
+    read : int
+        Rows of the log.
+    outside : int
+        Rows outside of the time range.
+    non_finite : int
+        Rows dropped because the stamp or one of the six axes is missing or no finite number.
+    duplicates : int
+        Rows dropped because their stamp repeats the one before.
+    out_of_order : int
+        Rows dropped because their stamp lies before an earlier row's.
+    kept : int
+        Rows that became samples.
+    missing_values : dict
+        Channel to number of values missing or not finite.
+    start_ns : int or None
+        Moment of the first sample, ns since 1970; None where the stamps are no dates.
+    time_unit : str or None
+        Unit of the stamps, as found; None before the first row.
+    """
+
+    read: int = 0
+    outside: int = 0
+    non_finite: int = 0
+    duplicates: int = 0
+    out_of_order: int = 0
+    kept: int = 0
+    missing_values: dict = field(default_factory=dict)
+    start_ns: int | None = None
+    time_unit: str | None = None
+
+
+def si_batches(log, *, units, raw_units, rate, time_range, counts):
+    """Give the samples of a log, batch by batch.
+
+    Parameters
+    ----------
+    log : RawLog
+        Log being read.
+    units : dict
+        Unit of ``time`` and ``temperature``.
+    raw_units : dict
+        ``acceleration`` and ``angular_rate`` to `RawUnit`.
+    rate : float or None
+        Hz; stamps rows by their number where the log has no stamps.
+    time_range : (start, end) or None
+        Half-open crop: seconds from the log's first stamp, or ISO 8601 stamps; None is open.
+    counts : Counts
+        Filled on the way.
+
+    Yields
+    ------
+    pyarrow.RecordBatch
+        Columns as in `imuloop.core.samples`, `t` strictly increasing from 0.
+
+    Raises
+    ------
+    ImuloopError
+        If there are neither stamps nor a rate, or the stamps do not fit what is declared.
+    """
+    channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
+    counts.missing_values.update(dict.fromkeys(channels, 0))
+    origin = newest = zero = window = dated = stamped = None
+    for batch in log.batches:
+        raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
+        x, readable, absolute, scale = _clock(batch, log, units, rate, counts.read)
+        counts.read += batch.num_rows
+        if not readable.any() and origin is None:
+            if batch.num_rows and counts.read == batch.num_rows:
+                raise ImuloopError(
+                    f"time column '{log.found.get('time')}' holds neither numbers nor ISO 8601 "
+                    "stamps; name the right one in columns.time"
+                )
+            continue
+        if origin is None:
+            origin, dated = x[readable.argmax()].item(), absolute
+            stamped = STAMP in batch.schema.names
+            counts.time_unit = units["time"] if stamped else f"1/({rate:g} Hz)"
+            if absolute:
+                counts.time_unit = "ISO 8601"
+            # before all stamps, so that the first one counts as later
+            newest = origin - 1
+            moment = absolute_nanoseconds(origin, units["time"], absolute) if stamped else None
+            window = _window(time_range, moment)
+        if absolute != dated and readable.any():
+            raise RejectedLog(f"the stamps change their kind before row {counts.read}")
+
+        before = _newest_before(x, readable, newest)
+        newest = max(newest, x[readable].max().item()) if readable.any() else newest
+        # a row without a stamp lies where the log has got to
+        elapsed = (np.where(readable, x, before) - origin) * scale
+        inside = (elapsed >= window[0]) & (elapsed < window[1])
+        finite = readable & np.all([np.isfinite(raw[name]) for name in CHANNELS], axis=0)
+        keep = inside & finite & (x > before)
+        counts.outside += int((~inside).sum())
+        counts.non_finite += int((inside & ~finite).sum())
+        counts.duplicates += int((inside & finite & (x == before)).sum())
+        counts.out_of_order += int((inside & finite & (x < before)).sum())
+        counts.kept += int(keep.sum())
+        for name in channels:
+            counts.missing_values[name] += int((inside & ~np.isfinite(raw[name])).sum())
+        if not keep.any():
+            continue
+        if zero is None:
+            zero = x[keep][0].item()
+            if stamped:
+                counts.start_ns = absolute_nanoseconds(zero, units["time"], absolute)
+        samples = {TIME: (x[keep] - zero) * scale}
+        for i, name in enumerate(CHANNELS):
+            unit = raw_units["acceleration" if i < 3 else "angular_rate"]
+            samples[name] = unit.to_si(raw[name][keep])
+        if log.temperature:
+            samples[TEMPERATURE] = raw[TEMPERATURE][keep] - ZERO_OFFSETS[units["temperature"]]
+        yield pa.RecordBatch.from_pydict(samples)
+
+
+def _clock(batch, log, units, rate, row):
+    """Return stamps, which are readable, whether they are dates, and seconds per unit."""
+    if STAMP not in batch.schema.names:
+        if not rate:
+            raise ImuloopError(
+                "the log has no time column that can be told by its name; "
+                "name it in columns.time, or give rate in Hz"
+            )
+        stamps = np.arange(row, row + batch.num_rows, dtype=np.int64)
+        return stamps, np.ones(batch.num_rows, dtype=bool), False, 1 / rate
+    x, readable, absolute = stamp_values(batch.column(STAMP))
+    if absolute:
+        return x, readable, True, 1e-9
+    if is_iso(units["time"]):
+        raise ImuloopError(
+            f"units.time is ISO 8601, but column '{log.found.get('time')}' holds numbers; "
+            f"use one of {', '.join(TIME_SCALES)}"
+        )
+    return x, readable, False, TIME_SCALES[units["time"]]
+
+
+def _newest_before(x, readable, newest):
+    """Return the newest stamp before each row."""
+    lowest = np.iinfo(np.int64).min if x.dtype.kind == "i" else -np.inf
+    seen = np.maximum.accumulate(np.where(readable, x, lowest))
+    return np.maximum(np.concatenate(([newest], seen[:-1])).astype(seen.dtype), newest)
+
+
+def _window(time_range, first):
+    """Return the crop in seconds from the log's first stamp, which is `first` ns since 1970."""
+    limits = [-np.inf, np.inf]
+    for i, value in enumerate(time_range or ()):
+        if isinstance(value, (int, float)):
+            limits[i] = float(value)
+        elif value is not None and first is None:
+            raise ImuloopError(
+                f"time_range: '{value}' is a date, but the log's stamps are not; give seconds"
+            )
+        elif value is not None:
+            limits[i] = (iso_nanoseconds(value) - first) * 1e-9
+    if not limits[0] < limits[1]:
+        raise ImuloopError(f"time_range: the start {limits[0]:g} s is not before the end")
+    return limits

@@ -1,0 +1,195 @@
+"""One raw log into canonical samples and its quality figures."""
+
+import difflib
+import hashlib
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.files import replaced, write_json
+from imuloop.core.samples import schema
+from imuloop.core.units import STANDARD_GRAVITY, TEMPERATURE, TIME, raw_unit
+from imuloop.ingest import quality
+from imuloop.ingest.convert import Counts, si_batches
+from imuloop.ingest.formats import find_format
+from imuloop.ingest.raw_log import RawLog, rechunked
+from imuloop.ingest.stamps import is_iso, iso_text
+
+# rows a row group of samples.parquet: 8 columns of it are 8 MB
+ROW_GROUP = 1 << 17
+# units where neither the config nor the log says
+_SI = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
+
+
+def ingest(
+    *,
+    device,
+    session,
+    kind,
+    paths,
+    samples_path,
+    quality_path,
+    format=None,
+    sources=None,
+    columns=None,
+    units=None,
+    rate=None,
+    time_range=None,
+    nominal=None,
+    full_scale=None,
+    gravity=STANDARD_GRAVITY,
+    batch_rows=1 << 16,
+):
+    """Write samples.parquet and quality.json of one session.
+
+    What is wrong in the data is a result: `status` is ``rejected``, with reasons, and the samples
+    are empty.
+
+    Parameters
+    ----------
+    device, session, kind : str
+        Names, and what was done with the device.
+    paths : list of path-like
+        Files of the log, in the order of `sources`.
+    samples_path, quality_path : path-like
+        Files to write, each in one step.
+    format : str, optional
+        Name in `imuloop.ingest.formats.FORMATS`; told from the files' names if None.
+    sources : dict, optional
+        Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source, for
+        the record; told from the number of paths if None.
+    columns, units : dict, optional
+        As in the config; what is not declared is told from the log, units else SI.
+    rate : float, optional
+        Hz, where the log has no time column.
+    time_range : (start, end), optional
+        Half-open crop: seconds from the log's first stamp, or ISO 8601; None is an open end.
+    nominal : dict, optional
+        Quantity to ``scale`` and ``offset`` of raw counts.
+    full_scale : dict, optional
+        ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
+    gravity : float
+        Local gravity, m/s^2; for plausibility only.
+    batch_rows : int
+        Rows read at once, about; changes nothing in the result.
+
+    Raises
+    ------
+    ImuloopError
+        If what is declared does not fit the log; one line with device, session and file.
+    """
+    paths = [Path(path) for path in paths]
+    roles = sources or (["log"] if len(paths) == 1 else ["acceleration", "angular_rate"])
+    files = dict(zip(roles, paths, strict=True))
+    counts, reasons = Counts(), []
+    try:
+        for path in paths:
+            if not path.is_file():
+                raise ImuloopError("there is no such file; see file: in the config")
+        form = find_format(format, files)
+        try:
+            log = form.read(files, columns or None, batch_rows)
+        except RejectedLog as error:
+            log, reasons = RawLog(batches=iter(()), temperature=False, found={}), [str(error)]
+        units, doubts = _units(log, units or {})
+        raw_units = {
+            quantity: raw_unit(quantity, units[quantity], (nominal or {}).get(quantity))
+            for quantity in ("acceleration", "angular_rate")
+        }
+        origin = {
+            "device": device,
+            "session": session,
+            "kind": kind,
+            "source": dict(sources or {role: {"path": str(p)} for role, p in files.items()}),
+            "sha256": _hashes(paths),
+            "units": units,
+            "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
+            "simulated": log.simulated,
+            "start": None,
+        }
+        samples = si_batches(
+            log, units=units, raw_units=raw_units, rate=rate, time_range=time_range, counts=counts
+        )
+        with replaced(samples_path) as temporary:
+            try:
+                _write(temporary, samples if not reasons else (), log, origin, counts)
+            except RejectedLog as error:
+                reasons = [str(error)]
+                _write(temporary, (), log, origin, counts)
+            figures = quality.measure(temporary, full_scale)
+            reasons = reasons or quality.reasons(figures, counts, log.bad_lines)
+            if reasons:
+                _write(temporary, (), log, origin, counts)
+    except ImuloopError as error:
+        names = ", ".join(str(path) for path in paths)
+        raise ImuloopError(f"{device}/{session}: {names}: {error}") from error
+    notes = quality.warnings(
+        figures, counts, log, gravity=gravity, rate=rate, unit=raw_units["acceleration"]
+    )
+    write_json(
+        quality_path,
+        {
+            "format": 1,
+            "status": "rejected" if reasons else "ok",
+            "reasons": reasons,
+            "warnings": doubts + notes,
+            **figures,
+            "duplicates": counts.duplicates,
+            "out_of_order": counts.out_of_order,
+            "non_finite": counts.non_finite,
+            "missing_values": counts.missing_values,
+            "bad_lines": log.bad_lines,
+            "rows_read": counts.read,
+            "outside_time_range": counts.outside,
+            "treatment": quality.TREATMENT,
+            "columns": log.found,
+            **origin,
+        },
+    )
+
+
+def _write(path, batches, log, origin, counts):
+    """Write samples as Parquet; `origin` learns start and time unit from the first rows."""
+    tables = rechunked(batches, ROW_GROUP)
+    first = next(tables, None)
+    if counts.start_ns is not None:
+        origin["start"] = iso_text(counts.start_ns)
+    if counts.time_unit:
+        origin["units"]["time"] = counts.time_unit
+    with pq.ParquetWriter(path, schema(log.temperature, origin), compression="zstd") as writer:
+        if first is not None:
+            writer.write_table(first.cast(writer.schema), row_group_size=ROW_GROUP)
+        for table in tables:
+            writer.write_table(table.cast(writer.schema), row_group_size=ROW_GROUP)
+
+
+def _units(log, declared):
+    """Return the unit of each quantity, and where the log itself says otherwise."""
+    used, doubts, stated = {}, [], log.units
+    for quantity, si in _SI.items():
+        used[quantity] = declared.get(quantity) or stated.get(quantity) or si
+        if stated.get(quantity, used[quantity]) != used[quantity]:
+            doubts.append(
+                f"units.{quantity} is {used[quantity]}, the log says {stated[quantity]}; "
+                f"{used[quantity]} used"
+            )
+    for quantity, known in (("time", TIME), ("temperature", TEMPERATURE)):
+        if used[quantity] not in known and not (quantity == "time" and is_iso(used[quantity])):
+            near = difflib.get_close_matches(str(used[quantity]), known, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"use one of {', '.join(known)}"
+            raise ImuloopError(f"units.{quantity}: '{used[quantity]}' is not a unit; {hint}")
+    if not log.temperature:
+        del used["temperature"]
+    return used, doubts
+
+
+def _hashes(paths):
+    """Return file name (path, where names repeat) -> SHA-256."""
+    distinct = len({path.name for path in paths}) == len(paths)
+    hashes = {}
+    for path in paths:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        hashes[path.name if distinct else str(path)] = digest
+    return hashes

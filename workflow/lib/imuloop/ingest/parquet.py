@@ -1,0 +1,80 @@
+"""Parquet tables, whatever the names of their columns."""
+
+import json
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE
+from imuloop.ingest.columns import resolve
+from imuloop.ingest.raw_log import STAMP, RawLog
+from imuloop.ingest.stamps import stamp_array
+
+ENDINGS = (".parquet", ".pq")
+
+
+def read(paths, columns=None, batch_rows=1 << 16):
+    """Read a Parquet table; ``simulated`` and ``units`` of the project's metadata are passed on.
+
+    Parameters
+    ----------
+    paths : dict
+        ``{"log": path}``.
+    columns : dict, optional
+        Quantity to columns; see `imuloop.ingest.columns.resolve`.
+    batch_rows : int
+        Rows held at once.
+
+    Raises
+    ------
+    ImuloopError
+        If a declared column is not there or holds no numbers.
+    RejectedLog
+        If the file is no Parquet file.
+    """
+    try:
+        file = pq.ParquetFile(paths["log"])
+    except (pa.ArrowInvalid, OSError) as error:
+        raise RejectedLog("the file is not a whole Parquet file") from error
+    names = file.schema_arrow.names
+    chosen = resolve(names, columns)
+    entries = file.schema_arrow.metadata or {}
+    metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
+    wanted = [names[i] for i in chosen.positions()]
+
+    def batches():
+        with file:
+            for batch in file.iter_batches(batch_size=batch_rows, columns=list(set(wanted))):
+                table = {name: batch.column(name) for name in batch.schema.names}
+                rest = iter(wanted[len(CHANNELS) :])
+                arrays = {n: _numbers(table[w], w) for n, w in zip(CHANNELS, wanted, strict=False)}
+                if chosen.time is not None:
+                    arrays[STAMP] = _stamps(table, next(rest))
+                if chosen.temperature is not None:
+                    name = next(rest)
+                    arrays[TEMPERATURE] = _numbers(table[name], name)
+                yield pa.RecordBatch.from_pydict(arrays)
+
+    return RawLog(
+        batches=batches(),
+        temperature=chosen.temperature is not None,
+        found=chosen.found(names),
+        units={**chosen.units, **metadata.get("units", {})},
+        simulated=bool(metadata.get("simulated", False)),
+    )
+
+
+def _numbers(column, name):
+    try:
+        return pc.fill_null(pc.cast(column, pa.float64()), float("nan"))
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+        raise ImuloopError(f"column '{name}' holds {column.type}, not numbers") from error
+
+
+def _stamps(table, name):
+    try:
+        return stamp_array(table[name])
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+        raise ImuloopError(f"column '{name}' holds {table[name].type}, not stamps") from error

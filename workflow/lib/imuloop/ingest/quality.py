@@ -1,0 +1,276 @@
+"""How good a log is: steps of time, gaps, faults, plausibility, and whether it can be used."""
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
+
+# a step longer than this many median steps is a gap: one sample lost makes it two
+GAP_STEPS = 1.5
+# at most so many gaps are listed; all are counted
+LISTED_GAPS = 50
+# output at or beyond this share of the full scale counts as clipped
+CLIPPED_SHARE = 0.98
+# a log with fewer samples, or shorter, holds no rest worth a mean
+LEAST_ROWS = 100
+LEAST_DURATION = 2.0
+# a log that loses a larger share of its rows to faults is not to be trusted
+MOST_DROPPED = 0.05
+# rates at which IMUs log, Hz
+PLAUSIBLE_RATE = (0.05, 1e5)
+# the mean magnitude of specific force of a log made by hand or at rest, relative to gravity
+PLAUSIBLE_FORCE = (0.8, 1.2)
+# no hand turns faster than this on average, rad/s
+PLAUSIBLE_TURN = 10.0
+
+TREATMENT = (
+    "Rows whose stamp or one of the six axes is missing or not finite, rows whose stamp repeats "
+    "or lies before an earlier one, and lines that are no row are dropped and counted; nothing is "
+    "filled, interpolated or clipped. A temperature that is missing stays missing. A step longer "
+    f"than {GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
+    f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
+    "rejected."
+)
+
+
+def measure(path, full_scale=None):
+    """Return the quality figures of a samples file, read row group by row group.
+
+    Parameters
+    ----------
+    path : path-like
+        Samples as in `imuloop.core.samples`, `t` strictly increasing.
+    full_scale : dict, optional
+        ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s); for clipping.
+
+    Returns
+    -------
+    dict
+        As in quality.json; figures that the rows cannot give are None.
+    """
+    with pq.ParquetFile(path) as file:
+        return {**_time_figures(file), **_channel_figures(file, full_scale or {})}
+
+
+def _steps(file):
+    """Give (first stamp, steps) of each row group, the step to the next group's first included."""
+    last = None
+    for group in range(file.num_row_groups):
+        t = file.read_row_group(group, columns=[TIME])[TIME].to_numpy()
+        if last is not None:
+            t = np.concatenate(([last], t))
+        if len(t):
+            last = t[-1]
+            yield t[:-1], np.diff(t)
+
+
+def _time_figures(file):
+    figures = {
+        "rows": file.metadata.num_rows,
+        "duration_s": 0.0,
+        "rate_hz": None,
+        "jitter": {"std_s": None, "max_s": None},
+        "gaps": {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []},
+    }
+    medians = [(float(np.median(steps)), len(steps)) for _, steps in _steps(file) if len(steps)]
+    if not medians:
+        return figures
+    # median of the row groups' medians: bounded memory, and exact for one group
+    values, weights = np.array(sorted(medians)).T
+    median = values[np.searchsorted(np.cumsum(weights), weights.sum() / 2)]
+    limit = GAP_STEPS * median
+    regular = total = squares = largest = 0.0
+    gaps = figures["gaps"]
+    gaps["longer_than_s"] = limit
+    for starts, steps in _steps(file):
+        figures["duration_s"] += float(steps.sum())
+        wide = steps > limit
+        gaps["count"] += int(wide.sum())
+        gaps["total_s"] += float(steps[wide].sum())
+        room = LISTED_GAPS - len(gaps["list"])
+        gaps["list"] += [
+            {"start_s": float(start), "duration_s": float(step)}
+            for start, step in zip(starts[wide][:room], steps[wide][:room], strict=True)
+        ]
+        away = steps[~wide] - median
+        regular += away.size
+        total += away.sum()
+        squares += (away**2).sum()
+        largest = max(largest, np.abs(away).max(initial=0.0))
+    mean = total / regular
+    figures["rate_hz"] = float(1 / (median + mean))
+    figures["jitter"] = {
+        "std_s": float(np.sqrt(max(squares / regular - mean**2, 0.0))),
+        "max_s": float(largest),
+    }
+    return figures
+
+
+def _channel_figures(file, full_scale):
+    names = [name for name in file.schema_arrow.names if name != TIME]
+    low, high = dict.fromkeys(names, np.inf), dict.fromkeys(names, -np.inf)
+    step = dict.fromkeys(names, np.inf)
+    clipped = {
+        name: 0 if sensor in full_scale else None
+        for sensor, axes in (("acceleration", ACCELERATION), ("angular_rate", ANGULAR_RATE))
+        for name in axes
+    }
+    magnitude = {"acceleration": 0.0, "angular_rate": 0.0}
+    for group in range(file.num_row_groups):
+        table = file.read_row_group(group)
+        for name in names:
+            x = table[name].to_numpy()
+            x = x[np.isfinite(x)]
+            if not x.size:
+                continue
+            low[name], high[name] = min(low[name], x.min()), max(high[name], x.max())
+            step[name] = min(step[name], _smallest_step(x))
+            if clipped.get(name) is not None:
+                sensor = "acceleration" if name in ACCELERATION else "angular_rate"
+                clipped[name] += int((np.abs(x) >= CLIPPED_SHARE * full_scale[sensor]).sum())
+        for sensor, axes in (("acceleration", ACCELERATION), ("angular_rate", ANGULAR_RATE)):
+            vectors = np.array([table[name].to_numpy() for name in axes])
+            magnitude[sensor] += float(np.sqrt((vectors**2).sum(axis=0)).sum())
+    rows = file.metadata.num_rows
+    return {
+        "clipped": clipped,
+        "constant": [name for name in names if low[name] == high[name]],
+        "quantisation_step": {name: step[name] if step[name] < np.inf else None for name in names},
+        "mean_specific_force": magnitude["acceleration"] / rows if rows else None,
+        "mean_angular_rate": magnitude["angular_rate"] / rows if rows else None,
+        "temperature_range": [low[TEMPERATURE], high[TEMPERATURE]]
+        if TEMPERATURE in names
+        else None,
+    }
+
+
+def _smallest_step(x):
+    """Return the smallest difference of distinct values, infinite where most are distinct."""
+    distinct = np.unique(x)
+    if distinct.size < 2 or distinct.size > x.size / 2:
+        return np.inf
+    steps = np.diff(distinct)
+    # closer than rounding of the conversion to SI is the same value
+    return float(steps[steps > 1e-12 * np.abs(distinct[[0, -1]]).max()].min(initial=np.inf))
+
+
+def reasons(figures, counts, bad_lines):
+    """Return why a log cannot be used, one text a reason; empty if it can.
+
+    Parameters
+    ----------
+    figures : dict
+        From `measure`.
+    counts : Counts
+        What became of the rows.
+    bad_lines : int
+        Lines that are no row.
+    """
+    found = []
+    lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines
+    inside = counts.read - counts.outside + bad_lines
+    if inside == 0 and counts.read:
+        return [f"none of the log's {counts.read} rows lies in the time range"]
+    if inside == 0:
+        return ["the log has no rows"]
+    if lost > MOST_DROPPED * inside:
+        parts = (
+            (counts.non_finite, "with missing or non-finite values"),
+            (counts.duplicates, "with a repeated stamp"),
+            (counts.out_of_order, "with a stamp before an earlier one"),
+            (bad_lines, "lines that are no row"),
+        )
+        listed = ", ".join(f"{count} {what}" for count, what in parts if count)
+        found.append(
+            f"{lost} of {inside} rows ({lost / inside:.1%}) cannot be used: {listed}; "
+            f"at most {MOST_DROPPED:.0%} may be lost"
+        )
+    rate = figures["rate_hz"]
+    if figures["rows"] < LEAST_ROWS:
+        found.append(f"{figures['rows']} usable rows, at least {LEAST_ROWS} needed")
+    elif rate and not PLAUSIBLE_RATE[0] <= rate <= PLAUSIBLE_RATE[1]:
+        found.append(f"{rate:.3g} Hz is no rate of an IMU{_time_hint(rate)}")
+    elif figures["duration_s"] < LEAST_DURATION:
+        found.append(
+            f"the log lasts {figures['duration_s']:.3g} s, at least {LEAST_DURATION:g} s needed"
+            + (_time_hint(rate) if rate > 1e4 else "")
+        )
+    if figures["rows"] and set(ACCELERATION) <= set(figures["constant"]):
+        found.append("the acceleration never changes: the sensor was not read")
+    return found
+
+
+def _time_hint(rate):
+    """Name the time units, relative to the declared one, that would make a rate plausible."""
+    factors = {"1000 times smaller": 1e3, "a million times smaller": 1e6, "1e9 times smaller": 1e9}
+    factors |= {"1000 times larger": 1e-3, "a million times larger": 1e-6}
+    fits = [text for text, factor in factors.items() if 1 <= rate * factor <= 1e4]
+    return f"; a unit of time {' or '.join(fits)} would fit, see units.time" if fits else ""
+
+
+def warnings(figures, counts, log, *, gravity, rate, unit):
+    """Return what a user should look at, though the log can be used.
+
+    Parameters
+    ----------
+    figures : dict
+        From `measure`.
+    counts : Counts
+        What became of the rows.
+    log : RawLog
+        The log, read to its end.
+    gravity : float
+        Local gravity, m/s^2.
+    rate : float or None
+        Declared rate, Hz.
+    unit : RawUnit
+        Unit of the acceleration.
+    """
+    found = list(log.notes)
+    if not figures["rows"]:
+        return found
+    force = figures["mean_specific_force"]
+    if not PLAUSIBLE_FORCE[0] * gravity <= force <= PLAUSIBLE_FORCE[1] * gravity:
+        found.append(
+            f"the mean specific force is {force:.4g} m/s^2{_force_hint(force, gravity, unit)}"
+        )
+    turn = figures["mean_angular_rate"]
+    if turn > PLAUSIBLE_TURN:
+        found.append(
+            f"the mean angular rate is {turn:.4g} rad/s, too much for a turn by hand: "
+            "see units.angular_rate"
+        )
+    dead = [name for name in figures["constant"] if name in CHANNELS]
+    if dead:
+        found.append(f"{', '.join(dead)} never change")
+    at_limit = {name: n for name, n in figures["clipped"].items() if n}
+    if at_limit:
+        listed = ", ".join(f"{name} {n}" for name, n in at_limit.items())
+        found.append(f"samples at the end of the full scale: {listed}")
+    if figures["gaps"]["count"]:
+        gaps = figures["gaps"]
+        found.append(f"{gaps['count']} gaps, {gaps['total_s']:.4g} s together")
+    if rate and figures["rate_hz"] and abs(figures["rate_hz"] / rate - 1) > 0.02:
+        found.append(
+            f"the stamps give {figures['rate_hz']:.4g} Hz, declared are {rate:g} Hz; stamps used"
+        )
+    if log.bad_lines and "time" not in log.found:
+        found.append("lines that are no row shorten a log without stamps by one step each")
+    missing = counts.missing_values.get(TEMPERATURE)
+    if missing:
+        found.append(f"{missing} temperatures are missing")
+    return found
+
+
+def _force_hint(force, gravity, unit):
+    """Say in which unit the acceleration seems to be logged."""
+    local = f", local gravity {gravity:.4g}"
+    low, high = (share * gravity for share in PLAUSIBLE_FORCE)
+    if unit.name != "count":
+        for name, scale in ACCELERATION_UNITS.items():
+            if low <= force / unit.scale * scale <= high:
+                return f"{local}: taken as {unit.name}, it looks like {name}"
+    if force < 0.3 * gravity:
+        return f"{local}: has gravity been taken out of the log?"
+    return f"{local}: see units.acceleration and nominal.acceleration"

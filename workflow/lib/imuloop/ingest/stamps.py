@@ -1,0 +1,107 @@
+"""Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.units import TIME
+
+# whole nanoseconds per unit, so that absolute stamps stay exact
+NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
+# stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
+_UNIX = (946_684_800, 4_102_444_800)
+
+
+def is_iso(unit):
+    """Tell whether a time unit is declared as ISO 8601, however it is spelt."""
+    return str(unit).lower().replace(" ", "").replace("-", "") in ("iso", "iso8601")
+
+
+def parse_stamps(text):
+    """Return stamps written as text: int64, else float64, else timestamp[ns] (UTC).
+
+    Parameters
+    ----------
+    text : pyarrow.Array, shape (n,)
+        Strings; what cannot be read becomes null. Stamps without a zone count as UTC.
+    """
+    for kind in (pa.int64(), pa.float64()):
+        try:
+            return pc.cast(text, kind)
+        except pa.ArrowInvalid:
+            continue
+    series = pd.Series(pc.utf8_trim_whitespace(text).to_pandas())
+    number = pd.to_numeric(series, errors="coerce")
+    if number.notna().any():
+        # whole numbers beside a few unreadable ones keep all their digits
+        whole = series.str.fullmatch(r"[+-]?\d{1,18}").fillna(False).astype(bool)
+        if (whole | number.isna()).all():
+            return pa.array(
+                [int(s) if w else None for s, w in zip(series, whole, strict=True)], pa.int64()
+            )
+        return pa.array(number.astype(float), pa.float64(), from_pandas=True)
+    moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
+    return pa.array(moment.dt.as_unit("ns"), pa.timestamp("ns"), from_pandas=True)
+
+
+def stamp_array(column):
+    """Return a column of stamps of any type as int64, float64 or timestamp[ns]."""
+    kind = column.type
+    if pa.types.is_timestamp(kind):
+        return pc.cast(column, pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
+    if pa.types.is_integer(kind):
+        return pc.cast(column, pa.int64())
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        return parse_stamps(column)
+    return pc.cast(column, pa.float64())
+
+
+def stamp_values(column):
+    """Return stamps as numbers, which of them are readable, and whether they are absolute.
+
+    Returns
+    -------
+    values : ndarray, shape (n,)
+        int64 (nanoseconds where absolute) or float64; 0 where not readable.
+    readable : ndarray of bool, shape (n,)
+    absolute : bool
+        Whether they are dates.
+    """
+    absolute = pa.types.is_timestamp(column.type)
+    readable = column.is_valid().to_numpy(zero_copy_only=False)
+    if absolute:
+        column = column.cast(pa.int64())
+    values = pc.fill_null(column, 0).to_numpy(zero_copy_only=False)
+    if values.dtype.kind == "f":
+        readable = readable & np.isfinite(values)
+        values = np.where(readable, values, 0.0)
+    return values, readable, absolute
+
+
+def iso_nanoseconds(value):
+    """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
+    try:
+        moment = pd.Timestamp(str(value))
+        moment = moment.tz_localize("UTC") if moment.tz is None else moment.tz_convert("UTC")
+    except ValueError as error:
+        raise ImuloopError(f"time_range: '{value}' is no ISO 8601 stamp") from error
+    return moment.as_unit("ns").value
+
+
+def absolute_nanoseconds(stamp, unit, absolute):
+    """Return a stamp as nanoseconds since 1970, or None where it is no date.
+
+    Numbers count as Unix time where that puts them between 2000 and 2100.
+    """
+    if absolute:
+        return int(stamp)
+    nanoseconds = stamp * NANOSECONDS[unit]
+    low, high = (limit * 10**9 for limit in _UNIX)
+    return round(nanoseconds) if low <= nanoseconds < high else None
+
+
+def iso_text(nanoseconds):
+    """Return nanoseconds since 1970 as an ISO 8601 text, UTC."""
+    return pd.Timestamp(nanoseconds, unit="ns").isoformat() + "Z"
