@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from imuloop.core.errors import ImuloopError
 from imuloop.core.units import DEGREE
 from imuloop.simulate.motion import knock, move, rest, shortest_turn
 
@@ -98,8 +99,17 @@ def at_rest(session, rate, rng):
         Rests and disturbances.
     up : ndarray, shape (3,)
         Upward direction on body axes at the start.
+
+    Raises
+    ------
+    ImuloopError
+        If disturbances overlap, are not in order of time or do not fit in the session.
     """
     up = start = np.divide(session.up, np.linalg.norm(session.up))
+    events = [(d.time_s, d.time_s + d.duration_s) for d in session.disturbances]
+    edges = np.ravel([(0.0, 0.0), *events, (session.duration_s,) * 2])
+    if np.any(np.diff(edges) < 0):
+        raise ImuloopError(f"disturbances overlap or leave the session: {events} s")
     pieces, pose, done = [], 0, 0
     for disturbance in session.disturbances:
         first, n = round(disturbance.time_s * rate), round(disturbance.duration_s * rate)
@@ -108,7 +118,7 @@ def at_rest(session, rate, rng):
         if disturbance.kind == "knock":
             pieces.append(knock(n, 1 / rate, disturbance.size, rng))
         elif disturbance.kind == "handling":
-            hand = {"wobble": angle, "tremor": angle / 10, "shake": 0.1 * disturbance.size}
+            hand = {"wobble": angle, "tremor": angle / 50, "shake": 0.1 * disturbance.size}
             pieces.append(move(n, 1 / rate, np.zeros(3), rng=rng, **hand))
         else:
             axis = rng.standard_normal(3) if disturbance.axis is None else disturbance.axis

@@ -57,8 +57,8 @@ class Piece:
 
 def rest(n, pose):
     """Return `n` samples without motion."""
-    still = np.broadcast_to([1.0, 0, 0, 0], (n, 4))
-    return Piece(still, np.zeros((n, 3)), np.zeros((n, 3)), still[0], pose)
+    still = np.array([1.0, 0, 0, 0])
+    return Piece(np.broadcast_to(still, (n, 4)), np.zeros((n, 3)), np.zeros((n, 3)), still, pose)
 
 
 def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):

@@ -19,9 +19,10 @@ from imuloop.simulate.sensor import logged, output
 
 
 def _seeds(truth, session, seed):
-    """Return seeds of the motion and of the two sensors; sessions of one number differ."""
+    """Return seeds of motion and sensors; sessions and devices of one number differ."""
     number = truth.sessions[session].seed if seed is None else seed
-    return np.random.SeedSequence([number, zlib.crc32(session.encode())]).spawn(3)
+    place = zlib.crc32(f"{truth.name}/{session}".encode())
+    return np.random.SeedSequence([number, place]).spawn(3)
 
 
 def true_motion(truth, session, seed=None):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+import imuloop.diagnose.effects  # noqa: F401  loads the library of effects
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY
@@ -122,7 +123,7 @@ class Session:
     seed : int
         Number from which all of the session's random numbers follow.
     up : tuple of 3 floats
-        Upward direction on body axes in the static session, and at the start of the poses.
+        Upward direction on body axes, static or before the first pose; six faces begin with z up.
     duration_s : float
         Length of a static session, s.
     disturbances : tuple of Disturbance
@@ -236,7 +237,7 @@ def _sensor(content, where, units):
     if content["raw_unit"] not in (*units, "count"):
         known = ", ".join((*units, "count"))
         raise ImuloopError(f"{where}.raw_unit: '{content['raw_unit']}' is not one of {known}")
-    noise = {key: value for key, value in content.get("noise", {}).items()}
+    noise = dict(content.get("noise", {}))
     for key, cls in (("gauss_markov", GaussMarkov), ("sinusoid", Sinusoid)):
         noise[key] = tuple(_made(cls, term, f"{where}.noise.{key}") for term in noise.get(key, ()))
     for key in set(noise) & set("QNBKR"):

@@ -1,0 +1,182 @@
+"""True motion: angular rate against attitude by an integrator of its own; where poses lie."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from imuloop.core.errors import ImuloopError
+from imuloop.simulate.course import spread
+from imuloop.simulate.motion import shortest_turn
+from imuloop.simulate.simulate import true_motion
+from imuloop.simulate.truth import Disturbance, Session, example_truth
+
+GRAVITY = 9.80665
+
+
+def motion_of(session, seed=0):
+    return true_motion(example_truth(sessions={"one": session}), "one", seed)
+
+
+def matrices(motion, samples):
+    return Rotation.from_quat(motion.attitude[samples], scalar_first=True).as_matrix()
+
+
+def moves(motion):
+    """First and last sample, both at rest, of every move."""
+    rests = motion.rests
+    return [
+        (round(end * 100) - 1, round(start * 100))
+        for end, start in zip(rests["end_s"], rests["start_s"].iloc[1:], strict=False)
+    ]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_integrated_rate_gives_the_next_pose(seed):
+    motion = motion_of(Session("multi_position", poses=12, turns_about_vertical=3), seed)
+    errors = []
+    for first, last in moves(motion):
+        t, rate = motion.t[first : last + 1], motion.angular_rate[first : last + 1]
+        w = CubicSpline(t, rate)
+        # the direction of gravity on body axes: du/dt = -w x u
+        u0 = motion.specific_force[first] / GRAVITY
+        solution = solve_ivp(
+            lambda s, u, w=w: -np.cross(w(s), u),
+            (t[0], t[-1]),
+            u0,
+            "DOP853",
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        errors.append(np.linalg.norm(solution.y[:, -1] - motion.specific_force[last] / GRAVITY))
+    assert len(errors) == 15
+    assert max(errors) < 1e-5
+    assert np.max(np.abs(motion.angular_rate)) > 1.0
+
+
+def test_rate_is_the_derivative_of_attitude_at_every_sample():
+    motion = motion_of(Session("multi_position", poses=6, initial_rest_s=2.0))
+    attitude = Rotation.from_quat(motion.attitude, scalar_first=True)
+    # w(k) from the turns of one and of two steps each way, fourth order
+    one = (attitude[1:-3].inv() * attitude[3:-1]).as_rotvec() / 0.02
+    two = (attitude[:-4].inv() * attitude[4:]).as_rotvec() / 0.04
+    error = np.abs((4 * one - two) / 3 - motion.angular_rate[2:-2])
+    assert error.max() < 5e-3 * np.abs(motion.angular_rate).max()
+
+
+def test_rests_are_still_and_read_gravity():
+    motion = motion_of(Session("multi_position", poses=10, initial_rest_s=50.0))
+    assert motion.rests["end_s"][0] == 50.0
+    for start, end, _ in motion.rests.itertuples(index=False):
+        samples = slice(round(start * 100), round(end * 100))
+        assert not np.any(motion.angular_rate[samples])
+        force = matrices(motion, samples)[0].T @ [0, 0, GRAVITY]
+        np.testing.assert_allclose(motion.specific_force[samples] - force, 0, atol=1e-9)
+
+
+def test_moves_have_several_axes_and_linear_acceleration():
+    motion = motion_of(Session("multi_position", poses=20))
+    for first, last in moves(motion):
+        rate = motion.angular_rate[first : last + 1]
+        singular = np.linalg.svd(rate, compute_uv=False)
+        assert singular[1] > 0.01 * singular[0]
+        norm = np.linalg.norm(motion.specific_force[first : last + 1], axis=1)
+        assert np.ptp(norm) > 0.05
+
+
+def test_rests_and_moves_last_as_asked():
+    session = Session("multi_position", poses=30, rest_s=(2.0, 4.0), move_s=(1.5, 1.8))
+    rests = motion_of(session).rests
+    held = (rests["end_s"] - rests["start_s"])[1:]
+    moved = rests["start_s"].to_numpy()[1:] - rests["end_s"].to_numpy()[:-1]
+    assert 2.0 <= held.min() < 2.5 and 3.5 < held.max() <= 4.0
+    assert 1.5 <= moved.min() and moved.max() <= 1.8 + 1e-9
+
+
+def test_poses_cover_the_sphere():
+    motion = motion_of(Session("multi_position", poses=40))
+    up = motion.specific_force[(motion.rests["start_s"] * 100).round().astype(int)] / GRAVITY
+    anywhere = spread(2000, np.random.default_rng(1))
+    nearest = np.degrees(np.arccos(np.clip(anywhere @ up[1:].T, -1, 1)).min(axis=1))
+    # forty caps of equal area have a radius of 18 degrees
+    assert nearest.max() < 27
+    np.testing.assert_allclose(up[1:].T @ up[1:] / 40, np.eye(3) / 3, atol=0.02)
+
+
+def test_turn_about_the_vertical_hides_from_the_accelerometer():
+    motion = motion_of(Session("multi_position", poses=8, turns_about_vertical=4))
+    assert len(motion.rests) == 13
+    pose = motion.rests["pose"].to_numpy()
+    hidden = [k for k in range(12) if pose[k] == pose[k + 1]]
+    assert len(hidden) == 4
+    for k in hidden:
+        first, last = moves(motion)[k]
+        np.testing.assert_allclose(np.ptp(motion.specific_force[first:last], axis=0), 0, atol=1e-9)
+        turned = np.linalg.norm(np.sum(motion.angular_rate[first:last], axis=0)) * 0.01
+        assert np.radians(40) < turned < np.radians(150)
+
+
+def test_six_positions_show_each_face_with_the_placement_error():
+    motion = motion_of(Session("six_position", repeats=60, placement_deg=0.2, move_s=(0.5, 0.6)))
+    up = motion.specific_force[(motion.rests["start_s"] * 100).round().astype(int)] / GRAVITY
+    axis = np.argmax(np.abs(up), axis=1)
+    sign = np.sign(up[np.arange(len(up)), axis])
+    faces, counts = np.unique(sign * (axis + 1), return_counts=True)
+    assert list(faces) == [-3, -2, -1, 1, 2, 3] and set(counts) == {60}
+    level = np.degrees(up[np.arange(3) != axis[:, None]])
+    assert level.std() == pytest.approx(0.2, rel=0.1)
+
+
+def test_static_session_keeps_its_attitude():
+    motion = motion_of(Session("static", duration_s=20.0, up=(0.6, 0, -0.8)))
+    assert len(motion.t) == 2000 and not np.any(motion.angular_rate)
+    expected = np.tile(np.multiply((0.6, 0, -0.8), GRAVITY), (2000, 1))
+    np.testing.assert_allclose(motion.specific_force, expected, atol=1e-9)
+
+
+def test_disturbances_come_when_and_as_large_as_asked():
+    disturbances = (
+        Disturbance("knock", 5.0, 2.0, 0.5),
+        Disturbance("tilt", 10.0, 0.5, 1.0, (0, 1, 0)),
+        Disturbance("handling", 15.0, 20.0, 4.0),
+    )
+    motion = motion_of(Session("static", duration_s=25.0, disturbances=disturbances))
+    force = motion.specific_force
+    quiet = np.linalg.norm(force - [0, 0, GRAVITY], axis=1)
+    assert quiet[:500].max() < 1e-9 and 1.0 < quiet[500:550].max() < 2.0
+    assert quiet[550:1000].max() < 1e-9
+    # up turns about y by half a degree, for good
+    tilted = np.degrees(np.arctan2(force[1100:1500, 0], force[1100:1500, 2]))
+    np.testing.assert_allclose(np.abs(tilted), 0.5, rtol=1e-9)
+    attitude = matrices(motion, slice(1500, 1900))
+    angle = Rotation.from_matrix(attitude[0].T @ attitude).magnitude()
+    assert np.degrees(angle.max()) == pytest.approx(20.0, rel=0.1)
+    np.testing.assert_allclose(force[1900:], force[1100:1500][:600][:1].repeat(600, 0), atol=1e-9)
+    assert list(motion.rests["pose"]) == [0, 0, 1, 1]
+    tilt = motion.angular_rate[1000:1100].sum(axis=0) * 0.01
+    np.testing.assert_allclose(np.degrees(np.abs(tilt)), [0, 0.5, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("times", [(5.0, 5.5), (8.0, 2.0), (1.0, 9.5)])
+def test_disturbances_must_fit(times):
+    disturbances = tuple(Disturbance("knock", t, 1.0) for t in times)
+    with pytest.raises(ImuloopError, match="overlap or leave"):
+        motion_of(Session("static", duration_s=10.0, disturbances=disturbances))
+
+
+@pytest.mark.parametrize("after", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.3, -0.4, 0.1)])
+def test_shortest_turn_brings_one_direction_to_the_other(after):
+    before, after = np.array([0, 0, 1.0]), np.array(after) / np.linalg.norm(after)
+    turn = shortest_turn(before, after)
+    np.testing.assert_allclose(Rotation.from_rotvec(turn).apply(after), before, atol=1e-12)
+    assert np.linalg.norm(turn) == pytest.approx(np.arccos(before @ after))
+
+
+def test_other_rates_keep_the_times():
+    truth = replace(example_truth(), rate=204.8)
+    motion = true_motion(truth, "six_position")
+    np.testing.assert_allclose(np.diff(motion.t), 1 / 204.8)
+    assert motion.rests["end_s"][0] == pytest.approx(50.0, abs=0.01)

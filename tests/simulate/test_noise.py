@@ -1,0 +1,130 @@
+"""Simulated noise against the closed forms of the Allan variance and of the spectrum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from imuloop.simulate import noise
+from imuloop.simulate.truth import GaussMarkov, Noise, Sinusoid
+
+DT = 0.01
+LENGTHS = np.array([1, 3, 10, 100, 1000, 5000])
+TAU = LENGTHS * DT
+SEEDS = 40
+
+
+def allan_variance(x):
+    """Overlapping Allan variance by its definition, at LENGTHS."""
+    total = np.concatenate([[0], np.cumsum(x)])
+    return [
+        np.mean(((total[2 * m :] - 2 * total[m:-m] + total[: -2 * m]) / m) ** 2) / 2
+        for m in LENGTHS
+    ]
+
+
+def gauss_markov_allan_variance(tau, q, tc):
+    return (
+        (q * tc) ** 2
+        / tau
+        * (1 - tc / (2 * tau) * (3 - 4 * np.exp(-tau / tc) + np.exp(-2 * tau / tc)))
+    )
+
+
+# process, Allan variance of the handbook, shortest length at which it holds for a sampled process
+PROCESSES = {
+    "white": (lambda n, r: noise.white(n, DT, 0.7, r), 0.7**2 / TAU, 1),
+    "quantisation": (lambda n, r: noise.quantisation(n, DT, 0.3, r), 3 * 0.3**2 / TAU**2, 1),
+    "flicker": (
+        lambda n, r: noise.flicker(n, DT, 0.5, r),
+        np.full(len(TAU), 2 * np.log(2) / np.pi * 0.5**2),
+        10,
+    ),
+    "walk": (
+        lambda n, r: noise.walk(n, DT, 2.0, r),
+        2.0**2 * DT * (2 * LENGTHS**2 + 1) / (6 * LENGTHS),
+        1,
+    ),
+    "gauss_markov": (
+        lambda n, r: noise.gauss_markov(n, DT, 0.4, 3.0, r),
+        gauss_markov_allan_variance(TAU, 0.4, 3.0),
+        10,
+    ),
+}
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_allan_variance_is_the_closed_form(process):
+    make, expected, shortest = PROCESSES[process]
+    found = np.array(
+        [allan_variance(make(50_000, np.random.default_rng(seed))) for seed in range(SEEDS)]
+    )
+    error = found.mean(axis=0) / expected - 1
+    # four standard errors of the mean, and 1 % for what sampling does at short times
+    bound = 4 * found.std(axis=0) / np.sqrt(SEEDS) / expected + 0.01
+    holds = LENGTHS >= shortest
+    assert np.all(np.abs(error[holds]) < bound[holds]), error
+
+
+def test_flicker_spectrum_is_one_over_f():
+    B, rate = 0.5, 1 / DT
+    spectra = []
+    for seed in range(20):
+        x = noise.flicker(100_000, DT, B, np.random.default_rng(seed))
+        f, spectrum = welch(x, rate, nperseg=10_000)
+        spectra.append(spectrum)
+    band = (f > 0.05) & (f < 40)
+    ratio = np.mean(spectra, axis=0)[band] * np.pi * f[band] / B**2
+    assert abs(np.median(ratio) - 1) < 0.02
+    slope = np.polyfit(np.log(f[band]), np.log(np.mean(spectra, axis=0)[band]), 1)[0]
+    assert abs(slope + 1) < 0.02
+
+
+def test_flicker_does_not_close_on_itself():
+    # a record as long as the synthesis' period would end where it began
+    ends = [noise.flicker(20_000, DT, 1.0, np.random.default_rng(s))[[0, -1]] for s in range(200)]
+    start, end = np.transpose(ends)
+    neighbours = noise.flicker(20_000, DT, 1.0, np.random.default_rng(0))
+    assert np.std(end - start) > 1.5 * np.std(np.diff(neighbours))
+
+
+def test_gauss_markov_is_stationary_from_the_start():
+    first = [noise.gauss_markov(2, DT, 0.4, 3.0, np.random.default_rng(s))[0] for s in range(4000)]
+    assert np.std(first) == pytest.approx(0.4 * np.sqrt(1.5), rel=0.05)
+
+
+def test_ramp_and_sinusoid():
+    assert noise.ramp(1001, DT, 2e-3)[-1] == pytest.approx(2e-2)
+    x = noise.sinusoid(100_000, DT, 3.0, 1.25, np.random.default_rng(0))
+    amplitude = 2 * np.abs(np.fft.rfft(x)) / len(x)
+    assert np.argmax(amplitude) / (len(x) * DT) == pytest.approx(1.25)
+    assert amplitude.max() == pytest.approx(3.0, rel=1e-6)
+
+
+def axis(coefficients, number=0, seed=5):
+    return noise.axis_noise(2000, DT, coefficients, number, np.random.SeedSequence(seed))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        Noise(Q=(1.0, 0, 0)),
+        Noise(B=(1.0, 0, 0)),
+        Noise(K=(1.0, 0, 0)),
+        Noise(R=(1.0, 0, 0)),
+        Noise(gauss_markov=(GaussMarkov((1.0, 0, 0), 2.0),)),
+        Noise(sinusoid=(Sinusoid((1.0, 0, 0), 2.0),)),
+    ],
+)
+def test_one_process_does_not_move_another(more):
+    white = Noise(N=(0.2, 0.3, 0.4))
+    both = replace(more, N=white.N)
+    assert np.any(axis(more))
+    np.testing.assert_allclose(axis(both), axis(white) + axis(more), rtol=0, atol=1e-12)
+
+
+def test_each_axis_takes_its_own_coefficient():
+    coefficients = Noise(N=(0.2, 0.3, 0.4))
+    std = [axis(coefficients, number).std() for number in range(3)]
+    np.testing.assert_allclose(std, np.array([0.2, 0.3, 0.4]) / np.sqrt(DT), rtol=0.05)

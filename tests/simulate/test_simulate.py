@@ -1,0 +1,152 @@
+"""Raw logs: the contract's model by hand, seeds, rounding, temperature, files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from imuloop.core.effect import FittedEffect
+from imuloop.core.errors import ImuloopError
+from imuloop.simulate.simulate import (
+    log_metadata,
+    simulate_device,
+    simulate_session,
+    true_motion,
+    write_log,
+)
+from imuloop.simulate.truth import Noise, Session, example_truth
+
+SHORT = Session("multi_position", poses=4, initial_rest_s=5.0)
+F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
+G = np.array([[1.0, -2, 3], [0.5, 1, -1], [2, 0, 1]]) * 1e-4
+
+
+def device(accelerometer=None, gyroscope=None, session=SHORT, **changes):
+    """A device with one session and no noise, with some attributes changed."""
+    truth = example_truth(sessions={"one": session}, **changes)
+    return replace(
+        truth,
+        accelerometer=replace(truth.accelerometer, noise=Noise(), **(accelerometer or {})),
+        gyroscope=replace(truth.gyroscope, noise=Noise(), **(gyroscope or {})),
+    )
+
+
+def calibrated(sensor, raw, e):
+    """``x = T (K (raw - b) - e)``, written out."""
+    return (((raw - sensor.b) * sensor.K) - e) @ sensor.T.T
+
+
+def test_model_without_effects_gives_back_the_truth():
+    truth = device()
+    log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
+    assert list(log.columns) == ["t", *F, *W]
+    f = calibrated(truth.accelerometer, log[F].to_numpy(), 0)
+    w = calibrated(truth.gyroscope, log[W].to_numpy(), 0)
+    np.testing.assert_allclose(f, motion.specific_force, atol=1e-12)
+    np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
+
+
+def test_effects_are_functions_of_the_output_and_the_other_sensor():
+    values = {f"G{i}{j}": G[i, j] for i in range(3) for j in range(3)}
+    truth = device(
+        accelerometer={"extra": lambda channels: 1e-4 * channels.output**2},
+        gyroscope={"effects": (FittedEffect("g_sensitivity", values, {}),)},
+    )
+    log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
+    output = (log[F].to_numpy() - truth.accelerometer.b) * truth.accelerometer.K
+    f = calibrated(truth.accelerometer, log[F].to_numpy(), 1e-4 * output**2)
+    np.testing.assert_allclose(f, motion.specific_force, atol=1e-9)
+    w = calibrated(truth.gyroscope, log[W].to_numpy(), motion.specific_force @ G.T)
+    np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
+
+
+def test_counts_are_whole_numbers_within_half_a_step():
+    scale, offset = np.array([2.4e-3, 2.5e-3, 2.6e-3]), np.array([32768.0, 33000, 32500])
+    counts = {"raw_unit": "count", "K": scale, "b": offset}
+    exact = simulate_session(device(counts), "one")[F].to_numpy()
+    rounded = simulate_session(device({**counts, "step": 1.0}), "one")[F].to_numpy()
+    assert np.array_equal(rounded, np.rint(rounded)) and rounded.min() > 20_000
+    assert 0.4 < np.max(np.abs(rounded - exact)) <= 0.5
+
+
+def test_noise_is_si_at_the_output():
+    truth = device(session=Session("static", duration_s=200.0))
+    sensor = replace(truth.gyroscope, K=np.array([0.01, 0.02, 0.03]), noise=Noise(N=(1e-3,) * 3))
+    log = simulate_session(replace(truth, gyroscope=sensor), "one")
+    np.testing.assert_allclose(log[W].std(), 1e-2 / sensor.K, rtol=0.03)
+
+
+def test_power_cycle_changes_the_bias_of_its_session_only():
+    shifted = replace(SHORT, turn_on={"gyroscope": (1e-3, 0, -2e-3)})
+    difference = simulate_session(device(session=shifted), "one") - simulate_session(
+        device(), "one"
+    )
+    np.testing.assert_allclose(difference[W], np.tile([1e-3, 0, -2e-3], (len(difference), 1)))
+    assert not np.any(difference[F])
+
+
+def test_same_seed_same_log_and_other_seed_another():
+    truth = example_truth(sessions={"one": SHORT, "two": SHORT})
+    first = simulate_session(truth, "one", 7)
+    pd.testing.assert_frame_equal(first, simulate_session(truth, "one", 7), check_exact=True)
+    pd.testing.assert_frame_equal(
+        simulate_session(truth, "one"), simulate_session(truth, "one", SHORT.seed)
+    )
+    for other in (simulate_session(truth, "one", 8), simulate_session(truth, "two", 7)):
+        assert not np.allclose(first[F + W].iloc[:400], other[F + W].iloc[:400])
+
+
+def test_axes_sessions_and_devices_are_independent():
+    still = Session("static", duration_s=300.0)
+    truth = example_truth(sessions={"one": still, "two": still})
+    logs = [
+        simulate_session(t, s) for t in (truth, replace(truth, name="b")) for s in truth.sessions
+    ]
+    noise = np.hstack([log[F + W].to_numpy() for log in logs])
+    correlation = np.corrcoef(np.diff(noise, axis=0).T)
+    # 24 series of 30,000: the largest of 276 pairs stays below some 4 standard errors
+    assert np.max(np.abs(correlation - np.eye(24))) < 4.5 * np.sqrt(1.5 / 30_000)
+
+
+def test_temperature_follows_its_knots():
+    profile = replace(SHORT, temperature=((0.0, 20.0), (10.0, 30.0), (20.0, 25.0)))
+    log = simulate_session(device(session=profile), "one")
+    t, temperature = log["t"], log["temperature"]
+    np.testing.assert_allclose(temperature[t < 10], 20 + t[t < 10])
+    assert temperature[t > 20].eq(25.0).all()
+    seen = []
+    extra = {"extra": lambda channels: seen.append(channels.temperature) or 0.0}
+    simulate_session(device(extra, session=profile), "one")
+    np.testing.assert_array_equal(seen[0], temperature)
+
+
+def test_unknown_session_says_what_there_is():
+    with pytest.raises(ImuloopError, match="no session 'three'; it has one"):
+        simulate_session(device(), "three")
+
+
+def test_files_hold_the_log_and_not_the_truth(tmp_path):
+    values = {f"G{i}{j}": 1e-4 for i in range(3) for j in range(3)}
+    effects = (FittedEffect("g_sensitivity", values, {}),)
+    truth = device(gyroscope={"effects": effects}, name="secret_device")
+    (path,) = simulate_device(truth, tmp_path)
+    table = pq.read_table(path)
+    pd.testing.assert_frame_equal(table.to_pandas(), simulate_session(truth, "one"))
+    metadata = json.loads(table.schema.metadata[b"imuloop"])
+    assert metadata["simulated"] is True and metadata["truth"] == "secret_device"
+    assert b"sensitivity" not in path.read_bytes()
+
+
+def test_csv_and_parquet_agree(tmp_path):
+    truth = device()
+    log = simulate_session(truth, "one")
+    for name in ("log.csv", "log.parquet"):
+        write_log(tmp_path / name, log, log_metadata(truth, "one"))
+    pd.testing.assert_frame_equal(
+        pd.read_csv(tmp_path / "log.csv"),
+        pq.read_table(tmp_path / "log.parquet").to_pandas(),
+        check_exact=True,
+    )

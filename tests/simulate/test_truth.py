@@ -1,0 +1,76 @@
+"""Reading a truth: what it holds, and what is said where it is wrong."""
+
+import numpy as np
+import pytest
+import yaml
+
+from imuloop.core.errors import ImuloopError
+from imuloop.simulate.truth import read_truth
+
+
+def content():
+    sensor = {"T": np.eye(3).tolist(), "K": [1, 1, 1], "b": [0, 0, 0]}
+    return {
+        "name": "one",
+        "accelerometer": {
+            "raw_unit": "m/s^2",
+            "noise": {"N": ["1e-3", 2e-3, 3e-3], "gauss_markov": [{"q": [1, 2, 3], "tc": 9}]},
+            **sensor,
+        },
+        "gyroscope": {"raw_unit": "deg/s", **sensor},
+        "sessions": {
+            "rest": {"kind": "static", "disturbances": [{"kind": "tilt", "time_s": 1, "size": 2}]}
+        },
+    }
+
+
+def read(tmp_path, truth):
+    path = tmp_path / "truth.yaml"
+    path.write_text(yaml.safe_dump(truth))
+    return read_truth(path)
+
+
+def test_reads_what_is_written(tmp_path):
+    truth = read(tmp_path, content())
+    # YAML takes 1e-3 for text
+    assert truth.accelerometer.noise.N == (1e-3, 2e-3, 3e-3)
+    assert truth.accelerometer.noise.gauss_markov[0].tc == 9
+    assert truth.gyroscope.raw_unit == "deg/s" and truth.gravity == 9.80665
+    assert truth.sessions["rest"].disturbances[0].size == 2
+
+
+def put(where, value):
+    def change(truth):
+        *path, last = where
+        for key in path:
+            truth = truth[key]
+        truth[last] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (put(["gravitiy"], 9.8), "gravitiy: no such key; did you mean 'gravity'"),
+        (put(["sessions", "rest", "kind"], "statik"), "sessions.rest.kind: 'statik' is not one of"),
+        (put(["gyroscope", "raw_unit"], "deg"), "gyroscope.raw_unit: 'deg' is not one of"),
+        (put(["gyroscope", "K"], [1, 1]), r"gyroscope.K: shape \(2,\), needs \(3,\)"),
+        (put(["gyroscope", "noise"], {"X": [1, 1, 1]}), "gyroscope.noise.X: no such key"),
+        (
+            put(["gyroscope", "effects"], [{"name": "g_sens", "parameters": {}}]),
+            "'g_sens' is not an effect",
+        ),
+        (
+            put(["gyroscope", "effects"], [{"name": "g_sensitivity", "parameters": {"G00": 1}}]),
+            "effects.g_sensitivity: parameters are",
+        ),
+        (put(["sessions"], None), "not a truth"),
+    ],
+)
+def test_says_what_is_wrong(tmp_path, change, message):
+    truth = content()
+    change(truth)
+    with pytest.raises(ImuloopError, match=message) as caught:
+        read(tmp_path, truth)
+    assert "\n" not in str(caught.value)
