@@ -1,0 +1,106 @@
+"""The digest changes with the code that a script reaches, and with nothing else."""
+
+import shutil
+from itertools import count
+
+import pytest
+
+from imuloop.code_digest import code_digest
+
+FILES = {
+    "lib/pack/__init__.py": '"""A package."""\n',
+    "lib/pack/a.py": "from pack import b\n\n\ndef f(x):\n    return b.g(x) + 1\n",
+    "lib/pack/b.py": "def g(x):\n    from pack.lazy.late import h\n\n    return h(x)\n",
+    "lib/pack/lazy/__init__.py": "",
+    "lib/pack/lazy/late.py": "def h(x):\n    return 2 * x\n",
+    "lib/pack/unused.py": "y = 1\n",
+    "lib/pack/found/__init__.py": (
+        "from importlib import import_module\n"
+        "from pkgutil import iter_modules\n"
+        "for _m in iter_modules(__path__):\n"
+        "    import_module(f'{__name__}.{_m.name}')\n"
+    ),
+    "lib/pack/found/one.py": "from . import two\n",
+    "lib/pack/found/two.py": "z = 1\n",
+    "script.py": '"""A script."""\nimport pack.a\n\nprint(pack.a.f(1))\n',
+    "walker.py": "import pack.found\n",
+}
+
+
+@pytest.fixture
+def digest(tmp_path):
+    """Return a function: digest of a script in a fresh copy of FILES, some of them changed."""
+    serial = count()
+
+    def of(changes=None, script="script.py"):
+        folder = tmp_path / str(next(serial))
+        for name, text in {**FILES, **(changes or {})}.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text)
+        return code_digest(folder / script, folder / "lib/pack")
+
+    return of
+
+
+def appended(name, text):
+    return {name: FILES[name] + text}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        appended("lib/pack/b.py", "# a comment\n"),
+        {"lib/pack/a.py": FILES["lib/pack/a.py"].replace("x):\n", 'x):\n    """New."""\n', 1)},
+        {"lib/pack/__init__.py": '"""Another sentence."""\n'},
+        {"script.py": FILES["script.py"].replace("print(pack", "print(\n    pack")},
+        appended("lib/pack/unused.py", "y = 2\n"),
+        {"lib/pack/new.py": "n = 1\n"},
+    ],
+    ids=["comment", "docstring", "package docstring", "layout", "module not reached", "new module"],
+)
+def test_what_does_not_reach_the_job_changes_nothing(digest, changes):
+    assert digest(changes) == digest()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"script.py": FILES["script.py"].replace("f(1)", "f(2)")},
+        {"lib/pack/a.py": FILES["lib/pack/a.py"].replace("+ 1", "+ 2")},
+        {"lib/pack/lazy/late.py": "def h(x):\n    return 3 * x\n"},
+        appended("lib/pack/lazy/__init__.py", "q = 1\n"),
+        appended("lib/pack/__init__.py", "q = 1\n"),
+    ],
+    ids=["script", "module", "imported inside a function", "its package", "the package"],
+)
+def test_what_reaches_the_job_changes_the_digest(digest, changes):
+    assert digest(changes) != digest()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"lib/pack/found/three.py": "w = 1\n"},
+        appended("lib/pack/found/one.py", "w = 1\n"),
+        appended("lib/pack/found/two.py", "w = 1\n"),
+    ],
+    ids=["new module", "module", "relative import"],
+)
+def test_a_package_that_walks_its_folder_counts_with_all_of_it(digest, changes):
+    assert digest(changes, "walker.py") != digest(script="walker.py")
+
+
+def test_the_stages_depend_on_their_own_code_only(repository, tmp_path):
+    """A change of the diagnosis reaches the diagnosis, not the stages before it."""
+    shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "a/imuloop")
+    shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "b/imuloop")
+    with open(tmp_path / "b/imuloop/diagnose/effects/g_sensitivity.py", "a") as effect:
+        effect.write("\nEXTRA = 1\n")
+
+    def changed(stage):
+        script = repository / f"scripts/{stage}.py"
+        before, after = (code_digest(script, tmp_path / side / "imuloop") for side in "ab")
+        return before != after
+
+    assert changed("diagnose")
+    assert not any(changed(stage) for stage in ("ingest", "segment", "noise"))

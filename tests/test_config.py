@@ -1,0 +1,366 @@
+"""Config: faults are named one a line; what is sound resolves to plain values."""
+
+import dataclasses
+import textwrap
+
+import pytest
+import yaml
+
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.config import fetched, merge, noise_sessions, resolve, source_path
+from imuloop.config_faults import as_given, config_faults
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.ingest.formats import FORMATS
+from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.settings import SegmentSettings
+
+REPLICAS = {"iphone_6": ["static", "six_position"]}
+SHA = "0" * 64
+SETTINGS = {
+    "segment": SegmentSettings,
+    "noise": NoiseSettings,
+    "calibrate": CalibrateSettings,
+    "diagnose": DiagnoseSettings,
+}
+
+
+@pytest.fixture
+def schema(repository):
+    return repository / "workflow/schemas/config.schema.yaml"
+
+
+@pytest.fixture
+def faults(tmp_path, schema, monkeypatch):
+    """Return a function: the faults of a config text, without the file's name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "poses.csv").write_text(
+        "t,ax,ay,az,gx,gy,gz\n0,0,0,9.8,0,0,0\n0.01,0,0,9.8,0,0,0\n"
+    )
+    (tmp_path / "bare.csv").write_text("0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n")
+
+    def of(text, **options):
+        path = tmp_path / "config.yaml"
+        path.write_text(textwrap.dedent(text))
+        config = yaml.safe_load(path.read_text())
+        lines = config_faults(config, {"config.yaml": path}, schema, REPLICAS, **options)
+        assert all(line.startswith(("config.yaml: ", "IMULOOP_MIRROR")) for line in lines)
+        assert all("\n" not in line for line in lines)
+        return [line.removeprefix("config.yaml: ") for line in lines]
+
+    return of
+
+
+def session(text, device=""):
+    """Return a config with one session; `text` is its keys, `device` keys beside."""
+    return f"devices: {{imu: {{{device} sessions: {{a: {{{text}}}}}}}}}"
+
+
+SOUND = "kind: multi_position, file: poses.csv"
+
+
+def test_smallest_entry_works(faults):
+    assert (
+        faults("devices:\n  my_imu:\n    sessions:\n      a: {kind: static, file: poses.csv}") == []
+    )
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "config/measured.yaml"])
+def test_shipped_configs_have_no_fault(repository, schema, name, monkeypatch):
+    monkeypatch.chdir(repository)
+    replicas = {
+        path.stem: list(yaml.safe_load(path.read_text())["sessions"])
+        for path in repository.glob("data/replicas/*.yaml")
+    }
+    path = repository / name
+    assert config_faults(yaml.safe_load(path.read_text()), {name: path}, schema, replicas) == []
+
+
+ONE_FAULT = {
+    "unit": (
+        session(f"{SOUND}, units: {{time: sec}}"),
+        "devices.imu.sessions.a.units.time: 'sec' is not a unit; did you mean 's'?",
+    ),
+    "angular rate": (
+        session(f"{SOUND}, units: {{angular_rate: degs/s}}"),
+        "devices.imu.sessions.a.units.angular_rate: 'degs/s' is not a unit; did you mean 'deg/s'?",
+    ),
+    "kind": (
+        session("kind: statc, file: poses.csv"),
+        "devices.imu.sessions.a.kind: 'statc' is not a kind of session; did you mean 'static'?",
+    ),
+    "format": (
+        session(f"{SOUND}, format: netcdf4"),
+        "devices.imu.sessions.a.format: 'netcdf4' is not a format; did you mean 'netcdf'?",
+    ),
+    "unknown key": (
+        session(SOUND, "lable: x,"),
+        "devices.imu.lable: unknown key; did you mean 'label'?",
+    ),
+    "unknown top key": (
+        session(SOUND) + "\ncaches: x",
+        "caches: unknown key; did you mean 'cache'?",
+    ),
+    "unknown setting": (
+        session(SOUND, "segment: {windows: 1},"),
+        "devices.imu.segment.windows: unknown key; did you mean 'window_s'?",
+    ),
+    "missing key": (
+        session("file: poses.csv"),
+        "devices.imu.sessions.a.kind: missing; a needs it",
+    ),
+    "nothing": (session(SOUND, "label: ,"), "devices.imu.label: nothing is given"),
+    "no devices": ("devices: {}", "devices: empty"),
+    "device name": (
+        "devices: {1imu: {sessions: {a: {kind: static, file: poses.csv}}}}",
+        "devices.1imu: '1imu' is not a name (a letter, then up to 63 letters, digits, _ or -)",
+    ),
+    "path as name": (
+        'devices: {"../x": {sessions: {a: {kind: static, file: poses.csv}}}}',
+        "devices.../x: '../x' is not a name (a letter, then up to 63 letters, digits, _ or -)",
+    ),
+    "reserved name": (
+        "devices: {imu: {sessions: {exports: {kind: static, file: poses.csv}}}}",
+        "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; "
+        "name the session otherwise",
+    ),
+    "missing file": (
+        session("kind: static, file: data/none.csv"),
+        "devices.imu.sessions.a.file: there is no file data/none.csv",
+    ),
+    "replica": (
+        session("kind: static, file: data/simulated/iphone6/static.parquet"),
+        "devices.imu.sessions.a.file: there is no replica 'iphone6'; did you mean 'iphone_6'?",
+    ),
+    "replica's session": (
+        session("kind: static, file: data/simulated/iphone_6/statics.parquet"),
+        "devices.imu.sessions.a.file: iphone_6 has no session 'statics'; did you mean 'static'?",
+    ),
+    "hash": (
+        session("kind: static, file: {url: 'https://a/b.csv', sha256: abc}"),
+        "devices.imu.sessions.a.file.sha256: 'abc' is not a SHA-256 (64 digits 0-9 a-f)",
+    ),
+    "no hash": (
+        session("kind: static, file: {url: 'https://a/b.csv'}"),
+        "devices.imu.sessions.a.file.sha256: missing; file needs it",
+    ),
+    "wheel without version": (
+        session(f"kind: static, file: {{wheel: some, member: b.csv, sha256: '{SHA}'}}"),
+        "devices.imu.sessions.a.file.wheel: 'some' is not a wheel (NAME==VERSION)",
+    ),
+    "one of two files": (
+        session("kind: static, format: imu_tk, file: {acceleration: poses.csv}"),
+        "devices.imu.sessions.a.file.angular_rate: missing; file needs it",
+    ),
+    "format of two files": (
+        session(f"{SOUND}, format: imu_tk"),
+        "devices.imu.sessions.a.file: format imu_tk is read from acceleration and angular_rate, "
+        "given log",
+    ),
+    "counts": (
+        session(f"{SOUND}, units: {{acceleration: count}}"),
+        "devices.imu.sessions.a.units.acceleration: 'count' needs the device's nominal.acceleration",
+    ),
+    "columns of three": (
+        session(f"{SOUND}, columns: {{acceleration: [ax, ay]}}"),
+        "devices.imu.sessions.a.columns.acceleration: 2 entries, 3 needed",
+    ),
+    "unknown column": (
+        session(f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}"),
+        "devices.imu.sessions.a.columns.acceleration: no column 'azz'; "
+        "there are t, ax, ay, az, gx, gy, gz; did you mean 'az'?",
+    ),
+    "no clock": (
+        session(
+            "kind: static, file: bare.csv, "
+            "columns: {acceleration: [0, 1, 2], angular_rate: [3, 4, 5]}"
+        ),
+        "devices.imu.sessions.a.rate: missing; bare.csv has no time column",
+    ),
+    "range order": (
+        session(f"{SOUND}, time_range: [5, 1]"),
+        "devices.imu.sessions.a.time_range: the start is not before the end",
+    ),
+    "range kinds": (
+        session(f"{SOUND}, time_range: [5, 2021-09-20T10:00]"),
+        "devices.imu.sessions.a.time_range: start and end must both be seconds or both be ISO 8601",
+    ),
+    "gravity": (
+        session(SOUND, "gravity: 98,"),
+        "devices.imu.gravity: 98 is greater than the maximum of 9.9",
+    ),
+    "place": (
+        session(SOUND, "gravity: {latitude: 45},"),
+        "devices.imu.gravity.height: missing; gravity needs it",
+    ),
+    "in the defaults": (
+        session(SOUND) + "\ndefaults: {label: 3}",
+        "defaults.label: 3 is not text",
+    ),
+    "mirror": (session(SOUND) + "\nmirror: nowhere", "mirror: there is no folder nowhere"),
+    "twice": (
+        "devices:\n  imu: {sessions: {a: {kind: static, file: poses.csv}}}\n"
+        "  imu: {sessions: {a: {kind: static, file: poses.csv}}}",
+        "devices.imu: given twice (again in line 3); only one would count",
+    ),
+    "1e-3": (
+        session(SOUND, "full_scale: {acceleration: 1e3},"),
+        "devices.imu.full_scale.acceleration: 1e3 is text to YAML, no number; write 1.0e+3",
+    ),
+    "on": (
+        session(SOUND, "label: on,"),
+        "devices.imu.label: on is true to YAML; write 'on' with quotes, or true",
+    ),
+    "12:30:00": (
+        session(f"{SOUND}, time_range: [12:30:00, 50000]"),
+        "devices.imu.sessions.a.time_range.0: 12:30:00 is 45000 to YAML; "
+        "write '12:30:00' with quotes, or 45000",
+    ),
+    "007": (
+        session(SOUND, "label: 007,"),
+        "devices.imu.label: 007 is 7 to YAML; write '007' with quotes, or 7",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "line"), ONE_FAULT.values(), ids=ONE_FAULT)
+def test_a_fault_names_its_key_and_the_remedy(faults, text, line):
+    assert faults(text) == [line]
+
+
+def test_faults_are_told_all_at_once(faults):
+    text = f"""
+    defaults: {{noise: {{significance: 2}}}}
+    devices:
+      a: {{sessions: {{x: {{kind: static, file: none.csv, units: {{time: sec}}}}}}}}
+      b: {{gravity: 1e1, sessions: {{y: {{{SOUND}, rates: 3}}}}}}
+    """
+    assert {line.split(": ")[0] for line in faults(text)} == {
+        "defaults.noise.significance",
+        "devices.a.sessions.x.file",
+        "devices.a.sessions.x.units.time",
+        "devices.b.gravity",
+        "devices.b.sessions.y.rates",
+    }
+
+
+def test_a_fault_of_the_defaults_is_told_once(faults):
+    one = f"{{sessions: {{x: {{{SOUND}}}}}}}"
+    assert len(faults(f"devices: {{a: {one}, b: {one}}}\ndefaults: {{gravity: 98}}")) == 1
+
+
+def test_a_mirror_that_is_not_there(faults):
+    assert faults(session(SOUND), mirror="/nowhere") == [
+        "IMULOOP_MIRROR: there is no folder /nowhere"
+    ]
+
+
+def test_a_fault_names_the_file_that_holds_it(tmp_path, schema, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "poses.csv").write_text("t,ax,ay,az,gx,gy,gz\n0,0,0,9.8,0,0,0\n")
+    first = {"devices": {"a": {"sessions": {"x": {"kind": "static", "file": "poses.csv"}}}}}
+    second = {"devices": {"a": {"label": 3}}}
+    files = {name: tmp_path / name for name in ("first.yaml", "second.yaml")}
+    for path, content in zip(files.values(), (first, second), strict=True):
+        path.write_text(yaml.safe_dump(content))
+    lines = config_faults(merge(first, second), files, schema, REPLICAS)
+    assert lines == ["second.yaml: devices.a.label: 3 is not text"]
+
+
+def test_config_is_named_as_it_was_given():
+    arguments = ["-c2", "--configfile", "../some/c.yaml", "results/report.html"]
+    assert as_given("/home/some/c.yaml", arguments) == "../some/c.yaml"
+    assert as_given("/home/c.yaml", ["--configfile=/home/c.yaml"]) == "/home/c.yaml"
+    assert as_given("config.yaml", ["results/report.html"]) == "config.yaml"
+
+
+def test_defaults_are_merged_key_by_key():
+    config = {
+        "defaults": {"gravity": 9.8, "segment": {"window_s": 2.0, "trim_s": 0.3}},
+        "devices": {
+            "a": {
+                "sessions": {"x": {"kind": "static", "file": "x.csv"}},
+                "segment": {"trim_s": 0.0},
+            },
+            "b": {
+                "gravity": {"latitude": 0.0, "height": 0.0},
+                "sessions": {"x": {"kind": "static", "file": "x.csv"}},
+            },
+        },
+    }
+    devices = resolve(config)
+    assert devices["a"]["segment"] == {"window_s": 2.0, "trim_s": 0.0}
+    assert devices["b"]["segment"] == {"window_s": 2.0, "trim_s": 0.3}
+    assert devices["a"]["gravity"] == 9.8
+    # WGS 84, normal gravity at the equator
+    assert devices["b"]["gravity"] == pytest.approx(9.7803253359, abs=1e-9)
+    assert (devices["a"]["label"], devices["b"]["label"]) == ("a", "b")
+
+
+def test_bare_time_stamps_resolve_to_text():
+    text = session("kind: static, file: x.nc, time_range: [2021-09-20 09:00:00, 2021-09-21]")
+    resolved = resolve(yaml.safe_load(text))["imu"]["sessions"]["a"]
+    assert resolved["time_range"] == ["2021-09-20T09:00:00", "2021-09-21"]
+
+
+def test_one_download_serves_all_sessions_that_name_it():
+    source = {"url": "https://a/b/log.csv?raw=1", "sha256": SHA}
+    files = {name: {"kind": "static", "file": source} for name in ("x", "y")}
+    devices = resolve({"devices": {"a": {"sessions": files}}})
+    assert fetched(devices) == {f"{SHA}/log.csv": source}
+    assert source_path(source, "data/cache") == f"data/cache/{SHA}/log.csv"
+
+
+def test_noise_comes_from_static_sessions_where_there_are_any():
+    kinds = {"p": "multi_position", "s": "static", "t": "static"}
+    device = {"sessions": {name: {"kind": kind} for name, kind in kinds.items()}}
+    assert noise_sessions(device) == ["s", "t"]
+    assert noise_sessions({"sessions": {"p": {"kind": "multi_position"}}}) == ["p"]
+
+
+def walk(node):
+    if isinstance(node, dict):
+        yield node
+        for child in node.values():
+            yield from walk(child)
+
+
+def test_schema_describes_every_key_and_gives_no_default(schema):
+    content = yaml.safe_load(schema.read_text())
+    definitions = content["$defs"]
+    for node in walk(content):
+        assert "default" not in node
+        for name, key in node.get("properties", {}).items():
+            if isinstance(key, dict) and name != "$ref":
+                target = definitions[key["$ref"].rpartition("/")[2]] if "$ref" in key else key
+                assert key.get("description") or target.get("description"), name
+
+
+@pytest.mark.parametrize("stage", SETTINGS)
+def test_schema_has_the_settings_of_the_library(schema, stage):
+    definition = yaml.safe_load(schema.read_text())["$defs"][stage]
+    fields = [field.name for field in dataclasses.fields(SETTINGS[stage])]
+    assert list(definition["properties"]) == fields
+
+
+@pytest.mark.parametrize("stage", SETTINGS)
+def test_schema_accepts_the_defaults_of_the_library(faults, stage):
+    values = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in dataclasses.asdict(SETTINGS[stage]()).items()
+    }
+    assert (
+        faults(session(SOUND, f"{stage}: {yaml.safe_dump(values, default_flow_style=True)},")) == []
+    )
+
+
+def test_schema_has_the_units_and_formats_of_the_library(schema):
+    keys = yaml.safe_load(schema.read_text())["$defs"]["session"]["properties"]
+    units = {name: set(key["enum"]) for name, key in keys["units"]["properties"].items()}
+    assert units == {
+        "time": {*TIME, "ISO 8601"},
+        "acceleration": {*ACCELERATION, "count"},
+        "angular_rate": {*ANGULAR_RATE, "count"},
+        "temperature": set(TEMPERATURE),
+    }
+    assert set(keys["format"]["enum"]) == set(FORMATS)
