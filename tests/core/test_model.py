@@ -92,7 +92,7 @@ def test_another_format_is_refused(tmp_path):
 
 
 def test_an_unknown_effect_is_named():
-    with pytest.raises(ImuloopError, match="'magic' is not an effect.*g_sensitivity"):
+    with pytest.raises(ImuloopError, match=r"'magic' is not an effect.*g_sensitivity"):
         FittedEffect("magic", {}, {}).output(
             Channels(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
         )

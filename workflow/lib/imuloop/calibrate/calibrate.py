@@ -230,7 +230,8 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
     if reason:
         return SensorCalibration.nominal(units[0], reason), rest
     known = faces != 0
-    fit = six_position.fit_six_position(poses.f[known], faces[known], gravity)
+    means = np.diagonal(poses.mean_covariance(noise)[:3], axis1=1, axis2=2)
+    fit = six_position.fit_six_position(poses.f[known], faces[known], gravity, means.mean())
     raw, covariance, _, names = in_raw_units(
         units[0], fit.x, fit.covariance, (), six_position.NAMES
     )

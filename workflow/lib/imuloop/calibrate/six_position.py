@@ -17,7 +17,7 @@ class SixPositionFit:
     x : ndarray, shape (9,)
         Parameters in the order of `NAMES`.
     covariance : ndarray, shape (9, 9)
-        From the scatter of the residuals.
+        From the scatter of the residuals and the noise.
     case : ndarray, shape (3, 3)
         Rotation from the body axes to the axes of the faces.
     residuals : ndarray, shape (n, 3)
@@ -70,12 +70,17 @@ def decompose(A, c):
     return np.concatenate([T[np.triu_indices(3, 1)], K, -np.linalg.solve(A, c)]), Q
 
 
-def fit_six_position(f, faces, gravity):
+def fit_six_position(f, faces, gravity, noise=0.0):
     """Fit the twelve-parameter model to faces of known direction.
 
     Least squares of ``A y + c = g d`` over the 3 × 3 matrix A and the vector c, where d is the
     unit vector of the face that points up; then the decomposition into T, K, b. The frame of the
     faces is not the sensor's: the rotation between the two is reported beside them.
+
+    A face tilted by small angles θ moves specific force by g θ across d and shortens it along d
+    by g θ²/2 for each. So the components across have a variance s², estimated from what a first
+    fit with equal weights leaves; the one along d is expected at ``g - s²/g`` and has the
+    variance of the noise and ``(s²/g)²``.
 
     Parameters
     ----------
@@ -85,31 +90,45 @@ def fit_six_position(f, faces, gravity):
         As `find_faces` gives them, none 0.
     gravity : float
         Local gravity, m/s^2.
+    noise : float, optional
+        Variance of a pose's mean, (m/s^2)^2.
 
     Returns
     -------
     SixPositionFit
-        The parameters and their covariance; tilts of the faces are the error that counts.
+        The parameters and their covariance.
 
     References
     ----------
     STMicroelectronics AN3182, "Tilt measurement using a low-g 3-axis accelerometer", section 4.
     """
     f, faces = np.asarray(f, dtype=float), np.asarray(faces)
-    wanted = np.sign(faces)[:, None] * gravity * np.eye(3)[np.abs(faces) - 1]
+    up = np.sign(faces)[:, None] * np.eye(3)[np.abs(faces) - 1]
+    wanted = gravity * up
     design = np.column_stack([f, np.ones(len(f))])
+    along = np.abs(faces)[:, None] - 1 == np.arange(3)
     solution = np.linalg.lstsq(design, wanted, rcond=None)[0]
-    residuals = design @ solution - wanted
-    variance = (residuals**2).sum() / (residuals.size - solution.size)
+    # the pairs along d settle c and the diagonal of A; what lies across settles six numbers more
+    across_dof = 2 * len(f) - 6
+    for _ in range(2):
+        residuals = design @ solution - wanted
+        across = max((residuals[~along] ** 2).sum() / across_dof, noise, (1e-9 * gravity) ** 2)
+        wanted = (gravity - across / gravity) * up
+        # nothing is known a thousand times better along than across: the fit stays well-posed
+        shortened = max(noise + across**2 / gravity**2, 1e-6 * across)
+        variance = np.where(along, shortened, across)
+        # each row of [A c] is a linear fit of its own
+        cofactor = np.array([np.linalg.inv((design.T / v) @ design) for v in variance.T])
+        solution = np.column_stack(
+            [c @ (design.T / v) @ w for c, v, w in zip(cofactor, variance.T, wanted.T, strict=True)]
+        )
     x, case = decompose(solution[:3].T, solution[3])
-    # each of the three rows of [A c] has the covariance of one linear fit
-    cofactor = np.linalg.inv(design.T @ design)
-    jacobian = np.empty((9, 12))
-    for i in range(12):
-        step = np.zeros(12)
-        step[i] = 1e-6
-        changed = [solution + s * step.reshape(4, 3) for s in (1, -1)]
+    jacobian = np.empty((9, 4, 3))
+    for i, j in np.ndindex(4, 3):
+        step = np.zeros((4, 3))
+        step[i, j] = 1e-6
+        changed = [solution + step, solution - step]
         plus, minus = (decompose(each[:3].T, each[3])[0] for each in changed)
-        jacobian[:, i] = (plus - minus) / 2e-6
-    covariance = jacobian @ np.kron(cofactor, np.eye(3)) @ jacobian.T * variance
-    return SixPositionFit(x, covariance, case, residuals)
+        jacobian[:, i, j] = (plus - minus) / 2e-6
+    covariance = np.einsum("aij,jik,bkj->ab", jacobian, cofactor, jacobian)
+    return SixPositionFit(x, covariance, case, design @ solution - wanted)

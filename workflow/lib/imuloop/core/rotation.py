@@ -38,12 +38,14 @@ def matrix(q):
 def step_vectors(rates, steps):
     """Return the rotation vector of each sampling step.
 
-    Between two samples the angular rate is taken as linear in time; the Magnus series then gives
+    The mean rate of a step is that of the cubic through its two samples and one neighbour on
+    either side, evenly spaced; the Magnus series then adds what does not commute:
 
-        φ = (w₀ + w₁) Δt / 2 + (w₀ × w₁) Δt² / 12
+        φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 
     with an error of fifth order a step, fourth over the whole: the order of a Runge–Kutta
-    scheme of four stages, while the exponential of φ keeps the quaternion's norm exactly.
+    scheme of four stages, while the exponential of φ keeps the quaternion's norm exactly. The
+    first and the last step, in a rest by their choice, take the rate as linear.
 
     Parameters
     ----------
@@ -63,7 +65,11 @@ def step_vectors(rates, steps):
     """
     dt = np.asarray(steps)[..., None]
     first, second = rates[..., :-1, :], rates[..., 1:, :]
-    return (first + second) * dt / 2 + np.cross(first, second) * dt**2 / 12
+    mean = (first + second) / 2
+    mean[..., 1:-1, :] += (
+        first[..., 1:-1, :] + second[..., 1:-1, :] - rates[..., :-3, :] - rates[..., 3:, :]
+    ) / 24
+    return mean * dt + np.cross(first, second) * dt**2 / 12
 
 
 def prefix_product(q):
