@@ -1,0 +1,73 @@
+import allantools
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
+from imuloop.noise.settings import NoiseSettings
+
+
+def definition(x, m):
+    """NIST SP 1065, eq. (11), term by term; sum and count."""
+    phase = np.r_[0, np.cumsum(x)]
+    second = phase[2 * m :] - 2 * phase[m:-m] + phase[: -2 * m]
+    return np.sum(second**2) / (2 * m**2), len(second)
+
+
+def test_factors_are_log_spaced_up_to_the_share():
+    m = averaging_factors(9000, NoiseSettings())
+    assert m[0] == 1 and m[-1] == 3000
+    assert np.all(np.diff(m) > 0)
+    assert len(m[(m >= 100) & (m < 1000)]) == pytest.approx(10, abs=1)
+
+
+@pytest.mark.parametrize("length", [0, 1, 2])
+def test_too_short_a_record_has_no_factor(length):
+    assert len(averaging_factors(length, NoiseSettings())) == 0
+
+
+def test_stretches_pool_by_their_number_of_terms():
+    rng = np.random.default_rng(0)
+    stretches = [rng.standard_normal(n) for n in (50, 400, 7)]
+    factors = np.array([1, 3, 20, 100])
+    found = allan_variance(stretches, factors)
+    for value, m in zip(found, factors, strict=True):
+        parts = [definition(x, m) for x in stretches if len(x) + 1 - 2 * m > 1]
+        assert value == pytest.approx(sum(p[0] for p in parts) / sum(p[1] for p in parts))
+
+
+def test_one_stretch_is_what_allantools_gives():
+    x = np.random.default_rng(1).standard_normal(3000)
+    _, deviation, _, _ = allantools.oadev(x, rate=50.0, data_type="freq", taus=[0.02, 1.0, 10.0])
+    assert np.sqrt(allan_variance([x], [1, 50, 500])) == pytest.approx(deviation)
+
+
+def test_no_stretch_long_enough_is_not_a_number():
+    assert np.isnan(allan_variance([np.arange(5.0)], [4])[0])
+
+
+def test_gravity_on_the_axis_costs_no_digits():
+    x = np.random.default_rng(2).standard_normal(100_000) * 1e-4
+    assert allan_variance([x + 9.8], [1, 1000]) == pytest.approx(
+        allan_variance([x], [1, 1000]), rel=1e-8
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(k=st.floats(1e-6, 1e6), levels=st.lists(st.floats(-100, 100), min_size=2, max_size=2))
+def test_deviation_scales_and_level_of_a_stretch_does_not_matter(k, levels):
+    rng = np.random.default_rng(3)
+    a, b = rng.standard_normal(300), rng.standard_normal(200)
+    found = allan_variance([k * (a + levels[0]), k * (b + levels[1])], [1, 10, 60])
+    assert found == pytest.approx(k**2 * allan_variance([a, b], [1, 10, 60]), rel=1e-9)
+
+
+def test_table_has_the_contract_columns_and_the_printed_interval():
+    # chi-square of 10 degrees: 3.246973 and 20.483177 at 2.5 and 97.5 %
+    table = allan_table("gx", [0.5], [4.0], [10.0])
+    assert tuple(table.columns) == COLUMNS
+    row = table.iloc[0]
+    assert (row.axis, row.tau_s, row.adev, row.edf, row.stage) == ("gx", 0.5, 2.0, 10.0, "raw")
+    assert row.ci_low == pytest.approx(2 * np.sqrt(10 / 20.483177))
+    assert row.ci_high == pytest.approx(2 * np.sqrt(10 / 3.246973))

@@ -1,0 +1,138 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import CHANNELS
+from imuloop.core.segments import segment_table
+from imuloop.noise.allan import COLUMNS
+from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.settings import NoiseSettings
+
+SETTINGS = NoiseSettings()
+DENSITY = dict(zip(CHANNELS, (0.01, 0.02, 0.03, 1e-3, 2e-3, 3e-3), strict=True))
+
+
+def session(name="rest", kind="static", length=6000, rate=50.0, seed=0, rests=None, **columns):
+    rng = np.random.default_rng(seed)
+    samples = pd.DataFrame({"t": np.arange(length) / rate})
+    for axis, density in DENSITY.items():
+        samples[axis] = density * np.sqrt(rate) * rng.standard_normal(length)
+    samples["az"] += 9.8
+    samples = samples.assign(**columns)
+    rests = [(0, length / rate)] if rests is None else rests
+    start, end = zip(*rests, strict=True) if rests else ((), ())
+    segments = segment_table(samples, start, end, ["static"] * len(rests), range(len(rests)))
+    return Session(name, kind, samples, segments)
+
+
+def test_white_density_of_each_axis():
+    result = estimate_noise("imu", [session()], SETTINGS)
+    for axis, density in DENSITY.items():
+        assert result.model.axes[axis].N.value == pytest.approx(density, rel=0.05)
+    assert result.sessions == ("rest",)
+
+
+def test_sessions_pool_into_one_fit_and_keep_their_own_curves():
+    sessions = [session("a", length=9000, seed=1), session("b", length=4000, seed=2)]
+    both = estimate_noise("imu", sessions, SETTINGS)
+    alone = estimate_noise("imu", sessions[1:], SETTINGS)
+    width = [np.diff(r.model.axes["gx"].N.ci95)[0] for r in (both, alone)]
+    assert width[0] == pytest.approx(width[1] * np.sqrt(4 / 13), rel=0.25)
+    assert set(both.allan) == {"a", "b"}
+    assert both.allan["a"]["tau_s"].max() == pytest.approx(60.0)
+    pd.testing.assert_frame_equal(both.allan["b"], alone.allan["b"], rtol=1e-9)
+
+
+def test_table_covers_the_model_and_has_the_contract_columns():
+    table = estimate_noise("imu", [session(length=20_000)], SETTINGS).allan["rest"]
+    assert tuple(table.columns) == COLUMNS
+    assert list(table["axis"].unique()) == list(CHANNELS)
+    truth = table["axis"].map(DENSITY) / np.sqrt(table["tau_s"])
+    inside = (table["ci_low"] <= truth) & (truth <= table["ci_high"])
+    assert inside.mean() > 0.85
+
+
+def test_a_knock_between_two_stretches_does_not_enter():
+    knocked = session(length=6000, rests=[(0, 60), (62, 120)])
+    knocked.samples.loc[3005:3090, "ax"] += 5.0
+    knocked.samples.loc[3050:, "ax"] += 0.5
+    result = estimate_noise("imu", [knocked], SETTINGS)
+    assert result.model.axes["ax"].N.value == pytest.approx(0.01, rel=0.05)
+    assert result.statistics["rest"]["ax"]["max"] < 0.5 + 5 * 0.01 * np.sqrt(50)
+
+
+def test_longest_rest_stands_in_and_says_what_it_cannot_tell():
+    poses = session("poses", "multi_position", rests=[(0, 40), (45, 50)])
+    faces = session("faces", "six_position", rests=[(0, 20)])
+    result = estimate_noise("imu", [faces, poses], SETTINGS)
+    assert result.sessions == ("poses",)
+    assert "longest rest, 40 s of session poses" in result.notes[0]
+    assert result.allan["faces"].empty and tuple(result.allan["faces"].columns) == COLUMNS
+    assert result.allan["poses"]["tau_s"].max() == pytest.approx(40 / 3, rel=0.01)
+
+
+def test_static_session_without_a_rest_is_left_out_with_a_note():
+    result = estimate_noise("imu", [session("bad", rests=[]), session("good")], SETTINGS)
+    assert result.sessions == ("good",)
+    assert any("bad" in note for note in result.notes)
+    assert result.allan["bad"].empty
+
+
+@pytest.mark.parametrize("sessions", [[], [session(length=0, rests=[])]])
+def test_nothing_to_use_is_a_result(sessions):
+    result = estimate_noise("imu", sessions, SETTINGS)
+    assert not any(axis.N.identifiable for axis in result.model.axes.values())
+    assert not result.model.pose_mean_covariance([[0, 1]]).any()
+    assert "no session holds a rest" in result.notes[-1]
+
+
+def test_a_rest_of_ten_samples_is_a_result():
+    result = estimate_noise("imu", [session(length=10)], SETTINGS)
+    assert not result.model.axes["ax"].N.identifiable
+    assert any("averaging times" in note for note in result.notes)
+    assert len(result.allan["rest"]) == 6 * 3
+
+
+def test_constant_and_broken_channels_are_named():
+    result = estimate_noise("imu", [session(gx=0.0, gy=np.nan)], SETTINGS)
+    assert any("gx: output is constant" in note for note in result.notes)
+    assert any("gy: values that are not finite" in note for note in result.notes)
+    assert result.model.axes["gz"].N.identifiable
+    json.dumps(result.to_dict()["axes"], allow_nan=False)
+
+
+def test_another_rate_is_left_out_with_a_note():
+    result = estimate_noise(
+        "imu", [session("fast"), session("slow", length=500, rate=1.98)], SETTINGS
+    )
+    assert result.sessions == ("fast",)
+    assert any("slow has 1.98 Hz" in note for note in result.notes)
+
+
+def test_slow_log_with_temperature():
+    result = estimate_noise(
+        "imu",
+        [session(length=8400, rate=1.98, temperature=np.linspace(-17.6, 74, 8400))],
+        SETTINGS,
+    )
+    assert result.model.axes["gx"].N.value == pytest.approx(1e-3, rel=0.05)
+    assert any("-17.6 to 74.0 degC" in note for note in result.notes)
+
+
+def test_jitter_is_noted():
+    rng = np.random.default_rng(4)
+    t = np.arange(6000) / 50 + rng.uniform(-0.004, 0.004, 6000)
+    result = estimate_noise("imu", [session(t=t)], SETTINGS)
+    assert any("scatters by" in note for note in result.notes)
+
+
+def test_noise_json_holds_the_model_and_the_rest(tmp_path):
+    result = estimate_noise("imu", [session()], SETTINGS)
+    result.to_json(tmp_path / "noise.json")
+    assert NoiseModel.from_json(tmp_path / "noise.json") == result.model
+    content = json.loads((tmp_path / "noise.json").read_text())
+    assert list(content) == ["format", "device", "axes", "statistics", "sessions", "notes"]
+    assert content["statistics"]["rest"]["gz"]["std"] == pytest.approx(3e-3 * np.sqrt(50), rel=0.05)
