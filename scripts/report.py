@@ -1,6 +1,18 @@
 """Join the devices' parts to the report."""
 
 from imuloop.job_log import open_log
+from imuloop.report.provenance import provenance
 from imuloop.report.report import write_report
 
+params = snakemake.params
 open_log(snakemake.log[0], "report")
+
+write_report(
+    sections=snakemake.input.sections,
+    summaries=snakemake.input.summaries,
+    template=snakemake.input.template,
+    style=snakemake.input.style,
+    provenance=provenance(params.repository, params.command, params.config),
+    report_path=snakemake.output.report,
+    comparison_path=snakemake.output.comparison,
+)

@@ -10,15 +10,20 @@ from imuloop.config import fetched, noise_sessions, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 
 REPOSITORY = Path(workflow.basedir)
+TEMPLATES = REPOSITORY / "workflow/templates"
 # recordings of each simulated device that the workflow can make
 REPLICAS = {
     path.stem: list(yaml.safe_load(path.read_text())["sessions"])
     for path in sorted(REPOSITORY.glob("data/replicas/*.yaml"))
 }
 
+CONFIG_FILES = {as_given(path, sys.argv): path for path in workflow.configfiles}
+# as the report gives it for making it again
+COMMAND = f"snakemake -c2 --configfile {' '.join(CONFIG_FILES)} -- results/report.html"
+
 faults = config_faults(
     config,
-    {as_given(path, sys.argv): path for path in workflow.configfiles},
+    CONFIG_FILES,
     schema=REPOSITORY / "workflow/schemas/config.schema.yaml",
     replicas=REPLICAS,
     mirror=os.environ.get("IMULOOP_MIRROR"),

@@ -13,6 +13,7 @@ rule report_device:
         multi_position="results/{device}/multi_position.json",
         calibration="results/{device}/calibration.json",
         diagnosis="results/{device}/diagnosis.json",
+        template=f"{TEMPLATES}/section.html.j2",
     output:
         section="results/{device}/section.html",
         summary="results/{device}/summary.json",
@@ -25,8 +26,9 @@ rule report_device:
         "../envs/imuloop.yaml"
     threads: 1
     params:
-        name="{device}",
-        device=device_of,
+        device="{device}",
+        label=setting("label"),
+        sessions=sessions,
         code=code("report_device.py"),
     script:
         "../../scripts/report_device.py"
@@ -36,7 +38,8 @@ rule report:
     input:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
-        templates=sorted(map(str, REPOSITORY.glob("workflow/templates/*"))),
+        template=f"{TEMPLATES}/report.html.j2",
+        style=f"{TEMPLATES}/style.css",
     output:
         report="results/report.html",
         comparison="results/comparison.csv",
@@ -48,7 +51,9 @@ rule report:
         "../envs/imuloop.yaml"
     threads: 1
     params:
-        devices=list(DEVICES),
+        repository=workflow.basedir,
+        command=COMMAND,
+        config=DEVICES,
         code=code("report.py"),
     script:
         "../../scripts/report.py"

@@ -1,10 +1,10 @@
 """The config resolved: each device with its defaults, as plain data."""
 
 from datetime import date, datetime
-from pathlib import PurePosixPath
 
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.ingest.sources import file_name
 
 STAGES = ("segment", "noise", "calibrate", "diagnose")
 
@@ -86,18 +86,9 @@ def sources(file):
     return {"log": {"path": file} if isinstance(file, str) else dict(file)}
 
 
-def source_name(source):
-    """Return the file name of a source."""
-    return PurePosixPath(source.get("path") or source.get("member") or _url_path(source)).name
-
-
-def _url_path(source):
-    return source["url"].split("?")[0].split("#")[0]
-
-
 def source_path(source, cache):
     """Return where a source lies in the working folder, once it is fetched."""
-    return source.get("path") or f"{cache}/{source['sha256']}/{source_name(source)}"
+    return source.get("path") or f"{cache}/{source['sha256']}/{file_name(source)}"
 
 
 def fetched(devices):

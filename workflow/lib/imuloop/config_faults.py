@@ -9,9 +9,10 @@ from pathlib import Path
 import yaml
 from jsonschema import Draft202012Validator
 
-from imuloop.config import merged_devices, plain, source_name, sources
+from imuloop.config import merged_devices, plain, sources
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.formats import find_format
+from imuloop.ingest.sources import file_name
 
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
@@ -242,7 +243,7 @@ def _session_faults(name, session, device, replicas):
 def _file_faults(session, replicas):
     """Yield what is wrong with a session's file, as far as it can be seen before the run."""
     given = sources(session["file"])
-    names = {role: source.get("path") or source_name(source) for role, source in given.items()}
+    names = {role: source.get("path") or file_name(source) for role, source in given.items()}
     try:
         log_format = find_format(session.get("format"), names)
     except ImuloopError as error:
