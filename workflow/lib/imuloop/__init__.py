@@ -2,11 +2,11 @@
 
 from importlib import import_module
 
-_LAZY = {"Calibration": "imuloop.core.model"}
-
 
 def __getattr__(name):
     # by name, so that a script that needs no calibration neither loads nor depends on the model
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
+    if name == "Calibration":
+        # a calibration may hold any effect of the library
+        import_module("imuloop.diagnose.effects")
+        return import_module("imuloop.core.model").Calibration
     raise AttributeError(f"module 'imuloop' has no attribute '{name}'")

@@ -1,0 +1,101 @@
+"""The command line: ``python -m imuloop apply CALIBRATION LOG -o OUT``."""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from imuloop import Calibration
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import replaced
+from imuloop.core.samples import read_metadata, read_samples
+from imuloop.ingest.ingest import ingest
+
+
+def read_log(path, calibration, units, rate):
+    """Return the samples of a log, read as ingest reads it.
+
+    Parameters
+    ----------
+    path : Path
+        Samples as ingest wrote them, or a raw log with the usual column names.
+    calibration : Calibration
+        Its raw units are taken where `units` says nothing.
+    units : dict
+        Unit of each quantity that was given.
+    rate : float or None
+        Hz, where the log has no time column.
+    """
+    if path.suffix == ".parquet" and "raw_units" in read_metadata(path):
+        return read_samples(path)
+    sensors = {
+        "acceleration": calibration.accelerometer.raw_unit,
+        "angular_rate": calibration.gyroscope.raw_unit,
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        samples = Path(folder) / "samples.parquet"
+        ingest(
+            device=calibration.device,
+            session=path.name,
+            kind="static",
+            paths=[path],
+            samples_path=samples,
+            quality_path=Path(folder) / "quality.json",
+            units={quantity: unit.name for quantity, unit in sensors.items()} | units,
+            nominal={
+                quantity: {"scale": unit.scale, "offset": unit.offset}
+                for quantity, unit in sensors.items()
+            },
+            rate=rate,
+        )
+        return read_samples(samples)
+
+
+def apply(arguments):
+    """Write the calibrated samples of a log as CSV or Parquet, by the ending of OUT."""
+    calibration = Calibration.from_json(arguments.calibration)
+    units = {
+        "acceleration": arguments.acceleration_unit,
+        "angular_rate": arguments.angular_rate_unit,
+        "time": arguments.time_unit,
+    }
+    samples = read_log(
+        arguments.log,
+        calibration,
+        {quantity: unit for quantity, unit in units.items() if unit},
+        arguments.rate,
+    )
+    if not len(samples):
+        raise ImuloopError(f"{arguments.log}: no usable sample in the log")
+    calibrated = calibration.apply(samples)
+    with replaced(arguments.output) as temporary:
+        if arguments.output.suffix == ".csv":
+            calibrated.to_csv(temporary, index=False)
+        else:
+            calibrated.to_parquet(temporary, index=False)
+
+
+def main(argv=None):
+    """Run one command; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m imuloop")
+    commands = parser.add_subparsers(required=True)
+    command = commands.add_parser("apply", help="calibrate a log")
+    command.add_argument("calibration", type=Path, help="calibration.json of the device")
+    command.add_argument("log", type=Path, help="CSV, TSV, NetCDF or Parquet")
+    command.add_argument("-o", "--output", type=Path, required=True, help=".csv or .parquet")
+    command.add_argument("--acceleration-unit", help="default: as in the calibration")
+    command.add_argument("--angular-rate-unit", help="default: as in the calibration")
+    command.add_argument("--time-unit", help="default: as the log says, else s")
+    command.add_argument("--rate", type=float, help="Hz, where the log has no time column")
+    command.set_defaults(run=apply)
+    arguments = parser.parse_args(argv)
+    try:
+        arguments.run(arguments)
+    except (ImuloopError, OSError) as error:
+        print(f"imuloop: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
