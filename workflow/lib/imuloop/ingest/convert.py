@@ -86,7 +86,7 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
         x, readable, absolute, scale = _clock(batch, log, units, rate, counts.read)
         counts.read += batch.num_rows
         if not readable.any() and origin is None:
-            if batch.num_rows and counts.read == batch.num_rows:
+            if batch.num_rows:
                 raise ImuloopError(
                     f"time column '{log.found.get('time')}' holds neither numbers nor ISO 8601 "
                     "stamps; name the right one in columns.time"

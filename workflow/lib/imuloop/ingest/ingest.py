@@ -1,6 +1,5 @@
 """One raw log into canonical samples and its quality figures."""
 
-import difflib
 import hashlib
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
 from imuloop.core.units import STANDARD_GRAVITY, TEMPERATURE, TIME, raw_unit
 from imuloop.ingest import quality
+from imuloop.ingest.columns import stated_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.raw_log import RawLog, rechunked
@@ -176,8 +176,8 @@ def _units(log, declared):
             )
     for quantity, known in (("time", TIME), ("temperature", TEMPERATURE)):
         if used[quantity] not in known and not (quantity == "time" and is_iso(used[quantity])):
-            near = difflib.get_close_matches(str(used[quantity]), known, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"use one of {', '.join(known)}"
+            near = stated_unit(quantity, used[quantity])
+            hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(known)}"
             raise ImuloopError(f"units.{quantity}: '{used[quantity]}' is not a unit; {hint}")
     if not log.temperature:
         del used["temperature"]

@@ -1,0 +1,95 @@
+"""Which columns hold what."""
+
+import pytest
+
+from imuloop.core.errors import ImuloopError
+from imuloop.ingest.columns import resolve, stated_unit
+
+# headers as loggers write them, each `time, ax ay az, gx gy gz, temperature`
+HEADERS = {
+    "contract": "t ax ay az gx gy gz temp",
+    "short": "time acc_x acc_y acc_z gyr_x gyr_y gyr_z temperature",
+    "mikoff": "timestamp ax ay az wx wy wz temperature",
+    "dots": "timestamp imu.acc.x imu.acc.y imu.acc.z imu.gyro.x imu.gyro.y imu.gyro.z"
+    " imu.temperature",
+    "camel": "Timestamp accelX accelY accelZ gyroX gyroY gyroZ Temp",
+    "capitals": "TIME ACC_X ACC_Y ACC_Z GYRO_X GYRO_Y GYRO_Z TEMP",
+    "long": "time_us accelerometer_x accelerometer_y accelerometer_z gyroscope_x gyroscope_y"
+    " gyroscope_z temp_c",
+    "ros": "stamp linear_acceleration.x linear_acceleration.y linear_acceleration.z"
+    " angular_velocity.x angular_velocity.y angular_velocity.z temperature",
+    "mavlink": "time xacc yacc zacc xgyro ygyro zgyro temperature",
+}
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_usual_names_are_known(name):
+    found = resolve(HEADERS[name].split())
+    assert found.time == 0
+    assert found.acceleration == (1, 2, 3)
+    assert found.angular_rate == (4, 5, 6)
+    assert found.temperature == 7
+
+
+def test_order_in_the_file_does_not_matter():
+    found = resolve("gz temp az gy ay gx ax mag_x mag_y mag_z t".split())
+    assert found.acceleration == (6, 4, 2)
+    assert found.angular_rate == (5, 3, 0)
+    assert (found.time, found.temperature) == (10, 1)
+
+
+def test_units_in_names():
+    names = "timestamp [ns]|ax (g)|ay (g)|az (g)|gyro_x_dps|gyro_y_dps|gyro_z_dps|temp (°C)"
+    assert resolve(names.split("|")).units == {
+        "time": "ns",
+        "acceleration": "g",
+        "angular_rate": "deg/s",
+        "temperature": "degC",
+    }
+
+
+@pytest.mark.parametrize(
+    ("quantity", "text", "unit"),
+    [
+        ("acceleration", "m s-2", "m/s^2"),
+        ("acceleration", "m/s²", "m/s^2"),
+        ("angular_rate", "°/s", "deg/s"),
+        ("angular_rate", "mrad/s", "mrad/s"),
+        ("angular_rate", "rad s^-1", "rad/s"),
+        ("time", "µs", "us"),
+        ("temperature", "degrees Celsius", "degC"),
+        ("acceleration", "uT", None),
+    ],
+)
+def test_spellings_of_units(quantity, text, unit):
+    assert stated_unit(quantity, text) == unit
+
+
+def test_declared_names_win_and_the_rest_is_found():
+    names = "t ax ay az gx gy gz sx sy sz".split()
+    found = resolve(names, {"acceleration": ["sx", "sy", "sz"]})
+    assert found.acceleration == (7, 8, 9)
+    assert found.angular_rate == (4, 5, 6)
+    assert resolve(names, {"time": None}).time is None
+
+
+def test_unknown_name_lists_what_is_there_and_the_nearest():
+    names = "t ax ay az gyr_x gyr_y gyr_z".split()
+    with pytest.raises(ImuloopError, match=r"no column 'gyrx'; there are t, .*mean 'gyr_x'\?"):
+        resolve(names, {"angular_rate": ["gyrx", "gyr_y", "gyr_z"]})
+
+
+def test_two_accelerometers_must_be_told_apart():
+    names = "t ax ay az acc_x acc_y acc_z gx gy gz".split()
+    with pytest.raises(ImuloopError, match="ax/ay/az and acc_x/acc_y/acc_z both look like accel"):
+        resolve(names)
+    assert resolve(names, {"acceleration": ["ax", "ay", "az"]}).acceleration == (1, 2, 3)
+
+
+def test_missing_angular_rate_and_repeated_names():
+    with pytest.raises(ImuloopError, match="no columns of angular_rate found"):
+        resolve("t ax ay az".split())
+    with pytest.raises(ImuloopError, match="2 columns are named 'x'"):
+        resolve("t x x z gx gy gz".split(), {"acceleration": ["x", "x", "z"]})
+    with pytest.raises(ImuloopError, match="not a list of three"):
+        resolve("t ax ay az gx gy gz".split(), {"acceleration": "ax"})

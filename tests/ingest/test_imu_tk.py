@@ -1,0 +1,66 @@
+"""imu_tk's two files."""
+
+import numpy as np
+import pytest
+
+from imuloop.core.errors import ImuloopError
+
+COUNTS = {"acceleration": "count", "angular_rate": "count"}
+NOMINAL = {"acceleration": {"scale": 0.0024}, "angular_rate": {"scale": 2e-4, "offset": 32768}}
+
+
+@pytest.fixture
+def pair(log, tmp_path):
+    """The log as two files in imu_tk's number format."""
+    paths = [tmp_path / "acc.mat", tmp_path / "gyro.mat"]
+    for path, names in zip(paths, ["ax ay az", "gx gy gz"], strict=True):
+        np.savetxt(path, log[["t", *names.split()]], fmt="   %.7e")
+    return paths
+
+
+def test_both_files_make_one_table(log, run, pair):
+    done = run(*pair)
+    assert done.quality["status"] == "ok"
+    for name in log.columns:
+        np.testing.assert_allclose(done.samples[name], log[name], rtol=0, atol=5e-7)
+    assert set(done.metadata["sha256"]) == {"acc.mat", "gyro.mat"}
+
+
+def test_batches_do_not_matter(run, pair):
+    assert run(*pair).path.read_bytes() == run(*pair, batch_rows=30).path.read_bytes()
+
+
+def test_counts(log, run, pair):
+    done = run(*pair, units=COUNTS, nominal=NOMINAL)
+    np.testing.assert_allclose(done.samples.az, 0.0024 * log.az, atol=1e-8)
+    np.testing.assert_allclose(done.samples.gz, 2e-4 * (log.gz - 32768), atol=1e-8)
+    assert done.metadata["raw_units"]["acceleration"]["offset"] == 0
+
+
+def test_different_row_counts_are_rejected(run, pair):
+    lines = pair[1].read_text().splitlines(keepends=True)
+    pair[1].write_text("".join(lines[:-3]))
+    done = run(*pair, batch_rows=40)
+    assert done.quality["status"] == "rejected"
+    assert "acceleration file has 500 rows, the angular rate file 497" in done.quality["reasons"][0]
+    assert len(done.samples) == 0
+
+
+def test_different_clocks_are_rejected(log, run, pair):
+    np.savetxt(pair[1], log[["t", "gx", "gy", "gz"]] + [0.001, 0, 0, 0], fmt="%.7e")
+    done = run(*pair)
+    assert done.quality["status"] == "rejected"
+    assert (
+        "row 0: the acceleration is stamped 0.0, the angular rate 0.001"
+        in (done.quality["reasons"][0])
+    )
+
+
+def test_declared_columns_and_other_widths_are_refused(log, run, pair):
+    with pytest.raises(ImuloopError, match="fixed columns"):
+        run(*pair, columns={"time": 0})
+    np.savetxt(pair[1], log, fmt="%.7e")
+    with pytest.raises(ImuloopError, match="four columns t x y z, this one has 7"):
+        run(*pair)
+    with pytest.raises(ImuloopError, match="imu_tk is read from acceleration and angular_rate"):
+        run(pair[0], format="imu_tk")

@@ -1,0 +1,87 @@
+"""NetCDF logs."""
+
+import netCDF4
+import numpy as np
+import pytest
+
+from imuloop.core.errors import ImuloopError
+
+
+@pytest.fixture
+def write(log, tmp_path):
+    """Write the log as NetCDF; give its path."""
+
+    def call(units="seconds since 2021-09-20 08:52:00", order=("time", "axis"), kind="f8"):
+        path = tmp_path / "log.nc"
+        with netCDF4.Dataset(path, "w") as data:
+            data.createDimension("time", len(log))
+            data.createDimension("axis", 3)
+            for name, columns, unit in (
+                ("acceleration", ["ax", "ay", "az"], "m/s2"),
+                ("angular_velocity", ["gx", "gy", "gz"], "mrad/s"),
+                ("magnetic_density", ["gx", "gy", "gz"], "uT"),
+            ):
+                variable = data.createVariable(name, "f8", order)
+                values = log[columns].to_numpy()
+                variable[:] = values if order[0] == "time" else values.T
+                variable.units = unit
+            time = data.createVariable("time", kind, ("time",), fill_value=False)
+            time[:] = log.t if kind == "f8" else np.arange(len(log))
+            if units:
+                time.units = units
+            temperature = data.createVariable("temperature", "f8", ("time",))
+            temperature[:] = np.ma.masked_where(log.index == 9, 20.0 + log.t)
+            temperature.units = "C"
+        return path
+
+    return call
+
+
+@pytest.mark.parametrize("order", [("time", "axis"), ("axis", "time")])
+def test_variables_with_an_axis_units_and_dates(log, run, write, order):
+    done = run(write(order=order))
+    np.testing.assert_array_equal(done.samples.ay, log.ay)
+    np.testing.assert_allclose(done.samples.gz, 1e-3 * log.gz, rtol=1e-15)
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
+    np.testing.assert_array_equal(done.samples.temperature.isna(), log.index == 9)
+    assert done.metadata["start"] == "2021-09-20T08:52:00Z"
+    assert done.metadata["units"]["angular_rate"] == "mrad/s"
+    assert "1 temperatures are missing" in done.quality["warnings"]
+
+
+def test_batches_do_not_matter(run, write):
+    path = write()
+    assert run(path).path.read_bytes() == run(path, batch_rows=9).path.read_bytes()
+
+
+def test_whole_seconds_and_a_range_of_dates(run, write):
+    done = run(write(kind="i8"), time_range=["2021-09-20T08:53", "2021-09-20 08:56:00"])
+    assert len(done.samples) == 180
+    assert done.samples.t.iloc[-1] == 179
+    assert done.metadata["start"] == "2021-09-20T08:53:00Z"
+    assert done.quality["outside_time_range"] == 320
+
+
+def test_days_keep_nanoseconds(log, run, write):
+    log["t"] /= 86400
+    done = run(write(units="days since 2000-01-01"))
+    np.testing.assert_allclose(done.samples.t, np.arange(500) / 100, atol=1e-8)
+
+
+def test_plain_numbers_as_time(run, write, log):
+    np.testing.assert_array_equal(run(write(units="s")).samples.t, log.t)
+
+
+def test_declared_variables(log, run, write):
+    path = write()
+    columns = {"acceleration": "acceleration", "angular_rate": "magnetic_density"}
+    done = run(path, columns=columns, units={"angular_rate": "rad/s"})
+    np.testing.assert_array_equal(done.samples.gx, log.gx)
+    with pytest.raises(ImuloopError, match=r"no variable 'gyro' .*; there are acceleration"):
+        run(path, columns={"angular_rate": "gyro"})
+
+
+def test_a_file_that_is_none_is_rejected(run, tmp_path):
+    path = tmp_path / "log.nc"
+    path.write_text("no")
+    assert run(path).quality["reasons"] == ["the file is not a whole NetCDF file"]

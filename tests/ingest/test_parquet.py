@@ -1,0 +1,95 @@
+"""Parquet logs."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from imuloop.core.errors import ImuloopError
+
+
+def test_exact_and_independent_of_batches(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    log.to_parquet(path, index=False, row_group_size=37)
+    done = run(path)
+    pd.testing.assert_frame_equal(done.samples, log)
+    assert done.path.read_bytes() == run(path, batch_rows=11).path.read_bytes()
+
+
+def test_samples_go_round_exactly(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    rng = np.random.default_rng(3)
+    log[["ax", "ay", "az"]] = rng.normal(size=(500, 3))
+    log.to_parquet(path, index=False)
+    once = run(path)
+    kept = once.path.rename(tmp_path / "once.parquet")
+    pd.testing.assert_frame_equal(run(kept).samples, once.samples, check_exact=True)
+
+
+def test_what_a_simulated_log_says_is_passed_on(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    said = {"simulated": True, "units": {"acceleration": "m/s^2", "angular_rate": "deg/s"}}
+    table = pa.Table.from_pandas(log, preserve_index=False)
+    pq.write_table(table.replace_schema_metadata({b"imuloop": json.dumps(said).encode()}), path)
+    done = run(path)
+    assert done.metadata["simulated"] is True
+    assert done.quality["simulated"] is True
+    np.testing.assert_allclose(done.samples.gz, np.deg2rad(log.gz), rtol=1e-15)
+    declared = run(path, units={"angular_rate": "rad/s"})
+    assert declared.samples.gz.equals(log.gz)
+    assert declared.quality["warnings"][0] == (
+        "units.angular_rate is rad/s, the log says deg/s; rad/s used"
+    )
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+@pytest.mark.parametrize("zone", [None, "Europe/Rome"])
+def test_dates_as_stamps(log, run, tmp_path, unit, zone):
+    path = tmp_path / "log.parquet"
+    moments = pd.Timestamp("2024-03-01T12:00:00", tz="UTC") + pd.to_timedelta(log.t, unit="s")
+    moments = pd.Series(moments).dt.round("ms").dt.as_unit(unit)
+    log["t"] = moments.dt.tz_convert(zone) if zone else moments.dt.tz_localize(None)
+    log.to_parquet(path, index=False)
+    done = run(path)
+    np.testing.assert_array_equal(done.samples.t, np.arange(500) * 10_000_000 * 1e-9)
+    assert done.metadata["start"] == "2024-03-01T12:00:00Z"
+    assert done.metadata["units"]["time"] == "ISO 8601"
+
+
+def test_whole_number_types(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    raw = (log[["ax", "ay", "az", "gx", "gy", "gz"]] * 1000).round().astype(np.int16)
+    raw.insert(0, "t", pa.array(range(500), pa.uint32()).to_pandas())
+    raw.to_parquet(path, index=False)
+    nominal = {"acceleration": {"scale": 1e-3}, "angular_rate": {"scale": 1e-3}}
+    done = run(
+        path,
+        units={"time": "ms", "acceleration": "count", "angular_rate": "count"},
+        nominal=nominal,
+        time_range=None,
+    )
+    # half a second is too short, and says so
+    assert done.quality["status"] == "rejected"
+    raw["t"] *= 10
+    raw.to_parquet(path, index=False)
+    done = run(
+        path,
+        units={"time": "ms", "acceleration": "count", "angular_rate": "count"},
+        nominal=nominal,
+    )
+    np.testing.assert_array_equal(done.samples.ax, raw.ax * 1e-3)
+
+
+def test_wrong_files_and_columns(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    path.write_bytes(b"PAR1 and then nothing")
+    done = run(path)
+    assert done.quality["status"] == "rejected"
+    assert done.quality["reasons"] == ["the file is not a whole Parquet file"]
+    log["ax"] = "text"
+    log.to_parquet(path, index=False)
+    with pytest.raises(ImuloopError, match=r"column 'ax' holds .*string, not numbers"):
+        run(path)

@@ -1,0 +1,181 @@
+"""Quality figures against logs with faults of known size."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def measured(log, run, tmp_path):
+    """Quality of the log after a change."""
+
+    def call(**declared):
+        log.to_csv(tmp_path / "log.csv", index=False)
+        return run(tmp_path / "log.csv", **declared).quality
+
+    return call
+
+
+def test_a_good_log(measured):
+    found = measured()
+    assert (found["status"], found["reasons"], found["warnings"]) == ("ok", [], [])
+    assert (found["rows"], found["gaps"]["count"]) == (500, 0)
+    assert found["duration_s"] == pytest.approx(4.99)
+    assert found["rate_hz"] == pytest.approx(100)
+    assert found["jitter"]["max_s"] < 1e-12
+    assert found["constant"] == []
+    assert found["mean_specific_force"] == pytest.approx(9.8025, abs=2e-3)
+
+
+def test_gaps_and_rate_beside_them(log, measured):
+    log.loc[100:, "t"] += 0.5
+    log.loc[300:, "t"] += 0.01
+    found = measured()
+    assert found["rate_hz"] == pytest.approx(100)
+    assert found["gaps"]["count"] == 2
+    assert found["gaps"]["total_s"] == pytest.approx(0.53)
+    assert found["gaps"]["list"][0]["start_s"] == pytest.approx(0.99)
+    assert found["gaps"]["list"][0]["duration_s"] == pytest.approx(0.51)
+    assert found["gaps"]["list"][1]["duration_s"] == pytest.approx(0.02)
+    assert found["warnings"] == ["2 gaps, 0.53 s together"]
+
+
+def test_at_most_fifty_gaps_are_listed(log, measured):
+    log["t"] += np.floor(log.index / 5) * 0.01
+    found = measured()
+    assert found["gaps"]["count"] == 99
+    assert len(found["gaps"]["list"]) == 50
+
+
+def test_rate_of_stamps_rounded_to_milliseconds(log, measured):
+    # 104 Hz in whole milliseconds: steps of 9 and 10 ms, whose median alone is 4 % off
+    log["t"] = np.round(np.arange(500) / 104, 3)
+    found = measured()
+    assert found["rate_hz"] == pytest.approx(104, rel=1e-3)
+    steps = np.diff(log.t)
+    assert found["jitter"]["std_s"] == pytest.approx(steps.std(), rel=1e-6)
+    assert found["jitter"]["max_s"] == pytest.approx(1e-3)
+
+
+def test_figures_over_row_groups_are_those_of_one(log, measured, monkeypatch):
+    log.loc[100:, "t"] += 0.5
+    whole = measured()
+    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 64)
+    parts = measured()
+    assert parts["gaps"]["list"] == whole["gaps"]["list"]
+    assert parts["gaps"]["count"] == whole["gaps"]["count"] == 1
+    assert parts["rate_hz"] == pytest.approx(whole["rate_hz"], rel=1e-12)
+    assert parts["mean_specific_force"] == pytest.approx(whole["mean_specific_force"], rel=1e-12)
+    assert parts["duration_s"] == pytest.approx(whole["duration_s"], rel=1e-12)
+
+
+def test_clipping(log, measured):
+    log.loc[5:8, "ax"] = [16.0, -15.9, 15.68, 15.6]
+    found = measured(full_scale={"acceleration": 16.0})
+    assert found["clipped"]["ax"] == 3
+    assert found["clipped"]["ay"] == 0
+    # undeclared is unknown, not none
+    assert found["clipped"]["gx"] is None
+    assert found["warnings"] == ["samples at the end of the full scale: ax 3"]
+
+
+def test_constant_channels(log, measured):
+    log["gy"] = 0.25
+    found = measured()
+    assert (found["status"], found["constant"]) == ("ok", ["gy"])
+    assert found["warnings"] == ["gy never change"]
+    log[["ax", "ay", "az"]] = [0, 0, 9.8]
+    found = measured()
+    assert found["status"] == "rejected"
+    assert found["reasons"] == ["the acceleration never changes: the sensor was not read"]
+
+
+def test_quantisation_step(log, measured):
+    log["gx"] = np.round(log.gx / 0.00106) * 0.00106
+    log["ax"] = np.random.default_rng(2).normal(size=500)
+    found = measured()["quantisation_step"]
+    assert found["gx"] == pytest.approx(0.00106)
+    assert found["ax"] is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "hint"),
+    [
+        ("m/s^2", 1 / 9.80665, "taken as m/s^2, it looks like g"),
+        ("m/s^2", 1e3 / 9.80665, "taken as m/s^2, it looks like mg"),
+        ("g", 1, "taken as g, it looks like m/s^2"),
+        ("m/s^2", 400, "see units.acceleration"),
+        ("m/s^2", 0.01, "has gravity been taken out"),
+    ],
+)
+def test_the_wrong_unit_of_acceleration_is_told(log, measured, unit, factor, hint):
+    log[["ax", "ay", "az"]] *= factor
+    found = measured(units={"acceleration": unit})
+    assert hint in found["warnings"][0]
+
+
+def test_an_impossible_turn_is_told(log, measured):
+    log["gx"] = 40 + log.gx
+    assert "too much for a turn by hand" in measured()["warnings"][0]
+
+
+def test_a_declared_rate_that_the_stamps_deny(measured):
+    assert measured(rate=50)["warnings"] == [
+        "the stamps give 100 Hz, declared are 50 Hz; stamps used"
+    ]
+
+
+def test_the_wrong_unit_of_time_is_rejected_with_the_right_one(log, measured):
+    log["t"] = np.arange(500) * 10_000
+    found = measured()
+    assert found["status"] == "rejected"
+    assert "a million times smaller" in found["reasons"][0]
+
+
+def test_too_short(log, run, tmp_path):
+    log[:99].to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    assert done.quality["reasons"] == ["99 usable rows, at least 100 needed"]
+    assert len(done.samples) == 0
+    log[:150].to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    assert done.quality["reasons"] == ["the log lasts 1.49 s, at least 2 s needed"]
+
+
+@pytest.mark.parametrize(("bad", "status"), [(25, "ok"), (26, "rejected")])
+def test_the_share_that_may_be_lost(log, measured, bad, status):
+    log.loc[: bad - 1, "gz"] = np.nan
+    found = measured()
+    assert found["status"] == status
+    assert found["non_finite"] == bad
+    if bad == 26:
+        assert "26 of 500 rows (5.2%) cannot be used" in found["reasons"][0]
+
+
+def test_stamps_too_coarse(log, measured):
+    log["t"] = np.floor(log.t)
+    assert "495 with a repeated stamp" in measured()["reasons"][0]
+
+
+def test_no_finite_data(log, measured):
+    log[["ax", "gy"]] = np.nan
+    found = measured()
+    assert found["status"] == "rejected"
+    assert "500 with missing or non-finite values" in found["reasons"][0]
+    assert found["rate_hz"] is None
+    assert found["missing_values"] == {"ax": 500, "ay": 0, "az": 0, "gx": 0, "gy": 500, "gz": 0}
+
+
+def test_a_step_of_the_clock_is_rejected(log, measured):
+    log["t"] = np.r_[log.t[:100] + 100, log.t[100:]]
+    assert "400 with a stamp before an earlier one" in measured()["reasons"][0]
+
+
+def test_missing_temperatures_stay_missing(log, run, tmp_path):
+    log["temp"] = np.where(log.index % 10, np.nan, 25.0)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    assert done.quality["rows"] == 500
+    assert done.quality["missing_values"]["temperature"] == 450
+    assert done.samples.temperature.notna().sum() == 50
+    assert done.quality["constant"] == ["temperature"]
+    assert done.quality["temperature_range"] == [25.0, 25.0]
