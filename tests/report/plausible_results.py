@@ -1,0 +1,337 @@
+"""A results folder as the stages leave it: four devices, one of each kind that a report meets.
+
+`board` is complete; `still` has only a static session and a hostile label; `partly` has a
+rejected session; of `nothing` every session was rejected.
+"""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from imuloop.core.effect import FittedEffect
+from imuloop.core.files import write_json
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.samples import CHANNELS, schema
+from imuloop.core.segments import segment_table, write_segments
+from imuloop.core.units import RawUnit
+
+HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
+DEVICES = {
+    "board": (
+        "Board A",
+        {"long": "static", "faces": "six_position", "turns": "multi_position"},
+    ),
+    "still": (HOSTILE, {"night": "static"}),
+    "partly": ("_Board B $\\frac{1}{2}$", {"rest": "static", "turns": "multi_position"}),
+    "nothing": ("Board C", {"turns": "multi_position"}),
+}
+REJECTED = {("partly", "turns"), ("nothing", "turns")}
+RATE = 20.0
+UNIT_A, UNIT_G = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", np.pi / 180)
+N, B = {"a": 8e-4, "g": 7e-5}, {"a": 3e-4, "g": 2e-5}
+
+
+def write_results(folder):
+    """Write results/<device>/… of all devices into `folder`; return {device: (label, kinds)}."""
+    for seed, (device, (_, sessions)) in enumerate(DEVICES.items()):
+        rng = np.random.default_rng(seed)
+        for session, kind in sessions.items():
+            _session(folder / device, device, session, kind, rng)
+        _device(folder / device, device, sessions, rng)
+    return DEVICES
+
+
+def _session(folder, device, session, kind, rng):
+    path = folder / session
+    path.mkdir(parents=True)
+    rejected = (device, session) in REJECTED
+    t = np.arange(0, 0 if rejected else 900 if kind == "static" else 240, 1 / RATE)
+    if kind == "static" and len(t):
+        t = t[(t < 300) | (t > 320)]
+    samples, edges = _signal(t, kind, rng)
+    metadata = {
+        "device": device,
+        "session": session,
+        "kind": kind,
+        "source": {"file": f"data/{session}.csv"},
+        "sha256": {f"{session}.csv": f"{len(t):064x}"},
+        "units": {"time": "s", "acceleration": "count", "angular_rate": "deg/s"},
+        "raw_units": {},
+        "simulated": device == "still",
+        "start": None,
+    }
+    table = pa.Table.from_pandas(samples, preserve_index=False)
+    pq.write_table(
+        table.replace_schema_metadata(schema(False, metadata).metadata), path / "samples.parquet"
+    )
+    start, end, kinds, poses = edges
+    segments = segment_table(samples, start, end, kinds, poses)
+    chosen = {"multiples": [6.0, 12.0], "short_rests": 2}
+    write_segments(path / "segments.parquet", segments, chosen)
+    reasons = ["angular rate: 'gx' is constant over all 4,800 rows; log it again"]
+    write_json(
+        path / "quality.json",
+        {
+            "status": "rejected" if rejected else "ok",
+            "reasons": reasons if rejected else [],
+            "rows": len(t),
+            "duration_s": t[-1] if len(t) else 0.0,
+            "rate_hz": RATE,
+            "warnings": ["1 gaps, 20 s together <i>"] if kind == "static" else [],
+            "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
+            "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
+            "duplicates": 0,
+            "out_of_order": 0,
+            "non_finite": 3,
+            "bad_lines": 0,
+            "outside_time_range": 0,
+            "clipped": dict.fromkeys(CHANNELS, None),
+            "temperature_range": None,
+            "treatment": "Rows that are not finite are dropped and counted.",
+            "constant": [],
+            "simulated": device == "still",
+        },
+    )
+    if kind == "static" and not rejected:
+        _allan(list(DEVICES).index(device)).to_parquet(path / "allan.parquet")
+
+
+def _signal(t, kind, rng):
+    """Return samples, and the edges, kinds and poses of their stretches."""
+    x = rng.normal(size=(len(t), 6)) * ([4e-3] * 3 + [4e-4] * 3)
+    if kind == "static":
+        x[:, 2] += 9.8
+        x[(t > 600) & (t < 606), 0] += 0.4
+        edges = (
+            [0, 300, 320, 600, 606],
+            [300, 320, 600, 606, 900],
+            ["static", "gap", "static", "disturbed", "static"],
+            [0, -1, 0, -1, 0],
+        )
+    else:
+        count = 6 if kind == "six_position" else 24
+        length = 240 / count
+        if kind == "six_position":
+            up = np.concatenate([np.eye(3), -np.eye(3)])
+        else:
+            up = rng.normal(size=(count, 3))
+            up /= np.linalg.norm(up, axis=1, keepdims=True)
+        pose = np.minimum((t / length).astype(int), count - 1)
+        moving = t - pose * length > length - 3
+        x[:, :3] += 9.8 * up[pose] + moving[:, None] * rng.normal(size=(len(t), 3)) * 3
+        x[:, 3:] += moving[:, None] * rng.normal(size=(len(t), 3))
+        start = np.repeat(np.arange(count) * length, 2) + np.tile([0, length - 3], count)
+        kinds = ["static", "motion"] * count
+        poses = np.where(np.arange(2 * count) % 2, -1, np.arange(2 * count) // 2)
+        edges = start, [*start[1:], 240.0], kinds, poses
+    if not len(t):
+        edges = [], [], [], []
+    return pd.DataFrame(np.column_stack([t, x]), columns=["t", *CHANNELS]), edges
+
+
+def _allan(place):
+    tau = np.geomspace(0.1, 300, 30)
+    rows = []
+    for i, axis in enumerate(CHANNELS):
+        adev = np.sqrt(N[axis[0]] ** 2 / tau + 0.44 * B[axis[0]] ** 2) * (1 + 0.2 * i + 0.5 * place)
+        width = 1 + 0.4 * tau / 300
+        for stage, factor in (("raw", 1.1), ("corrected", 1.0)):
+            rows.append(
+                pd.DataFrame(
+                    {
+                        "axis": axis,
+                        "tau_s": tau,
+                        "adev": adev * factor,
+                        "ci_low": adev / width,
+                        "ci_high": adev * width,
+                        "edf": 900 / tau,
+                        "stage": stage,
+                    }
+                )
+            )
+    return pd.concat(rows, ignore_index=True)
+
+
+def _coefficient(value):
+    if value is None:
+        return {"value": None, "ci95": None, "upper95": 3e-6, "identifiable": False}
+    interval = [0.95 * value, 1.05 * value]
+    return {"value": value, "ci95": interval, "upper95": 1.04 * value, "identifiable": True}
+
+
+def _noise(device, known):
+    nothing = {"value": None, "ci95": None, "upper95": None, "identifiable": False}
+    worse = 1 + 0.5 * list(DEVICES).index(device)
+    axes = {
+        axis: {
+            **{k: _coefficient(None) if known else nothing for k in "QNBKR"},
+            **(
+                {"N": _coefficient(N[axis[0]] * worse), "B": _coefficient(B[axis[0]] * worse)}
+                if known
+                else {}
+            ),
+            "gauss_markov": [],
+            "sinusoid": [],
+        }
+        for axis in CHANNELS
+    }
+    keys = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
+    session = next(iter(DEVICES[device][1]))
+    statistics = {axis: dict.fromkeys(keys, 0.0123456) for axis in CHANNELS}
+    return {
+        "format": 1,
+        "device": device,
+        "axes": axes,
+        "statistics": {session: statistics} if known else {},
+        "sessions": [session] if known else [],
+        "notes": ["K would need a record of 40 h"] if known else ["no rest is long enough"],
+    }
+
+
+def _fitted(unit, names, effects=(), method="multi_position", seed=0):
+    rng = np.random.default_rng(seed)
+    upper = [name for name in names if name.startswith("T")]
+    T = np.eye(3)
+    for name in upper:
+        T[int(name[1]), int(name[2])] = rng.normal() * 5e-3
+    K = unit.scale * (1 + rng.normal(size=3) * 4e-3)
+    b = unit.offset + rng.normal(size=3) * 0.05 / unit.scale
+    std = {"T": 1e-4, "K": 2e-4 * unit.scale, "b": 2e-3 / unit.scale}
+    root = np.diag([std[name[0]] for name in names])
+    mix = np.eye(len(names)) + 0.3 * rng.normal(size=(len(names),) * 2) / len(names)
+    covariance = root @ mix @ mix.T @ root
+    return SensorCalibration(unit, T, K, b, names, covariance, effects, method, None, 1.1)
+
+
+def _device(folder, device, sessions, rng):
+    base = tuple(f"{p}{i}" for p in "Kb" for i in range(3))
+    upper, full = ("T01", "T02", "T12"), ("T01", "T02", "T10", "T12", "T20", "T21")
+    none = "9 poses found, 12 needed: hold at least 3 more attitudes"
+    bias = ("b0", "b1", "b2")
+    six = Calibration(
+        device,
+        9.80665,
+        SensorCalibration.nominal(UNIT_A, none),
+        SensorCalibration.nominal(UNIT_G, none),
+    )
+    multi, final, diagnosis = six, six, {"accelerometer": {}, "gyroscope": {}}
+    blank = {"residuals": {}, "effects": [], "candidates": []}
+    poses = {s: {"verdict": "not_testable", "why": none, **blank} for s in diagnosis}
+    if device == "board":
+        gain = {f"G{i}{j}": 1e-4 * rng.normal() for i in range(3) for j in range(3)}
+        effect = FittedEffect("g_sensitivity", gain, dict.fromkeys(gain, 2e-6))
+        faces = _fitted(UNIT_A, full + base, method="six_position", seed=3)
+        six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, bias, method="static"))
+        force = _fitted(UNIT_A, upper + base, seed=1)
+        turn = _fitted(UNIT_G, full + base, seed=2)
+        multi = Calibration(device, 9.80665, force, turn)
+        final = multi.with_effects(gyroscope=(effect,))
+        poses = _poses(effect, rng)
+    elif device in ("still", "partly"):
+        turn = _fitted(UNIT_G, bias, method="static", seed=4)
+        multi = final = Calibration(device, 9.80665, six.accelerometer, turn)
+    still = {sensor: _static(sensor, sessions, device, rng) for sensor in diagnosis}
+    diagnosis = {s: {"poses": poses[s], "static_record": still[s]} for s in diagnosis}
+    six.to_json(folder / "six_position.json")
+    multi.to_json(folder / "multi_position.json")
+    final.to_json(folder / "calibration.json")
+    write_json(folder / "noise.json", _noise(device, known=device != "nothing"))
+    write_json(folder / "diagnosis.json", {"format": 1, "device": device, "sensors": diagnosis})
+
+
+def _poses(effect, rng):
+    """Return the diagnosis of poses: accelerometer consistent, gyroscope explained."""
+
+    def points(kind, before, after, floor):
+        return [
+            {
+                "residual": kind,
+                "index": i,
+                "start_s": 10.0 * i,
+                "direction": [0.0, 0.0, 1.0],
+                "before": before * rng.normal(),
+                "after": after * rng.normal(),
+                "floor": floor,
+            }
+            for i in range(24)
+        ]
+
+    def residual(unit, before, after, floor):
+        return {
+            "unit": unit,
+            "n": 24,
+            "floor": floor,
+            "before": before,
+            "after": after,
+            "chi2_before": (before / floor) ** 2,
+            "chi2_after": (after / floor) ** 2,
+        }
+
+    found = {
+        "name": effect.name,
+        "parameters": effect.values,
+        "std": effect.std,
+        "unit": "rad/s per m/s^2",
+        "p_value": 1e-12,
+        "residual": "rotation",
+        "heldout_before": 9.1e-3,
+        "heldout_after": 2.4e-3,
+        "ratio_ci95": [0.2, 0.35],
+    }
+    candidate = {
+        "name": effect.name,
+        "status": "added",
+        "why": "lowers the residual in the fit and on held-out poses",
+        "p_value": 1e-12,
+        "heldout_after": 2.4e-3,
+        "detection_limit": {"G00": 2e-5},
+    }
+    other = {"name": "bias_temperature", "status": "not_available", "why": "no <b>temperature</b>"}
+    return {
+        "accelerometer": {
+            "verdict": "consistent",
+            "residuals": {"gravity_norm": residual("m/s^2", 1.6e-3, 1.6e-3, 1.5e-3)},
+            "effects": [],
+            "candidates": [other],
+            "points": points("gravity_norm", 1.6e-3, 1.6e-3, 1.5e-3),
+        },
+        "gyroscope": {
+            "verdict": "explained",
+            "residuals": {
+                "pose_rate": residual("rad/s", 2e-3, 2e-4, 1.8e-4),
+                "rotation": residual("rad", 9.1e-3, 2.4e-3, 2.1e-3),
+            },
+            "effects": [found],
+            "candidates": [candidate],
+            "points": points("pose_rate", 2e-3, 2e-4, 1.8e-4)
+            + points("rotation", 9.1e-3, 2.4e-3, 2.1e-3),
+        },
+    }
+
+
+def _static(sensor, sessions, device, rng):
+    """Return the diagnosis of a static record."""
+    session = next((s for s, kind in sessions.items() if kind == "static"), None)
+    blank = {"effects": [], "candidates": []}
+    if session is None:
+        return {"verdict": "not_testable", "why": "no static session", "residuals": {}, **blank}
+    size, unit = (1e-3, "m/s^2") if sensor == "accelerometer" else (3e-5, "rad/s")
+    values = rng.normal(size=(15, 3)) * size
+    points = [
+        {
+            "residual": "bias",
+            "index": i,
+            "session": session,
+            "start_s": 60.0 * i,
+            "before": float(np.linalg.norm(v)),
+            "after": float(np.linalg.norm(v)),
+            "values": v,
+            "floor": size * 3**0.5,
+        }
+        for i, v in enumerate(values)
+    ]
+    residual = {"unit": unit, "n": 15, "floor": size, "before": size, "after": size}
+    residual |= {"chi2_before": 1.0, "chi2_after": 1.0}
+    verdict = "unexplained" if device == "still" else "consistent"
+    return {"verdict": verdict, "residuals": {"bias": residual}, "points": points, **blank}

@@ -1,0 +1,125 @@
+"""The calibration's parameters with σ, methods side by side, and the model as it is stored."""
+
+import numpy as np
+
+from imuloop.report.numbers import (
+    DEGREE_PER_SECOND,
+    MILLI_G,
+    MILLIRADIAN,
+    PERCENT,
+    number,
+    with_sigma,
+)
+from imuloop.report.results import XYZ, base_parameters
+from imuloop.report.table import Table
+
+METHODS = {
+    "six_position": "Six-position",
+    "multi_position": "Multi-position",
+    "final": "Final, with effects",
+}
+METHOD_WORDS = {
+    "multi_position": "poses in many attitudes",
+    "six_position": "six faces",
+    "static": "rests only: bias alone",
+    "nominal": "data sheet, nothing estimated",
+}
+BIAS = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
+
+
+def parameter_table(device, sensor):
+    """Return a sensor's parameters, a column a method, value ± σ."""
+    methods = {m: c for m, c in device.calibrations.items()}
+    columns = {m: _cells(getattr(c, sensor), BIAS[sensor]) for m, c in methods.items()}
+    names = list(next(iter(columns.values()))) if columns else []
+    head = [
+        (
+            "Method",
+            "",
+            *(METHOD_WORDS[getattr(c, sensor).method] for c in methods.values()),
+        ),
+        (
+            "Reduced χ²",
+            "1",
+            *(number(getattr(c, sensor).reduced_chi2) for c in methods.values()),
+        ),
+    ]
+    rows = [(*name, *(cells[name] for cells in columns.values())) for name in names]
+    return Table(
+        f"{sensor.capitalize()}: parameters, value ± 1 σ",
+        ("Parameter", "Unit", *(METHODS[m] for m in methods)),
+        (*head, *rows),
+        "Bias: what it reads when it should read zero. Scale factor error: how far a unit of its "
+        "output is from a true unit. Misalignment ij: how much of axis j shows on axis i. "
+        "“(not estimated)”: the data do not determine it. "
+        "Reduced χ² near 1: the fit is as good as the noise allows.",
+    )
+
+
+def _cells(sensor, bias_display):
+    """Return the parameters of one calibration as text by (name, unit)."""
+    base, estimated = base_parameters(sensor), set(sensor.names)
+    cells = {}
+    for key, words, letter, display in (
+        ("bias", "Bias", "b", bias_display),
+        ("scale", "Scale factor error", "K", PERCENT),
+    ):
+        value, sigma = base[key]
+        for i, axis in enumerate(XYZ):
+            cells[f"{words} {axis}", display.unit] = (
+                with_sigma(value[i] * display.factor, sigma[i] * display.factor)
+                if f"{letter}{i}" in estimated
+                else "(not estimated)"
+            )
+    for (i, j), (value, sigma) in base["misalignment"].items():
+        if f"T{i}{j}" in estimated:
+            text = with_sigma(value * 1e3, sigma * 1e3)
+        else:
+            text = "0 (by definition)" if estimated & {"T01", "K0"} else "(not estimated)"
+        cells[f"Misalignment {XYZ[i]}{XYZ[j]}", MILLIRADIAN.unit] = text
+    return cells
+
+
+def reasons(device):
+    """Return why parts of the calibration could not be made: (method, sensor, reason)."""
+    return [
+        (METHODS[method], sensor, getattr(calibration, sensor).not_testable)
+        for method, calibration in device.calibrations.items()
+        for sensor in ("accelerometer", "gyroscope")
+        if getattr(calibration, sensor).not_testable
+    ]
+
+
+def model_table(device, sensor):
+    """Return T, K and b of the final calibration as calibration.json stores them."""
+    calibration = device.calibrations.get("final")
+    if calibration is None:
+        return None
+    s = getattr(calibration, sensor)
+    si = "m/s²" if sensor == "accelerometer" else "rad/s"
+    rows = [
+        (f"T, row {axis}", "1", *(f"{v:.8g}" for v in row))
+        for axis, row in zip(XYZ, s.T, strict=True)
+    ]
+    rows += [
+        ("K", f"{si} per {s.raw_unit.name}", *(f"{v:.8g}" for v in s.K)),
+        ("b", s.raw_unit.name, *(f"{v:.8g}" for v in s.b)),
+    ]
+    return Table(
+        f"{sensor.capitalize()}: final model x = T (K (raw − b) − e), to copy",
+        ("Symbol", "Unit", *XYZ),
+        tuple(tuple(c.replace("-", "−") for c in row) for row in rows),
+    )
+
+
+def strongest_correlation(sensor):
+    """Return the two parameters that the data tell apart worst, and their correlation."""
+    if sensor.covariance is None or len(sensor.names) < 2:
+        return None
+    std = np.sqrt(np.diag(sensor.covariance))
+    if not (std > 0).all():
+        return None
+    r = sensor.covariance / np.outer(std, std)
+    np.fill_diagonal(r, 0)
+    i, j = np.unravel_index(np.abs(r).argmax(), r.shape)
+    return sensor.names[i], sensor.names[j], float(r[i, j])

@@ -1,0 +1,99 @@
+"""All devices in one picture: Allan curves of one axis, biases and scale factor errors."""
+
+import numpy as np
+
+from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, PERCENT, number
+from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.svg import AXES, INK, PALETTE, Picture, decades, draw
+
+UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
+DASHES = ("-", "--", ":")
+INTERVALS = {
+    "accelerometer_bias": ("accelerometer bias", MILLI_G),
+    "accelerometer_scale": ("accelerometer scale factor error", PERCENT),
+    "gyroscope_bias": ("gyroscope bias", DEGREE_PER_SECOND),
+    "gyroscope_scale": ("gyroscope scale factor error", PERCENT),
+}
+
+
+def line_style(index):
+    """Return colour number and dash number of the device at that place; distinct up to 21."""
+    return index % len(PALETTE), index // len(PALETTE) % len(DASHES)
+
+
+def allan_comparison(summaries):
+    """Return six pictures: the Allan deviation of one axis, a line a device."""
+    pictures = []
+    for sensor, channels in SENSORS.items():
+        for axis, channel in zip(XYZ, channels, strict=True):
+            curves = [
+                (i, s["label"], np.array(c["tau_s"], float), np.array(c["adev"], float))
+                for i, s in enumerate(summaries)
+                if (c := s["allan"].get(channel)) and len(c["tau_s"])
+            ]
+            if curves:
+                pictures.append(_allan_picture(sensor, axis, channel, curves))
+    return pictures
+
+
+def _allan_picture(sensor, axis, channel, curves):
+    def plot(ax):
+        for i, _, tau, adev in curves:
+            colour, dash = line_style(i)
+            ax.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
+        decades(ax.xaxis)
+        decades(ax.yaxis)
+        ax.set_xlabel("averaging time τ, s")
+        ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
+
+    lowest = sorted((adev.min(), tau[adev.argmin()], label) for _, label, tau, adev in curves)
+    best = lowest[0]
+    caption = (
+        f"{sensor.capitalize()} {axis}: {best[2]} gets lowest, {number(best[0])} {UNITS[sensor]} "
+        f"at {number(best[1], 2)} s"
+    )
+    if len(lowest) > 1:
+        caption += f"; {lowest[-1][2]} stays highest, {number(lowest[-1][0])} {UNITS[sensor]}"
+    name = f"comparison.allan_{channel}"
+    alt = f"Allan deviation of {sensor} {axis}: " + "; ".join(
+        f"{label} lowest {a:.3g} {UNITS[sensor]} at {t:.3g} s" for a, t, label in lowest
+    )
+    return Picture(name, draw(name, alt, 380, 270, plot), f"{caption}.", "", ())
+
+
+def interval_comparison(summaries, csv):
+    """Return pictures of bias and scale factor error with 95 % intervals, a row a device."""
+    return [
+        _interval_picture(key, words, display, rows, csv)
+        for key, (words, display) in INTERVALS.items()
+        if (rows := [(s["label"], s["axes"][key]) for s in summaries if key in s["axes"]])
+    ]
+
+
+def _interval_picture(key, words, display, rows, csv):
+    count = len(rows)
+
+    def plot(ax):
+        ax.axvline(0, color=INK, lw=0.8)
+        for i, (colour, mark) in enumerate(zip(AXES, "os^", strict=True)):
+            value = np.array([r["value"][i] for _, r in rows], float) * display.factor
+            std = np.array([r["std"][i] for _, r in rows], float) * display.factor
+            place = np.arange(count) + 0.2 * (i - 1)
+            ax.errorbar(
+                value, place, xerr=1.96 * np.nan_to_num(std), fmt=mark, color=colour, ms=5, lw=1.5
+            )
+            ax.plot([], [], mark, color=colour, ms=5, label=XYZ[i])
+        names = [label if len(label) <= 22 else label[:21] + "…" for label, _ in rows]
+        ax.set_yticks(range(count), names)
+        ax.set_ylim(count - 0.5, -0.5)
+        ax.set_xlabel(f"{words}, {display.unit}")
+        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1, 1), borderpad=0.2)
+
+    size = [(max(abs(v) for v in r["value"]) * display.factor, label) for label, r in rows]
+    caption = f"{words.capitalize()}, largest axis: " + ", ".join(
+        f"{label} {number(v)} {display.unit}" for v, label in sorted(size)
+    )
+    name = f"comparison.{key}"
+    svg = draw(name, caption, 380, 90 + 34 * count, plot, margins=(140, 12, 28, 42))
+    note = "Bars: 95 % interval; where none shows, it is smaller than the mark."
+    return Picture(name, svg, f"{caption}.", note, (csv,))

@@ -1,0 +1,66 @@
+"""The report: one HTML file of all devices, and the comparison as CSV."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+from markupsafe import Markup
+
+from imuloop.core.files import read_json, replaced
+from imuloop.report.comparison import COLUMNS, cells, write_comparison
+from imuloop.report.comparison_plot import allan_comparison, interval_comparison, line_style
+from imuloop.report.section import render
+from imuloop.report.verdict import PARTS, WORDS
+
+
+def write_report(*, sections, summaries, template, style, provenance, report_path, comparison_path):
+    """Write the report and the comparison of all devices.
+
+    Parameters
+    ----------
+    sections, summaries : sequence of path-like
+        Section and summary of each device, in the order to show them.
+    template, style : path-like
+        ``report.html.j2`` and ``style.css``.
+    provenance : dict
+        What made the report: `commit`, `command`, `versions`, `config` (resolved), …; single
+        values become rows of a table, mappings are printed as YAML.
+    report_path, comparison_path : path-like
+        HTML and CSV file to write.
+    """
+    devices = [read_json(path) for path in summaries]
+    rows = zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)
+    html = render(
+        template,
+        style=Markup(Path(style).read_text(encoding="utf-8")),
+        # written by this stage from escaped text
+        sections=[Markup(Path(path).read_text(encoding="utf-8")) for path in sections],
+        devices=devices,
+        rows=list(rows),
+        columns=COLUMNS,
+        verdict_words=WORDS,
+        parts=PARTS,
+        allan=allan_comparison(devices),
+        intervals=interval_comparison(devices, Path(comparison_path).name),
+        styles=[line_style(i) for i in range(len(devices))],
+        comparison=Path(comparison_path).name,
+        facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
+        texts={
+            k: yaml.safe_dump(_plain(v), sort_keys=False, allow_unicode=True)
+            for k, v in provenance.items()
+            if isinstance(v, Mapping)
+        },
+    )
+    with replaced(comparison_path) as temporary:
+        write_comparison(temporary, devices)
+    with replaced(report_path) as temporary:
+        temporary.write_text(html, encoding="utf-8", newline="\n")
+
+
+def _plain(value):
+    """Return nested mappings and sequences as plain dictionaries and lists."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)

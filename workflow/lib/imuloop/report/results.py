@@ -1,0 +1,183 @@
+"""What the stages found out about a device, read from its folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.files import read_json
+from imuloop.core.model import Calibration
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, read_metadata, read_samples
+from imuloop.core.segments import read_segments
+
+SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
+XYZ = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Session:
+    """One session of a device.
+
+    Attributes
+    ----------
+    name, kind : str
+        As in the config.
+    quality : dict
+        Content of quality.json.
+    source : dict
+        Metadata of the samples: source, hashes, units.
+    samples_path : Path
+        The samples.
+    segments : DataFrame
+        Segments; empty for a rejected session.
+    segmentation : dict
+        What the segmentation chose.
+    allan : DataFrame or None
+        Allan deviation, where it was computed.
+    """
+
+    name: str
+    kind: str
+    quality: dict
+    source: dict
+    samples_path: Path
+    segments: pd.DataFrame
+    segmentation: dict
+    allan: pd.DataFrame | None
+
+    @property
+    def rejected(self):
+        """Whether the session could not be used."""
+        return self.quality.get("status") != "ok"
+
+    @property
+    def poses(self):
+        """Mean of each pose over its rests, six channels, SI; a row a pose."""
+        rests = self.segments[self.segments["pose"] >= 0]
+        means = rests[[f"{c}_mean" for c in CHANNELS]].mul(rests["n"], axis=0)
+        grouped = means.groupby(rests["pose"]).sum()
+        return grouped.div(rests["n"].groupby(rests["pose"]).sum(), axis=0)
+
+    def samples(self, columns):
+        """Return the samples, only the columns named."""
+        return read_samples(self.samples_path, columns)
+
+
+@dataclass(frozen=True)
+class Device:
+    """All results of one device.
+
+    Attributes
+    ----------
+    name, label : str
+        As in the config.
+    folder : Path
+        Its results.
+    sessions : tuple of Session
+        In the config's order.
+    calibrations : dict of str to Calibration
+        By method: ``six_position``, ``multi_position``, ``final``; only those that exist.
+    noise, diagnosis : dict
+        Content of noise.json and diagnosis.json; empty where there is none.
+    """
+
+    name: str
+    label: str
+    folder: Path
+    sessions: tuple[Session, ...]
+    calibrations: dict[str, Calibration]
+    noise: dict
+    diagnosis: dict
+
+    @property
+    def simulated(self):
+        """Whether any of its logs was made by a computer."""
+        return any(s.quality.get("simulated") or s.source.get("simulated") for s in self.sessions)
+
+    @property
+    def used(self):
+        """The sessions that were not rejected."""
+        return tuple(s for s in self.sessions if not s.rejected)
+
+
+def _session(folder, name, kind):
+    path = folder / name
+    samples, segments, allan = (
+        path / f"{stem}.parquet" for stem in ("samples", "segments", "allan")
+    )
+    return Session(
+        name,
+        kind,
+        read_json(path / "quality.json"),
+        read_metadata(samples),
+        samples,
+        read_segments(segments),
+        read_metadata(segments),
+        pd.read_parquet(allan) if allan.exists() else None,
+    )
+
+
+def read_device(name, label, folder, sessions):
+    """Return the results of a device.
+
+    Parameters
+    ----------
+    name, label : str
+        As in the config.
+    folder : path-like
+        ``results/<device>``.
+    sessions : dict of str to str
+        Kind of each session by its name.
+    """
+    folder = Path(folder)
+    files = {
+        "six_position": "six_position.json",
+        "multi_position": "multi_position.json",
+        "final": "calibration.json",
+    }
+    content = {
+        stem: read_json(folder / f"{stem}.json") if (folder / f"{stem}.json").exists() else {}
+        for stem in ("noise", "diagnosis")
+    }
+    return Device(
+        name,
+        label,
+        folder,
+        tuple(_session(folder, session, kind) for session, kind in sessions.items()),
+        {
+            method: Calibration.from_json(folder / file)
+            for method, file in files.items()
+            if (folder / file).exists()
+        },
+        content["noise"],
+        content["diagnosis"],
+    )
+
+
+def base_parameters(sensor):
+    """Return a sensor's bias, scale factor error and misalignment with their σ.
+
+    Parameters
+    ----------
+    sensor : SensorCalibration
+        A calibration.
+
+    Returns
+    -------
+    dict
+        ``bias`` (SI), ``scale`` (relative), each a pair of value and σ, shape (3,), and
+        ``misalignment`` {(i, j): (value, σ)}, rad; σ is not-a-number where it was not estimated.
+    """
+    std, unit = sensor.std, sensor.raw_unit
+    sigma = {p: np.array([std.get(f"{p}{i}", np.nan) for i in range(3)]) for p in "Kb"}
+    return {
+        "bias": (unit.to_si(sensor.b), sigma["b"] * unit.scale),
+        "scale": (sensor.K / unit.scale - 1, sigma["K"] / unit.scale),
+        "misalignment": {
+            (i, j): (sensor.T[i, j], std.get(f"T{i}{j}", np.nan))
+            for i in range(3)
+            for j in range(3)
+            if i != j
+        },
+    }

@@ -1,0 +1,124 @@
+"""A device's part of the report: its section, its row of the comparison, its figures' numbers."""
+
+import shutil
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+# the library of effects joins by being loaded
+import imuloop.diagnose.effects  # noqa: F401
+from imuloop.core.files import replaced, write_json
+from imuloop.report.advice import next_steps
+from imuloop.report.allan_plot import allan_pictures
+from imuloop.report.calibration_tables import (
+    METHOD_WORDS,
+    model_table,
+    parameter_table,
+    reasons,
+    strongest_correlation,
+)
+from imuloop.report.data_tables import data_table, segment_table, source_table, warnings
+from imuloop.report.diagnosis_tables import blocks, candidate_table, effect_tables, heldout_table
+from imuloop.report.noise_tables import coefficient_table, statistics_tables
+from imuloop.report.numbers import number
+from imuloop.report.pose_plot import pose_picture
+from imuloop.report.residual_plot import bias_pictures, residual_pictures
+from imuloop.report.results import SENSORS, read_device
+from imuloop.report.summary import summarise
+from imuloop.report.time_series import session_pictures
+from imuloop.report.verdict import WORDS, sentence
+
+
+def write_section(
+    *, device, label, folder, sessions, template, section_path, summary_path, figures_folder
+):
+    """Write a device's section, its row of the comparison and the numbers behind its figures.
+
+    Parameters
+    ----------
+    device, label : str
+        Name and label, as in the config; the label is shown as it is, never as markup.
+    folder : path-like
+        ``results/<device>``.
+    sessions : dict of str to str
+        Kind of each session by its name.
+    template : path-like
+        ``section.html.j2``.
+    section_path, summary_path : path-like
+        HTML and JSON file to write.
+    figures_folder : path-like
+        Where a CSV file for each figure goes; emptied first.
+    """
+    found = read_device(device, label, folder, sessions)
+    figures = Path(figures_folder)
+    if figures.exists():
+        shutil.rmtree(figures)
+    figures.mkdir(parents=True)
+    html = render(template, device=found, sensors=tuple(SENSORS), **content(found, figures))
+    write_json(summary_path, summarise(found))
+    with replaced(section_path) as temporary:
+        temporary.write_text(html, encoding="utf-8", newline="\n")
+
+
+def render(template, **values):
+    """Return a template filled in; all text is escaped, a value that is missing is an error."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(template).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(Path(template).name).render(**values)
+
+
+def content(device, figures):
+    """Return what the section's template lays out.
+
+    Parameters
+    ----------
+    device : Device
+        Its results.
+    figures : Path
+        Where the CSV files go.
+    """
+    final = device.calibrations.get("final")
+    poses = pose_picture(device, figures)
+    return {
+        "verdicts": [
+            (sensor, part, block.get("verdict", "not_testable"), sentence(sensor, block))
+            for sensor, part, block in blocks(device)
+        ],
+        "verdict_words": WORDS,
+        "steps": next_steps(device),
+        "rejected": [s for s in device.sessions if s.rejected],
+        "data": [data_table(device), source_table(device)],
+        "warnings": warnings(device),
+        "series": [p for s in device.used for p in session_pictures(device, s, figures)],
+        "segments": segment_table(device),
+        "poses": poses,
+        "basis": [
+            (sensor, METHOD_WORDS[getattr(final, sensor).method]) for sensor in SENSORS if final
+        ],
+        "reasons": reasons(device),
+        "parameters": [parameter_table(device, s) for s in SENSORS if device.calibrations],
+        "correlations": [
+            (sensor, pair[0], pair[1], number(pair[2], 2))
+            for sensor in SENSORS
+            if final and (pair := strongest_correlation(getattr(final, sensor)))
+        ],
+        "model": [model_table(device, s) for s in SENSORS if final],
+        "allan": [
+            p
+            for s in device.used
+            if s.allan is not None and len(s.allan)
+            for p in allan_pictures(device, s, figures)
+        ],
+        "coefficients": [coefficient_table(device, s) for s in SENSORS if device.noise],
+        "statistics": statistics_tables(device),
+        "residuals": [p for s in SENSORS for p in residual_pictures(device, s, figures)],
+        "wander": [p for s in SENSORS for p in bias_pictures(device, s, figures)],
+        "effects": effect_tables(device),
+        "candidates": candidate_table(device),
+        "heldout": heldout_table(device),
+    }
