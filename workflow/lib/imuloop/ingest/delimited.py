@@ -104,8 +104,11 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
 def find_layout(path):
     """Return the layout of a text table, from its first lines."""
-    with pa.input_stream(str(path), compression="detect") as stream:
-        head = stream.read(_HEAD)
+    try:
+        with pa.input_stream(str(path), compression="detect") as stream:
+            head = stream.read(_HEAD)
+    except OSError as error:
+        raise _unreadable(error) from error
     lines = head.split(b"\n")
     if len(head) == _HEAD:
         lines.pop()
@@ -151,7 +154,7 @@ def text_batches(path, layout, positions, batch_rows, log):
         stream.read(min(layout.start, stream.size()) if stream.seekable() else layout.start)
         try:
             reader = pyarrow.csv.open_csv(
-                pa.PythonFile(_Squeezed(stream), mode="r") if blanks else stream,
+                pa.PythonFile(_Cleaned(stream, squeeze=blanks), mode="r"),
                 read_options=pyarrow.csv.ReadOptions(
                     column_names=every,
                     # one row must fit at least
@@ -172,8 +175,8 @@ def text_batches(path, layout, positions, batch_rows, log):
             for batch in reader:
                 text = [_point(batch.column(name), layout) for name in wanted]
                 yield pa.RecordBatch.from_arrays(text, names=[str(i) for i in range(len(wanted))])
-        except pa.ArrowInvalid as error:
-            raise RejectedLog(f"the table cannot be read: {str(error).splitlines()[0]}") from error
+        except (pa.ArrowInvalid, OSError) as error:
+            raise _unreadable(error) from error
 
 
 def numbers(text):
@@ -188,10 +191,17 @@ def _point(text, layout):
     return pc.replace_substring(text, ",", ".") if layout.decimal_comma else text
 
 
+def _unreadable(error):
+    return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
+
+
 def _fields(line, separator):
     if separator == _BLANKS:
         return line.split()
-    return [field.strip() for field in next(csv.reader([line], delimiter=separator), [])]
+    try:
+        return [field.strip() for field in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error:
+        return []
 
 
 def _is_number(text):
@@ -215,25 +225,31 @@ def _numeric_share(lines, separator):
     return sum(_is_number(text) for text in flat) / len(flat)
 
 
-class _Squeezed:
-    """A stream whose runs of blanks are turned into commas, a bounded piece at a time."""
+# bytes that no number has, so that damaged ones spoil their own row alone
+_ASCII = bytes(i if 0 < i < 128 else ord("?") for i in range(256))
+
+
+class _Cleaned:
+    """A stream in plain ASCII, runs of blanks turned into commas if `squeeze`, piece by piece."""
 
     closed = False
 
-    def __init__(self, stream):
-        self._stream, self._rest, self._ready = stream, b"", b""
+    def __init__(self, stream, squeeze):
+        self._stream, self._squeeze = stream, squeeze
+        self._rest, self._ready = b"", b""
 
     def read(self, size=-1):
-        """Return up to `size` bytes of whole lines, turned."""
+        """Return up to `size` bytes."""
+        if not self._squeeze:
+            return self._stream.read(size).translate(_ASCII)
         while not self._ready:
-            piece = self._stream.read(1 << 20)
+            piece = self._stream.read(1 << 20).translate(_ASCII)
+            lines, newline, self._rest = (self._rest + piece).rpartition(b"\n")
+            lines += newline
             if not piece:
                 lines, self._rest = self._rest, b""
                 if not lines:
                     return b""
-            else:
-                lines, newline, self._rest = (self._rest + piece).rpartition(b"\n")
-                lines += newline
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
             self._ready = re.sub(rb"[ \t]+", b",", lines)
         size = len(self._ready) if size is None or size < 0 else size

@@ -138,9 +138,12 @@ def _attribute_unit(dataset, series, quantity, found):
 
 def _values(variable, dimension, part):
     """Return rows `part` of a variable, time along the first axis; masked."""
-    if variable.dimensions[0] == dimension:
-        return np.ma.asarray(variable[part])
-    return np.ma.asarray(variable[:, part]).T
+    along = variable.dimensions[0] == dimension
+    try:
+        values = np.ma.asarray(variable[part] if along else variable[:, part])
+    except (RuntimeError, OSError) as error:
+        raise RejectedLog(f"the file cannot be read to its end: {error}") from error
+    return values if along else values.T
 
 
 def _column(held, where):

@@ -44,9 +44,15 @@ def read(paths, columns=None, batch_rows=1 << 16):
     metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
     wanted = [names[i] for i in chosen.positions()]
 
+    def whole_batches():
+        try:
+            yield from file.iter_batches(batch_size=batch_rows, columns=list(dict.fromkeys(wanted)))
+        except (pa.ArrowInvalid, OSError) as error:
+            raise RejectedLog(f"the file cannot be read to its end: {error}") from error
+
     def batches():
         with file:
-            for batch in file.iter_batches(batch_size=batch_rows, columns=list(set(wanted))):
+            for batch in whole_batches():
                 table = {name: batch.column(name) for name in batch.schema.names}
                 rest = iter(wanted[len(CHANNELS) :])
                 arrays = {n: _numbers(table[w], w) for n, w in zip(CHANNELS, wanted, strict=False)}
