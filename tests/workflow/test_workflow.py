@@ -1,0 +1,263 @@
+"""The workflow from end to end, on a small config in a folder of its own."""
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+import yaml
+
+from imuloop.simulate.simulate import simulate_session, write_log
+from imuloop.simulate.truth import example_truth
+
+PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
+NOTHING = "Nothing to be done"
+
+
+def snakemake(repository, folder, *arguments, target="results/report.html", **environment):
+    """Run the workflow of a repository in a folder; return the finished process."""
+    command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
+    command += ["-c2", "--configfile", "config.yaml", *arguments, "--", target]
+    found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
+    return subprocess.run(
+        list(map(str, command)), cwd=folder, env=found | environment, capture_output=True, text=True
+    )
+
+
+def planned(repository, folder, config=None):
+    """Return the jobs that a config would run now, as a set of 'rule device'."""
+    if config:
+        (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    done = snakemake(repository, folder, "-n")
+    assert done.returncode == 0, done.stderr
+    jobs = re.findall(
+        r"^rule (\w+):\n(?:    .*\n)*?    log: logs/\w+/(\w+)", done.stdout + done.stderr, re.M
+    )
+    return {f"{rule} {device}" for rule, device in jobs}
+
+
+@pytest.fixture(scope="module")
+def checkout(repository, tmp_path_factory):
+    """A copy of the workflow, to be edited."""
+    folder = tmp_path_factory.mktemp("checkout")
+    for part in PARTS:
+        source = repository / part
+        if source.is_dir():
+            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, folder / part)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def config():
+    quick = {"draws": 100, "folds": 3}
+    return {
+        "defaults": {"diagnose": quick},
+        "devices": {
+            "posed": {"sessions": {"poses": {"kind": "multi_position", "file": "logs in/p.csv"}}},
+            "resting": {
+                "label": "Rest & <b>peace</b>",
+                "sessions": {
+                    "rest": {"kind": "static", "file": "rest.parquet"},
+                    "broken": {"kind": "static", "file": "broken.csv"},
+                },
+            },
+        },
+    }
+
+
+@pytest.fixture(scope="module")
+def finished(checkout, config, tmp_path_factory):
+    """A folder in which the workflow ran once, and what it printed."""
+    folder = tmp_path_factory.mktemp("work")
+    truth = example_truth()
+    sessions = {
+        "static": replace(truth.sessions["static"], duration_s=120.0),
+        "multi_position": replace(
+            truth.sessions["multi_position"], poses=16, initial_rest_s=10.0, rest_s=(2.0, 3.0)
+        ),
+    }
+    truth = replace(truth, sessions=sessions)
+    (folder / "logs in").mkdir()
+    write_log(folder / "logs in/p.csv", simulate_session(truth, "multi_position"), {})
+    write_log(folder / "rest.parquet", simulate_session(truth, "static"), {})
+    (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    return folder, snakemake(checkout, folder)
+
+
+def test_a_csv_log_becomes_a_report(finished):
+    folder, done = finished
+    assert done.returncode == 0, done.stderr
+    report = (folder / "results/report.html").read_text()
+    assert "posed" in report
+    # a label from the config is text, never markup
+    assert "Rest &amp; &lt;b&gt;peace&lt;/b&gt;" in report
+    assert "<b>peace" not in report
+    comparison = pd.read_csv(folder / "results/comparison.csv")
+    assert len(comparison) == 2
+    for device, session in (("posed", "poses"), ("resting", "rest")):
+        results = folder / "results" / device
+        for name in ("noise", "six_position", "multi_position", "calibration", "diagnosis"):
+            assert json.loads((results / f"{name}.json").read_text())["device"] == device
+        for name in ("samples", "segments", "allan"):
+            assert len(pd.read_parquet(results / session / f"{name}.parquet"))
+
+
+def test_results_that_a_restored_cache_needs_are_all_there(finished):
+    folder, _ = finished
+    assert {path.name for path in folder.iterdir()} >= {"results", "logs", "benchmarks"}
+    assert all(path.stat().st_size for path in (folder / "benchmarks").rglob("*.tsv"))
+
+
+def test_a_rejected_session_stops_nothing_and_is_told(finished):
+    folder, _ = finished
+    quality = json.loads((folder / "results/resting/broken/quality.json").read_text())
+    assert quality["status"] == "rejected"
+    assert quality["reasons"]
+    assert not len(pd.read_parquet(folder / "results/resting/broken/samples.parquet"))
+    assert not len(pd.read_parquet(folder / "results/resting/broken/segments.parquet"))
+    assert "rejected" in (folder / "results/resting/section.html").read_text()
+
+
+def test_a_second_run_has_nothing_to_do(finished, checkout):
+    folder, _ = finished
+    before = (folder / "results/report.html").read_bytes()
+    done = snakemake(checkout, folder)
+    assert NOTHING in done.stdout + done.stderr
+    assert (folder / "results/report.html").read_bytes() == before
+
+
+def test_a_key_reruns_what_depends_on_it(finished, checkout, config):
+    folder, _ = finished
+
+    def changed(device, **keys):
+        devices = {**config["devices"], device: {**config["devices"][device], **keys}}
+        return planned(checkout, folder, {**config, "devices": devices})
+
+    assert changed("posed") == set()
+    assert changed("posed", label="Other") == {"report_device posed", "report report"}
+    after_calibration = {"calibrate posed", "diagnose posed", "report_device posed"}
+    assert changed("posed", gravity=9.81) == {*after_calibration, "report report"}
+    noise = {"noise_resting resting", "calibrate resting", "diagnose resting"}
+    assert changed("resting", noise={"points_per_decade": 5}) == {
+        *noise,
+        "report_device resting",
+        "report report",
+    }
+    # a default that one device overrides reruns the other device only
+    defaults = {"diagnose": {**config["defaults"]["diagnose"], "folds": 4}}
+    posed = {**config["devices"]["posed"], "diagnose": {"folds": 3}}
+    devices = {**config["devices"], "posed": posed}
+    assert planned(checkout, folder, {"defaults": defaults, "devices": devices}) == {
+        "diagnose resting",
+        "report_device resting",
+        "report report",
+    }
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+
+
+def test_a_new_device_is_an_entry_and_nothing_else(finished, checkout, config):
+    folder, _ = finished
+    new = {"sessions": {"rest": {"kind": "static", "file": "rest.parquet"}}}
+    jobs = planned(checkout, folder, {**config, "devices": {**config["devices"], "new": new}})
+    assert {job.split()[1] for job in jobs} == {"new", "report"}
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+
+
+def test_an_edit_reruns_what_it_reaches_and_a_comment_nothing(finished, checkout):
+    folder, _ = finished
+    module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
+    source = module.read_text()
+    module.write_text(f"# another comment\n{source}")
+    assert planned(checkout, folder) == set()
+    module.write_text(f"{source}\nEXTRA = 1\n")
+    assert {job.split()[0] for job in planned(checkout, folder)} == {
+        "diagnose",
+        "report_device",
+        "report",
+    }
+    module.write_text(source)
+
+
+def test_the_repository_touched_anew_reruns_nothing(finished, checkout):
+    """A fresh checkout beside a restored cache has new times, and the same content."""
+    folder, _ = finished
+    for path in (*checkout.rglob("*"), folder / "rest.parquet"):
+        path.touch()
+    assert planned(checkout, folder) == set()
+
+
+def test_five_mistakes_are_five_lines(checkout, tmp_path):
+    (tmp_path / "config.yaml").write_text(
+        "devices:\n"
+        "  my_imu:\n"
+        "    lable: My IMU\n"
+        "    gravity: 98.1\n"
+        "    sessions:\n"
+        "      poses: {kind: multi_pos, file: {url: 'https://host/p.csv', sha256: 12ab},\n"
+        "              units: {time: sec}}\n"
+    )
+    done = snakemake(checkout, tmp_path)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stdout + done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith("config.yaml: ")]
+    assert [line.split(": ")[1] for line in sorted(lines)] == [
+        "devices.my_imu.gravity",
+        "devices.my_imu.lable",
+        "devices.my_imu.sessions.poses.file.sha256",
+        "devices.my_imu.sessions.poses.kind",
+        "devices.my_imu.sessions.poses.units.time",
+    ]
+    assert (
+        "config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; "
+        in done.stderr
+    )
+    # beside them only the line that names the profile
+    assert len(done.stderr.splitlines()) <= 6
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_failing_job_says_why_in_one_line_and_keeps_the_traceback(checkout, tmp_path):
+    """A download that nobody can have: the mirror is empty and the address leads nowhere."""
+    source = {"url": "http://127.0.0.1:9/none.csv", "sha256": hashlib.sha256(b"none").hexdigest()}
+    sessions = {"rest": {"kind": "static", "file": source}}
+    (tmp_path / "config.yaml").write_text(
+        yaml.safe_dump({"devices": {"a": {"sessions": sessions}}})
+    )
+    done = snakemake(checkout, tmp_path, IMULOOP_MIRROR=str(tmp_path))
+    assert done.returncode == 1
+    [line] = [
+        line for line in done.stderr.splitlines() if line.startswith("ingest_fetch none.csv: ")
+    ]
+    assert "127.0.0.1:9/none.csv" in line
+    [log] = (tmp_path / "logs/ingest_fetch").rglob("*.log")
+    assert "Traceback" in log.read_text()
+    assert not list((tmp_path / "data/cache").rglob("none.csv"))
+
+
+def test_a_mirror_serves_a_download(checkout, tmp_path, finished):
+    content = (finished[0] / "broken.csv").read_bytes()
+    (tmp_path / "mirror/deep").mkdir(parents=True)
+    (tmp_path / "mirror/deep/log.csv").write_bytes(content)
+    digest = hashlib.sha256(content).hexdigest()
+    source = {"url": "http://127.0.0.1:9/log.csv", "sha256": digest}
+    sessions = {"rest": {"kind": "static", "file": source}}
+    config = {"mirror": "mirror", "devices": {"a": {"sessions": sessions}}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    cached = f"data/cache/{digest}/log.csv"
+    done = snakemake(checkout, tmp_path, target=cached)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / cached).read_bytes() == content
+
+
+def test_the_library_never_imports_the_workflow_manager(repository):
+    for path in (repository / "workflow/lib").rglob("*.py"):
+        assert not re.search(r"^\s*(import|from) snakemake", path.read_text(), re.M), path
