@@ -131,6 +131,8 @@ def untestable_accelerometer(poses, gravity, largest_condition):
     largest_condition : float
         Condition number beyond which they are called undetermined.
     """
+    if not len(poses):
+        return "no multi_position session with a pose"
     needed = len(NAMES) + 1
     if len(poses) < needed:
         return f"{len(poses)} poses found, at least {needed} needed for 9 parameters and a check"

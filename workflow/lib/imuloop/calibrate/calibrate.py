@@ -161,7 +161,7 @@ def calibrate_gyroscope(recording, noise, force, unit, settings, effects=()):
     """
     poses, rotations = recording.poses, recording.rotations
     if not len(poses):
-        return SensorCalibration.nominal(unit, "no pose found")
+        return SensorCalibration.nominal(unit, "no multi_position session with a pose")
     force = calibrated_force(force, poses, rotations, noise)
     reason = gyroscope.untestable_gyroscope(poses, rotations, force, settings.largest_condition)
     if reason:

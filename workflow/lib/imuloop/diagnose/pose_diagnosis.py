@@ -12,6 +12,10 @@ from imuloop.diagnose.search import (
 )
 from imuloop.diagnose.verdict import NOTHING, verdict
 
+# kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
+# rate, rotation
+KINDS = 3
+
 
 def diagnose_poses(model, recording, settings):
     """Diagnose one sensor at the poses.
@@ -51,7 +55,7 @@ def diagnose_poses(model, recording, settings):
         {"name": effect.name, "status": "not_available", "why": why}
         for effect, why in missing.items()
     ]
-    share = settings.significance / len(base.residuals)
+    share = settings.significance / KINDS
     above = [any(r.above_floor(share) for r in s.residuals.values()) for s in (base, final)]
     content = {
         "verdict": verdict(*above, added),

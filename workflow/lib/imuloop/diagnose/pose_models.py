@@ -145,7 +145,7 @@ class GyroscopePoses:
     def untestable(self, recording):
         """Return why the data determine no calibration, or None."""
         if not len(recording.poses):
-            return "no pose found"
+            return "no multi_position session with a pose"
         force = calibrated_force(
             self._force(recording), recording.poses, recording.rotations, self.force.noise
         )

@@ -20,11 +20,14 @@ class StaticMeans:
     ----------
     windows : ndarray, shape (n, 2)
         Start and end of each window, s.
+    stretch : ndarray of int, shape (n,)
+        Which undisturbed stretch each window lies in.
     means : ndarray, shape (n, 6)
         Mean of every axis, SI.
     """
 
     windows: np.ndarray
+    stretch: np.ndarray
     means: np.ndarray
 
 
@@ -43,38 +46,37 @@ def window_means(samples, segments, mean_time):
     StaticMeans
         In order of time.
     """
-    windows = []
-    for row in segments[segments["kind"] == STATIC].itertuples():
+    windows, stretch = [np.zeros((0, 2))], []
+    for number, row in enumerate(segments[segments["kind"] == STATIC].itertuples()):
         count = int((row.end_s - row.start_s) // mean_time)
         starts = row.start_s + mean_time * np.arange(count)
         windows.append(np.column_stack([starts, starts + mean_time]))
-    windows = np.concatenate(windows) if windows else np.zeros((0, 2))
+        stretch += [number] * count
+    windows, stretch = np.concatenate(windows), np.array(stretch, dtype=int)
     at = np.searchsorted(samples[TIME].to_numpy(), windows)
     values = samples[list(CHANNELS)].to_numpy()
     means = [values[i:j].mean(axis=0) if j > i else np.full(6, np.nan) for i, j in at]
     keep = at[:, 1] > at[:, 0]
-    return StaticMeans(windows[keep], np.array(means).reshape(-1, 6)[keep])
+    return StaticMeans(windows[keep], stretch[keep], np.array(means).reshape(-1, 6)[keep])
 
 
-def mean_covariance(record, noise):
-    """Return the covariance of the means, shape (6, n, n): random processes and ramp.
+def levels(record, axes):
+    """Return what is constant, as columns of zeros and ones, shape (n, c).
 
-    A ramp of rate R has an unknown sign, so it adds ``R² (t_i - t̄)(t_j - t̄)``.
+    A disturbance may leave the device in another attitude: the accelerometer has a level in each
+    undisturbed stretch. A gyroscope at rest does not see the attitude: one level.
     """
-    covariance = noise.pose_mean_covariance(record.windows)
-    mid = record.windows.mean(axis=1)
-    slope = np.outer(mid - mid.mean(), mid - mid.mean())
-    for axis, name in enumerate(CHANNELS):
-        covariance[axis] = covariance[axis] + noise.axes[name].R.square * slope
-    return covariance
+    if axes.start:
+        return np.ones((len(record.means), 1))
+    return (record.stretch[:, None] == np.unique(record.stretch)).astype(float)
 
 
-def constant_fit(values, covariance):
-    """Return the generalised least-squares mean of values and its variance."""
+def level_fit(values, covariance, design):
+    """Return the generalised least-squares levels of values and their covariance."""
     root = np.linalg.cholesky(covariance)
-    ones = solve_triangular(root, np.ones(len(values)), lower=True)
-    variance = 1 / (ones @ ones)
-    return variance * (ones @ solve_triangular(root, values, lower=True)), variance
+    white = solve_triangular(root, design, lower=True)
+    inverse = np.linalg.inv(white.T @ white)
+    return inverse @ white.T @ solve_triangular(root, values, lower=True), inverse
 
 
 def bias_residuals(record, noise, axes, unit):
@@ -91,17 +93,24 @@ def bias_residuals(record, noise, axes, unit):
     unit : str
         SI unit.
     """
-    covariance = mean_covariance(record, noise)[axes]
-    n = len(record.means)
+    covariance = noise.pose_mean_covariance(record.windows)[axes]
+    design = levels(record, axes)
+    n, c = design.shape
     values, whole = np.empty((n, 3)), np.zeros((n, 3, n, 3))
-    parameters, jacobian = np.zeros((3, 3)), np.zeros((n, 3, 3))
+    parameters, jacobian = np.zeros((3, c, 3, c)), np.zeros((n, 3, 3, c))
     for axis in range(3):
         column = record.means[:, axes][:, axis]
-        bias, parameters[axis, axis] = constant_fit(column, covariance[axis])
-        values[:, axis] = column - bias
+        bias, parameters[axis, :, axis] = level_fit(column, covariance[axis], design)
+        values[:, axis] = column - design @ bias
         whole[:, axis, :, axis] = covariance[axis]
-        jacobian[:, axis, axis] = -1
-    return judge(unit, values, whole.reshape(3 * n, 3 * n), jacobian.reshape(3 * n, 3), parameters)
+        jacobian[:, axis, axis] = -design
+    return judge(
+        unit,
+        values,
+        whole.reshape(3 * n, 3 * n),
+        jacobian.reshape(3 * n, 3 * c),
+        parameters.reshape(3 * c, 3 * c),
+    )
 
 
 def hold_out(record, noise, axes, blocks):
@@ -110,18 +119,23 @@ def hold_out(record, noise, axes, blocks):
     Returns
     -------
     ndarray, shape (n, 3)
-        SI.
+        SI; not a number where a stretch lies whole in one block, so that no other tells its level.
     """
-    covariance = mean_covariance(record, noise)[axes]
+    covariance = noise.pose_mean_covariance(record.windows)[axes]
+    design = levels(record, axes)
     n = len(record.means)
     part = np.arange(n) * blocks // n
-    errors = np.empty((n, 3))
+    errors = np.full((n, 3), np.nan)
     for block in range(blocks):
-        seen, held = part != block, part == block
+        seen = part != block
+        known = design[seen].any(axis=0)
+        held = ~seen & design[:, known].any(axis=1)
         for axis in range(3):
             column = record.means[:, axes][:, axis]
-            bias, _ = constant_fit(column[seen], covariance[axis][np.ix_(seen, seen)])
-            errors[held, axis] = column[held] - bias
+            bias, _ = level_fit(
+                column[seen], covariance[axis][np.ix_(seen, seen)], design[np.ix_(seen, known)]
+            )
+            errors[held, axis] = column[held] - design[np.ix_(held, known)] @ bias
     return errors
 
 
@@ -151,22 +165,25 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
         )
         return {"verdict": "not_testable", "why": why, **NOTHING}
     if not all(
-        np.all(np.diagonal(mean_covariance(r, noise)[axes], 0, 1, 2) > 0) for r in usable.values()
+        np.all(np.diagonal(noise.pose_mean_covariance(r.windows)[axes], 0, 1, 2) > 0)
+        for r in usable.values()
     ):
         return {"verdict": "not_testable", "why": "the noise of an axis is not known", **NOTHING}
     judged = [bias_residuals(r, noise, axes, unit) for r in usable.values()]
     held = [hold_out(r, noise, axes, settings.blocks) for r in usable.values()]
-    error = size(np.concatenate(held))
+    told = np.concatenate([h[np.isfinite(h[:, 0])] for h in held])
+    error = size(told)
     dof = sum(j.dof for j in judged)
     reduced = sum(j.reduced_chi2 * j.dof for j in judged) / dof
-    share = settings.significance / len(judged)
+    # both sensors and all sessions share the significance
+    share = settings.significance / (2 * len(judged))
     above = any(j.above_floor(share) for j in judged)
     return {
         "verdict": verdict(above, above, ()),
         "residuals": {
             "bias": {
                 "unit": unit,
-                "n": sum(len(h) for h in held),
+                "n": len(told),
                 "floor": size(np.sqrt(np.concatenate([j.variance for j in judged]))),
                 "before": error,
                 "after": error,
