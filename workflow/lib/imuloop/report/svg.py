@@ -183,7 +183,7 @@ def decades(axis):
         digit = round(value / 10.0**exponent)
         return f"{digit}·" * (digit > 1) + f"10{superscript(exponent)}"
 
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 40 * low else (1,), numticks=12))
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,), numticks=12))
     axis.set_major_formatter(FuncFormatter(label))
     axis.set_minor_locator(NullLocator())
 

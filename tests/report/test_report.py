@@ -1,0 +1,230 @@
+"""The report of a results folder as the stages leave it."""
+
+import csv
+import json
+import re
+from collections import Counter
+from html.parser import HTMLParser
+
+import pytest
+
+from imuloop.report.report import write_report
+from imuloop.report.section import write_section
+from report.plausible_results import HOSTILE, write_results
+
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+PROVENANCE = {
+    "commit": "0123abc",
+    "command": "snakemake -c2 results/report.html",
+    "versions": {"numpy": "2.0"},
+    "config": {"devices": {"board": {"label": "<b>&"}}},
+}
+
+
+class Page(HTMLParser):
+    """Elements of a page with attributes and text; fails where tags do not match."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.open, self.text = [], [], ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append({"tag": tag, "text": "", **dict(attributes)})
+        if tag not in VOID:
+            self.open.append(self.elements[-1])
+
+    def handle_startendtag(self, tag, attributes):
+        self.elements.append({"tag": tag, "text": "", **dict(attributes)})
+
+    def handle_endtag(self, tag):
+        assert self.open.pop()["tag"] == tag
+
+    def handle_data(self, data):
+        self.text += data
+        for element in self.open:
+            element["text"] += data
+
+    def all(self, tag):
+        return [e for e in self.elements if e["tag"] == tag]
+
+
+def _build(folder, repository):
+    devices = write_results(folder)
+    templates = repository / "workflow" / "templates"
+    for device, (label, kinds) in devices.items():
+        write_section(
+            device=device,
+            label=label,
+            folder=folder / device,
+            sessions=kinds,
+            template=templates / "section.html.j2",
+            section_path=folder / device / "section.html",
+            summary_path=folder / device / "summary.json",
+            figures_folder=folder / device / "figures",
+        )
+    write_report(
+        sections=[folder / device / "section.html" for device in devices],
+        summaries=[folder / device / "summary.json" for device in devices],
+        template=templates / "report.html.j2",
+        style=templates / "style.css",
+        provenance=PROVENANCE,
+        report_path=folder / "report.html",
+        comparison_path=folder / "comparison.csv",
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory, repository):
+    return _build(tmp_path_factory.mktemp("a") / "results", repository)
+
+
+@pytest.fixture(scope="module")
+def html(results):
+    return (results / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def _written(folder):
+    kept = [p for p in folder.rglob("*") if p.suffix in (".html", ".csv", ".json")]
+    return {str(p.relative_to(folder)): p.read_bytes() for p in kept}
+
+
+def test_a_second_run_gives_the_same_bytes(results, tmp_path, repository):
+    assert _written(_build(tmp_path / "results", repository)) == _written(results)
+
+
+def test_ten_devices_stay_below_5_mb(results):
+    # `board`, three sessions, is the largest kind
+    assert 10 * (results / "board" / "section.html").stat().st_size < 4e6
+
+
+def test_nothing_is_requested_and_nothing_is_run(html, page):
+    assert not page.all("script") and not page.all("link") and not page.all("img")
+    assert not page.all("iframe") and not page.all("object")
+    assert "@import" not in html and "url(http" not in html and "@font-face" not in html
+    for element in page.elements:
+        assert not [name for name in element if name.startswith("on")]
+        for name in ("src", "href", "xlink:href"):
+            assert not re.match(r"\w+:|//", element.get(name) or "")
+
+
+def test_other_peoples_text_stays_text(html, page):
+    assert "<script" not in html and "<i>" not in html and "<b>" not in html
+    assert HOSTILE in page.text
+    assert "_Board B $\\frac{1}{2}$" in page.text
+    assert "no <b>temperature</b>" in page.text
+
+
+def test_ids_are_unique_and_every_link_inside_leads_somewhere(page):
+    ids = Counter(e["id"] for e in page.elements if e.get("id"))
+    assert not [name for name, count in ids.items() if count > 1]
+    inside = {e["href"][1:] for e in page.elements if (e.get("href") or "").startswith("#")}
+    assert inside <= set(ids)
+
+
+def test_rejected_sessions_come_first_then_the_comparison(page):
+    rejected = page.text.index("Rejected sessions", page.text.index("Inertial sensors compared\n"))
+    assert rejected < page.text.index("Which device is better")
+    alert = next(e["text"] for e in page.elements if e.get("class") == "alert")
+    assert "turns (multi_position): angular rate: 'gx' is constant" in " ".join(alert.split())
+    assert "Board C" in alert
+
+
+def test_no_rejected_session_is_said_too(results, tmp_path, repository):
+    templates = repository / "workflow" / "templates"
+    write_report(
+        sections=[results / "board" / "section.html"],
+        summaries=[results / "board" / "summary.json"],
+        template=templates / "report.html.j2",
+        style=templates / "style.css",
+        provenance=PROVENANCE,
+        report_path=tmp_path / "report.html",
+        comparison_path=tmp_path / "comparison.csv",
+    )
+    text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+    assert "No session was rejected." in text
+    # one device is not the best of its kind
+    assert "best\n" not in text.split("Allan deviation, all devices")[0].split("value ± 1 σ")[1]
+
+
+def test_every_figure_has_alt_text_with_numbers_a_caption_and_its_numbers(page, results):
+    figures = page.all("figure")
+    pictures = [e for e in page.all("svg") if e.get("role") == "img"]
+    captions = [e["text"] for e in page.all("figcaption")]
+    assert len(figures) == len(pictures) == len(captions) > 30
+    assert all(re.search(r"\d", p["aria-label"]) for p in pictures)
+    assert all(re.search(r"\d", c) and c.strip().endswith((".", ".csv")) for c in captions)
+    linked = {e["href"] for e in page.all("a") if e["href"].endswith(".csv")}
+    assert all((results / name).is_file() for name in linked)
+    written = {str(p.relative_to(results)) for p in results.rglob("figures/*.csv")}
+    assert written == linked - {"comparison.csv"}
+
+
+def test_tables_have_caption_scope_and_units(page):
+    tables = page.all("table")
+    assert len(tables) == len(page.all("caption")) > 20
+    assert all(e.get("scope") in ("col", "row") for e in page.all("th"))
+    for words in ("Held-out residual, mg", "Bias, °/s", "White noise, µg/√Hz", "Rate, Hz"):
+        assert words in [e["text"] for e in page.all("th")]
+    units = {e["text"] for e in page.all("td")}
+    assert {"µg/√Hz", "m/s/√h", "°/√h", "°/h", "m/s²/√Hz", "rad/s/√Hz", "mrad"} <= units
+
+
+def test_axes_carry_units(page):
+    for picture in (e for e in page.all("svg") if e.get("role") == "img"):
+        unit = re.search(r", (m/s²|rad/s|mg|°/s|°|%|s|min|h)", picture["text"])
+        assert unit or "seen from +z" in picture["text"], picture["aria-label"]
+
+
+def test_captions_tell_the_finding(page):
+    captions = " ".join(e["text"] for e in page.all("figcaption"))
+    assert "falls from 0.521° to 0.138°, floor from noise alone 0.120°" in captions
+    assert "1 disturbed stretch cut out" in captions
+    assert "the largest hole is around" in captions
+
+
+def test_simulated_devices_are_called_so_everywhere(page):
+    labelled = [e for e in page.elements if e.get("class") == "badge"]
+    # contents, two tables, sentences, title
+    assert len(labelled) >= 5
+    assert "Its logs were made by a computer" in page.text
+
+
+def test_what_was_not_determined_is_said(page):
+    assert "No calibration" not in page.text or "could be used" in page.text
+    assert "9 poses found, 12 needed: hold at least 3 more attitudes" in page.text
+    assert "(not estimated)" in page.text
+    assert "No session could be used." in page.text
+    assert "no rest is long enough" in page.text
+    assert "Record a multi_position session" in page.text
+
+
+def test_comparison_csv_is_si_with_units_in_its_header(results):
+    with open(results / "comparison.csv", newline="", encoding="utf-8") as file:
+        rows = {row["device"]: row for row in csv.DictReader(file)}
+    assert list(rows) == ["board", "still", "partly", "nothing"]
+    assert rows["still"]["label"] == HOSTILE
+    assert rows["still"]["simulated"] == "true"
+    assert float(rows["board"]["accelerometer_N [m/s^2/sqrt(Hz)]"]) == pytest.approx(8e-4)
+    assert float(rows["board"]["gyroscope_residual [rad]"]) == pytest.approx(2.4e-3)
+    assert rows["nothing"]["accelerometer_N [m/s^2/sqrt(Hz)]"] == ""
+    calibration = json.loads((results / "board" / "calibration.json").read_text())
+    sensor = calibration["accelerometer"]
+    bias = (sensor["b"][2] - sensor["raw_offset"]) * sensor["raw_scale"]
+    assert float(rows["board"]["accelerometer_bias_z [m/s^2]"]) == pytest.approx(bias)
+    sigma = sensor["covariance"]["matrix"][-1][-1] ** 0.5 * sensor["raw_scale"]
+    assert float(rows["board"]["accelerometer_bias_z_std [m/s^2]"]) == pytest.approx(sigma)
+
+
+def test_parameters_are_shown_with_their_sigma(page):
+    # bias x of `board`, from its calibration.json: value and σ in mg
+    row = next(e["text"] for e in page.all("tr") if e["text"].startswith("Bias xmg"))
+    assert re.fullmatch(r"Bias xmg(−?[\d.]+\u202f±\u202f0\.\d\d){3}", row)
