@@ -1,0 +1,93 @@
+"""The figure that chooses the multiples."""
+
+import numpy as np
+import pytest
+
+from imuloop.segment.multiples import choose_multiples, expected_error
+from imuloop.segment.settings import SegmentSettings
+
+G = 9.80665
+
+
+def directions(n, seed):
+    u = np.random.default_rng(seed).normal(size=(n, 3))
+    return u / np.linalg.norm(u, axis=1)[:, None]
+
+
+def measured(u, noise=0.0, seed=0):
+    # scale, misalignment and bias of a consumer part; noise of a pose mean, of g
+    M = np.array([[1.01, -0.004, 0.009], [0, 0.985, 0.02], [0, 0, 1.004]])
+    noise = np.random.default_rng(seed).normal(size=u.shape) * noise * G
+    return G * u @ M.T + [0.3, -0.5, 0.2] + noise
+
+
+def features(f):
+    x, y, z = (f / G).T
+    return np.column_stack([x * x, y * y, z * z, x * y, x * z, y * z, x, y, z])
+
+
+@pytest.mark.parametrize("n", [15, 40])
+def test_figure_bounds_the_error_found_in_other_attitudes(n):
+    """Monte-Carlo: calibrate with n poses by least squares, then measure 2000 other attitudes."""
+    elsewhere = features(measured(directions(2000, 1)))
+    made, figure = [], []
+    for seed in range(100):
+        f = measured(directions(n, 2 + seed), 1e-3, seed)
+        solution = np.linalg.lstsq(features(f), np.ones(n), rcond=None)[0]
+        made.append(np.sqrt(np.mean((elsewhere @ solution / 2 - 0.5) ** 2)))
+        figure.append(expected_error(f))
+    ratio = np.array(figure) / made
+    # a 95 % limit of σ: between a fifth below and three times the error made
+    assert np.mean(ratio > 0.8) > 0.9
+    assert 1.0 < np.median(ratio) < 3.0
+
+
+def test_figure_grows_as_poses_are_lost_though_the_residual_falls():
+    figure, residual = {}, {}
+    for n in (5, 11, 14, 40):
+        sets = [measured(directions(n, 100 + seed), 1e-3, seed) for seed in range(40)]
+        figure[n] = np.median([expected_error(f) for f in sets])
+        fits = [np.linalg.lstsq(features(f), np.ones(n), rcond=None)[0] for f in sets]
+        squares = [np.mean((features(f) @ b - 1) ** 2) for f, b in zip(sets, fits, strict=True)]
+        residual[n] = np.median(squares)
+    assert residual[5] < residual[11] < residual[14] < residual[40]
+    assert figure[5] > figure[11] > figure[14] > figure[40]
+
+
+def test_figure_grows_with_the_error_of_the_poses():
+    u = directions(25, 3)
+    assert expected_error(measured(u, 3e-3)) > 2 * expected_error(measured(u, 1e-3))
+
+
+def test_turning_the_frame_changes_nothing():
+    f = measured(directions(15, 3), 1e-3)
+    q, _ = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))
+    assert expected_error(f @ q) == pytest.approx(expected_error(f), rel=1e-6)
+
+
+def test_fewer_faces_of_six_are_worse():
+    six = measured(np.vstack([np.eye(3), -np.eye(3)]))
+    figures = [expected_error(six[:n]) for n in range(1, 7)]
+    assert np.all(np.isfinite(figures))
+    assert np.all(np.diff(figures) < 0)
+
+
+def test_a_pair_that_loses_poses_and_one_that_blurs_them_lose():
+    f = np.repeat(measured(directions(30, 6), 2e-4), 100, axis=0)
+    every = np.column_stack([np.arange(30) * 100, np.arange(30) * 100 + 90])
+
+    def detect(pair):
+        accelerometer, gyroscope = pair
+        if gyroscope > 3:  # reaches into the next attitude: the mean is short
+            return every[:-1] + np.array([0, 25])
+        return every[: 12 if accelerometer == 1 else 30]
+
+    settings = SegmentSettings(accelerometer_multiples=(1, 2), gyroscope_multiples=(3, 10))
+    best, table = choose_multiples(f, detect, settings)
+    assert best == (2, 3)
+    assert [row["attitudes"] for row in table] == [12, 29, 30, 29]
+
+
+def test_no_rest_gives_no_pair():
+    none = np.empty((0, 2), dtype=int)
+    assert choose_multiples(np.zeros((9, 3)), lambda _: none, SegmentSettings()) == (None, [])

@@ -1,0 +1,182 @@
+"""Rests and poses of simulated logs with known truth, and the properties that every log keeps."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from imuloop.core.samples import CHANNELS, TIME
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+from segment.logs import G, frame, pose_log, random_turns, rotated
+
+SETTINGS = SegmentSettings()
+DEGREE = np.pi / 180
+
+
+def rests_of(segments):
+    return segments[segments["kind"] == "static"]
+
+
+@pytest.mark.parametrize("first", [30.0, 3.0])
+def test_rests_are_found_within_a_window_of_the_truth(first):
+    samples, truth = pose_log(random_turns(14, 1), [first] + [4.0] * 14)
+    segments, metadata = segment_session(samples, "multi_position", SETTINGS)
+    rests = rests_of(segments)
+    assert metadata["poses"] == 15
+    found = rests[["start_s", "end_s"]].to_numpy()
+    assert np.all(np.abs(found - truth) <= SETTINGS.window_s)
+    # never any of the turn itself, but for its first and last few hundredths
+    assert np.all(found[1:, 0] >= truth[1:, 0] - 0.05)
+    assert np.all(found[:-1, 1] <= truth[:-1, 1] + 0.05)
+    assert metadata["level"]["source"] == ("initial rest" if first > 10 else "quietest windows")
+    np.testing.assert_allclose(metadata["level"]["rate"], [0.01, -0.02, 0.015], atol=2e-4)
+    noise = np.sum(np.array([0.0089, 0.0097, 0.0098]) ** 2)
+    assert metadata["level"]["accelerometer_variance"] == pytest.approx(noise, rel=0.25)
+
+
+def test_an_initial_rest_counts_for_fifty_seconds_at_most():
+    samples, _ = pose_log(random_turns(2, 1), [60.0, 4.0, 4.0])
+    _, metadata = segment_session(samples, "multi_position", SETTINGS)
+    assert metadata["level"]["duration_s"] == pytest.approx(50.0)
+
+
+def test_a_slow_turn_about_the_vertical_is_no_rest():
+    """2 deg/s about gravity for 20 s: no variance, only the mean rate shows it."""
+    samples, _ = pose_log([(1.0, 0, 0)], [20.0, 40.0])
+    turning = (samples[TIME] > 30) & (samples[TIME] < 50)
+    rate = np.outer(turning, [0, np.sin(1.0), np.cos(1.0)]) * 2 * DEGREE
+    samples[list(CHANNELS[3:])] += rate
+    segments, _ = segment_session(samples, "multi_position", SETTINGS)
+    rests = rests_of(segments)
+    inside = np.minimum(rests["end_s"], 49) - np.maximum(rests["start_s"], 31)
+    assert inside.max() < 0
+    # gravity is where it was, but the device is not
+    assert rests["pose"].tolist() == [0, 1, 2]
+    loose = SegmentSettings(rate_tolerance=1.0)
+    assert len(rests_of(segment_session(samples, "multi_position", loose)[0])) == 2
+
+
+def test_g_sensitivity_of_a_common_part_costs_no_pose():
+    """0.15 deg/s per g: the mean rate of two attitudes differs by twice that."""
+    samples, _ = pose_log(random_turns(14, 3), [20.0] + [4.0] * 14)
+    f = samples[list(CHANNELS[:3])].to_numpy() / G
+    samples[list(CHANNELS[3:])] += f * 0.15 * DEGREE
+    assert segment_session(samples, "multi_position", SETTINGS)[1]["poses"] == 15
+
+
+@pytest.mark.parametrize(
+    ("turn", "poses"),
+    [
+        ((0, 0, 2 * np.pi), 2),  # a full turn
+        ((0, 0, 0.5), 2),  # about the vertical
+        ((0, 0, 0.01), 1),  # a nudge
+        ((0.05, 0, 0), 2),  # a tilt of 3 degrees
+        ((0.004, 0, 0), 1),  # a tilt of a quarter of a degree
+    ],
+)
+def test_neighbouring_rests_are_one_pose_if_nothing_turned(turn, poses):
+    samples, _ = pose_log([turn], [12.0, 12.0])
+    # shaken while it turns, so that it is seen at all
+    shaken = (samples[TIME] > 12) & (samples[TIME] < 14)
+    samples.loc[shaken, "ax"] += 0.5 * np.random.default_rng(5).normal(size=shaken.sum())
+    segments, _ = segment_session(samples, "multi_position", SETTINGS)
+    rests = rests_of(segments)
+    assert len(rests) == 2
+    assert rests["pose"].nunique() == poses
+
+
+def test_short_rests_are_dropped_and_counted():
+    samples, truth = pose_log(random_turns(4, 6), [20.0, 4.0, 2.6, 4.0, 4.0])
+    longer = SegmentSettings(shortest_rest_s=3.0)
+    segments, metadata = segment_session(samples, "multi_position", longer)
+    assert metadata["poses"] == 4
+    assert metadata["short_rests"] == 1
+    at = segments[(segments["start_s"] < truth[2, 0] + 1) & (segments["end_s"] > truth[2, 0] + 1)]
+    assert at["kind"].tolist() == ["motion"]
+
+
+def test_a_gap_is_a_row_and_never_bridged():
+    samples, _ = pose_log([(1.0, 0, 0)], [20.0, 20.0])
+    t = samples[TIME]
+    samples = samples[~((t >= 30) & (t < 30.5))].reset_index(drop=True)
+    for kind in ("multi_position", "static"):
+        segments, metadata = segment_session(samples, kind, SETTINGS)
+        gap = segments[segments["kind"] == "gap"]
+        assert metadata["gaps"] == 1
+        np.testing.assert_allclose(gap[["start_s", "end_s"]].to_numpy(), [[30.0, 30.5]])
+        assert gap["n"].tolist() == [0]
+    rests = rests_of(segment_session(samples, "multi_position", SETTINGS)[0])
+    assert rests["pose"].tolist() == [0, 1, 2]
+
+
+def test_quantised_and_constant_channels_still_rest():
+    samples, _ = pose_log(random_turns(8, 7), [20.0] + [4.0] * 8)
+    f = np.round(samples[list(CHANNELS[:3])].to_numpy() / 0.05) * 0.05
+    w = np.round(samples[list(CHANNELS[3:])].to_numpy() / 0.01) * 0.01
+    coarse = frame(samples[TIME].to_numpy(), f, w)
+    assert segment_session(coarse, "multi_position", SETTINGS)[1]["poses"] == 9
+    dead = frame(samples[TIME].to_numpy(), f, np.zeros_like(w))
+    assert len(rests_of(segment_session(dead, "multi_position", SETTINGS)[0])) == 9
+
+
+@pytest.mark.parametrize("kind", ["static", "six_position", "multi_position"])
+@pytest.mark.parametrize("n", [0, 1, 2, 50])
+def test_a_log_too_short_to_judge_is_still_covered(kind, n):
+    samples = pose_log([], [1.0])[0][:n]
+    segments, _ = segment_session(samples, kind, SETTINGS)
+    assert segments["n"].sum() == n
+
+
+def test_a_log_without_rest_has_no_pose():
+    t = np.arange(3000) / 100
+    turning = np.column_stack([5 * np.sin(7 * t), 3 * np.cos(3 * t), 4 * np.sin(5 * t)])
+    samples = frame(t, turning, turning)
+    segments, metadata = segment_session(samples, "multi_position", SETTINGS)
+    assert metadata["poses"] == 0
+    assert set(segments["kind"]) == {"motion"}
+
+
+LOG, _ = pose_log(random_turns(10, 8), [12.0] + [3.0] * 10)
+LOG = pd.concat([LOG[:2500], LOG[2600:]], ignore_index=True)
+
+
+@settings(max_examples=15, deadline=None)
+@given(shift=st.floats(-1e6, 1e6), turn=st.tuples(*[st.floats(-3, 3)] * 3))
+def test_a_time_shift_or_another_sensor_frame_moves_nothing(shift, turn):
+    other = rotated(LOG, Rotation.from_rotvec(turn))
+    other[TIME] += shift
+    for kind in ("multi_position", "static"):
+        plain, _ = segment_session(LOG, kind, SETTINGS)
+        moved, _ = segment_session(other, kind, SETTINGS)
+        assert moved[["kind", "pose", "n"]].equals(plain[["kind", "pose", "n"]])
+        np.testing.assert_allclose(moved["start_s"] - shift, plain["start_s"], atol=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    rests=st.lists(st.floats(0.2, 6), min_size=2, max_size=6),
+    gaps=st.lists(st.integers(0, 1500), max_size=4),
+    seed=st.integers(0, 1000),
+    kind=st.sampled_from(["static", "multi_position"]),
+)
+def test_every_instant_belongs_to_one_row(rests, gaps, seed, kind):
+    samples, _ = pose_log(random_turns(len(rests) - 1, seed), rests, seed)
+    keep = np.ones(len(samples), dtype=bool)
+    for at in gaps:
+        keep[at : at + 7] = False
+    if keep.sum() < 2:
+        return
+    samples = samples[keep].reset_index(drop=True)
+    segments, _ = segment_session(samples, kind, SETTINGS)
+    t = samples[TIME].to_numpy()
+    start, end = segments["start_s"].to_numpy(), segments["end_s"].to_numpy()
+    assert start[0] == t[0]
+    assert np.array_equal(start[1:], end[:-1])
+    assert np.all(end > start)
+    assert end[-1] == pytest.approx(t[-1] + 0.01)
+    assert segments["n"].sum() == len(t)
+    assert np.all(segments.loc[segments["kind"] == "gap", "n"] == 0)
+    assert np.all((segments["pose"] >= 0) == (segments["kind"] == "static"))

@@ -1,0 +1,41 @@
+"""Sliding statistics against a direct computation."""
+
+import numpy as np
+import pytest
+
+from imuloop.segment.stretches import runs, unbroken
+from imuloop.segment.windows import rounding_variance, sliding_statistics
+
+
+@pytest.mark.parametrize("n", [2, 7, 10, 60])
+def test_sliding_statistics_are_those_of_each_window(n):
+    x = 1e4 + np.random.default_rng(1).normal(size=(60, 3))
+    mean, variance = sliding_statistics(x, n)
+    for i in range(60):
+        first = min(max(i - n // 2, 0), 60 - n)
+        window = x[first : first + n]
+        np.testing.assert_allclose(mean[i], window.mean(axis=0), rtol=1e-13)
+        np.testing.assert_allclose(variance[i], window.var(axis=0), rtol=1e-9)
+
+
+def test_variance_keeps_its_precision_in_a_long_log_with_fast_turns():
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=(500_000, 3)) * 1e-4
+    x[100_000:110_000] += 10.0
+    _, variance = sliding_statistics(x, 100)
+    np.testing.assert_allclose(variance[-50], x[-100:].var(axis=0), rtol=1e-3)
+
+
+def test_rounding_variance_is_that_of_the_resolution():
+    rng = np.random.default_rng(3)
+    x = np.round(rng.normal(size=(1000, 3)) / 0.25) * 0.25 * 9.80665
+    assert rounding_variance(x) == pytest.approx((0.25 * 9.80665) ** 2 / 12)
+    assert rounding_variance(np.full((10, 3), 9.8)) > 0
+
+
+def test_runs_and_stretches():
+    assert runs([1, 1, 0, 1]).tolist() == [[0, 2], [3, 4]]
+    stretches, step = unbroken([0.0, 1.0, 2.0, 4.0, 5.0, 6.4], 1.5)
+    assert stretches.tolist() == [[0, 3], [3, 6]]
+    assert step == 1.0
+    assert unbroken([], 1.5)[0].shape == (0, 2)

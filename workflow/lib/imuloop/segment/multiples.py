@@ -1,0 +1,137 @@
+"""Multiples: choose the thresholds of the static detector by what a calibration would be worth."""
+
+import itertools
+
+import numpy as np
+from scipy import stats
+
+# prior standard deviation of scale and misalignment (of one) and of bias (of g)
+PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
+# standard deviation of a pose's norm, of g, that counts as one observation beside the poses
+POSE_NORM = 1e-4
+# relative difference of the expected error that is chance
+EQUAL = 0.05
+
+
+def _moments():
+    # mean of the design's outer product over all directions: E x⁴ = 1/5, E x²y² = 1/15, E x² = 1/3
+    moments = np.diag([2 / 15] * 6 + [1 / 3] * 3)
+    moments[:3, :3] += 1 / 15
+    prior = np.array([PRIOR_SCALE] * 6 + [PRIOR_BIAS] * 3)
+    return moments * np.outer(prior, prior)
+
+
+def expected_error(f):
+    """Return the error that an accelerometer calibrated with these poses would make elsewhere.
+
+    With u the mean specific force in units of its median norm, the 9-parameter model of an
+    accelerometer at rest is an ellipsoid, linear in its nine coefficients:
+
+        y = (|u|² − 1)/2 = uᵀ B u + cᵀ u = x(u)ᵀ β,      B symmetric.
+
+    y is the relative error of the norm, to first order. With independent errors of standard
+    deviation σ and a weak Gaussian prior on B (0.05) and c (0.1), the same in every direction, β
+    has the covariance C = (XᵀX/σ² + P⁻¹)⁻¹. The figure is the root of the mean of xᵀ C x over
+    all directions, with the upper 95 % limit of σ² from the residual sum S and its n − tr H
+    degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1).
+
+    More poses lower C, worse poses raise σ. Poses that do not determine the model leave the
+    prior, far above any residual; few poses with a small residual by luck are not believed.
+
+    Parameters
+    ----------
+    f : array_like, shape (n, 3)
+        Mean specific force of each attitude, m/s².
+
+    Returns
+    -------
+    float
+        Root mean square error of the norm, relative to g.
+
+    References
+    ----------
+    Atkinson, Donev, Tobias, "Optimum experimental designs, with SAS", 2007, section 10.6
+    (V-optimality: the mean variance of prediction).
+    """
+    u = f / np.median(np.linalg.norm(f, axis=1))
+    x, y, z = u.T
+    root = np.sqrt(2)
+    quadratic = np.column_stack([x * x, y * y, z * z, root * x * y, root * x * z, root * y * z])
+    design = np.hstack([PRIOR_SCALE * quadratic, PRIOR_BIAS * u])
+    error = (np.sum(u * u, axis=1) - 1) / 2
+    normal = design.T @ design
+    hat = design @ np.linalg.solve(normal + POSE_NORM**2 * np.eye(9), design.T)
+    residual = np.sum((error - hat @ error) ** 2) + POSE_NORM**2
+    variance = residual / stats.chi2.ppf(0.05, len(f) - np.trace(hat) + 1)
+    covariance = np.linalg.inv(normal / variance + np.eye(9))
+    return float(np.sqrt(np.sum(covariance * _moments())))
+
+
+def attitudes(f, rests, same_attitude):
+    """Return the mean specific force of each attitude: neighbouring rests that agree are one.
+
+    Parameters
+    ----------
+    f : array_like, shape (n + 1, 3)
+        Cumulative sum of specific force, from zero, m/s².
+    rests : array_like of int, shape (m, 2)
+        Ranges of samples.
+    same_attitude : float
+        Angle, rad.
+    """
+    total = f[rests[:, 1]] - f[rests[:, 0]]
+    u = total / np.linalg.norm(total, axis=1, keepdims=True)
+    angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
+    group = np.concatenate([[0], np.cumsum(angle > same_attitude)])
+    n = np.diff(rests, axis=1).ravel()
+    sums = np.array([np.bincount(group, total[:, k]) for k in range(3)])
+    return (sums / np.bincount(group, n)).T
+
+
+def choose_multiples(specific_force, detect, settings):
+    """Return the pair of multiples whose poses calibrate best, and the table behind it.
+
+    The sum of squares over the poses falls with each pose that is lost, and even their mean
+    square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
+    by `expected_error`, which asks how well the poses determine a calibration for all attitudes.
+    Within 5 % of the lowest they count as equal, as neighbouring multiples do by chance; of these
+    the most attitudes win, then the fewest pieces that they fall into, then the lowest error.
+
+    Parameters
+    ----------
+    specific_force : array_like, shape (n, 3)
+        m/s².
+    detect : callable
+        Takes a pair of multiples, returns the rests, shape (m, 2).
+    settings : SegmentSettings
+        Multiples and the angle that tells two attitudes.
+
+    Returns
+    -------
+    best : pair of float or None
+        None where no pair finds a rest.
+    table : list of dict
+        For each pair that found one: multiples, rests, attitudes, expected error (of g).
+    """
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(specific_force, axis=0)])
+    table = []
+    pairs = itertools.product(settings.accelerometer_multiples, settings.gyroscope_multiples)
+    for accelerometer, gyroscope in pairs:
+        rests = detect((accelerometer, gyroscope))
+        if len(rests):
+            f = attitudes(total, rests, settings.same_attitude)
+            table.append(
+                {
+                    "accelerometer": accelerometer,
+                    "gyroscope": gyroscope,
+                    "rests": len(rests),
+                    "attitudes": len(f),
+                    "expected_error": expected_error(f),
+                }
+            )
+    if not table:
+        return None, []
+    bound = (1 + EQUAL) * min(row["expected_error"] for row in table)
+    equal = [row for row in table if row["expected_error"] <= bound]
+    best = min(equal, key=lambda r: (-r["attitudes"], r["rests"], r["expected_error"]))
+    return (best["accelerometer"], best["gyroscope"]), table

@@ -1,0 +1,57 @@
+"""Settings of the segment stage."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SegmentSettings:
+    """What the segment stage asks of a rest and of a disturbance.
+
+    Attributes
+    ----------
+    window_s : float
+        Length of the sliding window of the static detector, s.
+    initial_rest_s : float
+        Longest stretch at the start of a log that sets the level of rest, s.
+    accelerometer_multiples, gyroscope_multiples : tuple of float
+        Multiples of the variance at rest to choose from, one of each.
+    rate_tolerance : float
+        Largest departure of the windowed mean angular rate from its level at rest, rad/s. It has
+        to leave room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts)
+        and to lie below the slowest turn by hand.
+    trim_s : float
+        Cut from each end of a rest that touches motion, s.
+    shortest_rest_s : float
+        Shortest rest kept as a pose after trimming, s.
+    same_attitude : float
+        Rests whose directions of specific force agree within this angle, and between which
+        nothing turned, are one pose; rad. Two means that are θ apart pool to a norm short by
+        θ²/8, so half a degree costs 1e-5 of g.
+    turned : float
+        Largest excursion between two rests, from the gyroscope, that is still no turn, rad.
+    gap_factor : float
+        A step of time longer than this multiple of the median step is a gap.
+    false_alarm : float
+        Probability that an undisturbed static session is cut at all.
+    longest_scale_s : float
+        Longest scale on which disturbances are looked for, s; slower changes are drift.
+    guard_s : float
+        Cut on each side of a disturbance, s.
+    shortest_static_s : float
+        Stretches of a static session between two disturbances count as disturbed if shorter, s.
+    """
+
+    window_s: float = 1.0
+    initial_rest_s: float = 50.0
+    accelerometer_multiples: tuple = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
+    gyroscope_multiples: tuple = (3, 10, 30, 100, 300)
+    rate_tolerance: float = 0.01
+    trim_s: float = 0.1
+    shortest_rest_s: float = 1.0
+    same_attitude: float = 0.0087
+    turned: float = 0.087
+    gap_factor: float = 1.5
+    false_alarm: float = 0.01
+    longest_scale_s: float = 300.0
+    guard_s: float = 1.0
+    shortest_static_s: float = 10.0

@@ -1,0 +1,50 @@
+"""Windows: sliding mean and variance in time proportional to the number of samples."""
+
+import numpy as np
+
+
+def sliding_statistics(x, n):
+    """Return mean and variance of the window of `n` samples centred on each sample.
+
+    Differences of cumulative sums of x and x², taken after the mean is removed so that little is
+    lost in the difference. Within half a window of an end the first or last whole window counts.
+
+    Parameters
+    ----------
+    x : array_like, shape (m, k)
+        Samples, m >= n.
+    n : int
+        Window length, samples.
+
+    Returns
+    -------
+    mean, variance : ndarray, shape (m, k)
+        Unit of x, and its square.
+    """
+    offset = np.mean(x, axis=0)
+    x = x - offset
+    first = np.clip(np.arange(len(x)) - n // 2, 0, len(x) - n)
+
+    def windowed(y):
+        total = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(y, axis=0)])
+        return ((total[n:] - total[:-n]) / n)[first]
+
+    mean = windowed(x)
+    return mean + offset, np.maximum(windowed(x * x) - mean * mean, 0.0)
+
+
+def rounding_variance(x):
+    """Return the variance that rounding to the sensor's resolution adds to one axis.
+
+    The resolution is the smallest step between samples that is no rounding of the number format;
+    one that never moves has none, and any positive variance then serves as a floor.
+
+    Parameters
+    ----------
+    x : array_like, shape (m, 3)
+        Samples of one sensor; the first million decide.
+    """
+    x = x[:1_000_000]
+    steps = np.abs(np.diff(x, axis=0))
+    steps = steps[steps > 1e-9 * np.max(np.abs(x), initial=0.0)]
+    return steps.min() ** 2 / 12 if steps.size else 1.0
