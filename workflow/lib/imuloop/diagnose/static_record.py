@@ -8,7 +8,7 @@ from scipy.linalg import solve_triangular
 from imuloop.core.effect import Effect
 from imuloop.core.samples import CHANNELS, TIME
 from imuloop.core.segments import STATIC
-from imuloop.diagnose.residuals import judge, size
+from imuloop.diagnose.residuals import Residual, size
 from imuloop.diagnose.verdict import NOTHING, verdict
 
 
@@ -72,48 +72,43 @@ def levels(record, axes):
 
 
 def level_fit(values, covariance, design):
-    """Return the generalised least-squares levels of values and their covariance."""
+    """Return the generalised least-squares levels of values, their covariance, and χ²."""
     root = np.linalg.cholesky(covariance)
-    white = solve_triangular(root, design, lower=True)
-    inverse = np.linalg.inv(white.T @ white)
-    return inverse @ white.T @ solve_triangular(root, values, lower=True), inverse
+    white = solve_triangular(root, np.column_stack([design, values]), lower=True)
+    inverse = np.linalg.inv(white[:, :-1].T @ white[:, :-1])
+    bias = inverse @ white[:, :-1].T @ white[:, -1]
+    left = white[:, -1] - white[:, :-1] @ bias
+    return bias, inverse, left @ left
 
 
-def bias_residuals(record, noise, axes, unit):
+def bias_residuals(record, covariance, axes, unit):
     """Return the residual of a constant bias on three axes, judged against the noise.
 
     Parameters
     ----------
     record : StaticMeans
         Means.
-    noise : NoiseModel
-        Noise of the device.
+    covariance : ndarray, shape (6, n, n)
+        Of the means, from the noise model.
     axes : slice
         The sensor's columns.
     unit : str
         SI unit.
     """
-    covariance = noise.pose_mean_covariance(record.windows)[axes]
     design = levels(record, axes)
     n, c = design.shape
-    values, whole = np.empty((n, 3)), np.zeros((n, 3, n, 3))
-    parameters, jacobian = np.zeros((3, c, 3, c)), np.zeros((n, 3, 3, c))
-    for axis in range(3):
+    values, variance, chi2 = np.empty((n, 3)), np.empty((n, 3)), 0.0
+    for axis, predicted in enumerate(covariance[axes]):
         column = record.means[:, axes][:, axis]
-        bias, parameters[axis, :, axis] = level_fit(column, covariance[axis], design)
+        bias, inverse, square = level_fit(column, predicted, design)
         values[:, axis] = column - design @ bias
-        whole[:, axis, :, axis] = covariance[axis]
-        jacobian[:, axis, axis] = -design
-    return judge(
-        unit,
-        values,
-        whole.reshape(3 * n, 3 * n),
-        jacobian.reshape(3 * n, 3 * c),
-        parameters.reshape(3 * c, 3 * c),
-    )
+        variance[:, axis] = np.diag(predicted) + np.diag(design @ inverse @ design.T)
+        chi2 += square
+    dof = 3 * (n - c)
+    return Residual(unit, values, variance, float(chi2 / dof), dof)
 
 
-def hold_out(record, noise, axes, blocks):
+def hold_out(record, covariance, axes, blocks):
     """Return the held-out errors of a constant bias, each block of time predicted by the others.
 
     Returns
@@ -121,7 +116,6 @@ def hold_out(record, noise, axes, blocks):
     ndarray, shape (n, 3)
         SI; not a number where a stretch lies whole in one block, so that no other tells its level.
     """
-    covariance = noise.pose_mean_covariance(record.windows)[axes]
     design = levels(record, axes)
     n = len(record.means)
     part = np.arange(n) * blocks // n
@@ -130,10 +124,10 @@ def hold_out(record, noise, axes, blocks):
         seen = part != block
         known = design[seen].any(axis=0)
         held = ~seen & design[:, known].any(axis=1)
-        for axis in range(3):
+        for axis, predicted in enumerate(covariance[axes]):
             column = record.means[:, axes][:, axis]
-            bias, _ = level_fit(
-                column[seen], covariance[axis][np.ix_(seen, seen)], design[np.ix_(seen, known)]
+            bias, _, _ = level_fit(
+                column[seen], predicted[np.ix_(seen, seen)], design[np.ix_(seen, known)]
             )
             errors[held, axis] = column[held] - design[np.ix_(held, known)] @ bias
     return errors
@@ -164,13 +158,11 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
             f"record at least {2 * settings.blocks * settings.mean_time / 60:g} min at rest"
         )
         return {"verdict": "not_testable", "why": why, **NOTHING}
-    if not all(
-        np.all(np.diagonal(noise.pose_mean_covariance(r.windows)[axes], 0, 1, 2) > 0)
-        for r in usable.values()
-    ):
+    predicted = {name: noise.pose_mean_covariance(r.windows) for name, r in usable.items()}
+    if not all(np.all(np.diagonal(c[axes], 0, 1, 2) > 0) for c in predicted.values()):
         return {"verdict": "not_testable", "why": "the noise of an axis is not known", **NOTHING}
-    judged = [bias_residuals(r, noise, axes, unit) for r in usable.values()]
-    held = [hold_out(r, noise, axes, settings.blocks) for r in usable.values()]
+    judged = [bias_residuals(r, predicted[name], axes, unit) for name, r in usable.items()]
+    held = [hold_out(r, predicted[name], axes, settings.blocks) for name, r in usable.items()]
     told = np.concatenate([h[np.isfinite(h[:, 0])] for h in held])
     error = size(told)
     dof = sum(j.dof for j in judged)
