@@ -1,10 +1,12 @@
 """Config: faults are named one a line; what is sound resolves to plain values."""
 
 import dataclasses
+import json
 import textwrap
 
 import pytest
 import yaml
+from snakemake.common.configfile import load_configfile
 
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config import fetched, merge, noise_sessions, resolve, source_path
@@ -42,7 +44,7 @@ def faults(tmp_path, schema, monkeypatch):
     def of(text, **options):
         path = tmp_path / "config.yaml"
         path.write_text(textwrap.dedent(text))
-        config = yaml.safe_load(path.read_text())
+        config = load_configfile(path)
         lines = config_faults(config, {"config.yaml": path}, schema, REPLICAS, **options)
         assert all(line.startswith(("config.yaml: ", "IMULOOP_MIRROR")) for line in lines)
         assert all("\n" not in line for line in lines)
@@ -159,7 +161,8 @@ ONE_FAULT = {
     ),
     "counts": (
         session(f"{SOUND}, units: {{acceleration: count}}"),
-        "devices.imu.sessions.a.units.acceleration: 'count' needs the device's nominal.acceleration",
+        "devices.imu.sessions.a.units.acceleration: "
+        "'count' needs the device's nominal.acceleration",
     ),
     "columns of three": (
         session(f"{SOUND}, columns: {{acceleration: [ax, ay]}}"),
@@ -216,6 +219,14 @@ ONE_FAULT = {
         "devices.imu.sessions.a.time_range.0: 12:30:00 is 45000 to YAML; "
         "write '12:30:00' with quotes, or 45000",
     ),
+    "infinity": (
+        session(f"{SOUND}, rate: .inf"),
+        "devices.imu.sessions.a.rate: .inf is no finite number",
+    ),
+    "a column twice": (
+        session(f"{SOUND}, columns: {{acceleration: [ax, ax, az]}}"),
+        "devices.imu.sessions.a.columns.acceleration: ['ax', 'ax', 'az'] names a column twice",
+    ),
     "007": (
         session(SOUND, "label: 007,"),
         "devices.imu.label: 007 is 7 to YAML; write '007' with quotes, or 7",
@@ -226,6 +237,11 @@ ONE_FAULT = {
 @pytest.mark.parametrize(("text", "line"), ONE_FAULT.values(), ids=ONE_FAULT)
 def test_a_fault_names_its_key_and_the_remedy(faults, text, line):
     assert faults(text) == [line]
+
+
+def test_numbers_of_a_json_config_are_what_they_look_like(faults):
+    config = {"imu": {"sessions": {"a": {"kind": "static", "file": "poses.csv", "rate": 1}}}}
+    assert faults(json.dumps({"devices": config}).replace(": 1}", ": 1e2}")) == []
 
 
 def test_faults_are_told_all_at_once(faults):

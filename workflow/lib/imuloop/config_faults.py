@@ -13,6 +13,7 @@ from imuloop.config import merged_devices, plain, sources
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
+from imuloop.yaml_traps import yaml_faults
 
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
@@ -25,12 +26,6 @@ _TYPES = {
     "array": "a list",
     "null": "null",
 }
-_TRAPS = (
-    (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "tag:yaml.org,2002:str"),
-    (r"(?i)on|off|yes|no", "tag:yaml.org,2002:bool"),
-    (r"[-+]?[0-9]+(:[0-9]+)+(\.[0-9]*)?", "tag:yaml.org,2002:(int|float)"),
-    (r"[-+]?0[0-9_]+", "tag:yaml.org,2002:int"),
-)
 
 
 def config_faults(config, files, schema, replicas, mirror=None):
@@ -57,10 +52,9 @@ def config_faults(config, files, schema, replicas, mirror=None):
     config = plain(config)
     contents, found = {}, []
     for name, path in files.items():
-        with open(path, encoding="utf-8") as stream:
-            node = yaml.compose(stream, Loader=yaml.SafeLoader)
-        contents[name] = plain(yaml.safe_load(Path(path).read_text(encoding="utf-8"))) or {}
-        found += [(key, text, name) for key, text in _yaml_faults(node, ())]
+        text = Path(path).read_text(encoding="utf-8")
+        contents[name] = plain(yaml.safe_load(text)) or {}
+        found += [(key, fault, name) for key, fault in yaml_faults(text)]
     trapped = {key for key, _, _ in found}
     declared = _schema_faults(config, yaml.safe_load(Path(schema).read_text(encoding="utf-8")))
     wrong = {key for key, _ in declared} | trapped
@@ -99,41 +93,6 @@ def _depth(content, key):
         else:
             return depth
     return len(key)
-
-
-def _yaml_faults(node, key):
-    """Yield what YAML would read otherwise than written, in a tree of nodes."""
-    if isinstance(node, yaml.MappingNode):
-        seen = set()
-        for name, value in node.value:
-            if name.value in seen:
-                line = name.start_mark.line + 1
-                yield (
-                    (*key, name.value),
-                    f"given twice (again in line {line}); only one would count",
-                )
-            seen.add(name.value)
-            yield from _yaml_faults(name, (*key, name.value))
-            yield from _yaml_faults(value, (*key, name.value))
-    elif isinstance(node, yaml.SequenceNode):
-        for i, value in enumerate(node.value):
-            yield from _yaml_faults(value, (*key, i))
-    elif isinstance(node, yaml.ScalarNode) and node.style is None:
-        for pattern, tag in _TRAPS:
-            if re.fullmatch(pattern, node.value) and re.fullmatch(tag, node.tag):
-                yield key, _trap(node)
-
-
-def _trap(node):
-    written, tag = node.value, node.tag.rpartition(":")[2]
-    if tag == "str":
-        mantissa, exponent = written.lower().split("e")
-        whole = mantissa if "." in mantissa else f"{mantissa}.0"
-        sign = "" if exponent[0] in "+-" else "+"
-        return f"{written} is text to YAML, no number; write {whole}e{sign}{exponent}"
-    meaning = yaml.safe_load(written)
-    shown = str(meaning).lower() if tag == "bool" else meaning
-    return f"{written} is {shown} to YAML; write '{written}' with quotes, or {shown}"
 
 
 def _schema_faults(config, schema):
@@ -186,6 +145,8 @@ def _texts(error):
         yield key, f"{shown} is not a {title}"
     elif rule in ("minProperties", "minLength"):
         yield key, "empty"
+    elif rule == "uniqueItems":
+        yield key, f"{shown} names a column twice"
     elif rule in ("minItems", "maxItems"):
         yield key, f"{len(value)} entries, {error.validator_value} needed"
     else:
