@@ -20,7 +20,8 @@ class SegmentSettings:
         to leave room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts)
         and to lie below the slowest turn by hand.
     trim_s : float
-        Cut from each end of a rest that touches motion, s.
+        Cut from each end of a rest that touches motion, s. The window ends a rest up to half its
+        length early as it is, and each second cut is one more to integrate the gyroscope over.
     shortest_rest_s : float
         Shortest rest kept as a pose after trimming, s.
     same_attitude : float
@@ -46,7 +47,7 @@ class SegmentSettings:
     accelerometer_multiples: tuple = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
     gyroscope_multiples: tuple = (3, 10, 30, 100, 300)
     rate_tolerance: float = 0.01
-    trim_s: float = 0.1
+    trim_s: float = 0.05
     shortest_rest_s: float = 1.0
     same_attitude: float = 0.0087
     turned: float = 0.087
