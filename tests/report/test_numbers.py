@@ -63,7 +63,7 @@ def test_duration_is_given_in_the_unit_that_people_use():
         ("accelerometer", "N", "µg/√Hz", 60e-6 * 9.80665, 60),
         ("gyroscope", "N", "°/√h", 0.01 * 3.141592653589793 / 180, 0.6),
         ("gyroscope", "B", "°/h", 10 * 4.84813681109536e-6, 10),
-        ("gyroscope", "Q", "″", 4.84813681109536e-6, 1),
+        ("gyroscope", "Q", "arcsec", 4.84813681109536e-6, 1),
         # (m/s)/√h is 60 times m/s²/√Hz
         ("accelerometer", "N", "m/s/√h", 0.01, 0.6),
         # rad/s per √s: 3600 s/h times √3600

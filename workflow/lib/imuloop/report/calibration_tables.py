@@ -16,7 +16,7 @@ from imuloop.report.table import Table
 METHODS = {
     "six_position": "Six-position",
     "multi_position": "Multi-position",
-    "final": "Final, with effects",
+    "final": "Final",
 }
 METHOD_WORDS = {
     "multi_position": "poses in many attitudes",
@@ -24,34 +24,34 @@ METHOD_WORDS = {
     "static": "rests only: bias alone",
     "nominal": "data sheet, nothing estimated",
 }
+# a correlation below which two parameters are told apart well
+TOLD_APART = 0.5
+NOT_ESTIMATED = "not estimated"
 BIAS = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 
 
 def parameter_table(device, sensor):
-    """Return a sensor's parameters, a column a method, value ± σ."""
-    methods = {m: c for m, c in device.calibrations.items()}
-    columns = {m: _cells(getattr(c, sensor), BIAS[sensor]) for m, c in methods.items()}
-    names = list(next(iter(columns.values()))) if columns else []
-    head = [
-        (
-            "Method",
-            "",
-            *(METHOD_WORDS[getattr(c, sensor).method] for c in methods.values()),
-        ),
-        (
-            "Reduced χ²",
-            "1",
-            *(number(getattr(c, sensor).reduced_chi2) for c in methods.values()),
-        ),
+    """Return a sensor's parameters, a column a method, value ± σ; None if nothing was estimated."""
+    # a method that estimated nothing has no column; why stands above the table
+    methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
+    if not methods:
+        return None
+    columns = {m: _cells(s, BIAS[sensor]) for m, s in methods.items()}
+    rows = [
+        ("Method", "", *(METHOD_WORDS[s.method] for s in methods.values())),
+        ("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values())),
     ]
-    rows = [(*name, *(cells[name] for cells in columns.values())) for name in names]
+    for name in next(iter(columns.values())):
+        cells = [column[name] for column in columns.values()]
+        if set(cells) != {NOT_ESTIMATED}:
+            rows.append((*name, *cells))
     return Table(
         f"{sensor.capitalize()}: parameters, value ± 1 σ",
         ("Parameter", "Unit", *(METHODS[m] for m in methods)),
-        (*head, *rows),
+        tuple(rows),
         "Bias: what it reads when it should read zero. Scale factor error: how far a unit of its "
         "output is from a true unit. Misalignment ij: how much of axis j shows on axis i. "
-        "“(not estimated)”: the data do not determine it. "
+        "A parameter that is not listed, or not estimated, is not determined by these data. "
         "Reduced χ² near 1: the fit is as good as the noise allows.",
     )
 
@@ -69,13 +69,13 @@ def _cells(sensor, bias_display):
             cells[f"{words} {axis}", display.unit] = (
                 with_sigma(value[i] * display.factor, sigma[i] * display.factor)
                 if f"{letter}{i}" in estimated
-                else "(not estimated)"
+                else NOT_ESTIMATED
             )
     for (i, j), (value, sigma) in base["misalignment"].items():
         if f"T{i}{j}" in estimated:
             text = with_sigma(value * 1e3, sigma * 1e3)
         else:
-            text = "0 (by definition)" if estimated & {"T01", "K0"} else "(not estimated)"
+            text = "0 (by definition)" if estimated & {"T01", "K0"} else NOT_ESTIMATED
         cells[f"Misalignment {XYZ[i]}{XYZ[j]}", MILLIRADIAN.unit] = text
     return cells
 
@@ -85,6 +85,7 @@ def reasons(device):
     return [
         (METHODS[method], sensor, getattr(calibration, sensor).not_testable)
         for method, calibration in device.calibrations.items()
+        if method != "final"
         for sensor in ("accelerometer", "gyroscope")
         if getattr(calibration, sensor).not_testable
     ]
@@ -122,4 +123,6 @@ def strongest_correlation(sensor):
     r = sensor.covariance / np.outer(std, std)
     np.fill_diagonal(r, 0)
     i, j = np.unravel_index(np.abs(r).argmax(), r.shape)
+    if abs(r[i, j]) < TOLD_APART:
+        return None
     return sensor.names[i], sensor.names[j], float(r[i, j])

@@ -36,6 +36,15 @@ def allan_comparison(summaries):
     return pictures
 
 
+def common_time(curves):
+    """Return an averaging time that all curves have, 1 s if they can, s; None if they share none.
+
+    The ends of the curves differ and are scarcely known, so devices are compared here.
+    """
+    low, high = max(c[2][0] for c in curves), min(c[2][-1] for c in curves)
+    return float(np.clip(1.0, low, high)) if low <= high else None
+
+
 def _allan_picture(sensor, axis, channel, curves):
     def plot(ax):
         for i, _, tau, adev in curves:
@@ -46,17 +55,24 @@ def _allan_picture(sensor, axis, channel, curves):
         ax.set_xlabel("averaging time τ, s")
         ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
-    lowest = sorted((adev.min(), tau[adev.argmin()], label) for _, label, tau, adev in curves)
-    best = lowest[0]
-    caption = (
-        f"{sensor.capitalize()} {axis}: {best[2]} gets lowest, {number(best[0])} {UNITS[sensor]} "
-        f"at {number(best[1], 2)} s"
-    )
-    if len(lowest) > 1:
-        caption += f"; {lowest[-1][2]} stays highest, {number(lowest[-1][0])} {UNITS[sensor]}"
+    unit = UNITS[sensor]
+    lowest = [(adev.min(), tau[adev.argmin()], label) for _, label, tau, adev in curves]
+    caption = f"{sensor.capitalize()} {axis}: "
+    common = common_time(curves)
+    if common is None:
+        caption += "; ".join(f"{w} down to {number(a)} {unit}" for a, _, w in lowest)
+    else:
+        levels = sorted(
+            (np.exp(np.interp(np.log(common), np.log(tau), np.log(adev))), label)
+            for _, label, tau, adev in curves
+        )
+        caption += f"over {number(common, 2)} s {levels[0][1]} is steadiest, "
+        caption += f"{number(levels[0][0])} {unit}"
+        if len(levels) > 1:
+            caption += f"; {levels[-1][1]} least, {number(levels[-1][0])} {unit}"
     name = f"comparison.allan_{channel}"
     alt = f"Allan deviation of {sensor} {axis}: " + "; ".join(
-        f"{label} lowest {a:.3g} {UNITS[sensor]} at {t:.3g} s" for a, t, label in lowest
+        f"{label} lowest {a:.3g} {unit} at {t:.3g} s" for a, t, label in lowest
     )
     return Picture(name, draw(name, alt, 380, 270, plot), f"{caption}.", "", ())
 

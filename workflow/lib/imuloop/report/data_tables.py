@@ -31,40 +31,37 @@ def text_of(value):
 
 
 def data_table(device):
-    """Return the table of sessions: rows, rate, and every fault that was counted."""
-    rows = []
-    for session in device.sessions:
-        q = session.quality
-        jitter = q["jitter"]["std_s"]
-        rows.append(
-            (
-                session.name,
-                session.kind,
-                "rejected" if session.rejected else "used",
-                text_of(q["rows"]),
-                duration(q["duration_s"]),
-                number(q["rate_hz"], 5),
-                number(None if jitter is None else jitter * 1e3),
-                f"{q['gaps']['count']}",
-                number(q["gaps"]["total_s"]),
-                *(text_of(q.get(key)) for key in DROPPED),
-                text_of(q.get("clipped")),
-                text_of(q.get("constant")),
-                _span(q.get("temperature_range")),
-            )
-        )
+    """Return the table of sessions, a column a session: rows, rate, every fault counted."""
+    columns = [_quality(session) for session in device.sessions]
     treatment = [t for s in device.sessions if (t := s.quality.get("treatment"))]
     return Table(
         "Sessions and the quality of their logs",
-        (
-            *("Session", "Kind", "Status", "Rows used", "Duration", "Rate, Hz"),
-            *("Jitter, 1 σ, ms", "Gaps", "Gaps in all, s"),
-            *(f"{words}, rows" for words in DROPPED.values()),
-            *("Clipped, values", "Constant channels", "Temperature, °C"),
-        ),
-        tuple(rows),
+        ("Figure, unit", *(session.name for session in device.sessions)),
+        tuple((name, *(column[name] for column in columns)) for name in columns[0]),
         " ".join(["Jitter: scatter of the time between samples.", *treatment[:1]]),
     )
+
+
+def _quality(session):
+    """Return the figures of one session as text by their name and unit."""
+    q = session.quality
+    jitter = q["jitter"]["std_s"]
+    return {
+        "Kind": session.kind,
+        "Status": "rejected" if session.rejected else "used",
+        "Rows used": text_of(q["rows"]),
+        "Duration": duration(q["duration_s"]),
+        "Rate, Hz": number(q["rate_hz"], 5),
+        "Jitter, 1 σ, ms": number(None if jitter is None else jitter * 1e3),
+        "Gaps": text_of(q["gaps"]["count"]),
+        "Gaps in all, s": number(q["gaps"]["total_s"]),
+        **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},
+        "Clipped, values": text_of(q.get("clipped")),
+        "Constant channels": text_of(q.get("constant")),
+        "Temperature, °C": _span(q.get("temperature_range")),
+        "Start": text_of(q.get("start")),
+        "Units as logged": text_of(q.get("units")),
+    }
 
 
 def _span(limits):
@@ -80,21 +77,22 @@ def warnings(device):
 
 
 def source_table(device):
-    """Return the table of log files: where each came from, its units and its hash."""
+    """Return the table of log files: where each came from and its hash."""
     rows = [
-        (
-            session.name,
-            file,
-            text_of(session.source.get("units")),
-            text_of(session.source.get("source")),
-            text_of(session.source.get("start")),
-            digest,
-        )
+        (session.name, file, _origin(source), digest)
         for session in device.sessions
-        for file, digest in (session.source.get("sha256") or {}).items()
+        for source, (file, digest) in zip(
+            session.source["source"].values(), session.source["sha256"].items(), strict=False
+        )
     ]
-    columns = ("Session", "File", "Units as logged", "Source", "Start", "SHA-256")
-    return Table("Log files", columns, tuple(rows))
+    return Table("Log files", ("Session", "File", "Source", "SHA-256"), tuple(rows))
+
+
+def _origin(source):
+    """Return where a log came from: an address, a path, or a member of a package's wheel."""
+    if not isinstance(source, dict):
+        return str(source)
+    return ", ".join(str(v) for k, v in source.items() if k != "sha256")
 
 
 def segment_table(device):

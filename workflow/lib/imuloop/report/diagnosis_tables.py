@@ -9,6 +9,7 @@ from imuloop.report.numbers import (
     Display,
     missing,
     number,
+    probability,
     with_sigma,
     with_unit,
 )
@@ -110,7 +111,7 @@ def _gain(sensor, block, effect):
     if not any(map(missing, ratio)):
         parts.append(f"ratio after/before {number(ratio[0])} to {number(ratio[1])} (95 %)")
     if not missing(effect.get("p_value")):
-        parts.append(f"p = {number(effect['p_value'], 2)}")
+        parts.append(f"p-value {probability(effect['p_value'])}")
     return ", ".join(parts) + "." if parts else ""
 
 
@@ -118,7 +119,8 @@ def candidate_table(device):
     """Return all effects that were thought of: what became of each, and why."""
     rows = []
     for sensor, part, block in blocks(device):
-        _, residual = quoted(sensor, block)
+        # the residual that effects are chosen by comes first
+        residual = next(iter((block.get("residuals") or {}).values()), None)
         unit = RESIDUAL[residual["unit"]] if residual else None
         for c in block.get("candidates") or []:
             after = c.get("heldout_after")
@@ -128,7 +130,7 @@ def candidate_table(device):
                     f"{sensor}, {PARTS[part]}",
                     c["status"].replace("_", " "),
                     c.get("why") or NO_NUMBER,
-                    number(c.get("p_value"), 2),
+                    probability(c.get("p_value")),
                     with_unit(number(after * unit.factor), unit.unit)
                     if unit and not missing(after)
                     else NO_NUMBER,

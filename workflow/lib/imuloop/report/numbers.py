@@ -50,7 +50,7 @@ NOISE_UNITS = {
         "R": (Display("m/s³", 1.0), Display("µg/h", _MICRO_G * HOUR)),
     },
     "gyroscope": {
-        "Q": (Display("rad", 1.0), Display("″", HOUR / DEGREE)),
+        "Q": (Display("rad", 1.0), Display("arcsec", HOUR / DEGREE)),
         "N": (
             Display("rad/s/√Hz", 1.0),
             Display("°/s/√Hz", 1 / DEGREE),
@@ -128,6 +128,11 @@ def with_sigma(value, sigma):
 def with_unit(text, unit):
     """Return a number with its unit; a degree sign stands close to it."""
     return f"{text}{'' if unit == '°' else chr(0x202F)}{unit}"
+
+
+def probability(p):
+    """Return a p-value; below 1e-10 its size means nothing."""
+    return f"<\u202f10{superscript(-10)}" if not missing(p) and p < 1e-10 else number(p, 2)
 
 
 def duration(seconds):

@@ -19,6 +19,11 @@ BIAS_NOTE = (
     "Means of consecutive stretches at rest. A bias that stays within the dashed floor is as "
     "steady as the noise allows; steps, slopes and bends are what a noise model lacks."
 )
+SHORT_WORDS = {
+    "gravity_norm": "magnitude error",
+    "pose_rate": "angular rate",
+    "rotation": "direction error",
+}
 
 
 def residual_pictures(device, sensor, folder):
@@ -72,7 +77,7 @@ def _picture(device, sensor, name, points, block, folder):
         if not signed:
             ax.set_ylim(0)
         ax.set_xlabel(f"{'rotation' if name == 'rotation' else 'pose'}, number in order of time")
-        ax.set_ylabel(f"{words}, {display.unit}")
+        ax.set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
         ax.legend(handles, labels, loc="lower right", ncols=3, bbox_to_anchor=(1, 1), borderpad=0.2)
 
     worst = index[np.nanargmax(np.abs(after))]
@@ -80,9 +85,9 @@ def _picture(device, sensor, name, points, block, folder):
         f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
         f"{with_unit(number(np.nanmax(np.abs(after))), display.unit)}, number {worst}."
     )
-    name = f"{device.name}.{sensor}_{name}"
-    svg = draw(name, f"{sensor}: {caption}", 440, 270, plot, margins=(58, 12, 28, 42))
-    return Picture(name, svg, caption, NOTE, (csv,))
+    identity = f"{device.name}.{sensor}_{name}"
+    svg = draw(identity, f"{sensor}: {caption}", 440, 270, plot, margins=(58, 12, 28, 42))
+    return Picture(identity, svg, caption, NOTE, (csv,))
 
 
 def bias_pictures(device, sensor, folder):

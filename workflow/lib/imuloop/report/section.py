@@ -26,7 +26,7 @@ from imuloop.report.residual_plot import bias_pictures, residual_pictures
 from imuloop.report.results import SENSORS, read_device
 from imuloop.report.summary import summarise
 from imuloop.report.time_series import session_pictures
-from imuloop.report.verdict import WORDS, sentence
+from imuloop.report.verdict import sentence
 
 
 def write_section(
@@ -89,7 +89,6 @@ def content(device, figures):
             (sensor, part, block.get("verdict", "not_testable"), sentence(sensor, block))
             for sensor, part, block in blocks(device)
         ],
-        "verdict_words": WORDS,
         "steps": next_steps(device),
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data_table(device), source_table(device)],
@@ -101,7 +100,7 @@ def content(device, figures):
             (sensor, METHOD_WORDS[getattr(final, sensor).method]) for sensor in SENSORS if final
         ],
         "reasons": reasons(device),
-        "parameters": [parameter_table(device, s) for s in SENSORS if device.calibrations],
+        "parameters": [t for s in SENSORS if (t := parameter_table(device, s))],
         "correlations": [
             (sensor, pair[0], pair[1], number(pair[2], 2))
             for sensor in SENSORS

@@ -81,10 +81,16 @@ def sentence(sensor, block):
     effects = " and ".join(e["name"] for e in block.get("effects") or [])
     if not residual:
         return f"{WORDS.get(verdict, verdict)}; no residual was given."
+    status = {c["status"] for c in block.get("candidates") or []}
+    tried = (
+        "no effect that was tried helps"
+        if "rejected" in status
+        else "and no effect of the library can be told from these data"
+    )
     moved = f"{RESIDUAL_WORDS.get(name, name)}, {change(residual, bool(effects))}"
     return {
         "consistent": f"consistent with its model and noise: {moved}.",
         "explained": f"explained by {effects}: {moved}.",
         "partly_explained": f"partly explained by {effects}, something is still missing: {moved}.",
-        "unexplained": f"unexplained, no effect that was tried helps: {moved}.",
+        "unexplained": f"unexplained, {tried}: {moved}.",
     }.get(verdict, f"{verdict}: {moved}.")
