@@ -1,5 +1,7 @@
 """Join the devices' parts to the report."""
 
+from pathlib import Path
+
 from imuloop.job_log import open_log
 from imuloop.report.provenance import provenance
 from imuloop.report.report import write_report
@@ -12,7 +14,7 @@ write_report(
     summaries=snakemake.input.summaries,
     template=snakemake.input.template,
     style=snakemake.input.style,
-    provenance=provenance(params.repository, params.command, params.config),
+    provenance=provenance(Path(snakemake.scriptdir).parent, params.command, params.config),
     report_path=snakemake.output.report,
     comparison_path=snakemake.output.comparison,
 )

@@ -51,7 +51,6 @@ rule report:
         "../envs/imuloop.yaml"
     threads: 1
     params:
-        repository=workflow.basedir,
         command=COMMAND,
         config=DEVICES,
         code=code("report.py"),
