@@ -1,6 +1,7 @@
 """Pictures: what they keep of the data, and what they carry into the page."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -71,6 +72,12 @@ def test_picture_escapes_labels_and_leaves_dollars_alone():
     assert "<script" not in svg
     assert "_&lt;script&gt;$x_2$ &amp; b&lt;/script&gt;" in svg
     assert 'aria-label="&quot;&gt;&lt;script&gt;"' in svg
+
+
+def test_picture_of_a_label_in_another_script_is_drawn_without_a_word():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert "加速度" in draw("a", "", 300, 200, _plot("加速度"))
 
 
 def test_picture_takes_its_colours_from_the_page_and_names_no_host():

@@ -198,9 +198,11 @@ def test_captions_tell_the_finding(page):
 
 
 def test_simulated_devices_are_called_so_everywhere(page):
-    labelled = [e for e in page.elements if e.get("class") == "badge"]
-    # contents, two tables, sentences, title
-    assert len(labelled) >= 5
+    called = [e for e in page.elements if e["text"].strip() == f"{HOSTILE} (simulated)"]
+    # contents, two tables, sentences, key, title, logs
+    assert len({id(e) for e in called if e["tag"] in ("a", "h2", "th")}) >= 7
+    pictures = [e for e in page.all("svg") if "$x_2$" in (e.get("aria-label") or "")]
+    assert pictures and all(f"{HOSTILE} (simulated)" in e["aria-label"] for e in pictures)
     assert "Its logs were made by a computer" in page.text
 
 
@@ -217,7 +219,7 @@ def test_comparison_csv_is_si_with_units_in_its_header(results):
     with open(results / "comparison.csv", newline="", encoding="utf-8") as file:
         rows = {row["device"]: row for row in csv.DictReader(file)}
     assert list(rows) == ["board", "still", "partly", "nothing"]
-    assert rows["still"]["label"] == HOSTILE
+    assert rows["still"]["label"] == f"{HOSTILE} (simulated)"
     assert rows["still"]["simulated"] == "true"
     assert float(rows["board"]["accelerometer_N [m/s^2/sqrt(Hz)]"]) == pytest.approx(8e-4)
     assert float(rows["board"]["gyroscope_residual [rad]"]) == pytest.approx(2.4e-3)

@@ -52,7 +52,7 @@ def _quality(session):
         "Rows used": text_of(q["rows"]),
         "Duration": duration(q["duration_s"]),
         "Rate, Hz": number(q["rate_hz"], 5),
-        "Jitter, 1 σ, ms": number(None if jitter is None else jitter * 1e3),
+        "Jitter, 1 σ, ms": number(None if jitter is None else round(jitter * 1e3, 6)),
         "Gaps": text_of(q["gaps"]["count"]),
         "Gaps in all, s": number(q["gaps"]["total_s"]),
         **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},

@@ -96,6 +96,12 @@ class Device:
         return any(s.quality.get("simulated") or s.source.get("simulated") for s in self.sessions)
 
     @property
+    def title(self):
+        """The label, which says of a simulated device that it is one."""
+        told = not self.simulated or "simulated" in self.label.lower()
+        return self.label if told else f"{self.label} (simulated)"
+
+    @property
     def used(self):
         """The sessions that were not rejected."""
         return tuple(s for s in self.sessions if not s.rejected)

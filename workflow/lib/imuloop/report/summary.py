@@ -31,7 +31,7 @@ def summarise(device):
     return {
         "format": FORMAT,
         "device": device.name,
-        "label": device.label,
+        "label": device.title,
         "simulated": device.simulated,
         "rejected": [
             {"session": s.name, "kind": s.kind, "reasons": s.quality.get("reasons") or []}
@@ -53,6 +53,7 @@ def summarise(device):
         "figures": _figures(device, axes),
         "axes": axes,
         "allan": _allan(device),
+        "allan_csv": _allan_csv(device),
         "logs": [
             {"session": s.name, "file": file, "sha256": digest}
             for s in device.sessions
@@ -121,12 +122,23 @@ def _largest_noise(axes, channels, key):
     return None
 
 
-def _allan(device):
-    """Return the Allan deviation of each channel, of the longest record that has one."""
+def _longest_record(device):
+    """Return the session whose Allan curve reaches farthest, None without any."""
     records = [s for s in device.used if s.allan is not None and len(s.allan)]
-    if not records:
+    return max(records, key=lambda s: s.allan["tau_s"].max(), default=None)
+
+
+def _allan_csv(device):
+    """Return the file of the numbers behind the device's curve in the comparison."""
+    record = _longest_record(device)
+    return record and f"{device.name}/figures/{record.name}_allan.csv"
+
+
+def _allan(device):
+    """Return the Allan deviation of each channel, of the longest record."""
+    record = _longest_record(device)
+    if record is None:
         return {}
-    record = max(records, key=lambda s: s.allan["tau_s"].max())
     curves = {c: curve(record.allan, c) for channels in SENSORS.values() for c in channels}
     return {
         channel: {"tau_s": rows["tau_s"], "adev": rows["adev"]}

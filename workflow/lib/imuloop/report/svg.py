@@ -3,6 +3,7 @@
 import io
 import math
 import re
+import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
@@ -108,7 +109,7 @@ def draw(name, alt, width, height, plot, margins=(58, 12, 12, 40), rows=1, colum
         The `svg` element.
     """
     left, right, top, bottom = margins
-    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
+    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}), warnings.catch_warnings():
         figure = Figure(figsize=(width / 72, height / 72))
         FigureCanvasSVG(figure)
         figure.patch.set_visible(False)
@@ -120,6 +121,8 @@ def draw(name, alt, width, height, plot, margins=(58, 12, 12, 40), rows=1, colum
             ax.patch.set_visible(False)
         plot(axes)
         text = io.StringIO()
+        # a letter that the layout's font lacks is drawn by the browser's
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         none = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(text, format="svg", metadata=none)
     return Markup(_inline(text.getvalue(), name, alt))

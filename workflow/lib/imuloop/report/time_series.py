@@ -140,11 +140,12 @@ def _picture(device, session, folder, sensor, channels):
 
 def _shade(ax, segments, size):
     """Shade rests, disturbances and gaps; motion stays white."""
-    looks = {STATIC: (BLUE, 0.13), DISTURBED: (VERMILLION, 0.35), GAP: (GRID, 0.9)}
+    # a disturbance has an outline, so that a short one still shows in a long record
+    looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
     for start, end, kind in segments[["start_s", "end_s", "kind"]].itertuples(index=False):
         if kind in looks:
-            colour, alpha = looks[kind]
-            ax.axvspan(start / size, end / size, color=colour, alpha=alpha, lw=0)
+            colour, alpha, width = looks[kind]
+            ax.axvspan(start / size, end / size, color=colour, alpha=alpha, lw=width)
 
 
 def _finding(session, sensor, segments, samples, channels):
