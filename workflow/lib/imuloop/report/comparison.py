@@ -93,8 +93,12 @@ def _cell(figure, display, best):
         return Cell(NO_NUMBER)
     factor = display.factor
     axis = f"axis {figure['axis']}" if figure.get("axis") else ""
+    upper = figure.get("upper95")
+    limit = "" if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
     if missing(figure["value"]):
-        return Cell(f"<\u202f{number(figure['upper95'] * factor, 2)}", f"{axis}, 95 % limit")
+        return Cell(limit, f"axis {figure['upper95_axis']}, 95 % limit")
+    if limit:
+        axis += f"; {figure['upper95_axis']} {limit}"
     if not missing(figure.get("floor")):
         axis = f"floor {number(figure['floor'] * factor, 2)}"
     std = figure["std"]

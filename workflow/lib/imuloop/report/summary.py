@@ -109,17 +109,28 @@ def _figures(device, axes):
 
 
 def _largest_noise(axes, channels, key):
-    """Return the largest of a coefficient's three axes; an upper limit where all are limits."""
+    """Return the largest of three axes, and the limit of another if that is larger."""
     found = [(axes.get(c, {}).get(key) or {}, a) for c, a in zip(channels, XYZ, strict=True)]
     values = [(c["value"], sigma_of(c), a) for c, a in found if not missing(c.get("value"))]
-    if values:
-        value, std, axis = max(values, key=lambda v: v[0])
-        return {"value": value, "std": std, "axis": axis}
-    limits = [(c["upper95"], a) for c, a in found if not missing(c.get("upper95"))]
-    if limits:
-        upper, axis = max(limits)
-        return {"value": None, "std": None, "upper95": upper, "axis": axis}
-    return None
+    limits = [
+        (c["upper95"], a)
+        for c, a in found
+        if missing(c.get("value")) and not missing(c.get("upper95"))
+    ]
+    value, std, axis = max(values, key=lambda v: v[0], default=(None, None, None))
+    upper, upper_axis = max(limits, default=(None, None))
+    if value is None and upper is None:
+        return None
+    # an axis that is only limited may still be the worst
+    if value is not None and upper is not None and upper <= value:
+        upper = upper_axis = None
+    return {
+        "value": value,
+        "std": std,
+        "axis": axis,
+        "upper95": upper,
+        "upper95_axis": upper_axis,
+    }
 
 
 def _longest_record(device):
