@@ -1,0 +1,263 @@
+"""Documents: what they link to exists, what they show works, no key of the config is left out."""
+
+import dataclasses
+import importlib
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from imuloop import Calibration
+from imuloop.__main__ import main
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.config_faults import config_faults
+from imuloop.core.effect import Effect
+from imuloop.core.model import SensorCalibration
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import RawUnit
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.settings import SegmentSettings
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+DOCUMENTS = [
+    *(REPOSITORY / name for name in ("README.md", "CHANGELOG.md", "data/README.md")),
+    *sorted(REPOSITORY.glob("docs/*.md")),
+]
+SETTINGS = {
+    "segment": SegmentSettings,
+    "noise": NoiseSettings,
+    "calibrate": CalibrateSettings,
+    "diagnose": DiagnoseSettings,
+}
+# what a path in a document may be relative to
+ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
+# folders that a run makes
+MADE = ("results/", "data/simulated", "data/cache", ".venv")
+
+
+def each_document():
+    return pytest.mark.parametrize(
+        "document", DOCUMENTS, ids=lambda path: str(path.relative_to(REPOSITORY))
+    )
+
+
+def blocks(document, language):
+    """Return the fenced blocks of one language of a document."""
+    return re.findall(rf"^ *```{language}\n(.*?)^ *```", document.read_text(), re.M | re.S)
+
+
+def all_blocks(language):
+    return [
+        pytest.param(block, id=f"{path.name}-{number}")
+        for path in DOCUMENTS
+        for number, block in enumerate(blocks(path, language))
+    ]
+
+
+def anchors(document):
+    """Return the anchors that the headings of a document make."""
+    headings = re.findall(r"^#+ (.+)$", document.read_text(), re.M)
+    plain = [re.sub(r"[^\w -]", "", heading).strip().lower() for heading in headings]
+    return [heading.replace(" ", "-") for heading in plain]
+
+
+@each_document()
+def test_links_lead_somewhere(document):
+    for target in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        if target.startswith("https://"):
+            continue
+        path, _, anchor = target.partition("#")
+        there = (document.parent / path).resolve() if path else document
+        assert there.exists(), target
+        assert not anchor or anchor in anchors(there), target
+
+
+@each_document()
+def test_paths_exist(document):
+    text = re.sub(r"```.*?```", "", document.read_text(), flags=re.S)
+    # what lies in repositories and packages of others
+    text = re.sub(r"^\| [^|]+ \| [^|]+ \| (GitHub|wheel) .*$", "", text, flags=re.M)
+    for quoted in re.findall(
+        r"`([\w.-]+(?:/[\w.-]+)+|[\w-]+\.(?:py|md|yaml|toml|lock))`", text, re.A
+    ):
+        unit = re.fullmatch(r"\w+/(s|h)", quoted)
+        made_or_named_by_the_user = quoted.startswith(MADE) or "NAME" in quoted
+        there = any((root / quoted).exists() for root in ROOTS)
+        assert there or unit or made_or_named_by_the_user, quoted
+
+
+@each_document()
+def test_modules_exist(document):
+    for quoted in re.findall(r"`(imuloop(?:\.\w+)+)", document.read_text()):
+        module, _, name = quoted.rpartition(".")
+        try:
+            importlib.import_module(quoted)
+        except ModuleNotFoundError:
+            assert hasattr(importlib.import_module(module), name), quoted
+
+
+@each_document()
+def test_nothing_of_one_machine(document):
+    found = re.findall(r"(?:^|[\s`(\"'])(/(?:home|work|tmp|root|Users)/\S*)", document.read_text())
+    assert found == []
+
+
+def write_log(path, columns):
+    """Write a small log that has the declared columns."""
+    wanted = {"time": "t", "acceleration": CHANNELS[:3], "angular_rate": CHANNELS[3:]} | columns
+    if isinstance(wanted["acceleration"][0], int):
+        path.write_text("0 0 9.8 0 0 0\n" * 400)
+        return
+    axes = [*wanted["acceleration"], *wanted["angular_rate"]]
+    log = pd.DataFrame({wanted["time"]: np.arange(400) / 100})
+    log[axes] = np.random.default_rng(0).normal([0, 0, 9.8, 0, 0, 0], 0.01, (400, 6))
+    if "temperature" in wanted:
+        log[wanted["temperature"]] = 20.0
+    log.to_csv(path, index=False)
+
+
+@pytest.mark.parametrize("block", all_blocks("yaml"))
+def test_configs_have_no_fault(tmp_path, monkeypatch, block):
+    config = yaml.safe_load(block)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    for device in config["devices"].values():
+        for session in device["sessions"].values():
+            write_log(tmp_path / session["file"], session.get("columns", {}))
+    (tmp_path / "config.yaml").write_text(block)
+    schema = REPOSITORY / "workflow/schemas/config.schema.yaml"
+    assert config_faults(config, {"config.yaml": "config.yaml"}, schema, {}) == []
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    """Stand in a folder with the results that the documents' commands read."""
+    monkeypatch.chdir(tmp_path)
+    found = {"T": np.eye(3), "K": np.ones(3), "b": np.array([0.1, 0.2, 0.3])}
+    calibration = Calibration(
+        "my_imu",
+        9.80665,
+        SensorCalibration(RawUnit("m/s^2", 1.0), **found),
+        SensorCalibration(RawUnit("rad/s", 1.0), **found),
+    )
+    errors = dict.fromkeys(("in_sample_before", "in_sample_after", "before", "after"), 0.01)
+    residuals = {"gravity_norm": errors, "pose_rate": errors, "rotation": errors}
+    block = {"verdict": "consistent", "residuals": residuals, "effects": [{"p_value": 0.5}]}
+    sensor = {"poses": block, "static_record": block}
+    boards = [f"mpu9150_{number}" for number in (1, 2, 3)]
+    for device in ("my_imu", "xsens_mti", "ferraris", *boards):
+        folder = tmp_path / "results" / device
+        folder.mkdir(parents=True)
+        for name in ("calibration", "multi_position", "six_position"):
+            calibration.to_json(folder / f"{name}.json")
+        (folder / "diagnosis.json").write_text(
+            json.dumps({"sensors": {"accelerometer": sensor, "gyroscope": sensor}})
+        )
+    write_log(tmp_path / "log.csv", {})
+    samples = pd.read_csv("log.csv")
+    (tmp_path / "results/my_imu/poses").mkdir()
+    samples.to_parquet("results/my_imu/poses/samples.parquet")
+    return samples
+
+
+@pytest.mark.parametrize(
+    "block", [b for b in all_blocks("python") if "def read(" not in b.values[0]]
+)
+def test_python_runs(results, monkeypatch, tmp_path, block):
+    # an effect of an example joins no other test's library
+    monkeypatch.setattr(Effect, "library", dict(Effect.library))
+    block = block.replace('"data/replicas/', f'"{REPOSITORY}/data/replicas/')
+    names = {}
+    exec(compile(block, "document", "exec"), names)
+    if "calibrated" in names:
+        found = (results - names["calibrated"])[list(CHANNELS)]
+        np.testing.assert_allclose(found, [[0.1, 0.2, 0.3] * 2] * len(results), atol=1e-12)
+
+
+def commands():
+    """Return the distinct command lines of all documents."""
+    lines = [line for block in all_blocks("sh") for line in block.values[0].splitlines()]
+    return sorted({line for line in lines if line and not line.startswith("#")})
+
+
+@pytest.mark.parametrize("command", commands())
+def test_commands_work(results, tmp_path, command):
+    words = [word for word in shlex.split(command) if "=" not in word or word.startswith("-")]
+    tool, *arguments = words
+    if tool == "make":
+        targets = re.findall(r"^(\w+):", (REPOSITORY / "Makefile").read_text(), re.M)
+        assert set(arguments) <= set(targets)
+    elif arguments[:2] == ["-m", "imuloop"]:
+        assert main(arguments[2:]) == 0
+    elif tool.endswith("snakemake"):
+        config = tmp_path / "mine.yaml"
+        config.write_text("devices: {my_imu: {sessions: {rest: {kind: static, file: log.csv}}}}")
+        places = {"REPO/Snakefile": REPOSITORY / "Snakefile", "WORKDIR": tmp_path, "CONFIG": config}
+        places["config/measured.yaml"] = REPOSITORY / "config/measured.yaml"
+        arguments = [str(places.get(word, word)) for word in arguments]
+        if "-s" not in arguments:
+            arguments = ["-s", str(REPOSITORY / "Snakefile"), "-d", str(tmp_path), *arguments]
+        run = subprocess.run(
+            [sys.executable, "-m", "snakemake", *arguments, "-n", "--quiet"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert run.returncode == 0, run.stderr
+    else:
+        assert tool.endswith("pytest"), f"no test knows how to run {tool}"
+        assert all((REPOSITORY / word).exists() for word in arguments if not word.startswith("-"))
+
+
+def rows(document):
+    """Return the rows of all tables of a document by each key in their first cell."""
+    found = {}
+    for line in document.read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("|"):
+            found |= {key: cells for key in re.findall(r"`([\w.]+)`", cells[0])}
+    return found
+
+
+def schema_keys(node):
+    """Yield every name of a property in a schema."""
+    if isinstance(node, dict):
+        yield from node.get("properties", {})
+        for child in node.values():
+            yield from schema_keys(child)
+
+
+def test_every_key_of_the_schema_is_told():
+    schema = yaml.safe_load((REPOSITORY / "workflow/schemas/config.schema.yaml").read_text())
+    told = {part for key in rows(REPOSITORY / "docs/devices.md") for part in key.split(".")}
+    assert set(schema_keys(schema)) - told == set()
+
+
+@pytest.mark.parametrize("stage", SETTINGS)
+def test_every_setting_is_told_with_its_default(stage):
+    text = (REPOSITORY / "docs/devices.md").read_text()
+    table = text.partition(f"| `{stage}` | default")[2].partition("\n\n")[0]
+    told = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", table, re.M))
+    fields = dataclasses.fields(SETTINGS[stage])
+    assert list(told) == [field.name for field in fields]
+    for field in fields:
+        if isinstance(field.default, str):
+            assert told[field.name] == field.default
+        else:
+            values = [float(value) for value in told[field.name].split(",")]
+            np.testing.assert_allclose(values, np.atleast_1d(field.default), rtol=1e-3)
+
+
+def test_every_effect_is_told():
+    told = rows(REPOSITORY / "docs/effects.md")
+    for name, effect in Effect.library.items():
+        assert told[name][1] == " ".join(effect.sensors)
+        assert told[name][2] == effect.equation
