@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+# many small matrices: threads of the linear algebra library only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 

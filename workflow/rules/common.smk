@@ -9,6 +9,9 @@ from imuloop.code_digest import code_digest
 from imuloop.config import fetched, noise_sessions, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 
+# a job is one thread; those of the linear algebra library would take the other jobs' cores
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 REPOSITORY = Path(workflow.basedir)
 TEMPLATES = REPOSITORY / "workflow/templates"
 # recordings of each simulated device that the workflow can make

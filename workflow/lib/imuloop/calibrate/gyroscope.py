@@ -9,7 +9,7 @@ from imuloop.calibrate.accelerometer import effect_design
 from imuloop.calibrate.least_squares import condition_number, fit
 from imuloop.calibrate.poses import Rotations
 from imuloop.core.effect import Channels
-from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
+from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1", "b2")
@@ -92,7 +92,8 @@ class GyroscopeModel:
         vectors = step_vectors(rates, self.rotations.steps)
         after = prefix_product(exponential(vectors))
         # the middle of a step is half a step back from its end
-        return matrix(after) @ matrix(exponential(-vectors / 2)), matrix(after[:, -1]), output
+        middle = multiply(after, exponential(-vectors / 2))
+        return matrix(middle), matrix(after[:, -1]), output
 
     def turned(self, x):
         """Return gravity's direction after each rotation and its derivative.
@@ -111,18 +112,21 @@ class GyroscopeModel:
         T, K, b = unpack(x)
         middle, last, output = self.attitudes(x)
         weighted = middle * self.rotations.steps[..., None, None]
-        raw = self.rotations.w - b
-        # moments of the attitude with the mean of each step's two samples
-        moment = np.einsum("mkai,mkj->maij", weighted, (output[:, 1:] + output[:, :-1]) / 2)
-        raw_moment = np.einsum("mkai,mkj->maij", weighted, (raw[:, 1:] + raw[:, :-1]) / 2)
-        phi = np.zeros((len(self.rotations), 3, len(x)))
+        m, k = self.rotations.steps.shape
+        # moments of the attitude with the mean of each step's two samples, one product a rotation
+        columns = weighted.reshape(m, k, 9).swapaxes(1, 2)
+        raw = midpoints(self.rotations.w - b)
+        moment = (columns @ midpoints(output)).reshape(m, 3, 3, 3)
+        raw_moment = (columns @ raw).reshape(m, 3, 3, 3)
+        phi = np.zeros((m, 3, len(x)))
         rows, columns = _OFF_DIAGONAL
         phi[:, :, :6] = moment[:, :, rows, columns]
         phi[:, :, 6:9] = np.einsum("maij,ij->maj", raw_moment, T)
         phi[:, :, 9:12] = -weighted.sum(axis=1) @ (T * K)
         if len(x) > 12:
-            design = (self.rotation_design[:, 1:] + self.rotation_design[:, :-1]) / 2
-            phi[:, :, 12:] = -np.einsum("mkai,mkip->map", weighted @ T, design)
+            turned = (weighted.reshape(-1, 3) @ T).reshape(m, k, 3, 3).swapaxes(1, 2)
+            design = midpoints(self.rotation_design).reshape(m, 3 * k, -1)
+            phi[:, :, 12:] = -turned.reshape(m, 3, 3 * k) @ design
         start = self.directions[self.rotations.first]
         turned = np.einsum("mji,mj->mi", last, start)
         jacobian = np.einsum("mji,mjp->mip", last, np.cross(start[:, :, None], phi, axis=1))
@@ -151,6 +155,11 @@ class GyroscopeModel:
             [rates_jacobian.reshape(-1, len(x)), errors_jacobian.reshape(-1, len(x))]
         )
         return residuals, jacobian
+
+
+def midpoints(values):
+    """Return the means of neighbours along the second axis."""
+    return (values[:, 1:] + values[:, :-1]) / 2
 
 
 def tangents(directions):

@@ -84,9 +84,10 @@ def fit(residuals, x0, covariance):
         np.asarray(x0, dtype=float),
         jac=lambda x: evaluate(x)["jacobian"],
         x_scale="jac",
-        xtol=1e-12,
-        ftol=1e-12,
-        gtol=1e-12,
+        # a step that would move chi square by less than 1e-9 of itself moves no parameter visibly
+        xtol=1e-10,
+        ftol=1e-10,
+        gtol=None,
     )
     at = evaluate(solution.x)
     normal = at["jacobian"].T @ at["jacobian"]

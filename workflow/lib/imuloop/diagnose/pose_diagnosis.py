@@ -1,5 +1,7 @@
 """Diagnose a sensor at the poses."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from imuloop.diagnose.residuals import size
@@ -39,7 +41,7 @@ def diagnose_poses(model, recording, settings):
         return {"verdict": "not_testable", "why": reason, **NOTHING}, None
     available, missing = candidates(model.sensor, recording)
     base, found, trials = search(model, recording, available, settings.significance)
-    held = hold_out(model, recording, available, settings)
+    held = hold_out(model, recording, base, available, settings)
     if held is None:
         reason = f"{len(recording.poses)} poses do not determine the model with a part held out"
         return {"verdict": "not_testable", "why": reason, **NOTHING}, base
@@ -49,8 +51,10 @@ def diagnose_poses(model, recording, settings):
     added = found.effects if ratio[1] < 1 else ()
     final = found if added else base
     if not added:
-        held = {kind: type(h)(h.fold, h.before, h.before) for kind, h in held.items()}
-    listed = [_candidate(t, added, ratio, main, settings, trials) for t in trials.values()]
+        held = {kind: replace(h, after=h.before) for kind, h in held.items()}
+    listed = [
+        _candidate(t, added, ratio, main, model.headline, settings, trials) for t in trials.values()
+    ]
     listed += [
         {"name": effect.name, "status": "not_available", "why": why}
         for effect, why in missing.items()
@@ -63,7 +67,7 @@ def diagnose_poses(model, recording, settings):
             kind: {
                 "unit": base.residuals[kind].unit,
                 "n": len(h.before),
-                "floor": base.residuals[kind].floor,
+                "floor": h.floor,
                 "before": size(h.before),
                 "after": size(h.after),
                 "in_sample_before": size(base.residuals[kind].values),
@@ -88,12 +92,12 @@ def diagnose_poses(model, recording, settings):
             for effect, fitted in zip(added, final.calibration.effects, strict=False)
         ],
         "candidates": listed,
-        "points": _points(model, recording, base, held),
+        "points": _points(recording, held),
     }
     return content, final
 
 
-def _candidate(tried, added, ratio, main, settings, trials):
+def _candidate(tried, added, ratio, main, headline, settings, trials):
     """Return what the contract holds of one candidate."""
     if tried.effect in added:
         status, why = "added", "lowers the residual in the fit and on held-out poses"
@@ -106,20 +110,21 @@ def _candidate(tried, added, ratio, main, settings, trials):
         "name": tried.effect.name,
         "status": status,
         "why": why,
+        "residual": headline,
         "p_value": tried.p_value,
         "heldout_after": size(main.after),
         "detection_limit": detection_limit(tried, settings, len(trials)),
     }
 
 
-def _points(model, recording, base, held):
+def _points(recording, held):
     """Return one entry a pose or rotation, for pictures: held-out size before and after."""
     poses = recording.poses
     direction = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
     points = []
     for kind, h in held.items():
         of_pose = recording.rotations.first if kind == "rotation" else np.arange(len(poses))
-        floor = np.sqrt(base.residuals[kind].variance.sum(axis=1))
+        floor = np.sqrt(h.variance.sum(axis=1))
         # the norm of gravity is too large or too small; the others have a size alone
         signed = h.before.shape[1] == 1
         before, after = (

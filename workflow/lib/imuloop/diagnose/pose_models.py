@@ -31,8 +31,12 @@ class Solution:
         Of the whole fit, against the noise model.
     residuals : dict of str to Residual
         Each kind of residual of the sensor, on the data of the fit.
+    covariance : ndarray, shape (n, n)
+        Predicted covariance of all residuals, kind after kind.
+    jacobian : ndarray, shape (n, p)
+        Their derivative with respect to all parameters.
     parameters : ndarray, shape (p, p)
-        Covariance of the effects' parameters from the noise alone.
+        Covariance of all parameters from the noise alone.
     """
 
     effects: tuple
@@ -41,6 +45,8 @@ class Solution:
     chi2: float
     dof: int
     residuals: dict[str, Residual]
+    covariance: np.ndarray
+    jacobian: np.ndarray
     parameters: np.ndarray
 
 
@@ -91,13 +97,9 @@ class AccelerometerPoses:
             None,
             fit.reduced_chi2,
         )
-        residual = judge(
-            "m/s^2",
-            model.residuals(fit.x)[0][:, None],
-            model.covariance(fit.x, means),
-            fit.jacobian,
-            fit.covariance,
-        )
+        predicted = model.covariance(fit.x, means)
+        values = model.residuals(fit.x)[0][:, None]
+        residual = judge("m/s^2", values, predicted, fit.jacobian, fit.covariance)
         return Solution(
             tuple(effects),
             calibration,
@@ -105,13 +107,15 @@ class AccelerometerPoses:
             fit.chi2,
             fit.dof,
             {"gravity_norm": residual},
-            fit.covariance[9:, 9:],
+            predicted,
+            fit.jacobian,
+            fit.covariance,
         )
 
     def errors(self, solution, recording):
-        """Return the residuals of any recording under a solution, and the pose each belongs to."""
+        """Return the residuals of any recording and, for each, the poses it starts and ends at."""
         values = residuals.gravity_norm(solution.calibration, self.gravity, recording.poses)
-        return {"gravity_norm": (values, np.arange(len(values)))}
+        return {"gravity_norm": (values, np.arange(len(values))[:, None].repeat(2, axis=1))}
 
 
 @dataclass(frozen=True)
@@ -194,17 +198,20 @@ class GyroscopePoses:
             fit.chi2,
             fit.dof,
             judged,
-            fit.covariance[12:, 12:],
+            covariance,
+            fit.jacobian,
+            fit.covariance,
         )
 
     def errors(self, solution, recording):
-        """Return the residuals of any recording under a solution, and the pose each belongs to."""
+        """Return the residuals of any recording and, for each, the poses it starts and ends at."""
         force = calibrated_force(
             solution.accelerometer, recording.poses, recording.rotations, self.force.noise
         )
         rates = residuals.pose_rate(solution.calibration, force, recording.poses)
         turns = residuals.rotation(solution.calibration, force, recording)
+        first = recording.rotations.first
         return {
-            "pose_rate": (rates, np.arange(len(rates))),
-            "rotation": (turns, recording.rotations.first),
+            "pose_rate": (rates, np.arange(len(rates))[:, None].repeat(2, axis=1)),
+            "rotation": (turns, np.column_stack([first, first + 1])),
         }

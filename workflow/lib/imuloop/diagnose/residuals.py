@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
 from imuloop.calibrate.gyroscope import gyroscope_model
@@ -19,8 +20,6 @@ class Residual:
         SI unit.
     values : ndarray, shape (n, k)
         Residual of each pose or rotation; its size is the norm over the k components.
-    variance : ndarray, shape (n, k)
-        Variance that the noise predicts, with what the fitted parameters add.
     reduced_chi2 : float
         Against the full covariance.
     dof : float
@@ -29,14 +28,8 @@ class Residual:
 
     unit: str
     values: np.ndarray
-    variance: np.ndarray
     reduced_chi2: float
     dof: float
-
-    @property
-    def floor(self):
-        """Root mean square of the size that the noise alone predicts."""
-        return float(np.sqrt(self.variance.sum(axis=1).mean()))
 
     def above_floor(self, significance):
         """Return whether the residual is larger than the noise explains."""
@@ -66,8 +59,41 @@ def judge(unit, values, covariance, jacobian, parameters):
     leverage = jacobian @ parameters @ jacobian.T
     dof = len(flat) - np.trace(np.linalg.solve(covariance, leverage))
     square = flat @ np.linalg.solve(covariance, flat)
-    variance = np.diag(covariance) + np.diag(leverage)
-    return Residual(unit, values, variance.reshape(values.shape), float(square / dof), float(dof))
+    return Residual(unit, values, float(square / dof), float(dof))
+
+
+def held_out_variance(covariance, jacobian, seen, held):
+    """Return the variance that the noise alone gives to the errors of held-out residuals.
+
+    A fit to the residuals that are seen has the parameters' error ``A r``, with
+    ``A = C Jᵀ Σ⁻¹`` and ``C = (Jᵀ Σ⁻¹ J)⁻¹`` of the seen part; a held-out residual then has
+
+        var(r_h - J_h A r) = Σ_hh - 2 J_h A Σ_sh + J_h C J_hᵀ
+
+    so that slow noise which both parts share, and a fitted bias takes up, does not count.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        Predicted covariance Σ of all residuals.
+    jacobian : ndarray, shape (n, p)
+        Derivative J with respect to the parameters.
+    seen, held : ndarray of bool, shape (n,)
+        The residuals of the fit, and those to predict.
+
+    Returns
+    -------
+    ndarray, shape (number held,)
+        Variances.
+    """
+    root = cholesky(covariance[np.ix_(seen, seen)], lower=True)
+    white = solve_triangular(root, jacobian[seen], lower=True)
+    parameters = np.linalg.inv(white.T @ white)
+    gain = parameters @ solve_triangular(root, white, lower=True, trans=1).T
+    ahead = jacobian[held]
+    shared = np.einsum("hs,hs->h", ahead @ gain, covariance[np.ix_(held, seen)])
+    own = np.einsum("hp,pq,hq->h", ahead, parameters, ahead)
+    return np.diag(covariance)[held] - 2 * shared + own
 
 
 def gravity_norm(calibration, gravity, poses):

@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, f, ncx2
 
 from imuloop.core.effect import Effect
+from imuloop.diagnose.residuals import held_out_variance
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,19 @@ class HeldOut:
     before, after : ndarray, shape (n, k)
         Errors of models that never saw that part: without effects, and with the effects that a
         search on the other parts alone chose.
+    variance : ndarray, shape (n, k)
+        Of the errors before, from the noise alone.
     """
 
     fold: np.ndarray
     before: np.ndarray
     after: np.ndarray
+    variance: np.ndarray
+
+    @property
+    def floor(self):
+        """Root mean square of the error's size that the noise alone gives."""
+        return float(np.sqrt(self.variance.sum(axis=1).mean()))
 
 
 def candidates(sensor, recording):
@@ -97,12 +106,25 @@ def search(model, recording, available, significance):
     return base, solution, last
 
 
-def hold_out(model, recording, available, settings):
+def hold_out(model, recording, whole, available, settings):
     """Return the held-out errors of every kind of residual.
 
     The poses are split into parts that follow each other in time. For each, model and choice of
     effects see only the other poses and the rotations between them; a rotation belongs to the
     part of the pose that it starts from.
+
+    Parameters
+    ----------
+    model : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    recording : Recording
+        Poses and rotations.
+    whole : Solution
+        Fit of all poses without effects: its covariance and derivative give the floor.
+    available : sequence of type
+        Effects to choose from.
+    settings : DiagnoseSettings
+        Settings.
 
     Returns
     -------
@@ -119,15 +141,36 @@ def hold_out(model, recording, available, settings):
             return None
         base, solution, _ = search(model, training, available, settings.significance)
         before, after = (model.errors(s, recording) for s in (base, solution))
-        for kind, (values, pose) in before.items():
-            held = part[pose] == fold
-            entry = collected.setdefault(kind, ([], [], []))
+        floor = _floor(whole, before, part, fold)
+        for kind, (values, poses) in before.items():
+            held = part[poses[:, 0]] == fold
+            entry = collected.setdefault(kind, ([], [], [], []))
             entry[0].append(np.full(held.sum(), fold))
             entry[1].append(values[held])
             entry[2].append(after[kind][0][held])
+            entry[3].append(floor[kind])
     return {
         kind: HeldOut(*(np.concatenate(column) for column in columns))
         for kind, columns in collected.items()
+    }
+
+
+def _floor(whole, errors, part, fold):
+    """Return the variance of the errors of one part, by kind of residual."""
+    seen, held = [], []
+    for values, poses in errors.values():
+        k = values.shape[1]
+        seen.append(np.repeat(np.all(part[poses] != fold, axis=1), k))
+        held.append(np.repeat(part[poses[:, 0]] == fold, k))
+    variance = held_out_variance(
+        whole.covariance, whole.jacobian, np.concatenate(seen), np.concatenate(held)
+    )
+    counts = np.cumsum([h.sum() for h in held])[:-1]
+    return {
+        kind: piece.reshape(-1, values.shape[1])
+        for (kind, (values, _)), piece in zip(
+            errors.items(), np.split(variance, counts), strict=True
+        )
     }
 
 
@@ -161,9 +204,8 @@ def detection_limit(tried, settings, tests):
     """
     effect, solution = tried.effect, tried.solution
     q = len(effect.parameters)
-    at = len(solution.parameters) - q
     scale = max(1.0, solution.chi2 / solution.dof)
-    information = np.linalg.inv(solution.parameters[at:, at:] * scale)
+    information = np.linalg.inv(solution.parameters[-q:, -q:] * scale)
     threshold = chi2.isf(settings.significance / tests, q)
     noncentrality = brentq(lambda x: ncx2.sf(threshold, q, x) - settings.power, 1e-3, 1e3)
     limits = np.sqrt(noncentrality / np.diag(information))

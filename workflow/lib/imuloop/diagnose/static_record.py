@@ -8,7 +8,7 @@ from scipy.linalg import solve_triangular
 from imuloop.core.effect import Effect
 from imuloop.core.samples import CHANNELS, TIME
 from imuloop.core.segments import STATIC
-from imuloop.diagnose.residuals import Residual, size
+from imuloop.diagnose.residuals import Residual, held_out_variance, size
 from imuloop.diagnose.verdict import NOTHING, verdict
 
 
@@ -72,13 +72,13 @@ def levels(record, axes):
 
 
 def level_fit(values, covariance, design):
-    """Return the generalised least-squares levels of values, their covariance, and χ²."""
+    """Return the generalised least-squares levels of values, and χ²."""
     root = np.linalg.cholesky(covariance)
     white = solve_triangular(root, np.column_stack([design, values]), lower=True)
     inverse = np.linalg.inv(white[:, :-1].T @ white[:, :-1])
     bias = inverse @ white[:, :-1].T @ white[:, -1]
     left = white[:, -1] - white[:, :-1] @ bias
-    return bias, inverse, left @ left
+    return bias, left @ left
 
 
 def bias_residuals(record, covariance, axes, unit):
@@ -97,15 +97,14 @@ def bias_residuals(record, covariance, axes, unit):
     """
     design = levels(record, axes)
     n, c = design.shape
-    values, variance, chi2 = np.empty((n, 3)), np.empty((n, 3)), 0.0
+    values, chi2 = np.empty((n, 3)), 0.0
     for axis, predicted in enumerate(covariance[axes]):
         column = record.means[:, axes][:, axis]
-        bias, inverse, square = level_fit(column, predicted, design)
+        bias, square = level_fit(column, predicted, design)
         values[:, axis] = column - design @ bias
-        variance[:, axis] = np.diag(predicted) + np.diag(design @ inverse @ design.T)
         chi2 += square
     dof = 3 * (n - c)
-    return Residual(unit, values, variance, float(chi2 / dof), dof)
+    return Residual(unit, values, float(chi2 / dof), dof)
 
 
 def hold_out(record, covariance, axes, blocks):
@@ -113,24 +112,26 @@ def hold_out(record, covariance, axes, blocks):
 
     Returns
     -------
-    ndarray, shape (n, 3)
-        SI; not a number where a stretch lies whole in one block, so that no other tells its level.
+    ndarray, ndarray, shape (n, 3)
+        Errors, SI, and the variance that the noise alone gives them; not a number where a stretch
+        lies whole in one block, so that no other tells its level.
     """
     design = levels(record, axes)
     n = len(record.means)
     part = np.arange(n) * blocks // n
-    errors = np.full((n, 3), np.nan)
+    errors, variance = np.full((2, n, 3), np.nan)
     for block in range(blocks):
         seen = part != block
         known = design[seen].any(axis=0)
         held = ~seen & design[:, known].any(axis=1)
         for axis, predicted in enumerate(covariance[axes]):
             column = record.means[:, axes][:, axis]
-            bias, _, _ = level_fit(
+            bias, _ = level_fit(
                 column[seen], predicted[np.ix_(seen, seen)], design[np.ix_(seen, known)]
             )
             errors[held, axis] = column[held] - design[np.ix_(held, known)] @ bias
-    return errors
+            variance[held, axis] = held_out_variance(predicted, design[:, known], seen, held)
+    return errors, variance
 
 
 def diagnose_static(records, noise, axes, unit, sensor, settings):
@@ -163,8 +164,9 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
         return {"verdict": "not_testable", "why": "the noise of an axis is not known", **NOTHING}
     judged = [bias_residuals(r, predicted[name], axes, unit) for name, r in usable.items()]
     held = [hold_out(r, predicted[name], axes, settings.blocks) for name, r in usable.items()]
-    told = np.concatenate([h[np.isfinite(h[:, 0])] for h in held])
-    error = size(told)
+    errors, variance = (np.concatenate([h[i] for h in held]) for i in (0, 1))
+    told = np.isfinite(errors[:, 0])
+    error = size(errors[told])
     dof = sum(j.dof for j in judged)
     reduced = sum(j.reduced_chi2 * j.dof for j in judged) / dof
     # both sensors and all sessions share the significance
@@ -175,8 +177,8 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
         "residuals": {
             "bias": {
                 "unit": unit,
-                "n": len(told),
-                "floor": size(np.sqrt(np.concatenate([j.variance for j in judged]))),
+                "n": int(told.sum()),
+                "floor": size(np.sqrt(variance[told])),
                 "before": error,
                 "after": error,
                 "chi2_before": reduced,
@@ -202,9 +204,11 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
                 "before": float(np.linalg.norm(e)),
                 "after": float(np.linalg.norm(e)),
                 "values": j.values[i].tolist(),
-                "floor": float(np.sqrt(j.variance[i].sum())),
+                "floor": float(np.sqrt(v.sum())),
             }
-            for (name, record), errors, j in zip(usable.items(), held, judged, strict=True)
-            for i, e in enumerate(errors)
+            for (name, record), (left, predicted_variance), j in zip(
+                usable.items(), held, judged, strict=True
+            )
+            for i, (e, v) in enumerate(zip(left, predicted_variance, strict=True))
         ],
     }

@@ -1,0 +1,72 @@
+"""Residuals and their floor."""
+
+import numpy as np
+import pytest
+from devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.residuals import held_out_variance, judge, size
+from imuloop.diagnose.search import hold_out
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.simulate.truth import example_truth
+
+
+def test_a_linear_fit_has_its_textbook_degrees_of_freedom():
+    rng = np.random.default_rng(0)
+    design = rng.normal(size=(50, 4))
+    root = rng.normal(size=(50, 50)) / 7
+    covariance = root @ root.T + np.eye(50)
+    noise = np.linalg.cholesky(covariance) @ rng.normal(size=50)
+    weight = np.linalg.inv(covariance)
+    parameters = np.linalg.inv(design.T @ weight @ design)
+    left = noise - design @ (parameters @ design.T @ weight @ noise)
+    judged = judge("m/s^2", left[:, None], covariance, design, parameters)
+    assert judged.dof == pytest.approx(46)
+    assert judged.reduced_chi2 * judged.dof == pytest.approx(left @ weight @ left)
+
+
+def test_parts_of_a_fit_share_its_parameters():
+    truth = example_truth()
+    made = recording(truth, 2)
+    force = AccelerometerPoses(
+        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    solution = GyroscopePoses(force, None, (), RATE_UNIT).fit(made)
+    total = sum(r.dof for r in solution.residuals.values())
+    assert total == pytest.approx(3 * len(made.poses) + 2 * len(made.rotations) - 12, abs=0.1)
+
+
+def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
+    rng = np.random.default_rng(4)
+    t = np.arange(40.0)
+    # white noise, and slow noise with a common part much larger than what is left of it
+    covariance = np.eye(40) + 200 * np.exp(-np.abs(t[:, None] - t) / 80)
+    design = np.column_stack([np.ones(40), rng.normal(size=40)])
+    held = (t >= 12) & (t < 20)
+    seen = ~held & (t != 20)
+    predicted = held_out_variance(covariance, design, seen, held)
+    drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
+    weight = np.linalg.inv(covariance[np.ix_(seen, seen)])
+    normal = design[seen].T @ weight
+    fitted = np.linalg.solve(normal @ design[seen], normal @ drawn[seen])
+    errors = drawn[held] - design[held] @ fitted
+    np.testing.assert_allclose(predicted, errors.var(axis=1), rtol=0.05)
+    assert predicted.max() < 60
+
+
+def test_held_out_errors_of_a_good_model_are_at_their_floor():
+    truth = example_truth()
+    force = AccelerometerPoses(
+        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    turn = GyroscopePoses(force, None, (), RATE_UNIT)
+    ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
+    for seed in range(8):
+        made = recording(truth, seed)
+        for model in (force, turn):
+            held = hold_out(model, made, model.fit(made), [], DiagnoseSettings(folds=5))
+            for kind, h in held.items():
+                ratios[kind].append(size(h.before) / h.floor)
+    for kind, values in ratios.items():
+        assert np.mean(values) == pytest.approx(1, abs=0.12), kind

@@ -1,0 +1,167 @@
+"""The search for effects on simulated devices: finds what is there, says no where nothing is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from scipy.spatial.transform import Rotation
+
+import imuloop.diagnose.effects  # noqa: F401  the library of effects
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.diagnose.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.search import HeldOut, hold_out, ratio_interval, search, trial
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.simulate.truth import example_truth
+
+G_SENSITIVITY = find_effect("g_sensitivity")
+# rad/s per m/s^2: 0.1 deg/s per g, as common parts have
+MATRIX = np.radians(0.1) / 9.80665 * Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
+
+
+def models(truth):
+    force = AccelerometerPoses(
+        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    fallback = None
+    return force, GyroscopePoses(force, fallback, (), RATE_UNIT)
+
+
+def with_g_sensitivity(truth, matrix):
+    values = dict(zip(G_SENSITIVITY.parameters, np.ravel(matrix).tolist(), strict=True))
+    effect = FittedEffect("g_sensitivity", values, {})
+    return replace(truth, gyroscope=replace(truth.gyroscope, effects=(effect,)))
+
+
+@pytest.fixture(scope="module")
+def sensitive():
+    truth = with_g_sensitivity(example_truth(), MATRIX)
+    return truth, recording(truth, 1)
+
+
+def test_an_undeclared_effect_is_found_with_its_size(sensitive):
+    truth, made = sensitive
+    content, solution = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
+    assert content["verdict"] == "explained"
+    (effect,) = content["effects"]
+    assert effect["name"] == "g_sensitivity"
+    assert effect["heldout_after"] < effect["heldout_before"] / 3
+    assert effect["ratio_ci95"][1] < 1
+    score = [
+        (effect["parameters"][p] - value) / effect["std"][p]
+        for p, value in zip(G_SENSITIVITY.parameters, MATRIX.ravel(), strict=True)
+    ]
+    assert np.abs(score).max() < 3.5
+    # the other parameters are those of the device, not bent by the effect
+    truth_k = truth.gyroscope.K
+    std = [solution.calibration.std[f"K{i}"] for i in range(3)]
+    assert np.all(np.abs(solution.calibration.K - truth_k) < 4 * np.array(std))
+
+
+def test_the_residual_after_is_that_of_a_device_without_the_effect(sensitive):
+    truth, made = sensitive
+    content, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
+    plain = example_truth()
+    control, _ = diagnose_poses(models(plain)[1], recording(plain, 1), DiagnoseSettings())
+    for kind in ("pose_rate", "rotation"):
+        after = content["residuals"][kind]["after"]
+        assert after <= 1.25 * control["residuals"][kind]["before"]
+
+
+def test_controls_are_consistent():
+    truth = example_truth()
+    declared, verdicts = 0, []
+    for seed in range(20, 26):
+        made = recording(truth, seed)
+        for model in models(truth):
+            content, _ = diagnose_poses(model, made, DiagnoseSettings(folds=5))
+            declared += len(content["effects"])
+            verdicts.append(content["verdict"])
+    assert declared == 0
+    # one in twenty is above its floor by chance
+    assert verdicts.count("consistent") >= len(verdicts) - 2
+
+
+def test_p_values_of_an_absent_effect_are_uniform():
+    truth = example_truth()
+    model = models(truth)[1]
+    values = []
+    for seed in range(40, 56):
+        made = recording(truth, seed)
+        values.append(trial(model, made, model.fit(made), G_SENSITIVITY).p_value)
+    # 16 uniform numbers: mean one half within three standard errors, few below one in twenty
+    assert np.mean(values) == pytest.approx(0.5, abs=3 / np.sqrt(12 * 16))
+    assert np.sum(np.array(values) < 0.05) <= 3
+
+
+def test_an_effect_outside_the_library_is_unexplained():
+    def steps(channels):
+        # jumps of the rate with time, which no pose effect follows
+        return 2e-3 * np.sign(np.sin(channels.t / 7.0))[:, None] * [1.0, -1.0, 0.5]
+
+    truth = example_truth()
+    truth = replace(truth, gyroscope=replace(truth.gyroscope, extra=steps))
+    content, _ = diagnose_poses(models(truth)[1], recording(truth, 5), DiagnoseSettings(folds=5))
+    assert content["verdict"] == "unexplained"
+    assert content["effects"] == []
+    (candidate,) = content["candidates"]
+    assert candidate["status"] == "rejected"
+
+
+def test_too_few_poses_are_not_testable():
+    truth = example_truth()
+    few = recording(truth, 3).select(np.arange(41) < 4)
+    content, solution = diagnose_poses(models(truth)[0], few, DiagnoseSettings())
+    assert content["verdict"] == "not_testable"
+    assert "4 poses found, at least 10 needed" in content["why"]
+    assert solution is None
+
+
+def test_the_choice_of_effects_sees_only_the_training_poses(sensitive, monkeypatch):
+    truth, made = sensitive
+    model = models(truth)[1]
+    seen = []
+
+    def spy(model, recording, available, significance):
+        seen.append(set(recording.poses.start_s))
+        return search(model, recording, available, significance)
+
+    monkeypatch.setattr("imuloop.diagnose.search.search", spy)
+    settings = DiagnoseSettings(folds=4)
+    held = hold_out(model, made, model.fit(made), [G_SENSITIVITY], settings)
+    part = np.arange(len(made.poses)) * 4 // len(made.poses)
+    for fold, poses in enumerate(seen):
+        assert poses == set(made.poses.start_s[part != fold])
+    # every pose is held out once, every rotation too
+    assert len(held["pose_rate"].before) == len(made.poses)
+    assert len(held["rotation"].before) == len(made.rotations)
+
+
+def test_a_held_out_pose_does_not_touch_its_prediction(sensitive):
+    truth, made = sensitive
+    model = models(truth)[1]
+    whole = model.fit(made)
+    held = hold_out(model, made, whole, [], DiagnoseSettings(folds=4))
+    spoiled = made.poses.w.copy()
+    spoiled[0] += 1e-3
+    changed = replace(made, poses=replace(made.poses, w=spoiled))
+    again = hold_out(model, changed, whole, [], DiagnoseSettings(folds=4))
+    # the other poses of its part were predicted by the same training set
+    part = np.arange(len(made.poses)) * 4 // len(made.poses)
+    same = (part == 0) & (np.arange(len(made.poses)) > 0)
+    np.testing.assert_allclose(
+        again["pose_rate"].before[same], held["pose_rate"].before[same], rtol=1e-9
+    )
+
+
+def test_the_interval_of_a_ratio_holds_the_ratio():
+    rng = np.random.default_rng(2)
+    before = rng.normal(size=(400, 3))
+    held = HeldOut(np.repeat(np.arange(20), 20), before, before * 0.5, before**2)
+    low, high = ratio_interval(held, DiagnoseSettings())
+    assert low == pytest.approx(0.5) and high == pytest.approx(0.5)
+    noisy = HeldOut(held.fold, before, rng.normal(size=(400, 3)), before**2)
+    low, high = ratio_interval(noisy, DiagnoseSettings())
+    assert low < 1 < high

@@ -1,0 +1,87 @@
+"""Xsens MTi: against the result that imu_tk published for its own data.
+
+Tedaldi, Pretto, Menegatti, ICRA 2014; the figures are those of the program's example run.
+"""
+
+import numpy as np
+import pytest
+
+from imuloop.calibrate.calibrate import calibrate_gyroscope, read_recording
+from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.gyroscope import gyroscope_model
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+
+GRAVITY = 9.81744
+T = np.array([[1, -0.0033593, -0.0089064], [0, 1, -0.0213341], [0, 0, 1]])
+K = np.array([0.00241278, 0.00242712, 0.00241168])
+B = np.array([33124.2, 33275.2, 32364.4])
+K_GYROSCOPE = np.array([0.000209295, 0.000209899, 0.000209483])
+
+
+@pytest.fixture(scope="module")
+def accelerometer(measured):
+    return measured.json("xsens_mti", "multi_position")["accelerometer"]
+
+
+def poses(measured, sensor):
+    return measured.json("xsens_mti", "diagnosis")["sensors"][sensor]["poses"]
+
+
+def test_accelerometer_parameters_are_those_published(accelerometer):
+    np.testing.assert_allclose(accelerometer["K"], K, rtol=3e-4)
+    np.testing.assert_allclose(accelerometer["T"], T, atol=5e-4)
+    np.testing.assert_allclose(accelerometer["b"], B, atol=5)
+
+
+def test_accelerometer_residual_on_held_out_poses(measured):
+    residual = poses(measured, "accelerometer")["residuals"]["gravity_norm"]
+    assert residual["before"] / GRAVITY <= 0.170e-3
+
+
+def test_gyroscope_without_effects_reaches_the_published_cost(measured):
+    sessions = {"poses": measured.session("xsens_mti", "poses")}
+    recording = read_recording(sessions, "multi_position", 30.0)
+    noise = NoiseModel.from_json(measured.folder / "xsens_mti/noise.json")
+    force = Calibration.from_json(measured.folder / "xsens_mti/multi_position.json").accelerometer
+    unit = Calibration.from_json(
+        measured.folder / "xsens_mti/multi_position.json"
+    ).gyroscope.raw_unit
+    settings = CalibrateSettings(gyroscope_bias="initial_rest")
+    fitted = calibrate_gyroscope(recording, noise, force, unit, settings)
+    np.testing.assert_allclose(fitted.K, K_GYROSCOPE, rtol=5e-4)
+    model = gyroscope_model(
+        recording.poses,
+        recording.rotations,
+        calibrated_force(force, recording.poses, recording.rotations, noise),
+    )
+    x = np.concatenate(
+        [fitted.T[~np.eye(3, dtype=bool)], fitted.K / unit.scale, unit.to_si(fitted.b)]
+    )
+    # half the sum of squared differences of unit vectors, as imu_tk prints it
+    turned, _ = model.turned(x)
+    difference = turned - model.directions[recording.rotations.first + 1]
+    assert len(recording.rotations) == pytest.approx(37, abs=2)
+    assert (difference**2).sum() / 2 <= 0.00160
+
+
+def test_g_sensitivity_from_the_poses_explains_the_rotations(measured):
+    found = poses(measured, "gyroscope")
+    assert [effect["name"] for effect in found["effects"]] == ["g_sensitivity"]
+    rotation = found["residuals"]["rotation"]
+    assert np.degrees(rotation["in_sample_after"]) <= 0.140
+    assert np.degrees(rotation["after"]) <= 0.160
+    # the same without the effect: 0.52 in sample, 0.63 held out as published for imu_tk's model
+    assert 0.40 < np.degrees(rotation["in_sample_before"]) < 0.60
+    assert 0.45 < np.degrees(rotation["before"]) < 0.70
+
+
+def test_the_effect_is_in_the_final_calibration_and_not_in_the_base(measured):
+    base = measured.json("xsens_mti", "multi_position")["gyroscope"]
+    final = measured.json("xsens_mti", "calibration")["gyroscope"]
+    assert base["effects"] == []
+    effect = final["effects"][0]
+    assert effect["name"] == "g_sensitivity"
+    assert set(effect["std"]) == set(effect["parameters"])
+    assert len(final["covariance"]["names"]) == 12 + 9

@@ -1,0 +1,31 @@
+"""Three MPU-9150 boards: against the table published with their logs."""
+
+import numpy as np
+import pytest
+
+# scale factor error in per cent as published, of the output against the truth: 1/K - 1
+SCALE = {1: (0.363, 0.315, 0.647), 2: (0.471, 0.482, 0.932), 3: (0.382, 0.355, 0.780)}
+# m/s^2
+BIAS = {1: (0.103, 0.097, 0.344), 2: (0.090, 0.070, 0.338), 3: (0.096, 0.008, -0.045)}
+
+
+@pytest.fixture(params=[1, 2, 3])
+def board(request):
+    return request.param
+
+
+@pytest.fixture
+def sensors(measured, board):
+    return measured.json(f"mpu9150_{board}", "multi_position")
+
+
+def test_accelerometer_scale_and_bias_are_those_published(sensors, board):
+    accelerometer = sensors["accelerometer"]
+    scale = (1 / np.array(accelerometer["K"]) - 1) * 100
+    np.testing.assert_allclose(scale, SCALE[board], atol=0.10)
+    np.testing.assert_allclose(accelerometer["b"], BIAS[board], atol=0.015)
+
+
+def test_no_effect_is_declared(measured, board):
+    for sensor in measured.json(f"mpu9150_{board}", "diagnosis")["sensors"].values():
+        assert sensor["poses"]["effects"] == []
