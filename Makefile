@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report test lint format bench setup lock clean
+.PHONY: report test lint format bench study setup lock clean
 
 report: setup
 	$(BIN)/snakemake -c$(CORES) results/report.html
@@ -24,7 +24,12 @@ format: setup
 	$(BIN)/snakefmt Snakefile workflow
 
 bench: setup
-	PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
+
+# bias and coverage of the calibration over simulated devices; SEEDS=200 for the large one
+SEEDS ?= 40
+study: setup
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/coverage.py --seeds $(SEEDS)
 
 setup: $(READY)
 
