@@ -11,7 +11,8 @@ class CalibrateSettings:
     ----------
     gyroscope_bias : {'rests', 'initial_rest'}
         Where the gyroscope's bias comes from: estimated from all rests together with the other
-        parameters, or held at the mean of the first rest, as imu_tk does.
+        parameters, or held at the mean of the first rest, as imu_tk does; the diagnosis, and a
+        model with effects, always estimate it.
     face_tolerance : float
         Degrees; a pose is a face if specific force lies this near to an axis.
     longest_rotation : float

@@ -69,7 +69,10 @@ def diagnose_device(
     force, force_solution = diagnose_poses(force_model, recording, settings)
     force_effects = force_solution.effects if force_solution else ()
     turn_model = GyroscopePoses(
-        force_model, base.accelerometer, force_effects, multi.gyroscope.raw_unit
+        force_model,
+        None if force_solution else base.accelerometer,
+        force_effects,
+        multi.gyroscope.raw_unit,
     )
     turn, turn_solution = diagnose_poses(turn_model, recording, settings)
     # a calibration that the diagnosis did not change stays the one of its stage, to the last bit

@@ -126,8 +126,9 @@ class GyroscopePoses:
     ----------
     force : AccelerometerPoses
         The accelerometer of the same device, fitted to the same poses.
-    fallback : SensorCalibration
-        Calibration of the accelerometer where the poses determine none.
+    fallback : SensorCalibration or None
+        Calibration of the accelerometer from elsewhere, where all poses together determine none;
+        else None: each fit calibrates the accelerometer with its own poses, held-out ones unseen.
     force_effects : tuple of type
         Effects that the accelerometer's model has.
     unit : RawUnit
@@ -135,14 +136,14 @@ class GyroscopePoses:
     """
 
     force: AccelerometerPoses
-    fallback: SensorCalibration
+    fallback: SensorCalibration | None
     force_effects: tuple
     unit: RawUnit
     sensor = "gyroscope"
     headline = "pose_rate"
 
     def _force(self, recording):
-        if self.force.untestable(recording):
+        if self.fallback is not None:
             return self.fallback
         return self.force.fit(recording, self.force_effects).calibration
 
@@ -150,6 +151,8 @@ class GyroscopePoses:
         """Return why the data determine no calibration, or None."""
         if not len(recording.poses):
             return "no multi_position session with a pose"
+        if self.fallback is None and (reason := self.force.untestable(recording)):
+            return f"direction of gravity not known: {reason}"
         force = calibrated_force(
             self._force(recording), recording.poses, recording.rotations, self.force.noise
         )
