@@ -48,3 +48,13 @@ def test_what_is_missing_is_one_line(tmp_path, calibration, capsys):
     message = capsys.readouterr().err
     assert message.count("\n") == 1 and "no.csv" in message
     assert not out.exists()
+
+
+def test_a_log_that_is_rejected_says_why(tmp_path, calibration, capsys):
+    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
+    (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
+    out = tmp_path / "out.csv"
+    assert main(["apply", str(calibration), str(tmp_path / "short.csv"), "-o", str(out)]) == 1
+    message = capsys.readouterr().err
+    assert "short.csv: rejected: " in message and "20 usable rows" in message
+    assert not out.exists()

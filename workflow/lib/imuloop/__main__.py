@@ -7,7 +7,7 @@ from pathlib import Path
 
 from imuloop import Calibration
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import replaced
+from imuloop.core.files import read_json, replaced
 from imuloop.core.samples import read_metadata, read_samples
 from imuloop.ingest.ingest import ingest
 
@@ -33,14 +33,14 @@ def read_log(path, calibration, units, rate):
         "angular_rate": calibration.gyroscope.raw_unit,
     }
     with tempfile.TemporaryDirectory() as folder:
-        samples = Path(folder) / "samples.parquet"
+        samples, quality = Path(folder) / "samples.parquet", Path(folder) / "quality.json"
         ingest(
             device=calibration.device,
             session=path.name,
             kind="static",
             paths=[path],
             samples_path=samples,
-            quality_path=Path(folder) / "quality.json",
+            quality_path=quality,
             units={quantity: unit.name for quantity, unit in sensors.items()} | units,
             nominal={
                 quantity: {"scale": unit.scale, "offset": unit.offset}
@@ -48,6 +48,9 @@ def read_log(path, calibration, units, rate):
             },
             rate=rate,
         )
+        figures = read_json(quality)
+        if figures["status"] == "rejected":
+            raise ImuloopError(f"{path}: rejected: {'; '.join(figures['reasons'])}")
         return read_samples(samples)
 
 
@@ -65,8 +68,6 @@ def apply(arguments):
         {quantity: unit for quantity, unit in units.items() if unit},
         arguments.rate,
     )
-    if not len(samples):
-        raise ImuloopError(f"{arguments.log}: no usable sample in the log")
     calibrated = calibration.apply(samples)
     with replaced(arguments.output) as temporary:
         if arguments.output.suffix == ".csv":
