@@ -80,7 +80,7 @@ class Effect:
         ndarray, shape (n, 3, p)
             The derivative D, SI.
         """
-        raise TypeError("an effect gives its own design")
+        raise NotImplementedError("an effect gives its own design")
 
 
 def find_effect(name):

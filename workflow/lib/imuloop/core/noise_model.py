@@ -260,11 +260,14 @@ class NoiseModel:
         times = times - times[0]
 
         covariance = np.empty((len(axes), len(length), len(length)))
+        # an axis at a time: a record of days has thousands of windows
         for total, axis in zip(covariance, axes, strict=True):
             k = self.axes[axis].kernel(times, times[-1])
             k = k[end] - k[start]
-            total[:] = k[:, end] - k[:, start]
-        return (covariance + covariance.transpose(0, 2, 1)) / 2 / (length[:, None] * length)
+            k = k[:, end] - k[:, start]
+            np.add(k, k.T, out=total)
+            total /= 2 * length[:, None] * length
+        return covariance
 
     def to_dict(self):
         """Return the content of noise.json, as far as the model goes."""

@@ -63,7 +63,7 @@ def step_vectors(rates, steps):
     ----------
     Iserles, Munthe-Kaas, Nørsett, Zanna, "Lie-group methods", Acta Numerica 9 (2000), section 4.
     """
-    dt = np.asarray(steps)[..., None]
+    rates, dt = np.asarray(rates), np.asarray(steps)[..., None]
     first, second = rates[..., :-1, :], rates[..., 1:, :]
     mean = (first + second) / 2
     mean[..., 1:-1, :] += (

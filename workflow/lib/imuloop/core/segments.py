@@ -2,7 +2,7 @@
 
 A pandas DataFrame, a row a stretch in order of time: `start_s`, `end_s` (half-open, on the
 samples' clock), `kind`, `pose` (number of the attitude held; -1 where none), `n` samples, and
-mean and standard deviation of every channel (SI units).
+mean and standard deviation of every channel (SI units); values that are missing do not count.
 """
 
 import json
@@ -39,7 +39,7 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     Returns
     -------
     DataFrame
-        One row a stretch.
+        One row a stretch; not-a-number where a channel has no value in it.
     """
     t = samples[TIME].to_numpy()
     first = np.searchsorted(t, start_s, side="left")
@@ -54,6 +54,8 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     for channel in (*CHANNELS, *([TEMPERATURE] if TEMPERATURE in samples else [])):
         x = samples[channel].to_numpy()
         stretches = [x[i:j] for i, j in zip(first, last, strict=True)]
+        if channel == TEMPERATURE:
+            stretches = [s[np.isfinite(s)] for s in stretches]
         table[f"{channel}_mean"] = np.array([s.mean() if len(s) else np.nan for s in stretches])
         table[f"{channel}_std"] = np.array([s.std() if len(s) else np.nan for s in stretches])
     return pd.DataFrame(table)

@@ -1,0 +1,38 @@
+"""The table of segments: statistics of each stretch, and its file."""
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.samples import CHANNELS, read_metadata
+from imuloop.core.segments import read_segments, segment_table, write_segments
+
+
+def samples(temperature):
+    t = np.arange(len(temperature)) / 10
+    values = {c: np.arange(len(t)) + i for i, c in enumerate(CHANNELS)}
+    return pd.DataFrame({"t": t, **values, "temperature": temperature})
+
+
+def test_statistics_are_those_of_the_half_open_stretch():
+    table = segment_table(samples(np.zeros(20)), [0, 0.5], [0.5, 2.0], ["static"] * 2, [0, 1])
+    assert table["n"].tolist() == [5, 15]
+    assert table["ax_mean"].tolist() == [2.0, 12.0]
+    # 0 … 4 and 5 … 19: (n² - 1)/12
+    np.testing.assert_allclose(table["gz_std"] ** 2, [2.0, 224 / 12])
+
+
+def test_a_missing_temperature_does_not_count():
+    logged = np.array([20.0, np.nan, 22.0, np.nan, np.nan, np.nan])
+    table = segment_table(samples(logged), [0, 0.3], [0.3, 0.6], ["static"] * 2, [0, 1])
+    assert table["temperature_mean"][0] == 21.0
+    assert table["temperature_std"][0] == 1.0
+    assert np.isnan(table["temperature_mean"][1])
+
+
+def test_the_file_gives_back_the_table_and_what_was_chosen(tmp_path):
+    table = segment_table(
+        samples(np.full(9, 3.3)), [0, 0.4], [0.4, 0.9], ["static", "gap"], [0, -1]
+    )
+    write_segments(tmp_path / "s.parquet", table, {"multiples": [3, 10]})
+    pd.testing.assert_frame_equal(read_segments(tmp_path / "s.parquet"), table, check_exact=True)
+    assert read_metadata(tmp_path / "s.parquet") == {"multiples": [3, 10]}
