@@ -1,4 +1,4 @@
-"""Sources: path, public address, wheel, mirror; no network but this machine's own."""
+"""Sources: public address, wheel, mirror; no network but this machine's own."""
 
 import functools
 import hashlib
@@ -81,17 +81,6 @@ def target(tmp_path):
 
 def nothing_left(target):
     return not target.parent.exists() or not list(target.parent.iterdir())
-
-
-def test_path(tmp_path, target):
-    (tmp_path / "here.csv").write_bytes(CONTENT)
-    fetch(str(tmp_path / "here.csv"), target)
-    assert target.read_bytes() == CONTENT
-    with pytest.raises(
-        ImuloopError, match=r"there is no file .*her\.csv; did you mean .*here\.csv"
-    ):
-        fetch({"path": str(tmp_path / "her.csv")}, target)
-    assert target.read_bytes() == CONTENT
 
 
 def test_url(server, target, capfd):

@@ -1,6 +1,5 @@
 """What is wrong in a config: every fault at once, one a line, each naming its key."""
 
-import difflib
 import os
 import re
 from datetime import datetime
@@ -10,7 +9,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from imuloop.config import merged_devices, plain, sources
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
 from imuloop.yaml_traps import yaml_faults
@@ -154,8 +153,7 @@ def _texts(error):
 
 
 def _nearest(name, known, cutoff):
-    near = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
-    return f"; did you mean '{near[0]}'?" if near else f"; use one of {', '.join(known)}"
+    return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"
 
 
 def _meaning_faults(config, wrong, replicas):

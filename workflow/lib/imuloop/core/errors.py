@@ -1,5 +1,7 @@
 """Errors that a user can act on."""
 
+import difflib
+
 
 class ImuloopError(Exception):
     """What the user declared or gave cannot be used; one line, no traceback needed."""
@@ -7,3 +9,19 @@ class ImuloopError(Exception):
 
 class RejectedLog(ImuloopError):
     """What is wrong lies in the data: the session is rejected, the run goes on."""
+
+
+def did_you_mean(name, known, cutoff=0.6):
+    """Return the end of a message that names the nearest of the known names; empty without one.
+
+    Parameters
+    ----------
+    name : str
+        What was given.
+    known : iterable of str
+        What there is.
+    cutoff : float
+        Least similarity, 0 to 1, as `difflib` counts it.
+    """
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -1,10 +1,9 @@
 """Which columns of a log hold what: declared by name or number, else by the usual names."""
 
-import difflib
 import re
 from dataclasses import dataclass, field
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, did_you_mean
 
 AXES = ("x", "y", "z")
 # usual names of a sensor's columns without their axis, words joined by "_"
@@ -178,10 +177,9 @@ def _position(quantity, value, names, headed):
             "name it by number, from 0"
         )
     if value not in names:
-        near = difflib.get_close_matches(value, names, n=1, cutoff=0.5)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ImuloopError(
-            f"columns.{quantity}: no column '{value}'; there are {', '.join(names)}{hint}"
+            f"columns.{quantity}: no column '{value}'; there are {', '.join(names)}"
+            f"{did_you_mean(value, names, 0.5)}"
         )
     return names.index(value)
 

@@ -1,11 +1,10 @@
 """The log formats: a name, a reader, the endings of file names that stand for it."""
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.ingest import delimited, imu_tk, netcdf, parquet
 
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
@@ -58,8 +57,7 @@ def find_format(name, paths):
     """
     name = name or guess_format(paths)
     if name not in FORMATS:
-        near = difflib.get_close_matches(str(name), FORMATS, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else f"; use one of {', '.join(FORMATS)}"
+        hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
         raise ImuloopError(f"'{name}' is not a format{hint}")
     if set(paths) != set(FORMATS[name].files):
         raise ImuloopError(

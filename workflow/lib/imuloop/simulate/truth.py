@@ -1,6 +1,5 @@
 """The truth of a simulated device: what a good estimator has to find."""
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ import yaml
 
 import imuloop.diagnose.effects  # noqa: F401  loads the library of effects
 from imuloop.core.effect import FittedEffect, find_effect
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY
 
 ZERO = (0.0, 0.0, 0.0)
@@ -223,9 +222,7 @@ def _made(cls, content, where):
     names = [field.name for field in fields(cls)]
     for key in content:
         if key not in names:
-            near = difflib.get_close_matches(key, names, 1)
-            hint = f"; did you mean '{near[0]}'?" if near else ""
-            raise ImuloopError(f"{where}.{key}: no such key{hint}")
+            raise ImuloopError(f"{where}.{key}: no such key{did_you_mean(key, names)}")
     kind = content.get("kind")
     if cls in KINDS and kind not in KINDS[cls]:
         raise ImuloopError(f"{where}.kind: '{kind}' is not one of {', '.join(KINDS[cls])}")
