@@ -4,6 +4,8 @@
 rejected session; of `nothing` every session was rejected.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -226,7 +228,7 @@ def _device(folder, device, sessions, rng):
         force = _fitted(UNIT_A, upper + base, seed=1)
         turn = _fitted(UNIT_G, full + base, seed=2)
         multi = Calibration(device, 9.80665, force, turn)
-        final = multi.with_effects(gyroscope=(effect,))
+        final = replace(multi, gyroscope=replace(turn, effects=(effect,)))
         poses = _poses(effect, rng)
     elif device in ("still", "partly"):
         turn = _fitted(UNIT_G, bias, method="static", seed=4)

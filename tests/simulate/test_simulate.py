@@ -12,7 +12,6 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.simulate.simulate import (
     log_metadata,
-    simulate_device,
     simulate_session,
     true_motion,
     write_log,
@@ -132,7 +131,8 @@ def test_files_hold_the_log_and_not_the_truth(tmp_path):
     values = {f"G{i}{j}": 1e-4 for i in range(3) for j in range(3)}
     effects = (FittedEffect("g_sensitivity", values, {}),)
     truth = device(gyroscope={"effects": effects}, name="secret_device")
-    (path,) = simulate_device(truth, tmp_path)
+    path = tmp_path / "one.parquet"
+    write_log(path, simulate_session(truth, "one"), log_metadata(truth, "one"))
     table = pq.read_table(path)
     pd.testing.assert_frame_equal(table.to_pandas(), simulate_session(truth, "one"))
     metadata = json.loads(table.schema.metadata[b"imuloop"])

@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(workflow.basedir)
 TEMPLATES = REPOSITORY / "workflow/templates"
-# recordings of each simulated device that the workflow can make
+# sessions of each simulated device that the workflow can make
 REPLICAS = {
     path.stem: list(yaml.safe_load(path.read_text())["sessions"])
     for path in sorted(REPOSITORY.glob("data/replicas/*.yaml"))
@@ -47,7 +47,6 @@ wildcard_constraints:
     device="|".join(DEVICES),
     session=r"[A-Za-z][A-Za-z0-9_-]*",
     replica="|".join(REPLICAS) or "none",
-    recording=r"[A-Za-z][A-Za-z0-9_-]*",
     sha256=r"[0-9a-f]{64}",
     filename=r"[^/]+",
 

@@ -2,16 +2,16 @@ rule simulate:
     input:
         f"{workflow.basedir}/data/replicas/{{replica}}.yaml",
     output:
-        "data/simulated/{replica}/{recording}.parquet",
+        "data/simulated/{replica}/{session}.parquet",
     log:
-        "logs/simulate/{replica}/{recording}.log",
+        "logs/simulate/{replica}/{session}.log",
     benchmark:
-        "benchmarks/simulate/{replica}/{recording}.tsv"
+        "benchmarks/simulate/{replica}/{session}.tsv"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     params:
-        recording="{recording}",
+        session="{session}",
         code=code("simulate.py"),
     script:
         "../../scripts/simulate.py"

@@ -39,7 +39,7 @@ def config_faults(config, files, schema, replicas, mirror=None):
     schema : path-like
         The config's JSON schema (YAML).
     replicas : dict of str to list of str
-        Recordings of each simulated device that the workflow can make.
+        Sessions of each simulated device that the workflow can make.
     mirror : str, optional
         Folder named by the environment variable IMULOOP_MIRROR.
 
@@ -249,11 +249,9 @@ def _missing(path, replicas):
     simulated = SIMULATED.fullmatch(os.path.normpath(path))
     if not simulated:
         return f"there is no file {path}"
-    replica, recording = simulated.groups()
+    replica, session = simulated.groups()
     if replica not in replicas:
         return f"there is no replica '{replica}'{_nearest(replica, replicas, 0.6)}"
-    if recording not in replicas[replica]:
-        return (
-            f"{replica} has no session '{recording}'{_nearest(recording, replicas[replica], 0.6)}"
-        )
+    if session not in replicas[replica]:
+        return f"{replica} has no session '{session}'{_nearest(session, replicas[replica], 0.6)}"
     return None

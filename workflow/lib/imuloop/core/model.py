@@ -1,6 +1,6 @@
 """The calibration of a device: the model ``x = T (K (raw - b) - e)`` with its parameters."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -172,14 +172,6 @@ class Calibration:
         calibrated[list(ACCELERATION)] = f
         calibrated[list(ANGULAR_RATE)] = self.gyroscope.apply(w, Channels(t, other, f, temperature))
         return calibrated
-
-    def with_effects(self, accelerometer=(), gyroscope=()):
-        """Return the same calibration with other effects."""
-        return replace(
-            self,
-            accelerometer=replace(self.accelerometer, effects=tuple(accelerometer)),
-            gyroscope=replace(self.gyroscope, effects=tuple(gyroscope)),
-        )
 
     def to_json(self, path):
         """Write the calibration as JSON."""

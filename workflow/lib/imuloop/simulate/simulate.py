@@ -119,11 +119,3 @@ def log_metadata(truth, session):
     }
     kind = truth.sessions[session].kind
     return {"truth": truth.name, "session": session, "kind": kind, "units": units}
-
-
-def simulate_device(truth, folder, seed=None):
-    """Write ``folder/<session>.parquet`` for every session of a device; return their paths."""
-    paths = [Path(folder) / f"{session}.parquet" for session in truth.sessions]
-    for session, path in zip(truth.sessions, paths, strict=True):
-        write_log(path, simulate_session(truth, session, seed), log_metadata(truth, session))
-    return paths
