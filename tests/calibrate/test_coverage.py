@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from devices import (
+
+from calibrate.devices import (
     ACCELERATION_UNIT,
     RATE_UNIT,
     difference,
     known_noise,
     recording,
 )
-
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.settings import CalibrateSettings

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from devices import RATE_UNIT, known_noise, noiseless, recording
 
+from calibrate.devices import RATE_UNIT, known_noise, noiseless, recording
 from imuloop.calibrate.calibrate import calibrate_gyroscope
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import gyroscope_model, rotation_covariance, tangents

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.residuals import held_out_variance, judge, size

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from scipy.spatial.transform import Rotation
 
 import imuloop.diagnose.effects  # noqa: F401  the library of effects
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.diagnose.pose_diagnosis import diagnose_poses

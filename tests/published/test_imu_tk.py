@@ -42,7 +42,7 @@ def test_accelerometer_residual_on_held_out_poses(measured):
 
 def test_gyroscope_without_effects_reaches_the_published_cost(measured):
     sessions = {"poses": measured.session("xsens_mti", "poses")}
-    recording = read_recording(sessions, "multi_position", 30.0)
+    recording = read_recording(sessions, 30.0)
     noise = NoiseModel.from_json(measured.folder / "xsens_mti/noise.json")
     force = Calibration.from_json(measured.folder / "xsens_mti/multi_position.json").accelerometer
     unit = Calibration.from_json(

@@ -15,8 +15,8 @@ from imuloop.core.segments import read_segments
 from imuloop.core.units import RawUnit
 
 
-def read_recording(sessions, kind, longest_rotation):
-    """Return the poses and rotations of the sessions of one kind that were not rejected.
+def usable(sessions, kind):
+    """Return (session, segments) of each session of one kind that was not rejected.
 
     Parameters
     ----------
@@ -24,6 +24,23 @@ def read_recording(sessions, kind, longest_rotation):
         ``kind``, ``samples`` and ``segments`` (paths) of each session.
     kind : str
         Kind of session to take.
+    """
+    chosen = [(s, read_segments(s["segments"])) for s in sessions.values() if s["kind"] == kind]
+    return [(session, table) for session, table in chosen if len(table)]
+
+
+def read_poses(sessions, kind):
+    """Return the poses of the sessions of one kind; arguments as of `usable`."""
+    return gather_poses([table for _, table in usable(sessions, kind)])
+
+
+def read_recording(sessions, longest_rotation):
+    """Return the poses and rotations of the multi-position sessions.
+
+    Parameters
+    ----------
+    sessions : dict of str to dict
+        As of `usable`.
     longest_rotation : float
         Seconds.
 
@@ -32,21 +49,11 @@ def read_recording(sessions, kind, longest_rotation):
     Recording
         Without poses if there is no such session.
     """
-    chosen = [s for s in sessions.values() if s["kind"] == kind]
-    segments = [read_segments(s["segments"]) for s in chosen]
-    usable = [i for i, table in enumerate(segments) if len(table)]
-    segments = [segments[i] for i in usable]
+    chosen = usable(sessions, "multi_position")
+    segments = [table for _, table in chosen]
+    samples = [read_samples(session["samples"]) for session, _ in chosen]
     poses = gather_poses(segments)
-    samples = [] if kind == "static" else [read_samples(chosen[i]["samples"]) for i in usable]
-    if not samples:
-        return Recording(poses, gather_rotations(poses_without(poses), [], [], longest_rotation))
     return Recording(poses, gather_rotations(poses, samples, segments, longest_rotation))
-
-
-def poses_without(poses):
-    """Return no poses at all, of the same channels."""
-    empty = gather_poses([])
-    return replace(empty, temperature=None if poses.temperature is None else np.zeros(0))
 
 
 def raw_units(sessions, kinds):
@@ -59,8 +66,8 @@ def raw_units(sessions, kinds):
     )
 
 
-def in_raw_units(unit, x, covariance, effects, base):
-    """Return parameters and covariance with scale factor and bias in raw units.
+def in_raw_units(unit, base, x, covariance, *, method, effects=(), reduced_chi2=None):
+    """Return the calibration that parameters in SI as logged stand for, in raw units.
 
     ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``.
 
@@ -68,21 +75,32 @@ def in_raw_units(unit, x, covariance, effects, base):
     ----------
     unit : RawUnit
         Unit of the log.
+    base : tuple of str
+        Names of the base parameters: misalignment, three scale factors, three biases.
     x : ndarray, shape (p,)
-        Misalignment, scale factor, bias, effects; SI as logged.
+        The base parameters, then those of the effects; SI as logged.
     covariance : ndarray, shape (p, p)
         Theirs.
+    method : {'multi_position', 'six_position'}
+        What they come from.
     effects : sequence of type
         Classes of the effects whose parameters follow the base's.
-    base : tuple of str
-        Names of the base parameters.
+    reduced_chi2 : float, optional
+        Of the fit.
+
+    Returns
+    -------
+    SensorCalibration
+        Names of an effect's parameters begin with its own: ``g_sensitivity.G00``.
     """
     count = len(base)
     factor = np.ones(len(x))
     factor[count - 6 : count - 3] = unit.scale
     factor[count - 3 : count] = 1 / unit.scale
     raw = x * factor
-    raw[count - 3 : count] += unit.offset
+    T = np.eye(3)
+    for name, value in zip(base[:-6], x[: count - 6], strict=True):
+        T[int(name[1]), int(name[2])] = value
     std = np.sqrt(np.diag(covariance))
     fitted, names, at = [], list(base), count
     for effect in effects:
@@ -96,10 +114,20 @@ def in_raw_units(unit, x, covariance, effects, base):
         )
         names += [f"{effect.name}.{p}" for p in effect.parameters]
         at = part.stop
-    return raw, covariance * np.outer(factor, factor), tuple(fitted), tuple(names)
+    return SensorCalibration(
+        raw_unit=unit,
+        T=T,
+        K=raw[count - 6 : count - 3],
+        b=raw[count - 3 : count] + unit.offset,
+        names=tuple(names),
+        covariance=covariance * np.outer(factor, factor),
+        effects=tuple(fitted),
+        method=method,
+        reduced_chi2=reduced_chi2,
+    )
 
 
-def calibrate_accelerometer(poses, noise, gravity, unit, settings, effects=()):
+def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     """Return the multi-position calibration of the accelerometer.
 
     Parameters
@@ -114,8 +142,6 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings, effects=()):
         Unit of the log.
     settings : CalibrateSettings
         Settings.
-    effects : sequence of type
-        Classes of effects to add.
 
     Returns
     -------
@@ -126,17 +152,18 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings, effects=()):
     if reason:
         return SensorCalibration.nominal(unit, reason)
     means = poses.mean_covariance(noise)[:3]
-    fit, _ = accelerometer.fit_accelerometer(poses, means, gravity, effects)
-    raw, covariance, fitted, names = in_raw_units(
-        unit, fit.x, fit.scaled_covariance, effects, accelerometer.NAMES
-    )
-    T, K, b = accelerometer.unpack(raw)
-    return SensorCalibration(
-        unit, T, K, b, names, covariance, fitted, "multi_position", None, fit.reduced_chi2
+    fit, _ = accelerometer.fit_accelerometer(poses, means, gravity)
+    return in_raw_units(
+        unit,
+        accelerometer.NAMES,
+        fit.x,
+        fit.scaled_covariance,
+        method="multi_position",
+        reduced_chi2=fit.reduced_chi2,
     )
 
 
-def calibrate_gyroscope(recording, noise, force, unit, settings, effects=()):
+def calibrate_gyroscope(recording, noise, force, unit, settings):
     """Return the multi-position calibration of the gyroscope.
 
     Parameters
@@ -151,8 +178,6 @@ def calibrate_gyroscope(recording, noise, force, unit, settings, effects=()):
         Unit of the log.
     settings : CalibrateSettings
         Settings.
-    effects : sequence of type
-        Classes of effects to add.
 
     Returns
     -------
@@ -166,21 +191,21 @@ def calibrate_gyroscope(recording, noise, force, unit, settings, effects=()):
     reason = gyroscope.untestable_gyroscope(poses, rotations, force, settings.largest_condition)
     if reason:
         return rest_bias(poses, noise, unit, reason)
-    # an effect that acts at rest moves the bias away from what the first rest showed
-    held = poses.w[0] if settings.gyroscope_bias == "initial_rest" and not effects else None
-    fit, model, _ = gyroscope.fit_gyroscope(
-        poses, rotations, force, noise, effects=effects, bias=held
-    )
+    held = poses.w[0] if settings.gyroscope_bias == "initial_rest" else None
+    fit, model, _ = gyroscope.fit_gyroscope(poses, rotations, force, noise, bias=held)
     free = model.free()
     covariance = np.zeros((len(fit.x), len(fit.x)))
     covariance[np.ix_(free, free)] = fit.scaled_covariance
     if held is not None:
         # the bias was not fitted: its error is that of the first rest's mean
         covariance[9:12, 9:12] = np.diag(poses.mean_covariance(noise)[3:, 0, 0])
-    raw, covariance, fitted, names = in_raw_units(unit, fit.x, covariance, effects, gyroscope.NAMES)
-    T, K, b = gyroscope.unpack(raw)
-    return SensorCalibration(
-        unit, T, K, b, names, covariance, fitted, "multi_position", None, fit.reduced_chi2
+    return in_raw_units(
+        unit,
+        gyroscope.NAMES,
+        fit.x,
+        covariance,
+        method="multi_position",
+        reduced_chi2=fit.reduced_chi2,
     )
 
 
@@ -231,12 +256,13 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
         return SensorCalibration.nominal(units[0], reason), rest
     known = faces != 0
     means = np.diagonal(poses.mean_covariance(noise)[:3], axis1=1, axis2=2)
-    fit = six_position.fit_six_position(poses.f[known], faces[known], gravity, means.mean())
-    raw, covariance, _, names = in_raw_units(
-        units[0], fit.x, fit.covariance, (), six_position.NAMES
+    fit = six_position.fit_six_position(
+        poses.f[known], faces[known], gravity, means[:, known].mean()
     )
-    T, K, b = accelerometer.unpack(raw)
-    return SensorCalibration(units[0], T, K, b, names, covariance, method="six_position"), rest
+    return (
+        in_raw_units(units[0], accelerometer.NAMES, fit.x, fit.covariance, method="six_position"),
+        rest,
+    )
 
 
 def best(*candidates):
@@ -271,16 +297,14 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     model = NoiseModel.from_json(noise)
     kinds = ["multi_position", "six_position", "static"]
     units = raw_units(sessions, kinds)
-    six, multi, static = (
-        read_recording(sessions, kind, settings.longest_rotation)
-        for kind in ("six_position", "multi_position", "static")
-    )
-    six_sensors = calibrate_six_position(six.poses, model, gravity, units, settings)
+    multi = read_recording(sessions, settings.longest_rotation)
+    six, static = (read_poses(sessions, kind) for kind in ("six_position", "static"))
+    six_sensors = calibrate_six_position(six, model, gravity, units, settings)
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
     turn = calibrate_gyroscope(multi, model, best(force, six_sensors[0]), units[1], settings)
-    if not len(multi.poses) and len(static.poses):
-        turn = rest_bias(static.poses, model, units[1], "no multi_position session: bias only")
+    if not len(multi.poses) and len(static):
+        turn = rest_bias(static, model, units[1], "no multi_position session: bias only")
     six_calibration = Calibration(device, gravity, *six_sensors)
     multi_calibration = Calibration(device, gravity, force, turn)
     six_calibration.to_json(six_path)

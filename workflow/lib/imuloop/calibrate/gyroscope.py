@@ -212,7 +212,7 @@ def rotation_covariance(model, x, session, directions, noise):
         index = np.flatnonzero(of_session == s)
         angles = noise.angle_covariance(windows[index])
         for axis, name in enumerate(("gx", "gy", "gz")):
-            white = (noise.axes[name].N.value or 0.0) ** 2
+            white = noise.axes[name].N.square
             slow = angles[axis] - np.diag(white * length[index])
             column = np.einsum("mij,mj->mi", to_error[index], mean_attitude[index][:, :, axis])
             covariance[np.ix_(index, [0, 1], index, [0, 1])] += np.einsum(
@@ -247,7 +247,7 @@ def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
         Poses.
     rotations : Rotations
         Rotations between them.
-    force : AccelerometerFit
+    force : Force
         Calibrated specific force at the poses and along the rotations.
     noise : NoiseModel
         Noise of the device.
@@ -259,8 +259,9 @@ def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
     Returns
     -------
     Fit, GyroscopeModel, ndarray
-        Parameters in the order of `NAMES` (without the bias where it is held), then the effects',
-        SI units as logged; the model; the covariance of its residuals.
+        Parameters in the order of `NAMES`, then the effects', SI units as logged (the fit's
+        covariance and derivative are without the bias where it is held); the model; the covariance
+        of its residuals, rates before rotations.
 
     References
     ----------

@@ -4,9 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# parameters, as in the multi-position calibration
-NAMES = ("T01", "T02", "T12", "K0", "K1", "K2", "b0", "b1", "b2")
-
 
 @dataclass(frozen=True)
 class SixPositionFit:
@@ -15,7 +12,7 @@ class SixPositionFit:
     Attributes
     ----------
     x : ndarray, shape (9,)
-        Parameters in the order of `NAMES`.
+        Parameters in the order of `imuloop.calibrate.accelerometer.NAMES`.
     covariance : ndarray, shape (9, 9)
         From the scatter of the residuals and the noise.
     case : ndarray, shape (3, 3)

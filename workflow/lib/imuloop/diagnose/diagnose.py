@@ -57,7 +57,7 @@ def diagnose_device(
     """
     model = NoiseModel.from_json(noise)
     six, multi = Calibration.from_json(six_position), Calibration.from_json(multi_position)
-    recording = read_recording(sessions, "multi_position", calibrate_settings.longest_rotation)
+    recording = read_recording(sessions, calibrate_settings.longest_rotation)
     base = replace(
         multi,
         accelerometer=best(multi.accelerometer, six.accelerometer),

@@ -89,7 +89,7 @@ def diagnose_poses(model, recording, settings):
                 "heldout_after": size(main.after),
                 "ratio_ci95": ratio,
             }
-            for effect, fitted in zip(added, final.calibration.effects, strict=False)
+            for effect, fitted in zip(added, final.calibration.effects, strict=True)
         ],
         "candidates": listed,
         "points": _points(recording, held),

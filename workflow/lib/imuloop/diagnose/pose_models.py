@@ -84,18 +84,14 @@ class AccelerometerPoses:
         """Return the Solution for a recording."""
         means = recording.poses.mean_covariance(self.noise)[:3]
         fit, model = accelerometer.fit_accelerometer(recording.poses, means, self.gravity, effects)
-        raw, covariance, fitted, names = in_raw_units(
-            self.unit, fit.x, fit.scaled_covariance, effects, accelerometer.NAMES
-        )
-        calibration = SensorCalibration(
+        calibration = in_raw_units(
             self.unit,
-            *accelerometer.unpack(raw),
-            names,
-            covariance,
-            fitted,
-            "multi_position",
-            None,
-            fit.reduced_chi2,
+            accelerometer.NAMES,
+            fit.x,
+            fit.scaled_covariance,
+            method="multi_position",
+            effects=effects,
+            reduced_chi2=fit.reduced_chi2,
         )
         predicted = model.covariance(fit.x, means)
         values = model.residuals(fit.x)[0][:, None]
@@ -172,18 +168,14 @@ class GyroscopePoses:
         fit, model, covariance = gyroscope.fit_gyroscope(
             poses, rotations, force, noise, effects=effects
         )
-        raw, parameters, fitted, names = in_raw_units(
-            self.unit, fit.x, fit.scaled_covariance, effects, gyroscope.NAMES
-        )
-        calibration = SensorCalibration(
+        calibration = in_raw_units(
             self.unit,
-            *gyroscope.unpack(raw),
-            names,
-            parameters,
-            fitted,
-            "multi_position",
-            None,
-            fit.reduced_chi2,
+            gyroscope.NAMES,
+            fit.x,
+            fit.scaled_covariance,
+            method="multi_position",
+            effects=effects,
+            reduced_chi2=fit.reduced_chi2,
         )
         split = 3 * len(poses)
         parts = {
