@@ -1,5 +1,7 @@
 """Static records: a constant bias against the noise model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -75,3 +77,12 @@ def test_levels_of_white_noise_are_plain_means():
     bias, chi2 = level_fit(values, 4 * np.eye(30), design)
     np.testing.assert_allclose(bias, [values[:15].mean(), values[15:].mean()])
     assert chi2 == pytest.approx(((values - design @ bias) ** 2).sum() / 4)
+
+
+def test_stretches_too_short_to_predict_each_other_are_not_testable():
+    made = record(0)
+    # every window a stretch of its own, then every block of time one
+    for stretch in (np.arange(38), np.arange(38) * 8 // 38):
+        content = diagnosed(replace(made, stretch=stretch), slice(0, 3), "accelerometer")
+        assert content["verdict"] == "not_testable"
+        assert content["why"]

@@ -10,7 +10,7 @@ from imuloop.calibrate.poses import Recording, gather_poses, gather_rotations
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import read_metadata, read_samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, read_metadata, read_samples
 from imuloop.core.segments import read_segments
 from imuloop.core.units import RawUnit
 
@@ -148,7 +148,9 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     SensorCalibration
         Nominal, with the reason, where the poses do not determine it.
     """
-    reason = accelerometer.untestable_accelerometer(poses, gravity, settings.largest_condition)
+    reason = accelerometer.untestable_accelerometer(
+        poses, gravity, settings.largest_condition
+    ) or poses.unknown_noise(noise, ACCELERATION)
     if reason:
         return SensorCalibration.nominal(unit, reason)
     means = poses.mean_covariance(noise)[:3]
@@ -182,11 +184,14 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
     Returns
     -------
     SensorCalibration
-        With the bias alone, and the reason, where the rotations do not determine the rest.
+        With the bias alone, and the reason, where the rotations do not determine the rest; nominal
+        where the noise of an axis is not known.
     """
     poses, rotations = recording.poses, recording.rotations
     if not len(poses):
         return SensorCalibration.nominal(unit, "no multi_position session with a pose")
+    if reason := poses.unknown_noise(noise, ANGULAR_RATE):
+        return SensorCalibration.nominal(unit, reason)
     force = calibrated_force(force, poses, rotations, noise)
     reason = gyroscope.untestable_gyroscope(poses, rotations, force, settings.largest_condition)
     if reason:
@@ -211,6 +216,8 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
 
 def rest_bias(poses, noise, unit, reason):
     """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise."""
+    if silent := poses.unknown_noise(noise, ANGULAR_RATE):
+        return SensorCalibration.nominal(unit, f"{reason}; {silent}")
     covariance = poses.mean_covariance(noise)[3:]
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
     total = weights.sum(axis=1)

@@ -28,7 +28,7 @@ class Poses:
     variance : ndarray, shape (n, 6)
         Sample variance of the six channels within the pose.
     temperature : ndarray, shape (n,), or None
-        Mean temperature, degC.
+        Mean temperature, degC; None unless every pose has one.
     """
 
     session: np.ndarray
@@ -81,6 +81,23 @@ class Poses:
             if not np.any(whole[axis]):
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
         return whole
+
+    def unknown_noise(self, noise, channels):
+        """Return why means of some channels cannot be weighted, or None if they can.
+
+        Parameters
+        ----------
+        noise : NoiseModel
+            Noise of the device.
+        channels : tuple of str
+            Channels of one sensor.
+        """
+        variance = np.diagonal(self.mean_covariance(noise), axis1=1, axis2=2)
+        silent = [c for c, v in zip(CHANNELS, variance, strict=True) if not np.all(v > 0)]
+        silent = [c for c in silent if c in channels]
+        if not silent:
+            return None
+        return f"{', '.join(silent)} never changes within a pose: its noise is not known"
 
 
 @dataclass(frozen=True)
@@ -171,7 +188,6 @@ def gather_poses(segments):
     for session, table in enumerate(segments):
         static = table[(table["kind"] == STATIC) & (table["pose"] >= 0)]
         rows += [(session, group) for _, group in static.groupby("pose", sort=True)]
-    with_temperature = all(f"{TEMPERATURE}_mean" in group for _, group in rows) and bool(rows)
 
     def pooled(column):
         means = [np.average(g[column], weights=g["n"]) for _, g in rows]
@@ -180,6 +196,8 @@ def gather_poses(segments):
     def vectors(channels):
         return np.array([pooled(f"{c}_mean") for c in channels]).T.reshape(len(rows), len(channels))
 
+    logged = [g for _, g in rows if f"{TEMPERATURE}_mean" in g]
+    temperature = pooled(f"{TEMPERATURE}_mean") if rows and len(logged) == len(rows) else None
     variance = [[np.average(g[f"{c}_std"] ** 2, weights=g["n"]) for c in CHANNELS] for _, g in rows]
     return Poses(
         session=np.array([s for s, _ in rows], dtype=int),
@@ -190,7 +208,7 @@ def gather_poses(segments):
         f=vectors(ACCELERATION),
         w=vectors(ANGULAR_RATE),
         variance=np.array(variance).reshape(len(rows), len(CHANNELS)),
-        temperature=pooled(f"{TEMPERATURE}_mean") if with_temperature else None,
+        temperature=None if temperature is None or np.isnan(temperature).any() else temperature,
     )
 
 

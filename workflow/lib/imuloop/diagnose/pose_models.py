@@ -10,6 +10,7 @@ from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
 from imuloop.diagnose import residuals
 from imuloop.diagnose.residuals import Residual, judge
@@ -78,7 +79,7 @@ class AccelerometerPoses:
         """Return why the data determine no calibration, or None."""
         return accelerometer.untestable_accelerometer(
             recording.poses, self.gravity, self.settings.largest_condition
-        )
+        ) or recording.poses.unknown_noise(self.noise, ACCELERATION)
 
     def fit(self, recording, effects=()):
         """Return the Solution for a recording."""
@@ -149,6 +150,8 @@ class GyroscopePoses:
             return "no multi_position session with a pose"
         if self.fallback is None and (reason := self.force.untestable(recording)):
             return f"direction of gravity not known: {reason}"
+        if reason := recording.poses.unknown_noise(self.force.noise, ANGULAR_RATE):
+            return reason
         force = calibrated_force(
             self._force(recording), recording.poses, recording.rotations, self.force.noise
         )

@@ -62,7 +62,7 @@ def candidates(sensor, recording):
         if sensor not in effect.sensors:
             continue
         if "temperature" in effect.needs and recording.poses.temperature is None:
-            missing[effect] = "the log has no temperature"
+            missing[effect] = "not every pose has a temperature"
         else:
             available.append(effect)
     return available, missing

@@ -152,7 +152,11 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
     settings : DiagnoseSettings
         Settings.
     """
-    usable = {name: r for name, r in records.items() if len(r.means) >= 2 * settings.blocks}
+    usable = {
+        name: r
+        for name, r in records.items()
+        if len(r.means) >= max(2 * settings.blocks, levels(r, axes).shape[1] + 1)
+    }
     if not usable:
         why = (
             f"no static session with {2 * settings.blocks} means of {settings.mean_time:g} s: "
@@ -166,6 +170,9 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
     held = [hold_out(r, predicted[name], axes, settings.blocks) for name, r in usable.items()]
     errors, variance = (np.concatenate([h[i] for h in held]) for i in (0, 1))
     told = np.isfinite(errors[:, 0])
+    if not told.any():
+        why = "the stretches between disturbances are too short to predict one part from another"
+        return {"verdict": "not_testable", "why": why, **NOTHING}
     error = size(errors[told])
     dof = sum(j.dof for j in judged)
     reduced = sum(j.reduced_chi2 * j.dof for j in judged) / dof

@@ -1,0 +1,91 @@
+"""Poses and rotations gathered from segments, and poses whose noise is not known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope, rest_bias
+from imuloop.calibrate.poses import gather_poses, gather_rotations
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.noise_model import AxisNoise, NoiseModel
+from imuloop.core.samples import CHANNELS
+from imuloop.core.segments import segment_table
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.simulate.truth import example_truth
+
+TRUTH = example_truth()
+
+
+def session(temperature=None):
+    """Return 12 s at 10 Hz: rests of 3, 2 and 4 s, the first two one pose; ax counts samples."""
+    t = np.arange(120) / 10
+    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
+    log["ax"] = np.arange(120.0)
+    if temperature is not None:
+        log["temperature"] = temperature
+    edges = np.array([0, 3, 4, 6, 8, 12.0])
+    kinds = ["static", "motion", "static", "motion", "static"]
+    return log, segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 0, -1, 1])
+
+
+def test_rests_of_one_pose_are_pooled_by_their_samples():
+    _, table = session()
+    poses = gather_poses([table, table])
+    assert poses.session.tolist() == [0, 0, 1, 1]
+    assert poses.n.tolist() == [50, 40, 50, 40]
+    assert poses.duration_s.tolist() == [5, 4, 5, 4]
+    assert poses.f[0, 0] == pytest.approx((30 * 14.5 + 20 * 49.5) / 50)
+    assert poses.temperature is None
+
+
+def test_a_rotation_runs_from_the_last_sample_of_a_pose_to_the_first_of_the_next():
+    log, table = session()
+    poses = gather_poses([table, table])
+    rotations = gather_rotations(poses, [log, log], [table, table], 30.0)
+    # none from the first session to the second
+    assert rotations.first.tolist() == [0, 2]
+    assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
+    assert len(gather_rotations(poses, [log, log], [table, table], 1.9)) == 0
+
+
+@pytest.mark.parametrize(
+    ("missing", "means"),
+    [
+        (slice(0, 10), [20.0, 20.0]),
+        # none in a whole rest: the pose has no temperature that stands for all of it
+        (slice(0, 30), None),
+        (slice(80, 120), None),
+    ],
+)
+def test_missing_temperatures_are_left_out_of_means(missing, means):
+    temperature = np.full(120, 20.0)
+    temperature[missing] = np.nan
+    found = gather_poses([session(temperature)[1]]).temperature
+    assert means is None if found is None else found.tolist() == means
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_an_axis_that_never_changes_is_a_reason_and_no_failure(axis):
+    made = recording(TRUTH, 0)
+    variance = made.poses.variance.copy()
+    variance[:, axis] = 0.0
+    dead = replace(made, poses=replace(made.poses, variance=variance))
+    known = known_noise(TRUTH)
+    noise = NoiseModel("d", {**known.axes, CHANNELS[axis]: AxisNoise()})
+    settings = CalibrateSettings()
+    force = calibrate_accelerometer(dead.poses, noise, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    good = calibrate_accelerometer(made.poses, known, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    turn = calibrate_gyroscope(dead, noise, good, RATE_UNIT, settings)
+    reason = f"{CHANNELS[axis]} never changes within a pose: its noise is not known"
+    for sensor, silent in ((force, axis < 3), (turn, axis >= 3)):
+        assert (sensor.method, sensor.not_testable) == (
+            ("nominal", reason) if silent else ("multi_position", None)
+        )
+    rest = rest_bias(dead.poses, noise, RATE_UNIT, "bias only")
+    assert rest.method == ("nominal" if axis >= 3 else "static")
+    model = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    assert model.untestable(dead) == (reason if axis < 3 else None)
+    assert reason in GyroscopePoses(model, None, (), RATE_UNIT).untestable(dead)
