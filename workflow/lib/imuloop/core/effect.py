@@ -80,7 +80,7 @@ class Effect:
         ndarray, shape (n, 3, p)
             The derivative D, SI.
         """
-        raise NotImplementedError("an effect gives its own design")
+        raise TypeError(f"{Effect.__name__} itself adds nothing: a subclass gives its design")
 
 
 def find_effect(name):
