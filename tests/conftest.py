@@ -4,6 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# the same examples in every run; a shared machine's speed is no property of the code
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.load_profile("repeatable")
 
 # many small matrices: threads of the linear algebra library only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

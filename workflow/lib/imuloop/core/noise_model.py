@@ -244,7 +244,7 @@ class NoiseModel:
             rad^2, for gx, gy, gz.
         """
         length = np.diff(np.asarray(windows, float))[:, 0]
-        return self._mean_covariance(windows, ANGULAR_RATE) * length[:, None] * length
+        return self._mean_covariance(windows, ANGULAR_RATE) * (length[:, None] * length)
 
     def _mean_covariance(self, windows, axes):
         windows = np.asarray(windows, float)

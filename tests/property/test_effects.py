@@ -1,0 +1,48 @@
+"""A term more never fits the same data worse."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import imuloop.diagnose.effects  # noqa: F401  the library of effects
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from imuloop.calibrate.accelerometer import AccelerometerModel
+from imuloop.calibrate.least_squares import fit
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import Effect
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.simulate.truth import example_truth
+from property.strategies import G, directions, seeds, vectors
+
+
+@settings(max_examples=30)
+@given(vectors(-0.5, 0.5), vectors(0.95, 1.05), st.integers(1, 4), seeds)
+def test_any_term_of_the_accelerometer_lowers_chi_square(bias, scale, terms, seed):
+    rng = np.random.default_rng(seed)
+    y = G * directions(25, seed) / scale + bias + rng.normal(scale=5e-3, size=(25, 3))
+    root = rng.normal(size=(25, 25)) * 1e-3
+    covariance = root @ root.T + 1e-5 * np.eye(25)
+    design = rng.normal(size=(25, 3, terms))
+    found = [
+        fit(model.residuals, model.start(), covariance).chi2
+        for model in (AccelerometerModel(y, design[:, :, :p], G) for p in range(terms + 1))
+    ]
+    assert np.all(np.diff(found) <= 1e-7 * found[0]), found
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("effect", Effect.library.values(), ids=Effect.library.keys())
+def test_any_effect_of_the_library_lowers_chi_square(effect, seed):
+    truth = example_truth()
+    made = recording(truth, seed)
+    force = AccelerometerPoses(known_noise(truth), G, ACCELERATION_UNIT, CalibrateSettings())
+    models = {
+        "accelerometer": force,
+        "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT),
+    }
+    for sensor in effect.sensors:
+        base, wider = models[sensor].fit(made), models[sensor].fit(made, (effect,))
+        # the weights follow the fitted attitude: a few parts in 1e4
+        assert wider.chi2 <= base.chi2 * (1 + 1e-3)
+        assert wider.dof == base.dof - len(effect.parameters)

@@ -1,0 +1,56 @@
+"""The covariance of means over any windows of time, for any noise."""
+
+import numpy as np
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.samples import CHANNELS
+
+
+def known(value):
+    return Coefficient(value, (value, value), value, True)
+
+
+sizes = st.one_of(st.just(0.0), st.floats(-6, 0).map(lambda power: 10**power)).map(known)
+times = st.floats(0.1, 1e4).map(known)
+noises = st.builds(
+    AxisNoise,
+    *[sizes] * 4,
+    gauss_markov=st.lists(st.builds(GaussMarkov, sizes, times), max_size=1).map(tuple),
+    sinusoid=st.lists(st.builds(Sinusoid, sizes, times), max_size=1).map(tuple),
+)
+
+
+@st.composite
+def windows(draw):
+    """Up to twenty windows of 10 ms to 3 h; they may touch, overlap, or hold one another."""
+    edges = np.cumsum(draw(st.lists(st.floats(0.01, 1e3), min_size=3, max_size=12)))
+    pairs = st.tuples(*[st.integers(0, len(edges) - 1)] * 2).filter(lambda p: p[0] < p[1])
+    chosen = draw(st.lists(pairs, min_size=1, max_size=20, unique=True))
+    return edges[np.array(chosen)]
+
+
+def model(noise):
+    return NoiseModel("d", dict.fromkeys(CHANNELS, noise))
+
+
+@settings(max_examples=150)
+@given(noises, windows())
+def test_it_is_symmetric_and_never_negative(noise, spans):
+    for c in (model(noise).pose_mean_covariance(spans)[0], model(noise).angle_covariance(spans)[0]):
+        np.testing.assert_array_equal(c, c.T)
+        # judged on correlations, where no window outweighs another
+        scale = np.sqrt(np.diag(c))
+        assume(np.all(scale > 0))
+        assert np.linalg.eigvalsh(c / (scale[:, None] * scale))[0] > -1e-6
+
+
+@settings(max_examples=50)
+@given(noises, st.lists(st.floats(0.01, 1e3), min_size=4, max_size=4))
+def test_an_angle_is_the_sum_of_its_parts(noise, steps):
+    a, b, c, d = np.cumsum(steps)
+    found = model(noise).angle_covariance([[a, b], [b, c], [a, c], [c, d]])[0]
+    add = np.array([[1, 1, -1, 0.0]])
+    # the difference of whole and parts is exactly nothing, with itself and with any other window
+    assert np.abs(add @ found).max() <= 1e-9 * np.abs(found).max()
