@@ -165,8 +165,8 @@ def estimate_noise(device, sessions, settings):
     return NoiseResult(NoiseModel(device, axes), statistics, names, tuple(notes), tables)
 
 
-def _records(session):
-    """Return the clean stretches of a session, each with at least two samples."""
+def _record(session):
+    """Return the clean stretches of a session, each with at least two samples; None without."""
     static = session.segments[session.segments["kind"] == STATIC]
     t = session.samples[TIME].to_numpy()
     first = np.searchsorted(t, static["start_s"].to_numpy(dtype=float))
@@ -186,7 +186,7 @@ def _static_records(sessions, notes):
     for session in sessions:
         if session.kind != "static":
             continue
-        record = _records(session)
+        record = _record(session)
         if record is None:
             notes.append(f"static session {session.name} holds no rest and is left out")
         else:
@@ -196,7 +196,7 @@ def _static_records(sessions, notes):
 
 def _longest_rest(sessions, notes):
     """Return the longest rest of all sessions as the one record."""
-    records = [_records(s) for s in sessions if s.kind != "static"]
+    records = [_record(s) for s in sessions if s.kind != "static"]
     records = [record for record in records if record is not None]
     if not records:
         return []

@@ -4,10 +4,9 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.report.numbers import NOISE_UNITS, coefficient_text, missing
-from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.svg import AXES, Picture, decades, draw, write_csv
 
-UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
 NOTE = (
     "How much two neighbouring means over τ seconds differ. Falling at −½: white noise, averaging "
     "helps. Lowest part: the best that averaging can do. Rising: the bias wanders. Band: 95 % "

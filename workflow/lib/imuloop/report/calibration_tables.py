@@ -10,7 +10,7 @@ from imuloop.report.numbers import (
     number,
     with_sigma,
 )
-from imuloop.report.results import XYZ, base_parameters
+from imuloop.report.results import UNITS, XYZ, base_parameters
 from imuloop.report.table import Table
 
 METHODS = {
@@ -97,13 +97,12 @@ def model_table(device, sensor):
     if calibration is None:
         return None
     s = getattr(calibration, sensor)
-    si = "m/s²" if sensor == "accelerometer" else "rad/s"
     rows = [
         (f"T, row {axis}", "1", *(f"{v:.8g}" for v in row))
         for axis, row in zip(XYZ, s.T, strict=True)
     ]
     rows += [
-        ("K", f"{si} per {s.raw_unit.name}", *(f"{v:.8g}" for v in s.K)),
+        ("K", f"{UNITS[sensor]} per {s.raw_unit.name}", *(f"{v:.8g}" for v in s.K)),
         ("b", s.raw_unit.name, *(f"{v:.8g}" for v in s.b)),
     ]
     return Table(

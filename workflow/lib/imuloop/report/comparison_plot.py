@@ -3,10 +3,9 @@
 import numpy as np
 
 from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, PERCENT, number
-from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.svg import AXES, INK, PALETTE, Picture, decades, draw
 
-UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
 DASHES = ("-", "--", ":")
 INTERVALS = {
     "accelerometer_bias": ("accelerometer bias", MILLI_G),

@@ -1,7 +1,7 @@
 """The diagnosis in tables: residuals, effects added, candidates and why; held-out numbers."""
 
 from imuloop.core.effect import Effect
-from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.report.data_tables import text_of
 from imuloop.report.numbers import (
     NO_NUMBER,
@@ -18,9 +18,9 @@ from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, block_of, quoted
 
 # data-sheet units of effects' parameters, by their SI unit
 EFFECT_UNITS = {
-    "rad/s per m/s^2": Display("°/s per g", 180 / 3.141592653589793 * STANDARD_GRAVITY),
+    "rad/s per m/s^2": Display("°/s per g", STANDARD_GRAVITY / DEGREE),
     "m/s^2 per K": Display("mg/K", 1e3 / STANDARD_GRAVITY),
-    "rad/s per K": Display("°/s per K", 180 / 3.141592653589793),
+    "rad/s per K": Display("°/s per K", 1 / DEGREE),
 }
 
 

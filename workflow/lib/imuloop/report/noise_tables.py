@@ -1,7 +1,7 @@
 """Noise coefficients in SI and data-sheet units, and the summary statistics of a record."""
 
 from imuloop.report.numbers import NO_NUMBER, NOISE_UNITS, coefficient_text, number
-from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.table import Table
 
 WORDS = {
@@ -32,7 +32,6 @@ STATISTICS = {
     "std_10s": "Std of 10 s means",
     "std_100s": "Std of 100 s means",
 }
-UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
 
 
 def coefficient_table(device, sensor):

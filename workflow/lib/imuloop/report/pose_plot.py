@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import ACCELERATION
+from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.numbers import number
 from imuloop.report.svg import BLUE, GRID, INK, ORANGE, VERMILLION, Picture, draw, write_csv
 
@@ -15,15 +16,6 @@ NOTE = (
 )
 
 
-def sphere(count=2000):
-    """Return evenly spread unit vectors, shape (count, 3): a Fibonacci lattice."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    azimuth = np.pi * (1 + 5**0.5) * k
-    r = np.sqrt(1 - z**2)
-    return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=1)
-
-
 def largest_hole(directions):
     """Return the direction farthest from all poses, and its angle to the nearest, rad.
 
@@ -32,7 +24,8 @@ def largest_hole(directions):
     directions : array_like, shape (n, 3)
         Unit vectors.
     """
-    grid = sphere()
+    # some 4 degrees apart
+    grid = fibonacci_lattice(2000)
     nearest = (grid @ np.asarray(directions).T).max(axis=1)
     worst = nearest.argmin()
     return grid[worst], float(np.arccos(np.clip(nearest[worst], -1, 1)))

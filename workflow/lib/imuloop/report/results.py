@@ -13,6 +13,9 @@ from imuloop.core.segments import read_segments
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 XYZ = ("x", "y", "z")
+# unit of what each sensor gives, as printed and as in files
+UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
+FILE_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
 @dataclass(frozen=True)

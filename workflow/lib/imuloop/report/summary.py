@@ -4,12 +4,11 @@ import numpy as np
 
 from imuloop.report.allan_plot import curve
 from imuloop.report.numbers import missing, sigma_of
-from imuloop.report.results import SENSORS, XYZ, base_parameters
+from imuloop.report.results import FILE_UNITS, SENSORS, XYZ, base_parameters
 from imuloop.report.verdict import PARTS, block_of, quoted, sentence, verdict_of
 
 # version of the JSON file
 FORMAT = 1
-SI = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
 def summarise(device):
@@ -71,7 +70,7 @@ def _axes(device):
     for sensor in SENSORS:
         content = getattr(calibration, sensor)
         base = base_parameters(content)
-        for key, letter, unit in (("bias", "b", SI[sensor]), ("scale", "K", "1")):
+        for key, letter, unit in (("bias", "b", FILE_UNITS[sensor]), ("scale", "K", "1")):
             if f"{letter}0" in content.names:
                 value, std = base[key]
                 found[f"{sensor}_{key}"] = {"unit": unit, "value": value, "std": std}
@@ -91,7 +90,7 @@ def _figures(device, axes):
                 "unit": residual["unit"],
                 "floor": residual.get("floor"),
             }
-        for key, unit in (("N", f"{SI[sensor]}/sqrt(Hz)"), ("B", SI[sensor])):
+        for key, unit in (("N", f"{FILE_UNITS[sensor]}/sqrt(Hz)"), ("B", FILE_UNITS[sensor])):
             figure = _largest_noise(device.noise.get("axes", {}), channels, key)
             if figure:
                 figures[f"{sensor}_{key}"] = {**figure, "unit": unit}

@@ -6,12 +6,11 @@ import pandas as pd
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC
 from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, Display, duration, number, plural
-from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.svg import AXES, BLUE, GRID, VERMILLION, Picture, draw, write_csv
 
 # stretches of equal length that a line is cut into; each gives two points, far below 2,000
 BUCKETS = 350
-SI = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # what moves is shown as it is, what rests as milli-g or degrees per second about its median
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
@@ -86,7 +85,7 @@ def _picture(device, session, folder, sensor, channels):
         folder,
         f"{session.name}_{sensor}",
         pd.concat(
-            pd.DataFrame({"channel": c, "t_s": x, f"value_{SI[sensor]}": y})
+            pd.DataFrame({"channel": c, "t_s": x, f"value_{FILE_UNITS[sensor]}": y})
             for c, (x, y, _) in lines.items()
         ),
     )

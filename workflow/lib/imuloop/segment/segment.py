@@ -16,8 +16,8 @@ def segment_session(samples, kind, settings):
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
     Rests of a six-position or multi-position session come from the static detector with the
-    multiples that hold out best; those of a static session are what the disturbance detector
-    leaves. A gap lasts from one step after the last sample before it to the next sample.
+    multiples whose poses calibrate best; those of a static session are what the disturbance
+    detector leaves. A gap lasts from one step after the last sample before it to the next sample.
 
     Parameters
     ----------
@@ -81,15 +81,17 @@ def segment_session(samples, kind, settings):
     return segment_table(samples, start, end, kinds, numbers), metadata
 
 
-_NONE = np.empty((0, 2), dtype=int)
-
-
 def _find_rests(samples, stretches, step, settings):
     window = max(2, round(settings.window_s / step))
     moving = activity(samples, stretches, window)
     level = rest_level(samples, moving, step, settings)
     if level is None:
-        return _NONE, {"level": None, "multiples": None, "choice": [], "short_rests": 0}
+        return np.empty((0, 2), dtype=int), {
+            "level": None,
+            "multiples": None,
+            "choice": [],
+            "short_rests": 0,
+        }
 
     def detect(multiples):
         return detect_rests(moving, level, multiples, stretches, step, settings)

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.sphere import fibonacci_lattice
 from imuloop.core.units import DEGREE
 from imuloop.simulate.motion import knock, move, rest, shortest_turn
 
@@ -14,15 +15,8 @@ HAND = {"wobble": 5 * DEGREE, "tremor": 0.15 * DEGREE, "shake": 0.8}
 
 
 def spread(n, rng):
-    """Return `n` directions evenly spread over the sphere, turned and ordered at random.
-
-    The Fibonacci lattice; González, Mathematical Geosciences 42 (2010) 49.
-    """
-    k = np.arange(n) + 0.5
-    z, longitude = 1 - 2 * k / n, k * np.pi * (3 - np.sqrt(5))
-    radius = np.sqrt(1 - z**2)
-    lattice = np.stack([radius * np.cos(longitude), radius * np.sin(longitude), z], axis=1)
-    return rng.permutation(Rotation.random(rng=rng).apply(lattice))
+    """Return `n` directions evenly spread over the sphere, turned and ordered at random."""
+    return rng.permutation(Rotation.random(rng=rng).apply(fibonacci_lattice(n)))
 
 
 def tilted(directions, degrees, rng):
