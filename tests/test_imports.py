@@ -1,0 +1,71 @@
+"""What may import what: stages point one way, and every package imported is declared."""
+
+import ast
+import sys
+import tomllib
+
+import pytest
+
+# what a stage may take from, itself and core left out; the effects are a concept of their own
+ARROWS = {
+    "core": set(),
+    "ingest": set(),
+    "segment": {"ingest"},
+    "noise": {"ingest", "segment"},
+    "calibrate": {"ingest", "segment"},
+    "diagnose": {"ingest", "segment", "noise", "calibrate", "diagnose.effects"},
+    "diagnose.effects": set(),
+    "simulate": {"diagnose.effects"},
+    "report": {"ingest", "segment", "noise", "calibrate", "diagnose", "diagnose.effects"},
+}
+# import name of packages that are called otherwise
+DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}
+
+
+def imported(path):
+    """Return the dotted names that a file imports."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def stage(name):
+    """Return the stage of a dotted name of the library."""
+    name = name.removeprefix("imuloop.")
+    return "diagnose.effects" if name.startswith("diagnose.effects") else name.partition(".")[0]
+
+
+@pytest.mark.parametrize("of", ARROWS)
+def test_arrows_go_one_way(repository, of):
+    library = repository / "workflow/lib/imuloop"
+    files = [
+        path
+        for path in library.rglob("*.py")
+        if stage(".".join(path.relative_to(library).with_suffix("").parts)) == of
+    ]
+    assert files
+    allowed = ARROWS[of] | {of, "core"}
+    against = {
+        (path.name, name)
+        for path in files
+        for name in imported(path)
+        if name.startswith("imuloop") and stage(name) not in allowed
+    }
+    assert not against
+
+
+def test_every_package_imported_is_declared(repository):
+    declared = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    needed = {
+        name.partition(".")[0]
+        for path in (repository / "workflow/lib").rglob("*.py")
+        for name in imported(path)
+    }
+    needed -= {"imuloop", *sys.stdlib_module_names}
+    names = {d.partition(">")[0].lower() for d in declared["dependencies"]}
+    assert {DISTRIBUTIONS.get(name, name).lower() for name in needed} <= names
+    # the workflow manager runs the rules, tqdm is the progress bar of pooch: nothing else is idle
+    idle = names - {DISTRIBUTIONS.get(name, name).lower() for name in needed}
+    assert idle == {"snakemake", "tqdm"}
