@@ -19,12 +19,12 @@ def merge(base, override):
     }
 
 
-def plain(value):
-    """Return `value` as plain data; a date, which YAML makes of a bare stamp, as ISO text."""
+def without_dates(value):
+    """Return `value` with dates, which YAML makes of bare stamps, as ISO text; all keys are text."""
     if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): without_dates(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [without_dates(item) for item in value]
     return value.isoformat() if isinstance(value, (date, datetime)) else value
 
 
@@ -50,7 +50,9 @@ def resolve(config):
         ``acceleration`` and ``angular_rate``), ``columns``, ``units``, ``rate`` (Hz),
         ``time_range``.
     """
-    return {name: _device(name, each) for name, each in merged_devices(plain(config)).items()}
+    return {
+        name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
+    }
 
 
 def _device(name, device):

@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 from jsonschema import Draft202012Validator
 
-from imuloop.config import merged_devices, plain, sources
+from imuloop.config import merged_devices, sources, without_dates
 from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
@@ -48,11 +48,11 @@ def config_faults(config, files, schema, replicas, mirror=None):
     list of str
         ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
     """
-    config = plain(config)
+    config = without_dates(config)
     contents, found = {}, []
     for name, path in files.items():
         text = Path(path).read_text(encoding="utf-8")
-        contents[name] = plain(yaml.safe_load(text)) or {}
+        contents[name] = without_dates(yaml.safe_load(text)) or {}
         found += [(key, fault, name) for key, fault in yaml_faults(text)]
     trapped = {key for key, _, _ in found}
     declared = _schema_faults(config, yaml.safe_load(Path(schema).read_text(encoding="utf-8")))

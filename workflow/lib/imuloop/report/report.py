@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 from markupsafe import Markup
 
-from imuloop.core.files import read_json, replaced
+from imuloop.core.files import plain, read_json, replaced
 from imuloop.report.comparison import COLUMNS, cells, write_comparison
 from imuloop.report.comparison_plot import allan_comparison, interval_comparison, line_style
 from imuloop.report.section import render
@@ -46,7 +46,7 @@ def write_report(*, sections, summaries, template, style, provenance, report_pat
         comparison=Path(comparison_path).name,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
         texts={
-            k: yaml.safe_dump(_plain(v), sort_keys=False, allow_unicode=True)
+            k: yaml.safe_dump(plain(v), sort_keys=False, allow_unicode=True)
             for k, v in provenance.items()
             if isinstance(v, Mapping)
         },
@@ -55,12 +55,3 @@ def write_report(*, sections, summaries, template, style, provenance, report_pat
         write_comparison(temporary, devices)
     with replaced(report_path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
-
-
-def _plain(value):
-    """Return nested mappings and sequences as plain dictionaries and lists."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
