@@ -20,7 +20,7 @@ def merge(base, override):
 
 
 def without_dates(value):
-    """Return `value` with dates, which YAML makes of bare stamps, as ISO text; all keys are text."""
+    """Return `value` with dates, which YAML makes of bare stamps, and all keys as text."""
     if isinstance(value, dict):
         return {str(key): without_dates(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
