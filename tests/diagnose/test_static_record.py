@@ -9,7 +9,7 @@ import pytest
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.static_record import diagnose_static, level_fit, window_means
+from imuloop.diagnose.static_record import MOST_MEANS, diagnose_static, level_fit, window_means
 
 RATE, WHITE = 10.0, 1e-3
 
@@ -86,3 +86,12 @@ def test_stretches_too_short_to_predict_each_other_are_not_testable():
         content = diagnosed(replace(made, stretch=stretch), slice(0, 3), "accelerometer")
         assert content["verdict"] == "not_testable"
         assert content["why"]
+
+
+def test_a_long_record_is_averaged_over_longer_windows():
+    t = np.arange(0, 400 * 3600.0, 60.0)
+    samples = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, np.zeros(len(t)))})
+    segments = pd.DataFrame({"start_s": [0.0], "end_s": [400 * 3600.0], "kind": ["static"]})
+    made = window_means(samples, segments, 60.0)
+    assert len(made.means) <= MOST_MEANS
+    np.testing.assert_allclose(np.diff(made.windows, axis=1), 720.0)

@@ -18,7 +18,8 @@ class DiagnoseSettings:
     blocks : int
         Parts that a static record is split into in time, each held out once.
     mean_time : float
-        Seconds over which a static record is averaged before it is compared with its floor.
+        Seconds over which a static record is averaged before it is compared with its floor; longer
+        where that would give more than 2000 means.
     draws : int
         Bootstrap draws for the interval of a ratio of held-out errors.
     seed : int

@@ -11,6 +11,9 @@ from imuloop.core.segments import STATIC
 from imuloop.diagnose.residuals import Residual, held_out_variance, size
 from imuloop.diagnose.verdict import NOTHING, verdict
 
+# the covariance of n means has n² entries: a longer record is averaged over longer windows
+MOST_MEANS = 2000
+
 
 @dataclass(frozen=True)
 class StaticMeans:
@@ -39,15 +42,17 @@ def window_means(samples, segments, mean_time):
     samples, segments : DataFrame
         Of the session.
     mean_time : float
-        Length of a window, s.
+        Length of a window, s; longer where the record would have more than `MOST_MEANS`.
 
     Returns
     -------
     StaticMeans
         In order of time.
     """
+    static = segments[segments["kind"] == STATIC]
+    mean_time = max(mean_time, (static["end_s"] - static["start_s"]).sum() / MOST_MEANS)
     windows, stretch = [np.zeros((0, 2))], []
-    for number, row in enumerate(segments[segments["kind"] == STATIC].itertuples()):
+    for number, row in enumerate(static.itertuples()):
         count = int((row.end_s - row.start_s) // mean_time)
         starts = row.start_s + mean_time * np.arange(count)
         windows.append(np.column_stack([starts, starts + mean_time]))
