@@ -9,7 +9,7 @@ import yaml
 from snakemake.common.configfile import load_configfile
 
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.config import fetched, merge, noise_sessions, resolve, source_path
+from imuloop.config import fetched, merge, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -325,13 +325,6 @@ def test_one_download_serves_all_sessions_that_name_it():
     devices = resolve({"devices": {"a": {"sessions": files}}})
     assert fetched(devices) == {f"{SHA}/log.csv": source}
     assert source_path(source, "data/cache") == f"data/cache/{SHA}/log.csv"
-
-
-def test_noise_comes_from_static_sessions_where_there_are_any():
-    kinds = {"p": "multi_position", "s": "static", "t": "static"}
-    device = {"sessions": {name: {"kind": kind} for name, kind in kinds.items()}}
-    assert noise_sessions(device) == ["s", "t"]
-    assert noise_sessions({"sessions": {"p": {"kind": "multi_position"}}}) == ["p"]
 
 
 def walk(node):

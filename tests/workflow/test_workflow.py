@@ -2,32 +2,14 @@
 
 import hashlib
 import json
-import os
 import re
-import shutil
-import subprocess
-import sys
-from dataclasses import replace
 
 import pandas as pd
-import pytest
 import yaml
 
-from imuloop.simulate.simulate import simulate_session, write_log
-from imuloop.simulate.truth import example_truth
+from workflow.run import snakemake
 
-PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
 NOTHING = "Nothing to be done"
-
-
-def snakemake(repository, folder, *arguments, target="results/report.html", **environment):
-    """Run the workflow of a repository in a folder; return the finished process."""
-    command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
-    command += ["-c2", "--configfile", "config.yaml", *arguments, "--", target]
-    found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
-    return subprocess.run(
-        list(map(str, command)), cwd=folder, env=found | environment, capture_output=True, text=True
-    )
 
 
 def planned(repository, folder, config=None):
@@ -42,57 +24,6 @@ def planned(repository, folder, config=None):
     return {f"{rule} {device}" for rule, device in jobs}
 
 
-@pytest.fixture(scope="module")
-def checkout(repository, tmp_path_factory):
-    """A copy of the workflow, to be edited."""
-    folder = tmp_path_factory.mktemp("checkout")
-    for part in PARTS:
-        source = repository / part
-        if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(source, folder / part)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def config():
-    quick = {"draws": 100, "folds": 3}
-    return {
-        "defaults": {"diagnose": quick},
-        "devices": {
-            "posed": {"sessions": {"poses": {"kind": "multi_position", "file": "logs in/p.csv"}}},
-            "resting": {
-                "label": "Rest & <b>peace</b>",
-                "sessions": {
-                    "rest": {"kind": "static", "file": "rest.parquet"},
-                    "broken": {"kind": "static", "file": "broken.csv"},
-                },
-            },
-        },
-    }
-
-
-@pytest.fixture(scope="module")
-def finished(checkout, config, tmp_path_factory):
-    """A folder in which the workflow ran once, and what it printed."""
-    folder = tmp_path_factory.mktemp("work")
-    truth = example_truth()
-    sessions = {
-        "static": replace(truth.sessions["static"], duration_s=120.0),
-        "multi_position": replace(
-            truth.sessions["multi_position"], poses=16, initial_rest_s=10.0, rest_s=(2.0, 3.0)
-        ),
-    }
-    truth = replace(truth, sessions=sessions)
-    (folder / "logs in").mkdir()
-    write_log(folder / "logs in/p.csv", simulate_session(truth, "multi_position"), {})
-    write_log(folder / "rest.parquet", simulate_session(truth, "static"), {})
-    (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
-    (folder / "config.yaml").write_text(yaml.safe_dump(config))
-    return folder, snakemake(checkout, folder)
-
-
 def test_a_csv_log_becomes_a_report(finished):
     folder, done = finished
     assert done.returncode == 0, done.stderr
@@ -103,7 +34,7 @@ def test_a_csv_log_becomes_a_report(finished):
     assert "<b>peace" not in report
     comparison = pd.read_csv(folder / "results/comparison.csv")
     assert len(comparison) == 2
-    for device, session in (("posed", "poses"), ("resting", "rest")):
+    for device, session in (("posed", "faces"), ("resting", "rest")):
         results = folder / "results" / device
         for name in ("noise", "six_position", "multi_position", "calibration", "diagnosis"):
             assert json.loads((results / f"{name}.json").read_text())["device"] == device
@@ -119,12 +50,25 @@ def test_results_that_a_restored_cache_needs_are_all_there(finished):
 
 def test_a_rejected_session_stops_nothing_and_is_told(finished):
     folder, _ = finished
-    quality = json.loads((folder / "results/resting/broken/quality.json").read_text())
+    quality = json.loads((folder / "results/posed/broken/quality.json").read_text())
     assert quality["status"] == "rejected"
     assert quality["reasons"]
-    assert not len(pd.read_parquet(folder / "results/resting/broken/samples.parquet"))
-    assert not len(pd.read_parquet(folder / "results/resting/broken/segments.parquet"))
-    assert "rejected" in (folder / "results/resting/section.html").read_text()
+    assert not len(pd.read_parquet(folder / "results/posed/broken/samples.parquet"))
+    assert not len(pd.read_parquet(folder / "results/posed/broken/segments.parquet"))
+    assert "rejected" in (folder / "results/posed/section.html").read_text()
+
+
+def test_a_rest_of_another_session_stands_in_for_a_rejected_static_one(finished):
+    folder, _ = finished
+    noise = json.loads((folder / "results/posed/noise.json").read_text())
+    # the six faces begin with the longest rest
+    assert noise["sessions"] == ["faces"]
+    assert all(axis["N"]["identifiable"] for axis in noise["axes"].values())
+    rows = {
+        session: len(pd.read_parquet(folder / f"results/posed/{session}/allan.parquet"))
+        for session in ("poses", "faces", "broken")
+    }
+    assert rows["faces"] and not rows["poses"] and not rows["broken"]
 
 
 def test_a_second_run_has_nothing_to_do(finished, checkout):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 from imuloop.code_digest import code_digest
-from imuloop.config import fetched, noise_sessions, resolve, source_path
+from imuloop.config import fetched, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
@@ -76,17 +76,17 @@ def setting(key):
     return lambda wildcards: device_of(wildcards)[key]
 
 
-def session_files(device, names=None):
-    """Return kind and files of a device's sessions by name, of all or of those named."""
+def session_files(device):
+    """Return kind and files of a device's sessions by name."""
     return {
         name: {
             "kind": session["kind"],
             "quality": f"results/{device}/{name}/quality.json",
             "samples": f"results/{device}/{name}/samples.parquet",
             "segments": f"results/{device}/{name}/segments.parquet",
+            "allan": f"results/{device}/{name}/allan.parquet",
         }
         for name, session in DEVICES[device]["sessions"].items()
-        if names is None or name in names
     }
 
 

@@ -1,6 +1,7 @@
-# A rule a device, because the sessions that have an Allan table differ from device to device.
+# A rule a device, because each writes the Allan tables of its own sessions. All sessions go in: a
+# rest in any of them stands in where the static ones turn out to be rejected.
 for device, resolved in DEVICES.items():
-    used = session_files(device, noise_sessions(resolved))
+    used = session_files(device)
 
     rule:
         name:

@@ -3,11 +3,7 @@ rule report_device:
         samples=each_session("samples"),
         quality=each_session("quality"),
         segments=each_session("segments"),
-        allan=lambda wildcards: expand(
-            "results/{device}/{session}/allan.parquet",
-            device=wildcards.device,
-            session=noise_sessions(device_of(wildcards)),
-        ),
+        allan=each_session("allan"),
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",

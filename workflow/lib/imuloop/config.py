@@ -102,9 +102,3 @@ def fetched(devices):
         for source in session["sources"].values()
         if "path" not in source
     }
-
-
-def noise_sessions(device):
-    """Return the sessions that tell of the noise: the static ones or, without any, all."""
-    sessions = device["sessions"]
-    return [name for name in sessions if sessions[name]["kind"] == "static"] or list(sessions)

@@ -108,7 +108,8 @@ def estimate_noise(device, sessions, settings):
     device : str
         Name of the device.
     sessions : sequence of Session
-        Static ones, or six- and multi-position ones where there is none.
+        All; the static ones count or, where none of them holds a rest, the longest rest of all
+        others.
     settings : NoiseSettings
         Averaging times and level of the tests.
 
@@ -204,7 +205,7 @@ def _longest_rest(sessions, notes):
     rest = best.slices[int(np.argmax(best.lengths))]
     seconds = (rest.stop - rest.start) / best.rate
     notes.append(
-        f"no static session: from the longest rest, {seconds:.3g} s of session "
+        f"no static record: from the longest rest, {seconds:.3g} s of session "
         f"{best.session.name}; what changes the output over more than {seconds / 3:.2g} s "
         "(flicker, walk, ramp) is not seen there and only limited from above"
     )
