@@ -260,6 +260,14 @@ def test_faults_are_told_all_at_once(faults):
     }
 
 
+def test_one_wrong_unit_does_not_hide_another(faults):
+    lines = faults(session(f"{SOUND}, units: {{time: sec, acceleration: count}}"))
+    assert [line.partition(": ")[0] for line in lines] == [
+        "devices.imu.sessions.a.units.time",
+        "devices.imu.sessions.a.units.acceleration",
+    ]
+
+
 def test_a_fault_of_the_defaults_is_told_once(faults):
     one = f"{{sessions: {{x: {{{SOUND}}}}}}}"
     assert len(faults(f"devices: {{a: {one}, b: {one}}}\ndefaults: {{gravity: 98}}")) == 1

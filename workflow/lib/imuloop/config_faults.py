@@ -177,6 +177,13 @@ def _meaning_faults(config, wrong, replicas):
                 sound = {
                     part: content[part] for part in content if not any(b[0] == part for b in below)
                 }
+                if isinstance(content.get("units"), dict):
+                    # one wrong unit leaves the others to be judged
+                    sound["units"] = {
+                        quantity: unit
+                        for quantity, unit in content["units"].items()
+                        if ("units", quantity) not in below
+                    }
                 found += [
                     (_declared(config, (*key, *part)), text)
                     for part, text in _session_faults(session, sound, device, replicas)
