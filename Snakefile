@@ -10,6 +10,11 @@ min_version("9.27")
 sys.path.insert(0, f"{workflow.basedir}/workflow/lib")
 
 if not workflow.configfiles:
+    from imuloop.config_faults import unreadable
+
+    if fault := unreadable("config.yaml"):
+        print(fault, file=sys.stderr)
+        sys.exit(1)
 
     configfile: "config.yaml"
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import textwrap
 
 import pytest
@@ -10,7 +11,7 @@ from snakemake.common.configfile import load_configfile
 
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config import fetched, merge, resolve, source_path
-from imuloop.config_faults import as_given, config_faults
+from imuloop.config_faults import as_given, config_faults, unreadable
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.formats import FORMATS
@@ -266,6 +267,72 @@ def test_one_wrong_unit_does_not_hide_another(faults):
         "devices.imu.sessions.a.units.time",
         "devices.imu.sessions.a.units.acceleration",
     ]
+
+
+def test_all_columns_that_are_not_there_are_told(faults):
+    columns = "{time: stamp, acceleration: [fx, ay, az], angular_rate: [gx, gy, rz]}"
+    keys = [line.split(": ")[0] for line in faults(session(f"{SOUND}, columns: {columns}"))]
+    assert keys == [
+        f"devices.imu.sessions.a.columns.{quantity}"
+        for quantity in ("time", "acceleration", "angular_rate")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "written", "hint"),
+    [
+        ("angular_rate", "dps", "did you mean 'deg/s'?"),
+        ("angular_rate", "°/s", "did you mean 'deg/s'?"),
+        ("angular_rate", "mdps", "use one of rad/s, deg/s, mrad/s, deg/h, count"),
+        ("angular_rate", "rad/sek", "did you mean 'rad/s'?"),
+        ("time", "seconds", "did you mean 's'?"),
+        ("time", "µs", "did you mean 'us'?"),
+        ("time", "min", "use one of s, ms, us, ns, ISO 8601"),
+        ("acceleration", "m/s²", "did you mean 'm/s^2'?"),
+        ("acceleration", "G", "did you mean 'g'?"),
+        ("temperature", "°C", "did you mean 'degC'?"),
+    ],
+)
+def test_a_unit_is_never_mistaken_for_another_by_its_letters(faults, quantity, written, hint):
+    [line] = faults(session(f"{SOUND}, units: {{{quantity}: '{written}'}}"))
+    assert line.endswith(f"'{written}' is not a unit; {hint}")
+
+
+def test_what_is_no_regular_file_is_said(faults, tmp_path):
+    (tmp_path / "folder.csv").mkdir()
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name, text in (
+        ("folder.csv", "folder.csv is a folder, not a file"),
+        ("pipe.csv", "pipe.csv is not a regular file"),
+        ("none.csv", "there is no file none.csv"),
+    ):
+        [line] = faults(session(f"kind: static, file: {name}"))
+        assert line == f"devices.imu.sessions.a.file: {text}"
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (None, "there is no such file here; write one, or name one with --configfile"),
+        ("", "empty; it needs devices"),
+        ("# nothing\n", "empty; it needs devices"),
+        ("- a\n", "not a mapping of keys; it needs devices"),
+        ("devices", "not a mapping of keys; it needs devices"),
+        ("devices: [", "line 1, column 11: no YAML: "),
+        ("devices:\n\ta: 1\n", "line 2, column 1: no YAML: "),
+        ("devices: {}", None),
+    ],
+)
+def test_a_file_that_is_no_config_is_told_in_one_line(tmp_path, monkeypatch, content, line):
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        (tmp_path / "config.yaml").write_text(content)
+    fault = unreadable("config.yaml")
+    if line is None:
+        assert fault is None
+    else:
+        assert fault.startswith(f"config.yaml: {line}")
+        assert "\n" not in fault
 
 
 def test_a_fault_of_the_defaults_is_told_once(faults):

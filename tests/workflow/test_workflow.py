@@ -169,6 +169,14 @@ def test_five_mistakes_are_five_lines(checkout, tmp_path):
     assert not (tmp_path / "results").exists()
 
 
+def test_a_default_config_that_is_no_yaml_is_told_by_name(checkout, tmp_path):
+    (tmp_path / "config.yaml").write_text("devices: {a: [")
+    done = snakemake(checkout, tmp_path, config=None)
+    assert done.returncode == 1
+    assert "config.yaml: line 1, column 15: no YAML: " in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_a_failing_job_says_why_in_one_line_and_keeps_the_traceback(checkout, tmp_path):
     """A download that nobody can have: the mirror is empty and the address leads nowhere."""
     source = {"url": "http://127.0.0.1:9/none.csv", "sha256": hashlib.sha256(b"none").hexdigest()}

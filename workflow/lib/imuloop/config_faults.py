@@ -17,6 +17,25 @@ from imuloop.yaml_traps import yaml_faults
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
+# other spellings of the units, in small letters: by similarity dps would be rad/s
+_SPELLINGS = {
+    "s": ("sec", "secs", "second", "seconds"),
+    "ms": ("msec", "millis", "milliseconds"),
+    "us": ("µs", "μs", "usec", "microseconds"),
+    "ns": ("nsec", "nanoseconds"),
+    "ISO 8601": ("iso", "iso8601", "iso-8601"),
+    "m/s^2": ("m/s2", "m/s²", "m/s/s", "m/s**2", "mps2", "ms-2", "m s-2"),
+    "g": ("g0", "gs"),
+    "mg": ("milli-g",),
+    "count": ("counts", "lsb", "raw"),
+    "rad/s": ("rad/sec", "rads", "radians/s"),
+    "deg/s": ("dps", "°/s", "deg/sec", "degrees/s", "degree/s"),
+    "mrad/s": ("mrad/sec",),
+    "deg/h": ("dph", "°/h", "deg/hr", "degrees/h"),
+    "degC": ("c", "°c", "celsius"),
+    "K": ("kelvin",),
+}
+
 _TYPES = {
     "number": "a number",
     "integer": "a whole number",
@@ -63,6 +82,23 @@ def config_faults(config, files, schema, replicas, mirror=None):
     if mirror and not Path(mirror).is_dir():
         lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
     return list(dict.fromkeys(lines))
+
+
+def unreadable(path):
+    """Return why a file holds no config at all, in one line that names it; None if it does."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return f"{path}: there is no such file here; write one, or name one with --configfile"
+    except (OSError, UnicodeDecodeError) as error:
+        return f"{path}: cannot be read: {error}"
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        return f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}"
+    if content is None:
+        return f"{path}: empty; it needs devices"
+    return None if isinstance(content, dict) else f"{path}: not a mapping of keys; it needs devices"
 
 
 def as_given(path, arguments):
@@ -130,7 +166,8 @@ def _texts(error):
             if name not in value:
                 yield (*key, name), f"missing; {key[-1] if key else 'the config'} needs it"
     elif rule == "enum":
-        hint = _nearest(str(value), error.validator_value, 0.4)
+        near = _nearest_unit if title == "unit" else _nearest
+        hint = near(str(value), error.validator_value, 0.4)
         yield key, f"{shown} is not a {title}{hint}"
     elif rule == "type":
         kinds = error.validator_value
@@ -154,6 +191,13 @@ def _texts(error):
 
 def _nearest(name, known, cutoff):
     return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"
+
+
+def _nearest_unit(name, known, cutoff):
+    """Return the unit that another spelling means; by similarity only what is hardly another."""
+    small = name.lower()
+    meant = [unit for unit in known if small == unit.lower() or small in _SPELLINGS[unit]]
+    return f"; did you mean '{meant[0]}'?" if meant else _nearest(name, known, 2 * cutoff)
 
 
 def _meaning_faults(config, wrong, replicas):
@@ -221,18 +265,34 @@ def _file_faults(session, replicas):
         if text:
             yield ("file", *(() if role == "log" else (role,))), text
     if len(there) == len(given):
+        yield from _column_faults(session, log_format, names)
+
+
+def _column_faults(session, log_format, names):
+    """Yield which of the declared columns a log lacks."""
+    declared = dict(session.get("columns") or {})
+    wrong = set()
+    while True:
         try:
-            log = log_format.read(names, session.get("columns"))
+            log = log_format.read(names, declared)
+            break
         except RejectedLog:
             # a fault of the data, for the job to find
             return
         except ImuloopError as error:
             quantity, _, text = str(error).removeprefix("columns.").partition(": ")
-            named = str(error).startswith("columns.")
-            yield (("columns", quantity), text) if named else (("file",), str(error))
-            return
-        if len(given) == 1 and "time" not in log.found and "rate" not in session:
-            yield ("rate",), f"missing; {names['log']} has no time column"
+            if quantity not in declared:
+                # without a column that was declared wrongly, the log may well lack others
+                if not wrong:
+                    yield ("file",), str(error)
+                return
+            yield ("columns", quantity), text
+            # the others may be wrong too
+            wrong.add(quantity)
+            del declared[quantity]
+    timed = "time" in {*log.found, *wrong}
+    if "log" in names and not timed and "rate" not in session:
+        yield ("rate",), f"missing; {names['log']} has no time column"
 
 
 def _time_range_fault(start, end):
@@ -255,7 +315,11 @@ def _missing(path, replicas):
     """Return why a local file cannot be had, or None if the workflow makes it."""
     simulated = SIMULATED.fullmatch(os.path.normpath(path))
     if not simulated:
-        return f"there is no file {path}"
+        if Path(path).is_dir():
+            return f"{path} is a folder, not a file"
+        return (
+            f"{path} is not a regular file" if Path(path).exists() else f"there is no file {path}"
+        )
     replica, session = simulated.groups()
     if replica not in replicas:
         return f"there is no replica '{replica}'{_nearest(replica, replicas, 0.6)}"
