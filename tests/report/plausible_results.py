@@ -329,7 +329,8 @@ def _static(sensor, sessions, device, rng):
             "before": float(np.linalg.norm(v)),
             "after": float(np.linalg.norm(v)),
             "values": v,
-            "floor": size * 3**0.5,
+            # a lone mean at the start has nothing to be compared with
+            "floor": size * 3**0.5 if i else None,
         }
         for i, v in enumerate(values)
     ]

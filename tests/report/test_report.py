@@ -8,6 +8,9 @@ from html.parser import HTMLParser
 
 import pytest
 
+from imuloop.report.calibration_tables import _words
+from imuloop.report.data_tables import _clipped
+from imuloop.report.diagnosis_tables import _limit
 from imuloop.report.report import write_report
 from imuloop.report.section import write_section
 from report.plausible_results import HOSTILE, write_results
@@ -236,3 +239,35 @@ def test_parameters_are_shown_with_their_sigma(page):
     # bias x of `board`, from its calibration.json: value and σ in mg
     row = next(e["text"] for e in page.all("tr") if e["text"].startswith("Bias xmg"))
     assert re.fullmatch(r"Bias xmg(−?[\d.]+\u202f±\u202f0\.\d\d){3}", row)
+
+
+def test_a_mean_without_a_floor_leaves_the_floor_of_the_others(page):
+    assert re.search(r"noise alone, 1 σ, 1\.0 mg|noise alone, 1 σ, 0\.10 mg", page.text)
+    assert "1 σ, —" not in page.text
+
+
+def test_numbers_to_copy_can_be_copied(page, results):
+    sensor = json.loads((results / "board" / "calibration.json").read_text())["accelerometer"]
+    row = next(e["text"] for e in page.all("tr") if e["text"].startswith("T, row x"))
+    assert "−" not in row
+    assert str(float(f"{sensor['T'][0][1]:.8g}")) in row
+
+
+def test_clipping_is_not_told_where_no_full_scale_is_known():
+    assert _clipped(dict.fromkeys(("ax", "gx"))) == "not known, no full_scale"
+    assert _clipped({"ax": 0, "gx": None}) == "0"
+    assert _clipped({"ax": 3, "gx": 0}) == "ax 3"
+
+
+def test_a_detection_limit_ends_with_its_unit():
+    limit = {"G00": 5.3e-6, "G01": 1e-5, "unit": "rad/s per m/s^2"}
+    assert _limit(limit) == "G00 5.30\u202f×\u202f10⁻⁶, G01 1.00\u202f×\u202f10⁻⁵ rad/s per m/s²"
+    assert _limit({}) == "—"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("K2", "scale factor z"), ("b0", "bias x"), ("T01", "misalignment xy"), ("G00", "G00")],
+)
+def test_a_parameter_is_named_by_its_axis(name, words):
+    assert _words(name) == words

@@ -10,8 +10,9 @@ from imuloop.report.svg import AXES, Picture, decades, draw, write_csv
 NOTE = (
     "How much two neighbouring means over τ seconds differ. Falling at −½: white noise, averaging "
     "helps. Lowest part: the best that averaging can do. Rising: the bias wanders. Band: 95 % "
-    "interval; dashed: fitted model; dotted: before correction."
+    "interval; dashed: fitted model."
 )
+CORRECTED_NOTE = f"{NOTE[:-1]}; dotted: before correction."
 
 
 def allan_pictures(device, session, folder):
@@ -73,7 +74,8 @@ def _picture(device, session, sensor, channels, axes, csv):
     )
     name = f"{device.name}.{session.name}.allan_{sensor}"
     svg = draw(name, f"Allan deviation, {sensor}, session {session.name}: {lowest}", 440, 300, plot)
-    return Picture(name, svg, caption, NOTE, (csv,))
+    corrected = (session.allan["stage"] == "corrected").any()
+    return Picture(name, svg, caption, CORRECTED_NOTE if corrected else NOTE, (csv,))
 
 
 def _finding(sensor, channels, axes):

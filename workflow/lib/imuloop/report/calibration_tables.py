@@ -8,6 +8,7 @@ from imuloop.report.numbers import (
     MILLIRADIAN,
     PERCENT,
     number,
+    typeset,
     with_sigma,
 )
 from imuloop.report.results import UNITS, XYZ, base_parameters
@@ -102,13 +103,14 @@ def model_table(device, sensor):
         for axis, row in zip(XYZ, s.T, strict=True)
     ]
     rows += [
-        ("K", f"{UNITS[sensor]} per {s.raw_unit.name}", *(f"{v:.8g}" for v in s.K)),
-        ("b", s.raw_unit.name, *(f"{v:.8g}" for v in s.b)),
+        ("K", f"{UNITS[sensor]} per {typeset(s.raw_unit.name)}", *(f"{v:.8g}" for v in s.K)),
+        ("b", typeset(s.raw_unit.name), *(f"{v:.8g}" for v in s.b)),
     ]
     return Table(
         f"{sensor.capitalize()}: final model x = T (K (raw − b) − e), to copy",
         ("Symbol", "Unit", *XYZ),
-        tuple(tuple(c.replace("-", "−") for c in row) for row in rows),
+        # with the minus sign of a keyboard, which programs read
+        tuple(rows),
     )
 
 
@@ -124,4 +126,13 @@ def strongest_correlation(sensor):
     i, j = np.unravel_index(np.abs(r).argmax(), r.shape)
     if abs(r[i, j]) < TOLD_APART:
         return None
-    return sensor.names[i], sensor.names[j], float(r[i, j])
+    return _words(sensor.names[i]), _words(sensor.names[j]), float(r[i, j])
+
+
+def _words(name):
+    """Return a parameter's name as the tables have it: K0 as scale factor x."""
+    letter, axes = name[0], name[1:]
+    if letter not in "TKb" or not set(axes) <= set("012"):
+        return name
+    quantity = {"T": "misalignment", "K": "scale factor", "b": "bias"}[letter]
+    return f"{quantity} {''.join(XYZ[int(axis)] for axis in axes)}"

@@ -56,12 +56,18 @@ def _quality(session):
         "Gaps": text_of(q["gaps"]["count"]),
         "Gaps in all, s": number(q["gaps"]["total_s"]),
         **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},
-        "Clipped, values": text_of(q.get("clipped")),
+        "Clipped, values": _clipped(q.get("clipped")),
         "Constant channels": text_of(q.get("constant")),
         "Temperature, °C": _span(q.get("temperature_range")),
         "Start": text_of(q.get("start")),
         "Units as logged": text_of(q.get("units")),
     }
+
+
+def _clipped(counts):
+    """Return how many values lie at full scale; without a full scale nobody can tell."""
+    known = {k: v for k, v in (counts or {}).items() if v is not None}
+    return text_of(known) if known else "not known, no full_scale"
 
 
 def _span(limits):

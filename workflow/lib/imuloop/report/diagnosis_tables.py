@@ -10,6 +10,7 @@ from imuloop.report.numbers import (
     missing,
     number,
     probability,
+    typeset,
     with_sigma,
     with_unit,
 )
@@ -85,7 +86,9 @@ def _effect_table(sensor, part, block, effect):
             scaled = None if missing(sigma) else sigma * display.factor
             row.append(with_sigma(value * display.factor, scaled))
         rows.append(tuple(row))
-    head = ("Parameter", f"Value ± 1 σ, {si}") + ((f"Value ± 1 σ, {display.unit}",) * bool(display))
+    head = ("Parameter", f"Value ± 1 σ, {typeset(si)}") + (
+        (f"Value ± 1 σ, {display.unit}",) * bool(display)
+    )
     note = _gain(sensor, block, effect)
     if known:
         note = f"{known.equation} ({known.reference}). {note}"
@@ -115,6 +118,13 @@ def _gain(sensor, block, effect):
     return ", ".join(parts) + "." if parts else ""
 
 
+def _limit(detection_limit):
+    """Return the detection limits of an effect's parameters, their unit at the end."""
+    unit = typeset(detection_limit.get("unit", ""))
+    values = {k: v for k, v in detection_limit.items() if k != "unit"}
+    return f"{text_of(values)} {unit}".rstrip() if values else NO_NUMBER
+
+
 def candidate_table(device):
     """Return all effects that were thought of: what became of each, and why."""
     rows = []
@@ -134,7 +144,7 @@ def candidate_table(device):
                     with_unit(number(after * unit.factor), unit.unit)
                     if unit and not missing(after)
                     else NO_NUMBER,
-                    text_of(c.get("detection_limit") or None),
+                    _limit(c.get("detection_limit") or {}),
                 )
             )
     return Table(

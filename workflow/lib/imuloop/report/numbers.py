@@ -81,6 +81,11 @@ def _fixed(value, decimals):
     return text.replace("-", "−")
 
 
+def typeset(unit):
+    """Return a unit of the files as it is printed: m/s^2 as m/s²."""
+    return unit.replace("^2", "²")
+
+
 def superscript(exponent):
     """Return an integer in raised digits."""
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

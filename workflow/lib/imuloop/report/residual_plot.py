@@ -139,7 +139,7 @@ def _bias_picture(device, sensor, session, points, block, folder):
     caption = (
         f"{session}, {sensor}: the bias moves by {', '.join(number(v, 2) for v in span)} "
         f"{display.unit} from peak to peak (x, y, z); noise alone, 1 σ, "
-        f"{number(floor.mean() * display.factor, 2)} {display.unit}."
+        f"{number(np.nanmean(floor) * display.factor, 2)} {display.unit}."
     )
     name = f"{device.name}.{session}.bias_{sensor}"
     svg = draw(name, caption, 440, 270, plot, margins=(62, 12, 28, 42))
