@@ -42,6 +42,34 @@ def test_a_raw_log_is_calibrated_by_the_formula(tmp_path, calibration, ending):
     np.testing.assert_allclose(got[["gx", "gy", "gz"]], (raw[:, 3:] - 1) * 0.018, atol=1e-12)
 
 
+def test_a_log_with_names_and_units_of_its_own(tmp_path, calibration):
+    rng = np.random.default_rng(1)
+    raw = np.column_stack([rng.normal(size=(300, 3)), rng.normal(scale=0.2, size=(300, 3))])
+    names = ["stamp", "fx", "fy", "fz", "p", "q", "r", "T"]
+    log = np.column_stack([np.arange(300) * 10, raw, np.full(300, 300.0)])
+    pd.DataFrame(log, columns=names).to_csv(tmp_path / "log.csv", index=False)
+    arguments = ["apply", str(calibration), str(tmp_path / "log.csv")]
+    arguments += ["-o", str(tmp_path / "out.csv"), "--time-unit", "ms", "--temperature-unit", "K"]
+    arguments += ["--acceleration-unit", "g", "--angular-rate-unit", "rad/s", "--columns"]
+    arguments += ["time=stamp", "acceleration=fx,fy,fz", "angular_rate=p,q,r", "temperature=T"]
+    assert main(arguments) == 0
+    got = pd.read_csv(tmp_path / "out.csv")
+    np.testing.assert_allclose(got["t"], np.arange(300) / 100, atol=1e-12)
+    np.testing.assert_allclose(got["temperature"], 300 - 273.15)
+    counts = raw[:, :3] * 9.80665 / 0.0024 + 32768
+    f = (counts - [32700, 32800, 33000]) * 0.0025 @ T.T
+    np.testing.assert_allclose(got[["ax", "ay", "az"]], f, rtol=1e-9, atol=1e-9)
+    w = (np.degrees(raw[:, 3:]) - 1) * 0.018
+    np.testing.assert_allclose(got[["gx", "gy", "gz"]], w, atol=1e-12)
+
+
+def test_a_calibration_that_is_no_json_is_one_line(tmp_path, calibration, capsys):
+    calibration.write_text("{")
+    assert main(["apply", str(calibration), "log.csv", "-o", str(tmp_path / "out.csv")]) == 1
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1 and "calibration.json: no JSON" in message
+
+
 def test_what_is_missing_is_one_line(tmp_path, calibration, capsys):
     out = tmp_path / "out.csv"
     assert main(["apply", str(calibration), str(tmp_path / "no.csv"), "-o", str(out)]) == 1

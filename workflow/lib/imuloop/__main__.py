@@ -1,6 +1,7 @@
 """The command line: ``python -m imuloop apply CALIBRATION LOG -o OUT``."""
 
 import argparse
+import json
 import sys
 import tempfile
 from pathlib import Path
@@ -12,15 +13,17 @@ from imuloop.core.samples import read_metadata, read_samples
 from imuloop.ingest.ingest import ingest
 
 
-def read_log(path, calibration, units, rate):
+def read_log(path, calibration, columns, units, rate):
     """Return the samples of a log, read as ingest reads it.
 
     Parameters
     ----------
     path : Path
-        Samples as ingest wrote them, or a raw log with the usual column names.
+        Samples as ingest wrote them, or a raw log.
     calibration : Calibration
         Its raw units are taken where `units` says nothing.
+    columns : dict
+        Columns of each quantity that was given; the others have their usual names.
     units : dict
         Unit of each quantity that was given.
     rate : float or None
@@ -41,6 +44,7 @@ def read_log(path, calibration, units, rate):
             paths=[path],
             samples_path=samples,
             quality_path=quality,
+            columns=columns,
             units={quantity: unit.name for quantity, unit in sensors.items()} | units,
             nominal={
                 quantity: {"scale": unit.scale, "offset": unit.offset}
@@ -54,6 +58,15 @@ def read_log(path, calibration, units, rate):
         return read_samples(samples)
 
 
+def columns(text):
+    """Return quantity and columns of an argument ``acceleration=fx,fy,fz``."""
+    quantity, _, names = text.partition("=")
+    if quantity not in ("time", "acceleration", "angular_rate", "temperature") or not names:
+        raise argparse.ArgumentTypeError(f"{text} is not QUANTITY=NAME or QUANTITY=NAME,NAME,NAME")
+    found = [int(name) if name.isdecimal() else name for name in names.split(",")]
+    return quantity, found if quantity in ("acceleration", "angular_rate") else found[0]
+
+
 def apply(arguments):
     """Write the calibrated samples of a log as CSV or Parquet, by the ending of OUT."""
     calibration = Calibration.from_json(arguments.calibration)
@@ -61,10 +74,12 @@ def apply(arguments):
         "acceleration": arguments.acceleration_unit,
         "angular_rate": arguments.angular_rate_unit,
         "time": arguments.time_unit,
+        "temperature": arguments.temperature_unit,
     }
     samples = read_log(
         arguments.log,
         calibration,
+        dict(arguments.columns),
         {quantity: unit for quantity, unit in units.items() if unit},
         arguments.rate,
     )
@@ -84,14 +99,27 @@ def main(argv=None):
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
     command.add_argument("log", type=Path, help="CSV, TSV, NetCDF or Parquet")
     command.add_argument("-o", "--output", type=Path, required=True, help=".csv or .parquet")
+    command.add_argument(
+        "--columns",
+        nargs="+",
+        type=columns,
+        default=[],
+        metavar="QUANTITY=NAME",
+        help="as in the config: time=stamp acceleration=fx,fy,fz angular_rate=p,q,r temperature=T; "
+        "by number from 0 in a log without header",
+    )
     command.add_argument("--acceleration-unit", help="default: as in the calibration")
     command.add_argument("--angular-rate-unit", help="default: as in the calibration")
     command.add_argument("--time-unit", help="default: as the log says, else s")
+    command.add_argument("--temperature-unit", help="default: as the log says, else degC")
     command.add_argument("--rate", type=float, help="Hz, where the log has no time column")
     command.set_defaults(run=apply)
     arguments = parser.parse_args(argv)
     try:
         arguments.run(arguments)
+    except json.JSONDecodeError as error:
+        print(f"imuloop: {arguments.calibration}: no JSON: {error}", file=sys.stderr)
+        return 1
     except (ImuloopError, OSError) as error:
         print(f"imuloop: {error}", file=sys.stderr)
         return 1
