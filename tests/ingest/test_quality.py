@@ -82,7 +82,7 @@ def test_constant_channels(log, measured):
     log["gy"] = 0.25
     found = measured()
     assert (found["status"], found["constant"]) == ("ok", ["gy"])
-    assert found["warnings"] == ["gy never change"]
+    assert found["warnings"] == ["never changing: gy"]
     log[["ax", "ay", "az"]] = [0, 0, 9.8]
     found = measured()
     assert found["status"] == "rejected"

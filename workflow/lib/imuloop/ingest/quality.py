@@ -240,7 +240,7 @@ def warnings(figures, counts, log, *, rate, unit):
         )
     dead = [name for name in figures["constant"] if name in CHANNELS]
     if dead:
-        found.append(f"{', '.join(dead)} never change")
+        found.append(f"never changing: {', '.join(dead)}")
     at_limit = {name: n for name, n in figures["clipped"].items() if n}
     if at_limit:
         listed = ", ".join(f"{name} {n}" for name, n in at_limit.items())
