@@ -12,7 +12,7 @@ from imuloop.diagnose.search import (
     ratio_interval,
     search,
 )
-from imuloop.diagnose.verdict import NOTHING, verdict
+from imuloop.diagnose.verdict import NOTHING, UNTRIED, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
 # rate, rotation
@@ -56,7 +56,7 @@ def diagnose_poses(model, recording, settings):
         _candidate(t, added, ratio, main, model.headline, settings, trials) for t in trials.values()
     ]
     listed += [
-        {"name": effect.name, "status": "not_available", "why": why}
+        {"name": effect.name, "status": "not_available", "why": why, **UNTRIED}
         for effect, why in missing.items()
     ]
     share = settings.significance / KINDS

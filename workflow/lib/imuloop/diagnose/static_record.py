@@ -9,7 +9,7 @@ from imuloop.core.effect import Effect
 from imuloop.core.samples import CHANNELS, TIME
 from imuloop.core.segments import STATIC
 from imuloop.diagnose.residuals import Residual, held_out_variance, size
-from imuloop.diagnose.verdict import NOTHING, verdict
+from imuloop.diagnose.verdict import NOTHING, UNTRIED, verdict
 
 # the covariance of n means has n² entries: a longer record is averaged over longer windows
 MOST_MEANS = 2000
@@ -203,6 +203,7 @@ def diagnose_static(records, noise, axes, unit, sensor, settings):
                 "name": effect.name,
                 "status": "not_observable",
                 "why": "in one attitude it cannot be told from the bias",
+                **UNTRIED,
             }
             for effect in Effect.library.values()
             if sensor in effect.sensors

@@ -2,6 +2,8 @@
 
 # what a diagnosis holds where nothing could be tested
 NOTHING = {"residuals": {}, "effects": [], "candidates": []}
+# the figures of a candidate that could not be tried
+UNTRIED = {"p_value": None, "heldout_after": None, "detection_limit": None}
 
 
 def verdict(above_before, above_after, effects):
