@@ -47,7 +47,7 @@ def test_without_noise_the_truth_comes_back():
 
 
 def test_the_derivative_is_that_of_differences():
-    _, _, model = model_of(TRUTH, 1, (find_effect("g_sensitivity"),))
+    _, _, model = model_of(TRUTH, 1, (find_effect("g_sensitivity")(),))
     x = np.concatenate([true_parameters(TRUTH), np.full(9, 1e-4)])
     numeric = [
         (model.residuals(x + h)[0] - model.residuals(x - h)[0]) / 2e-6

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import imuloop.diagnose.effects  # noqa: F401  the library of effects
-from imuloop.core.effect import Channels, FittedEffect, find_effect
+from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS
@@ -57,7 +57,7 @@ def test_the_model_is_the_formula_of_the_contract():
 def test_an_effect_is_subtracted_on_the_sensors_own_axes():
     G = np.arange(9) * 1e-3
     names = find_effect("g_sensitivity").parameters
-    effect = FittedEffect("g_sensitivity", dict(zip(names, G, strict=True)), {})
+    effect = FittedEffect(find_effect("g_sensitivity")(), dict(zip(names, G, strict=True)), {})
     gyroscope = sensor(T=np.array([[1, 0.1, 0], [0, 1, 0], [0, 0, 1.0]]), effects=(effect,))
     nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
     samples = log()
@@ -69,7 +69,9 @@ def test_an_effect_is_subtracted_on_the_sensors_own_axes():
 
 
 def test_the_file_gives_back_what_was_written(tmp_path):
-    effect = FittedEffect("g_sensitivity", {"G00": 1e-4}, {"G00": 1e-6})
+    names = find_effect("g_sensitivity").parameters
+    values, std = dict.fromkeys(names, 1e-4), dict.fromkeys(names, 1e-6)
+    effect = FittedEffect(find_effect("g_sensitivity")(), values, std)
     calibration = Calibration(
         "d", 9.80665, SensorCalibration.nominal(COUNTS, "why"), sensor(effects=(effect,))
     )
@@ -93,6 +95,17 @@ def test_another_format_is_refused(tmp_path):
 
 def test_an_unknown_effect_is_named():
     with pytest.raises(ImuloopError, match=r"'magic' is not an effect.*g_sensitivity"):
-        FittedEffect("magic", {}, {}).output(
-            Channels(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
-        )
+        FittedEffect.from_dict({"name": "magic", "parameters": {}})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parameters": {"G00": 1.0}}, "g_sensitivity: its parameters are G00, G01"),
+        ({"constants": {"order": 2}}, "g_sensitivity: its constants do not fit: .*order"),
+    ],
+)
+def test_an_effect_that_does_not_fit_its_library_is_refused(change, message):
+    content = {"name": "g_sensitivity", "parameters": {}} | change
+    with pytest.raises(ImuloopError, match=message):
+        FittedEffect.from_dict(content)

@@ -16,7 +16,7 @@ from imuloop.diagnose.search import HeldOut, hold_out, ratio_interval, search, t
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
 
-G_SENSITIVITY = find_effect("g_sensitivity")
+G_SENSITIVITY = find_effect("g_sensitivity")()
 # rad/s per m/s^2: 0.1 deg/s per g, as common parts have
 MATRIX = np.radians(0.1) / 9.80665 * Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
@@ -31,7 +31,7 @@ def models(truth):
 
 def with_g_sensitivity(truth, matrix):
     values = dict(zip(G_SENSITIVITY.parameters, np.ravel(matrix).tolist(), strict=True))
-    effect = FittedEffect("g_sensitivity", values, {})
+    effect = FittedEffect(find_effect("g_sensitivity")(), values, {})
     return replace(truth, gyroscope=replace(truth.gyroscope, effects=(effect,)))
 
 

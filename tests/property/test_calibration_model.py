@@ -40,7 +40,7 @@ def test_applying_undoes_the_inverted_model(accelerometer, gyroscope, gain, seed
         gyroscope.T,
         gyroscope.K,
         gyroscope.b,
-        effects=(FittedEffect("g_sensitivity", values, {}),),
+        effects=(FittedEffect(find_effect("g_sensitivity")(), values, {}),),
     )
     f, w = np.random.default_rng(seed).normal(size=(2, 7, 3)) * [[[10.0]], [[2.0]]]
     samples = np.hstack(

@@ -42,7 +42,7 @@ def test_any_effect_of_the_library_lowers_chi_square(effect, seed):
         "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT),
     }
     for sensor in effect.sensors:
-        base, wider = models[sensor].fit(made), models[sensor].fit(made, (effect,))
+        base, wider = models[sensor].fit(made), models[sensor].fit(made, (effect(),))
         # the weights follow the fitted attitude: a few parts in 1e4
         assert wider.chi2 <= base.chi2 * (1 + 1e-3)
         assert wider.dof == base.dof - len(effect.parameters)

@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from imuloop.core.effect import FittedEffect
+from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.simulate.simulate import (
     log_metadata,
@@ -52,7 +52,7 @@ def test_effects_are_functions_of_the_output_and_the_other_sensor():
     values = {f"G{i}{j}": G[i, j] for i in range(3) for j in range(3)}
     truth = device(
         accelerometer={"extra": lambda channels: 1e-4 * channels.output**2},
-        gyroscope={"effects": (FittedEffect("g_sensitivity", values, {}),)},
+        gyroscope={"effects": (FittedEffect(find_effect("g_sensitivity")(), values, {}),)},
     )
     log, motion = simulate_session(truth, "one"), true_motion(truth, "one")
     output = (log[F].to_numpy() - truth.accelerometer.b) * truth.accelerometer.K
@@ -129,7 +129,7 @@ def test_unknown_session_says_what_there_is():
 
 def test_files_hold_the_log_and_not_the_truth(tmp_path):
     values = {f"G{i}{j}": 1e-4 for i in range(3) for j in range(3)}
-    effects = (FittedEffect("g_sensitivity", values, {}),)
+    effects = (FittedEffect(find_effect("g_sensitivity")(), values, {}),)
     truth = device(gyroscope={"effects": effects}, name="secret_device")
     path = tmp_path / "one.parquet"
     write_log(path, simulate_session(truth, "one"), log_metadata(truth, "one"))

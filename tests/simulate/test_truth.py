@@ -63,7 +63,7 @@ def put(where, value):
         ),
         (
             put(["gyroscope", "effects"], [{"name": "g_sensitivity", "parameters": {"G00": 1}}]),
-            "effects.g_sensitivity: parameters are",
+            "effects: effect g_sensitivity: its parameters are",
         ),
         (put(["sessions"], None), "not a truth"),
     ],

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.calibrate.least_squares import condition_number, fit
-from imuloop.core.effect import Channels
+from imuloop.core.effect import Channels, effect_design
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T12", "K0", "K1", "K2", "b0", "b1", "b2")
@@ -79,12 +79,6 @@ def unpack(x):
     return T, x[3:6], x[6:9]
 
 
-def effect_design(effects, channels):
-    """Return the derivative of the sum of effects, shape (n, 3, p), each a class of the library."""
-    parts = [effect.design(channels) for effect in effects]
-    return np.concatenate([np.zeros((len(channels.t), 3, 0)), *parts], axis=2)
-
-
 def fit_accelerometer(poses, means, gravity, effects=()):
     """Fit the nine-parameter model, and effects, to the norm of gravity at the poses.
 
@@ -99,8 +93,8 @@ def fit_accelerometer(poses, means, gravity, effects=()):
         Covariance of their mean specific force, (m/s^2)^2.
     gravity : float
         Local gravity, m/s^2.
-    effects : sequence of type
-        Classes of the effect library to add.
+    effects : sequence of Effect
+        Effects to add.
 
     Returns
     -------

@@ -83,8 +83,8 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), reduced_chi2=
         Theirs.
     method : {'multi_position', 'six_position'}
         What they come from.
-    effects : sequence of type
-        Classes of the effects whose parameters follow the base's.
+    effects : sequence of Effect
+        The effects whose parameters follow the base's.
     reduced_chi2 : float, optional
         Of the fit.
 
@@ -107,7 +107,7 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), reduced_chi2=
         part = slice(at, at + len(effect.parameters))
         fitted.append(
             FittedEffect(
-                effect.name,
+                effect,
                 dict(zip(effect.parameters, x[part].tolist(), strict=True)),
                 dict(zip(effect.parameters, std[part].tolist(), strict=True)),
             )

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.calibrate.accelerometer import effect_design
 from imuloop.calibrate.least_squares import condition_number, fit
 from imuloop.calibrate.poses import Rotations
-from imuloop.core.effect import Channels
+from imuloop.core.effect import Channels, effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 
 # parameters of the base model
@@ -251,8 +250,8 @@ def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
         Calibrated specific force at the poses and along the rotations.
     noise : NoiseModel
         Noise of the device.
-    effects : sequence of type
-        Classes of the effect library to add.
+    effects : sequence of Effect
+        Effects to add.
     bias : array_like, shape (3,), optional
         rad/s; held instead of estimated.
 

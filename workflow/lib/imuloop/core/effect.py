@@ -1,40 +1,66 @@
 """An effect: what the base model of bias, scale factor and misalignment lacks."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, did_you_mean
 
 
 @dataclass(frozen=True)
 class Channels:
-    """What an effect may depend on.
+    """What an effect may depend on, at n points: samples, or poses.
 
     Attributes
     ----------
     t : ndarray, shape (n,)
-        Time, s.
+        Time since the start of the log, s.
     output : ndarray, shape (n, 3)
         The sensor's own output ``K (raw - b)``, SI, on its own axes.
     other : ndarray, shape (n, 3)
         The other sensor's output, SI.
     temperature : ndarray, shape (n,), or None
         Temperature, degC; None where it was not logged.
+    history : callable, or None
+        See `remembered`; None where the points are the whole log.
     """
 
     t: np.ndarray
     output: np.ndarray
     other: np.ndarray
     temperature: np.ndarray | None = None
+    history: Callable | None = None
+
+    def remembered(self, function, *constants):
+        """Return what depends on the past of the log, at these points.
+
+        Parameters
+        ----------
+        function : callable
+            Takes the Channels of a whole log and the constants; gives an array whose first axis is
+            the log's samples.
+        *constants : hashable
+            Constants of the function.
+
+        Returns
+        -------
+        ndarray, shape (n, …)
+            The samples' values; at a pose their mean over it.
+        """
+        if self.history is None:
+            return function(self, *constants)
+        return self.history(function, *constants)
 
 
 class Effect:
     """Base of all effects; a subclass that has a name joins the library by being written.
 
     An effect adds ``e = Σ_k p_k D_k`` to the sensor's output, SI, on the sensor's own axes, in the
-    model ``x = T (K (raw - b) - e)``: D, its derivative, is all that a subclass has to give.
+    model ``x = T (K (raw - b) - e)``. D, its derivative, is what a subclass gives. Constants that D
+    does not depend on linearly (a time constant, an order) are fields of the subclass, a frozen
+    dataclass: an instance is one shape of the effect.
 
     Attributes
     ----------
@@ -42,23 +68,29 @@ class Effect:
         Name of the effect, as in results.
     sensors : tuple of str
         The sensors that can have it: ``accelerometer``, ``gyroscope``.
-    parameters : tuple of str
-        Names of the parameters.
-    unit : str
-        SI unit of the parameters.
+    parameters : dict of str to str
+        Names of the parameters and their SI units.
     equation, reference : str
         What the effect adds, and where it is described.
     needs : tuple of str
-        Channels without which it cannot be told: ``other``, ``temperature``.
+        Channels without which it cannot be told: ``temperature``.
+    records : tuple of str
+        The data in which it is looked for: ``poses``, ``static_record``.
+    unobservable : str or None
+        Why data from rest to rest cannot show it, if so.
+    limit : float
+        Largest size of a parameter that is physically possible, SI.
     """
 
     name: ClassVar[str]
     sensors: ClassVar[tuple[str, ...]]
-    parameters: ClassVar[tuple[str, ...]]
-    unit: ClassVar[str]
+    parameters: ClassVar[dict[str, str]]
     equation: ClassVar[str]
     reference: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
+    records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
+    unobservable: ClassVar[str | None] = None
+    limit: ClassVar[float] = np.inf
 
     library: ClassVar[dict[str, type]] = {}
 
@@ -66,25 +98,29 @@ class Effect:
         super().__init_subclass__(**kwargs)
         Effect.library[cls.name] = cls
 
-    @staticmethod
-    def design(channels):
+    @classmethod
+    def shapes(cls, channels):
+        """Return the shapes of the effect to try for data with these channels."""
+        return (cls(),)
+
+    def design(self, channels):
         """Return the derivative of `e` with respect to the parameters.
 
         Parameters
         ----------
         channels : Channels
-            What the effect depends on, n samples.
+            What the effect depends on, n points.
 
         Returns
         -------
         ndarray, shape (n, 3, p)
             The derivative D, SI.
         """
-        raise TypeError(f"{Effect.__name__} itself adds nothing: a subclass gives its design")
+        raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
 
 def find_effect(name):
-    """Return the effect of that name.
+    """Return the class of the effect of that name.
 
     Raises
     ------
@@ -93,8 +129,15 @@ def find_effect(name):
     """
     if name not in Effect.library:
         known = ", ".join(sorted(Effect.library)) or "none is loaded"
-        raise ImuloopError(f"'{name}' is not an effect of the library; known: {known}")
+        hint = did_you_mean(name, Effect.library)
+        raise ImuloopError(f"'{name}' is not an effect of the library{hint}; known: {known}")
     return Effect.library[name]
+
+
+def effect_design(effects, channels):
+    """Return the derivative of the sum of effects, shape (n, 3, p); p is 0 without any."""
+    parts = [effect.design(channels) for effect in effects]
+    return np.concatenate([np.zeros((len(channels.t), 3, 0)), *parts], axis=2)
 
 
 @dataclass(frozen=True)
@@ -103,19 +146,53 @@ class FittedEffect:
 
     Attributes
     ----------
-    name : str
-        Name of the effect in the library.
+    effect : Effect
+        The effect, with its constants.
     values : dict of str to float
         Parameters, SI.
     std : dict of str to float
         Their standard errors, SI.
     """
 
-    name: str
+    effect: Effect
     values: dict
     std: dict
 
+    @property
+    def name(self):
+        """Name of the effect in the library."""
+        return self.effect.name
+
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
-        effect = find_effect(self.name)
-        return effect.design(channels) @ np.array([self.values[p] for p in effect.parameters])
+        values = np.array([self.values[name] for name in self.effect.parameters])
+        return self.effect.design(channels) @ values
+
+    def to_dict(self):
+        """Return what a JSON file holds of the effect."""
+        constants = asdict(self.effect)
+        return {
+            "name": self.name,
+            "constants": constants,
+            "parameters": self.values,
+            "std": self.std,
+        }
+
+    @classmethod
+    def from_dict(cls, content):
+        """Return the effect that a JSON file holds.
+
+        Raises
+        ------
+        ImuloopError
+            If the library has no such effect, or not with these constants or parameters.
+        """
+        name = content["name"]
+        try:
+            effect = find_effect(name)(**content.get("constants", {}))
+        except (TypeError, ValueError) as error:
+            raise ImuloopError(f"effect {name}: its constants do not fit: {error}") from error
+        if set(content["parameters"]) != set(effect.parameters):
+            raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
+        values = {key: float(content["parameters"][key]) for key in effect.parameters}
+        return cls(effect, values, dict(content.get("std", {})))

@@ -104,9 +104,7 @@ class SensorCalibration:
             "K": self.K,
             "b": self.b,
             "covariance": {"names": list(self.names), "matrix": covariance},
-            "effects": [
-                {"name": e.name, "parameters": e.values, "std": e.std} for e in self.effects
-            ],
+            "effects": [effect.to_dict() for effect in self.effects],
         }
 
     @classmethod
@@ -119,9 +117,7 @@ class SensorCalibration:
             b=np.array(content["b"], dtype=float),
             names=tuple(content["covariance"]["names"]),
             covariance=np.array(content["covariance"]["matrix"], dtype=float),
-            effects=tuple(
-                FittedEffect(e["name"], e["parameters"], e["std"]) for e in content["effects"]
-            ),
+            effects=tuple(FittedEffect.from_dict(effect) for effect in content["effects"]),
             method=content["method"],
             not_testable=content["not_testable"],
             reduced_chi2=content["reduced_chi2"],

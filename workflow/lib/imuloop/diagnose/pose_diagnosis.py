@@ -82,7 +82,7 @@ def diagnose_poses(model, recording, settings):
                 "name": fitted.name,
                 "parameters": fitted.values,
                 "std": fitted.std,
-                "unit": effect.unit,
+                "units": effect.parameters,
                 "p_value": trials[effect].p_value,
                 "residual": model.headline,
                 "heldout_before": size(main.before),

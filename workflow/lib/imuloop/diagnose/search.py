@@ -64,7 +64,7 @@ def candidates(sensor, recording):
         if "temperature" in effect.needs and recording.poses.temperature is None:
             missing[effect] = "not every pose has a temperature"
         else:
-            available.append(effect)
+            available.append(effect())
     return available, missing
 
 
@@ -209,4 +209,4 @@ def detection_limit(tried, settings, tests):
     threshold = chi2.isf(settings.significance / tests, q)
     noncentrality = brentq(lambda x: ncx2.sf(threshold, q, x) - settings.power, 1e-3, 1e3)
     limits = np.sqrt(noncentrality / np.diag(information))
-    return dict(zip(effect.parameters, limits.tolist(), strict=True)) | {"unit": effect.unit}
+    return dict(zip(effect.parameters, limits.tolist(), strict=True))

@@ -9,7 +9,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.effect import Channels, find_effect
+from imuloop.core.effect import Channels
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import replaced
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, TEMPERATURE, TIME
@@ -68,7 +68,7 @@ def simulate_session(truth, session, seed=None):
         raise ImuloopError(f"{truth.name}: no session '{session}'; it has {known}")
     plan = truth.sessions[session]
     sensors = {"accelerometer": truth.accelerometer, "gyroscope": truth.gyroscope}
-    effects = [find_effect(e.name) for sensor in sensors.values() for e in sensor.effects]
+    effects = [fitted.effect for sensor in sensors.values() for fitted in sensor.effects]
     if not plan.temperature and any("temperature" in effect.needs for effect in effects):
         raise ImuloopError(f"{truth.name}.{session}: an effect needs a temperature profile")
     motion = true_motion(truth, session, seed)

@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 
 import imuloop.diagnose.effects  # noqa: F401  loads the library of effects
-from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY
 
@@ -239,12 +239,10 @@ def _sensor(content, where, units):
         noise[key] = tuple(_made(cls, term, f"{where}.noise.{key}") for term in noise.get(key, ()))
     for key in set(noise) & set("QNBKR"):
         noise[key] = tuple(_numbers(noise[key], (3,), f"{where}.noise.{key}"))
-    effects = []
-    for effect in content.get("effects", ()):
-        names, values = find_effect(effect["name"]).parameters, effect["parameters"]
-        if set(values) != set(names):
-            raise ImuloopError(f"{where}.effects.{effect['name']}: parameters are {names}")
-        effects.append(FittedEffect(effect["name"], {k: float(v) for k, v in values.items()}, {}))
+    try:
+        effects = [FittedEffect.from_dict(effect) for effect in content.get("effects", ())]
+    except ImuloopError as error:
+        raise ImuloopError(f"{where}.effects: {error}") from error
     made = {
         "T": _numbers(content["T"], (3, 3), f"{where}.T"),
         "K": _numbers(content["K"], (3,), f"{where}.K"),
