@@ -12,7 +12,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.simulate.course import spread
 from imuloop.simulate.motion import shortest_turn
 from imuloop.simulate.simulate import true_motion
-from imuloop.simulate.truth import Disturbance, Session, example_truth
+from imuloop.simulate.truth import Disturbance, Session, Vibration, example_truth
 
 GRAVITY = 9.80665
 
@@ -180,3 +180,20 @@ def test_other_rates_keep_the_times():
     motion = true_motion(truth, "six_position")
     np.testing.assert_allclose(np.diff(motion.t), 1 / 204.8)
     assert motion.rests["end_s"][0] == pytest.approx(50.0, abs=0.01)
+
+
+def test_a_motor_shakes_its_share_of_the_poses_and_turns_nothing():
+    plan = Session("multi_position", poses=21, vibration=Vibration(0.5, (0.02, 0.06), (20, 40)))
+    motion = motion_of(plan)
+    rms = []
+    for row in motion.rests.itertuples():
+        rest = slice(round(row.start_s * 100), round(row.end_s * 100))
+        f = motion.specific_force[rest]
+        assert not np.any(motion.angular_rate[rest])
+        # many periods: the mean is gravity still
+        assert np.linalg.norm(f.mean(axis=0)) == pytest.approx(GRAVITY, abs=2e-3)
+        rms.append(np.sqrt(f.var(axis=0).sum()))
+    rms = np.array(rms)
+    shaken = rms > 1e-6
+    assert not shaken[0] and shaken.sum() == round(0.5 * 21)
+    assert rms[shaken].min() > 0.019 and rms[shaken].max() < 0.061 and rms[shaken].std() > 0.003

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import welch
 
 from imuloop.simulate import noise
-from imuloop.simulate.truth import GaussMarkov, Noise, Sinusoid
+from imuloop.simulate.truth import GaussMarkov, Noise, Sinusoid, Steps
 
 DT = 0.01
 LENGTHS = np.array([1, 3, 10, 100, 1000, 5000])
@@ -102,6 +102,12 @@ def test_ramp_and_sinusoid():
     assert amplitude.max() == pytest.approx(3.0, rel=1e-6)
 
 
+def test_steps_go_there_and_back_at_their_times():
+    x = noise.steps(1000, DT, 3.0, (2.0, 5.0, 9.0))
+    assert set(x) == {0.0, 3.0}
+    np.testing.assert_allclose((np.flatnonzero(np.diff(x)) + 1) * DT, [2.0, 5.0, 9.0])
+
+
 def axis(coefficients, number=0, seed=5):
     return noise.axis_noise(2000, DT, coefficients, number, np.random.SeedSequence(seed))
 
@@ -115,6 +121,7 @@ def axis(coefficients, number=0, seed=5):
         Noise(R=(1.0, 0, 0)),
         Noise(gauss_markov=(GaussMarkov((1.0, 0, 0), 2.0),)),
         Noise(sinusoid=(Sinusoid((1.0, 0, 0), 2.0),)),
+        Noise(steps=(Steps((1.0, 0, 0), (3.0, 7.0)),)),
     ],
 )
 def test_one_process_does_not_move_another(more):

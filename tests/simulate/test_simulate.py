@@ -16,7 +16,8 @@ from imuloop.simulate.simulate import (
     true_motion,
     write_log,
 )
-from imuloop.simulate.truth import Noise, Session, example_truth
+from imuloop.simulate.thermal import lagged
+from imuloop.simulate.truth import Noise, Session, Thermometer, example_truth
 
 SHORT = Session("multi_position", poses=4, initial_rest_s=5.0)
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
@@ -120,6 +121,36 @@ def test_temperature_follows_its_knots():
     extra = {"extra": lambda channels: seen.append(channels.temperature) or 0.0}
     simulate_session(device(extra, session=profile), "one")
     np.testing.assert_array_equal(seen[0], temperature)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.5])
+def test_a_lag_answers_a_step_and_a_ramp_by_its_closed_form(dt):
+    tc, t = 3.0, np.arange(0, 20, dt)
+    # from a jump between the first two samples on, and behind a ramp by tc times its slope
+    x = np.where(t > 0, 5.0, 0.0)
+    rise = tc * (1 - np.exp(-dt / tc)) / dt
+    np.testing.assert_allclose(
+        lagged(x, dt, tc)[1:], 5 * (1 - rise * np.exp(-(t[1:] - dt) / tc)), atol=1e-12
+    )
+    behind = 2 * t - lagged(7 + 2 * t, dt, tc) + 7
+    np.testing.assert_allclose(behind, 2 * tc * (1 - np.exp(-t / tc)), atol=1e-12)
+
+
+def test_the_device_lags_its_surroundings_and_the_thermometer_the_device():
+    heated = Session("static", duration_s=900.0, temperature=((0, 20), (900, 80)), thermal_s=30.0)
+    seen = []
+    shown = {"extra": lambda channels: seen.append(channels.temperature) or 0.0}
+    dull = Thermometer(lag_s=60.0, noise=0.02, step=0.1)
+    log = simulate_session(device(shown, session=heated, thermometer=dull), "one")
+    t = log["t"].to_numpy()
+    slope = 60 / 900
+    late = t > 600
+    np.testing.assert_allclose(seen[0][late], 20 + slope * (t[late] - 30), atol=1e-6)
+    error = log["temperature"].to_numpy()[late] - (20 + slope * (t[late] - 90))
+    assert abs(error.mean()) < 2e-3
+    assert error.std() == pytest.approx(np.hypot(0.02, 0.1 / np.sqrt(12)), rel=0.05)
+    logged = log["temperature"] / 0.1
+    np.testing.assert_allclose(logged, np.rint(logged), atol=1e-9)
 
 
 def test_unknown_session_says_what_there_is():

@@ -18,8 +18,13 @@ def content():
             **sensor,
         },
         "gyroscope": {"raw_unit": "deg/s", **sensor},
+        "thermometer": {"lag_s": 20, "step": 0.1},
         "sessions": {
-            "rest": {"kind": "static", "disturbances": [{"kind": "tilt", "time_s": 1, "size": 2}]}
+            "poses": {
+                "kind": "multi_position",
+                "vibration": {"share": 0.5, "rms": [0.1, 0.2], "frequency": [20, 40]},
+            },
+            "rest": {"kind": "static", "disturbances": [{"kind": "tilt", "time_s": 1, "size": 2}]},
         },
     }
 
@@ -37,6 +42,8 @@ def test_reads_what_is_written(tmp_path):
     assert truth.accelerometer.noise.gauss_markov[0].tc == 9
     assert truth.gyroscope.raw_unit == "deg/s" and truth.gravity == 9.80665
     assert truth.sessions["rest"].disturbances[0].size == 2
+    assert truth.sessions["poses"].vibration.rms == [0.1, 0.2]
+    assert truth.thermometer.lag_s == 20
 
 
 def put(where, value):
@@ -54,6 +61,11 @@ def put(where, value):
     [
         (put(["gravitiy"], 9.8), "gravitiy: no such key; did you mean 'gravity'"),
         (put(["sessions", "rest", "kind"], "statik"), "sessions.rest.kind: 'statik' is not one of"),
+        (put(["thermometer", "lag"], 1), "thermometer.lag: no such key; did you mean 'lag_s'"),
+        (
+            put(["sessions", "poses", "vibration", "part"], 1),
+            "sessions.poses.vibration.part: no such key",
+        ),
         (put(["gyroscope", "raw_unit"], "deg"), "gyroscope.raw_unit: 'deg' is not one of"),
         (put(["gyroscope", "K"], [1, 1]), r"gyroscope.K: shape \(2,\), needs \(3,\)"),
         (put(["gyroscope", "noise"], {"X": [1, 1, 1]}), "gyroscope.noise.X: no such key"),

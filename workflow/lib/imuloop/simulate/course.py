@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from imuloop.core.errors import ImuloopError
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.core.units import DEGREE
-from imuloop.simulate.motion import knock, move, rest, shortest_turn
+from imuloop.simulate.motion import hum, knock, move, rest, shortest_turn
 
 # upward axes of the six faces, in an order of quarter turns
 FACES = np.array([[0, 0, 1], [1, 0, 0], [0, 0, -1], [-1, 0, 0], [0, 1, 0], [0, -1, 0.0]])
@@ -52,9 +52,19 @@ def poses(session, rate, rng):
             [np.divide(session.up, np.linalg.norm(session.up)), spread(session.poses, rng)]
         )
     yawed = set(rng.permutation(len(up))[: session.turns_about_vertical])
+    shaken, motor = set(), session.vibration
+    if motor:
+        shaken = set(1 + rng.permutation(len(up) - 1)[: round(motor.share * (len(up) - 1))])
 
     def samples(span):
         return round(rng.uniform(*span) * rate)
+
+    def held(pose):
+        n, vibration = samples(session.rest_s), None
+        if pose in shaken:
+            rms, frequency = rng.uniform(*motor.rms), rng.uniform(*motor.frequency)
+            vibration = hum(n, 1 / rate, rms, frequency, rng)
+        return rest(n, pose, vibration)
 
     pieces = [rest(round(session.initial_rest_s * rate), 0)]
     for pose, here in enumerate(up):
@@ -64,11 +74,11 @@ def poses(session, rate, rng):
             pieces.append(
                 move(samples(session.move_s), 1 / rate, turn.as_rotvec(), rng=rng, **HAND)
             )
-            pieces.append(rest(samples(session.rest_s), pose))
+            pieces.append(held(pose))
         if pose in yawed:
             angle = rng.choice([-1, 1]) * rng.uniform(40, 150) * DEGREE
             pieces.append(move(samples((3.0, 6.0)), 1 / rate, here * angle))
-            pieces.append(rest(samples(session.rest_s), pose))
+            pieces.append(held(pose))
     return pieces, up[0]
 
 

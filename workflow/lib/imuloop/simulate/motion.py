@@ -55,10 +55,11 @@ class Piece:
     pose: int = -1
 
 
-def rest(n, pose):
-    """Return `n` samples without motion."""
+def rest(n, pose, acceleration=None):
+    """Return `n` samples without a turn; `acceleration` (n, 3), m/s^2, is that of a vibration."""
     still = np.array([1.0, 0, 0, 0])
-    return Piece(np.broadcast_to(still, (n, 4)), np.zeros((n, 3)), np.zeros((n, 3)), still, pose)
+    acceleration = np.zeros((n, 3)) if acceleration is None else acceleration
+    return Piece(np.broadcast_to(still, (n, 4)), np.zeros((n, 3)), acceleration, still, pose)
 
 
 def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
@@ -130,6 +131,13 @@ def knock(n, dt, size, rng):
     return Piece(rocking.attitude, rocking.rate, acceleration, rocking.after)
 
 
+def hum(n, dt, rms, frequency, rng):
+    """Return the acceleration of a running motor, (n, 3), m/s^2: a line along a random axis."""
+    direction = rng.standard_normal(3)
+    wave = np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
+    return np.outer(np.sqrt(2) * rms * wave, direction / np.linalg.norm(direction))
+
+
 def chain(pieces, up, gravity, rate):
     """Return the motion of pieces one after the other.
 
@@ -156,7 +164,7 @@ def chain(pieces, up, gravity, rate):
         attitudes.append(multiply(attitude, piece.attitude))
         acceleration = piece.acceleration + np.array([0, 0, gravity])
         if piece.pose >= 0:
-            forces.append(np.broadcast_to(matrix(attitude).T @ acceleration[0], (n, 3)))
+            forces.append(acceleration @ matrix(attitude))
             rests.append((first / rate, (first + n) / rate, piece.pose))
         else:
             forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))

@@ -79,6 +79,11 @@ def sinusoid(n, dt, amplitude, frequency, rng):
     return amplitude * np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
 
 
+def steps(n, dt, size, times):
+    """Return a bias that jumps from zero to `size` (SI) and back, at each of `times` (s)."""
+    return size * (np.searchsorted(np.sort(times), dt * np.arange(n), side="right") % 2)
+
+
 def axis_noise(n, dt, noise, axis, seed):
     """Return the sum of one axis' processes.
 
@@ -112,4 +117,6 @@ def axis_noise(n, dt, noise, axis, seed):
         total += gauss_markov(n, dt, term.q[axis], term.tc, rng)
     for term, rng in zip(noise.sinusoid, rest[len(noise.gauss_markov) :], strict=True):
         total += sinusoid(n, dt, term.amplitude[axis], term.frequency, rng)
+    for term in noise.steps:
+        total += steps(n, dt, term.size[axis], term.times)
     return total

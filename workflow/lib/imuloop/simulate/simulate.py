@@ -16,13 +16,14 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, TEMPE
 from imuloop.simulate.course import at_rest, poses
 from imuloop.simulate.motion import chain
 from imuloop.simulate.sensor import logged, output
+from imuloop.simulate.thermal import lagged, read_out
 
 
 def _seeds(truth, session, seed):
-    """Return seeds of motion and sensors; sessions and devices of one number differ."""
+    """Return seeds of motion, sensors, thermometer; sessions, devices of one number differ."""
     number = truth.sessions[session].seed if seed is None else seed
     place = zlib.crc32(f"{truth.name}/{session}".encode())
-    return np.random.SeedSequence([number, place]).spawn(3)
+    return np.random.SeedSequence([number, place]).spawn(4)
 
 
 def true_motion(truth, session, seed=None):
@@ -72,9 +73,13 @@ def simulate_session(truth, session, seed=None):
     if not plan.temperature and any("temperature" in effect.needs for effect in effects):
         raise ImuloopError(f"{truth.name}.{session}: an effect needs a temperature profile")
     motion = true_motion(truth, session, seed)
-    temperature = np.interp(motion.t, *np.transpose(plan.temperature)) if plan.temperature else None
+    temperature = None
+    if plan.temperature:
+        around = np.interp(motion.t, *np.transpose(plan.temperature))
+        temperature = lagged(around, 1 / truth.rate, plan.thermal_s)
     force, rate = motion.specific_force, motion.angular_rate
-    seeds = dict(zip(sensors, _seeds(truth, session, seed)[1:], strict=True))
+    _, *sensor_seeds, thermal_seed = _seeds(truth, session, seed)
+    seeds = dict(zip(sensors, sensor_seeds, strict=True))
     log = {TIME: motion.t}
     for name, x, other, columns in (
         ("accelerometer", force, rate, ACCELERATION),
@@ -86,7 +91,7 @@ def simulate_session(truth, session, seed=None):
         raw = logged(sensor, u, bias, 1 / truth.rate, seeds[name])
         log |= dict(zip(columns, raw.T, strict=True))
     if temperature is not None:
-        log[TEMPERATURE] = temperature
+        log[TEMPERATURE] = read_out(truth.thermometer, temperature, 1 / truth.rate, thermal_seed)
     return pd.DataFrame(log)
 
 

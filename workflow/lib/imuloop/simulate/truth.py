@@ -32,6 +32,14 @@ class Sinusoid:
 
 
 @dataclass(frozen=True)
+class Steps:
+    """Popcorn: the bias jumps by `size` per axis, SI, at each of `times`, s, there and back."""
+
+    size: tuple
+    times: tuple
+
+
+@dataclass(frozen=True)
 class Noise:
     """Noise coefficients of a sensor's three axes, at its output in SI units.
 
@@ -39,7 +47,7 @@ class Noise:
     ----------
     Q, N, B, K, R : tuple of 3 floats
         Quantisation (SI·s), white (SI/√Hz), flicker (SI), walk (SI/√s), ramp (SI/s).
-    gauss_markov, sinusoid : tuple
+    gauss_markov, sinusoid, steps : tuple
         Further processes.
     """
 
@@ -50,6 +58,7 @@ class Noise:
     R: tuple = ZERO
     gauss_markov: tuple[GaussMarkov, ...] = ()
     sinusoid: tuple[Sinusoid, ...] = ()
+    steps: tuple[Steps, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -112,6 +121,44 @@ class Disturbance:
 
 
 @dataclass(frozen=True)
+class Vibration:
+    """A motor under the table that runs during some of the poses, along another axis in each.
+
+    Attributes
+    ----------
+    share : float
+        Part of the poses during which it runs; never the first.
+    rms : tuple of 2 floats
+        Smallest and largest acceleration, root mean square, m/s^2.
+    frequency : tuple of 2 floats
+        Lowest and highest, Hz.
+    """
+
+    share: float
+    rms: tuple
+    frequency: tuple
+
+
+@dataclass(frozen=True)
+class Thermometer:
+    """What the logged temperature lacks.
+
+    Attributes
+    ----------
+    lag_s : float
+        Time constant with which it follows the temperature of the device, s.
+    noise : float
+        Standard deviation of a sample, K.
+    step : float
+        Step to which it is rounded, K; 0 for none.
+    """
+
+    lag_s: float = 0.0
+    noise: float = 0.0
+    step: float = 0.0
+
+
+@dataclass(frozen=True)
 class Session:
     """One log to be made.
 
@@ -140,8 +187,13 @@ class Session:
     turns_about_vertical : int
         Poses that are turned slowly about the vertical and held again, not seen by the
         accelerometer.
+    vibration : Vibration, optional
+        Of the poses (multi_position).
     temperature : tuple of (float, float)
-        Knots (s, degC), linear between them; the log has no temperature without.
+        Knots (s, degC) of the surroundings, linear between them; the log has no temperature
+        without.
+    thermal_s : float
+        Time constant with which the device follows its surroundings, s.
     turn_on : dict
         Change of the bias in this power cycle per sensor, raw units.
     """
@@ -158,7 +210,9 @@ class Session:
     rest_s: tuple = (3.0, 6.0)
     move_s: tuple = (1.0, 2.5)
     turns_about_vertical: int = 0
+    vibration: Vibration | None = None
     temperature: tuple = ()
+    thermal_s: float = 0.0
     turn_on: dict | None = None
 
 
@@ -178,6 +232,8 @@ class Truth:
         m/s^2.
     rate : float
         Samples per second, Hz.
+    thermometer : Thermometer
+        Of the logs that hold a temperature.
     """
 
     name: str
@@ -186,6 +242,7 @@ class Truth:
     sessions: dict[str, Session]
     gravity: float = STANDARD_GRAVITY
     rate: float = 100.0
+    thermometer: Thermometer = Thermometer()
 
 
 KINDS = {
@@ -212,7 +269,11 @@ def read_truth(path):
             name: _session(values, f"{path}: sessions.{name}")
             for name, values in content["sessions"].items()
         }
-        return _made(Truth, {**content, **sensors, "sessions": sessions}, str(path))
+        parts = {**sensors, "sessions": sessions}
+        parts["thermometer"] = _made(
+            Thermometer, content.get("thermometer", {}), f"{path}: thermometer"
+        )
+        return _made(Truth, content | parts, str(path))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ImuloopError(f"{path}: not a truth: {error!r}") from error
 
@@ -235,7 +296,7 @@ def _sensor(content, where, units):
         known = ", ".join((*units, "count"))
         raise ImuloopError(f"{where}.raw_unit: '{content['raw_unit']}' is not one of {known}")
     noise = dict(content.get("noise", {}))
-    for key, cls in (("gauss_markov", GaussMarkov), ("sinusoid", Sinusoid)):
+    for key, cls in (("gauss_markov", GaussMarkov), ("sinusoid", Sinusoid), ("steps", Steps)):
         noise[key] = tuple(_made(cls, term, f"{where}.noise.{key}") for term in noise.get(key, ()))
     for key in set(noise) & set("QNBKR"):
         noise[key] = tuple(_numbers(noise[key], (3,), f"{where}.noise.{key}"))
@@ -260,7 +321,10 @@ def _session(content, where):
         _made(Disturbance, item, f"{where}.disturbances")
         for item in content.get("disturbances", ())
     )
-    return _made(Session, {**content, "disturbances": disturbances}, where)
+    made = {**content, "disturbances": disturbances}
+    if "vibration" in content:
+        made["vibration"] = _made(Vibration, content["vibration"], f"{where}.vibration")
+    return _made(Session, made, where)
 
 
 def _numbers(value, shape, where):
