@@ -8,6 +8,9 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
+# SI unit of each sensor's output
+_OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
 
 @dataclass(frozen=True)
 class Channels:
@@ -69,7 +72,7 @@ class Effect:
     sensors : tuple of str
         The sensors that can have it: ``accelerometer``, ``gyroscope``.
     parameters : dict of str to str
-        Names of the parameters and their SI units.
+        Names of the parameters and their SI units; ``output`` in a unit is that of the sensor.
     equation, reference : str
         What the effect adds, and where it is described.
     needs : tuple of str
@@ -102,6 +105,12 @@ class Effect:
     def shapes(cls, channels):
         """Return the shapes of the effect to try for data with these channels."""
         return (cls(),)
+
+    def units(self, sensor):
+        """Return the SI unit of each parameter for a sensor."""
+        return {
+            name: unit.replace("output", _OUTPUT[sensor]) for name, unit in self.parameters.items()
+        }
 
     def design(self, channels):
         """Return the derivative of `e` with respect to the parameters.

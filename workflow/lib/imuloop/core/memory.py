@@ -1,0 +1,133 @@
+"""Functions of a log that remember its past: lag, play, moving variance; gaps of a slow channel."""
+
+import numpy as np
+
+# exponents that are summed at once: exp(±500) is far from the limits of a double
+_SUMMED = 500.0
+# after as many time constants nothing of the past is left in a double: exp(-50) = 2e-22
+_FORGOTTEN = 50.0
+
+
+def filled(values):
+    """Fill what is not a number: on a line between neighbours, held before the first and after.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        A channel that is logged more slowly than the others, or with gaps.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The same values with the gaps filled; all not a number if no value is known.
+    """
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return values
+    at = np.arange(len(values))
+    return np.interp(at, at[known], values[known])
+
+
+def first_order_lag(t, values, tau):
+    """Return the response ``τ dy/dt = x - y`` of a first-order lag, at rest in the first value.
+
+    Exact for values on straight lines between the stamps, however far apart these are: over a
+    step of r time constants, with a = exp(-r) and g = (1 - a)/r,
+    ``y₁ = a y₀ + (g - a) x₀ + (1 - g) x₁``. Summed as ``y = e⁻ˢ Σ eˢ (…)``, s the time in units
+    of τ, part after part.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time, s, increasing.
+    values : ndarray, shape (n,) or (n, m)
+        x.
+    tau : float
+        Time constant τ, s.
+
+    Returns
+    -------
+    ndarray, shape of `values`
+        y.
+    """
+    x = np.asarray(values, dtype=float).reshape(len(t), -1)
+    y = np.zeros_like(x)
+    # less the first value, in which it starts at rest
+    x = x - x[:1]
+    r = np.diff(t, prepend=t[:1])[:, None] / tau
+    g = np.where(r > 0, -np.expm1(-r) / np.where(r > 0, r, 1.0), 1.0)
+    r = np.minimum(r, _FORGOTTEN)
+    added = (1 - g) * x
+    added[1:] += (g - np.exp(-r))[1:] * x[:-1]
+    s = np.cumsum(r)
+    start, state, origin = 0, np.zeros(x.shape[1]), 0.0
+    while start < len(s):
+        end = np.searchsorted(s, origin + _SUMMED, side="right")
+        end = max(end, start + 1)
+        growth = np.exp(s[start:end] - origin)[:, None]
+        y[start:end] = (state + np.cumsum(growth * added[start:end], axis=0)) / growth
+        state, origin, start = y[end - 1], s[end - 1], end
+    return (y + np.asarray(values, dtype=float).reshape(len(t), -1)[:1]).reshape(np.shape(values))
+
+
+def play(values, half_width):
+    """Return the play operator: what is dragged along by walls `half_width` to either side.
+
+    ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Each step is a clamp between two
+    walls, and clamps after clamps are a clamp again, so that all are found by doubling.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        x.
+    half_width : float
+        w, in the unit of x.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        p.
+
+    References
+    ----------
+    M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, section 2.1.
+    """
+    low, high = values - half_width, values + half_width
+    step = 1
+    while step < len(values):
+        walls = low[step:], high[step:]
+        earlier = np.clip(low[:-step], *walls), np.clip(high[:-step], *walls)
+        low, high = (
+            np.concatenate([kept[:step], new])
+            for kept, new in zip((low, high), earlier, strict=True)
+        )
+        step *= 2
+    return np.clip(values[:1], low, high)
+
+
+def moving_variance(t, values, before, after):
+    """Return the variance of the samples from `before` seconds earlier to `after` seconds later.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time, s, increasing.
+    values : ndarray, shape (n, m)
+        Channels.
+    before, after : float
+        Length of the window to either side, s.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        Variance, in the unit of the values squared; the log's ends cut the window.
+    """
+    # a mean near zero keeps the digits of sums of squares
+    centred = values - values.mean(axis=0)
+    zero = np.zeros((1, values.shape[1]))
+    sums = np.concatenate([zero, np.cumsum(centred, axis=0)])
+    squares = np.concatenate([zero, np.cumsum(centred**2, axis=0)])
+    first, last = np.searchsorted(t, t - before), np.searchsorted(t, t + after, side="right")
+    n = (last - first)[:, None]
+    mean = (sums[last] - sums[first]) / n
+    return np.maximum((squares[last] - squares[first]) / n - mean**2, 0.0)

@@ -1,0 +1,58 @@
+"""A bias that follows the temperature."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from imuloop.core.effect import Effect
+from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_degrees
+
+# K; below, a curved line cannot be told from a straight one: with the curvature of common MEMS
+# sensors, c2/c1 of some 1/50 per K, it leaves it by c2 span²/8, 1 % of c1 span
+SPAN_OF_AN_ORDER = 5.0
+
+
+@dataclass(frozen=True)
+class BiasTemperature(Effect):
+    """``e_i = Σ_k c_ki (θ - θ0)^k``, k = 1 … order: the bias is a polynomial of the temperature θ.
+
+    Leaves: a bias that copies θ(t), the same way up as down, on every axis whatever its load.
+    Imitated by: a drift and a warm-up where θ only rises or only falls; a thermometer that lags
+    and a hysteresis where it turns (these differ on the two branches).
+
+    Attributes
+    ----------
+    order : int
+        Degree of the polynomial, 1 to 3. More is fitted nowhere: three terms are what thermal
+        calibration of MEMS sensors uses, and a higher one runs away outside its data.
+    reference_temperature : float
+        θ0, degC, where the effect is zero.
+    """
+
+    order: int = 1
+    reference_temperature: float = ROOM
+
+    name = "bias_temperature"
+    sensors = ("accelerometer", "gyroscope")
+    equation = "e_i = Σ_k c_ki (θ - θ0)^k"
+    reference = "IEEE Std 1293-1998, temperature model of the bias; Aggarwal et al. 2008"
+    needs: ClassVar = ("temperature",)
+
+    @property
+    def parameters(self):
+        """Names and units, first all axes of order 1."""
+        powers = {f"c{k}": f"output per K^{k}" for k in range(2, self.order + 1)}
+        return per_axis({"c1": "output per K"} | powers)
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return orders 1 to 3, as many as the span of temperature can carry."""
+        if not span(channels):
+            return (cls(),)
+        orders = 1 + min(2, int(span(channels) / SPAN_OF_AN_ORDER))
+        return tuple(cls(k, whole_degrees(channels)) for k in range(1, orders + 1))
+
+    def design(self, channels):
+        """Return the powers of the temperature on each axis, shape (n, 3, 3 order)."""
+        warmer = temperature(channels) - self.reference_temperature
+        return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))

@@ -1,0 +1,63 @@
+"""A bias that follows the rate of the temperature: lag, and gradients in the housing."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.core.memory import first_order_lag
+from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.diagnose.effects.thermometer import temperature
+
+# s; half decades, so that a true lag is at most a factor 1.8 from one that is tried and their
+# responses correlate by 2 √1.8/(1 + 1.8) = 0.96. From a package's (seconds) to a housing's lag
+LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
+# relaxation times that a record must hold; with fewer the lag is hardly told from θ itself
+RELAXATIONS = 3
+
+
+def lagged_rate(channels, tau):
+    """Return ``(θ - θ_lag)/τ`` of a whole log, K/s, shape (n,): the lagged dθ/dt."""
+    warm = temperature(channels)
+    return (warm - first_order_lag(channels.t, warm, tau)) / tau
+
+
+@dataclass(frozen=True)
+class BiasTemperatureRate(Effect):
+    """``e_i = r_i (θ - θ_lag)/τ``: the bias follows dθ/dt, seen through a first-order lag τ.
+
+    ``τ dθ_lag/dt = θ - θ_lag``, in equilibrium at the start of the log. Two causes have the same
+    form beside a `bias_temperature` c1 (θ - θ0):
+
+    - The sensor lags behind the thermometer: r = -c1 τ turns c1 θ exactly into c1 θ_lag.
+    - The thermometer lags behind the sensor: r of the sign of c1, ``c1 (θ + (r/c1) dθ/dt)``.
+
+    A gradient across the housing, itself as large as dθ/dt, is the third and has any sign.
+    Leaves: branches of heating and cooling that differ while the temperature moves, and no more
+    once it rests. Imitated by: `thermal_hysteresis`, whose branches stay apart at rest too.
+
+    Attributes
+    ----------
+    tau : float
+        Time constant τ, s.
+    """
+
+    tau: float = 100.0
+
+    name = "bias_temperature_rate"
+    sensors = ("accelerometer", "gyroscope")
+    parameters: ClassVar = per_axis({"r": "output per K/s"})
+    equation = "e_i = r_i (θ - θ_lag)/τ"
+    reference = "IEEE Std 1293-1998, temperature rate and gradient sensitivity"
+    needs = ("temperature",)
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return the lags of which the data hold several."""
+        longest = np.ptp(channels.t) / RELAXATIONS
+        return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(LAGS[0]),)
+
+    def design(self, channels):
+        """Return the lagged rate of temperature on each axis, shape (n, 3, 3)."""
+        return on_each_axis(channels.remembered(lagged_rate, self.tau))

@@ -1,0 +1,44 @@
+"""A scale factor that follows the temperature."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from imuloop.core.effect import Effect
+from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_degrees
+
+
+@dataclass(frozen=True)
+class ScaleTemperature(Effect):
+    """``e_i = s_i (θ - θ0) y_i``: the scale factor is a straight line of the temperature θ.
+
+    y_i is the output of the same axis. Leaves: an error that copies θ(t) on loaded axes alone, so
+    at rest on the accelerometer's vertical one, and in a gyroscope's turns.
+    Imitated by: `bias_temperature` where the attitude, or the turn, is always the same.
+
+    Attributes
+    ----------
+    reference_temperature : float
+        θ0, degC, where the effect is zero.
+    """
+
+    reference_temperature: float = ROOM
+
+    name = "scale_temperature"
+    sensors = ("accelerometer", "gyroscope")
+    parameters: ClassVar = per_axis({"sT": "1 per K"})
+    equation = "e_i = s_i (θ - θ0) y_i"
+    reference = "IEEE Std 1293-1998, temperature model of the scale factor"
+    needs = ("temperature",)
+    # ten times what data sheets of MEMS sensors state, some 300 ppm/K
+    limit = 3e-3
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return the one shape, about the mean temperature."""
+        return (cls(whole_degrees(channels)),) if span(channels) else (cls(),)
+
+    def design(self, channels):
+        """Return each axis' own output times the temperature, shape (n, 3, 3)."""
+        warmer = temperature(channels) - self.reference_temperature
+        return on_each_axis(warmer[:, None] * channels.output)

@@ -1,0 +1,54 @@
+"""A bias that settles after the power is switched on."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+
+# s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
+# on its board to a closed housing
+SETTLING = (30.0, 100.0, 350.0, 1200.0)
+# settling times that a record must hold: with less, an exponential is nearly a straight line
+SETTLINGS = 2
+
+
+def settling(channels, tau):
+    """Return ``exp(-t/τ)`` of a whole log, shape (n,)."""
+    return np.exp(-channels.t / tau)
+
+
+@dataclass(frozen=True)
+class WarmUp(Effect):
+    """``e_i = A_i exp(-t/τ)``: after power-on the bias settles exponentially.
+
+    t counts from the start of each log: a log that starts t_on after the power has the amplitude
+    A exp(-t_on/τ); several sessions are taken to start alike.
+    Leaves: first poses and minutes off, later ones not. Imitated by: `bias_temperature`, if the
+    thermometer shows the same warming; `bias_drift` where τ is as long as the log.
+
+    Attributes
+    ----------
+    tau : float
+        Time constant τ, s.
+    """
+
+    tau: float = 350.0
+
+    name = "warm_up"
+    sensors = ("accelerometer", "gyroscope")
+    parameters: ClassVar = per_axis({"A": "output"})
+    equation = "e_i = A_i exp(-t/τ)"
+    reference = "IEEE Std 528-2001, warm-up time"
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return the time constants of which the data hold several."""
+        longest = np.ptp(channels.t) / SETTLINGS
+        return tuple(cls(tau) for tau in SETTLING if tau <= longest) or (cls(SETTLING[0]),)
+
+    def design(self, channels):
+        """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""
+        return on_each_axis(channels.remembered(settling, self.tau))
