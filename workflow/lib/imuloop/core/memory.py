@@ -105,8 +105,8 @@ def play(values, half_width):
     return np.clip(values[:1], low, high)
 
 
-def moving_variance(t, values, before, after):
-    """Return the variance of the samples from `before` seconds earlier to `after` seconds later.
+def moving_variance(t, values, width):
+    """Return the variance of the samples of the last `width` seconds.
 
     Parameters
     ----------
@@ -114,20 +114,21 @@ def moving_variance(t, values, before, after):
         Time, s, increasing.
     values : ndarray, shape (n, m)
         Channels.
-    before, after : float
-        Length of the window to either side, s.
+    width : float
+        Length of the window, s; shorter at the start of the log.
 
     Returns
     -------
     ndarray, shape (n, m)
-        Variance, in the unit of the values squared; the log's ends cut the window.
+        Variance, in the unit of the values squared.
     """
-    # a mean near zero keeps the digits of sums of squares
-    centred = values - values.mean(axis=0)
-    zero = np.zeros((1, values.shape[1]))
-    sums = np.concatenate([zero, np.cumsum(centred, axis=0)])
-    squares = np.concatenate([zero, np.cumsum(centred**2, axis=0)])
-    first, last = np.searchsorted(t, t - before), np.searchsorted(t, t + after, side="right")
-    n = (last - first)[:, None]
-    mean = (sums[last] - sums[first]) / n
-    return np.maximum((squares[last] - squares[first]) / n - mean**2, 0.0)
+    last = np.arange(1, len(t) + 1)
+    first = np.searchsorted(t, t - width)
+    variance = np.empty(values.shape)
+    for channel, found in zip(values.T, variance.T, strict=True):
+        # a mean near zero keeps the digits of sums of squares
+        x = channel - channel.mean()
+        sums, squares = (np.concatenate([[0.0], np.cumsum(power)]) for power in (x, x * x))
+        mean = (sums[last] - sums[first]) / (last - first)
+        found[:] = (squares[last] - squares[first]) / (last - first) - mean * mean
+    return np.maximum(variance, 0.0)

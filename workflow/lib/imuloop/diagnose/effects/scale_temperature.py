@@ -10,7 +10,7 @@ from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_
 
 @dataclass(frozen=True)
 class ScaleTemperature(Effect):
-    """``e_i = s_i (θ - θ0) y_i``: the scale factor is a straight line of the temperature θ.
+    """``e_i = sT_i (θ - θ0) y_i``: the scale factor is a straight line of the temperature θ.
 
     y_i is the output of the same axis. Leaves: an error that copies θ(t) on loaded axes alone, so
     at rest on the accelerometer's vertical one, and in a gyroscope's turns.
@@ -27,7 +27,7 @@ class ScaleTemperature(Effect):
     name = "scale_temperature"
     sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"sT": "1 per K"})
-    equation = "e_i = s_i (θ - θ0) y_i"
+    equation = "e_i = sT_i (θ - θ0) y_i"
     reference = "IEEE Std 1293-1998, temperature model of the scale factor"
     needs = ("temperature",)
     # ten times what data sheets of MEMS sensors state, some 300 ppm/K

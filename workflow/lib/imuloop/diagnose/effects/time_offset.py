@@ -1,0 +1,23 @@
+"""A sensor whose samples are stamped too late or too early."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from imuloop.core.effect import Effect
+
+
+@dataclass(frozen=True)
+class TimeOffset(Effect):
+    """``e = Δt dy/dt``: the sensor shows what was Δt ago (negative) or will be.
+
+    Leaves: while the device turns, gravity's direction from the accelerometer runs behind that
+    from the gyroscope by w Δt. From rest to rest both have arrived: the angle turned is the same.
+    """
+
+    name = "time_offset"
+    sensors = ("accelerometer", "gyroscope")
+    parameters: ClassVar = {"dt": "s"}
+    equation = "e = Δt dy/dt"
+    reference = "Furgale et al., IROS 2013, temporal calibration"
+    records = ("poses",)
+    unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
