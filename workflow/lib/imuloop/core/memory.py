@@ -8,11 +8,13 @@ _SUMMED = 500.0
 _FORGOTTEN = 50.0
 
 
-def filled(values):
+def filled(t, values):
     """Fill what is not a number: on a line between neighbours, held before the first and after.
 
     Parameters
     ----------
+    t : ndarray, shape (n,)
+        Time, s, increasing.
     values : ndarray, shape (n,)
         A channel that is logged more slowly than the others, or with gaps.
 
@@ -24,8 +26,7 @@ def filled(values):
     known = np.isfinite(values)
     if known.all() or not known.any():
         return values
-    at = np.arange(len(values))
-    return np.interp(at, at[known], values[known])
+    return np.interp(t, t[known], values[known])
 
 
 def first_order_lag(t, values, tau):
@@ -90,7 +91,7 @@ def play(values, half_width):
 
     References
     ----------
-    M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, section 2.1.
+    M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996.
     """
     low, high = values - half_width, values + half_width
     step = 1

@@ -21,7 +21,7 @@ class BiasDrift(Effect):
     sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"d": "output per s"})
     equation = "e_i = d_i t"
-    reference = "IEEE Std 952-1997, C.1.4, rate ramp"
+    reference = "IEEE Std 952-1997, annex C, rate ramp"
     records = ("poses",)
 
     def design(self, channels):

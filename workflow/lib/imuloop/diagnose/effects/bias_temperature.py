@@ -7,8 +7,8 @@ from imuloop.core.effect import Effect
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_degrees
 
-# K; below, a curved line cannot be told from a straight one: with the curvature of common MEMS
-# sensors, c2/c1 of some 1/50 per K, it leaves it by c2 span²/8, 1 % of c1 span
+# K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
+# c2/c1 = 1/50 per K (1/90 to 1/15 on five axes in a climate chamber, docs/effects.md)
 SPAN_OF_AN_ORDER = 5.0
 
 
@@ -35,7 +35,7 @@ class BiasTemperature(Effect):
     name = "bias_temperature"
     sensors = ("accelerometer", "gyroscope")
     equation = "e_i = Σ_k c_ki (θ - θ0)^k"
-    reference = "IEEE Std 1293-1998, temperature model of the bias; Aggarwal et al. 2008"
+    reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
     needs: ClassVar = ("temperature",)
 
     @property

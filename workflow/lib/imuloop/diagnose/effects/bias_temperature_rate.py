@@ -43,20 +43,20 @@ class BiasTemperatureRate(Effect):
         Time constant τ, s.
     """
 
-    tau: float = 100.0
+    tau: float = LAGS[0]
 
     name = "bias_temperature_rate"
     sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"r": "output per K/s"})
     equation = "e_i = r_i (θ - θ_lag)/τ"
-    reference = "IEEE Std 1293-1998, temperature rate and gradient sensitivity"
+    reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
     needs = ("temperature",)
 
     @classmethod
     def shapes(cls, channels):
         """Return the lags of which the data hold several."""
         longest = np.ptp(channels.t) / RELAXATIONS
-        return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(LAGS[0]),)
+        return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
     def design(self, channels):
         """Return the lagged rate of temperature on each axis, shape (n, 3, 3)."""

@@ -17,7 +17,7 @@ class CrossCoupling(Effect):
     """``e_i = Σ_j K_ij y_i y_j, j ≠ i``, and ``e_i = Kxyz y_j y_k`` alike on all axes.
 
     Three axes have 15 products of two outputs besides K2. At rest only the norm of gravity is
-    seen, r = u·e, and there many of them leave the same pattern:
+    seen, r = u·e, where many are alike. Leaves: patterns of degree 3 in the direction u.
 
     - ``y_i y_j`` on axis i and ``y_i²`` on axis j both leave u_i² u_j: one parameter K_ij.
     - ``y_j y_k`` on axis i leaves u_x u_y u_z whichever axis: one parameter Kxyz.
@@ -26,6 +26,7 @@ class CrossCoupling(Effect):
     a `quadratic` u_i³ is a bias less u_j² u_i (K_ji) and u_k² u_i (K_ki), a special case of this.
     The norm does not tell which product it is: along gravity the correction is right, across it
     another of the same pattern would turn the direction otherwise, by as much as the residual.
+    Imitated by: `quadratic`, `asymmetry`.
     """
 
     name = "cross_coupling"

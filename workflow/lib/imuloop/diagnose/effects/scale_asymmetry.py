@@ -13,6 +13,7 @@ from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 class ScaleAsymmetry(Effect):
     """``e_i = sa_i |y_i|``: the scale factor of an axis differs between left and right turns.
 
+    The scale factor of one side less that of the other, the asymmetry of the standard, is 2 sa.
     Leaves: errors of rotations that keep their sign when the turn is reversed. At rest it is
     nothing. Imitated by: the scale factor if each axis is turned one way only; the even part of
     `scale_nonlinearity` if all turns are equally fast.

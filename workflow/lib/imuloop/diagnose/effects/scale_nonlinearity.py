@@ -20,7 +20,7 @@ class ScaleNonlinearity(Effect):
     sensors = ("gyroscope",)
     parameters: ClassVar = per_axis({"s2": "rad/s per (rad/s)^2", "s3": "rad/s per (rad/s)^3"})
     equation = "e_i = s2_i y_i² + s3_i y_i³"
-    reference = "IEEE Std 528-2001, scale factor nonlinearity"
+    reference = "IEEE Std 528-2001, nonlinearity"
     records = ("poses",)
 
     def design(self, channels):

@@ -28,7 +28,7 @@ class ScaleTemperature(Effect):
     sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"sT": "1 per K"})
     equation = "e_i = sT_i (θ - θ0) y_i"
-    reference = "IEEE Std 1293-1998, temperature model of the scale factor"
+    reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
     needs = ("temperature",)
     # ten times what data sheets of MEMS sensors state, some 300 ppm/K
     limit = 3e-3

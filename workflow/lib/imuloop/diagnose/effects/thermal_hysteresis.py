@@ -41,7 +41,7 @@ class ThermalHysteresis(Effect):
     sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"h": "output"})
     equation = "e_i = h_i (θ - play_w θ)/w"
-    reference = "IEEE Std 1293-1998, thermal hysteresis; play: Brokate and Sprekels 1996, 2.1"
+    reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
     needs = ("temperature",)
 
     @classmethod

@@ -20,7 +20,7 @@ def temperature(channels):
     values = channels.temperature
     if values is None or not np.isfinite(values).any():
         raise ImuloopError("an effect of temperature needs a temperature, and none was logged")
-    return filled(np.asarray(values, dtype=float))
+    return filled(channels.t, np.asarray(values, dtype=float))
 
 
 def whole_degrees(channels):

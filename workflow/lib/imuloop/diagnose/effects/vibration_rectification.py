@@ -39,7 +39,7 @@ class VibrationRectification(Effect):
     sensors = ("accelerometer",)
     parameters: ClassVar = per_axis({"v": "m/s^2 per (m/s^2)^2"})
     equation = "e_i = v_i σ_i²"
-    reference = "IEEE Std 1293-1998, vibration rectification"
+    reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
 
     def design(self, channels):
         """Return the variance about each point, SI², shape (n, 3, 3)."""

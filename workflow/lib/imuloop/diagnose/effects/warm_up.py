@@ -13,6 +13,8 @@ from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 SETTLING = (30.0, 100.0, 350.0, 1200.0)
 # settling times that a record must hold: with less, an exponential is nearly a straight line
 SETTLINGS = 2
+# points within twice the time constant, without which it would be an outlier's second name
+POINTS = 3
 
 
 def settling(channels, tau):
@@ -35,7 +37,7 @@ class WarmUp(Effect):
         Time constant τ, s.
     """
 
-    tau: float = 350.0
+    tau: float = SETTLING[0]
 
     name = "warm_up"
     sensors = ("accelerometer", "gyroscope")
@@ -45,9 +47,12 @@ class WarmUp(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return the time constants of which the data hold several."""
+        """Return the time constants of which the data hold several, and several points in each."""
         longest = np.ptp(channels.t) / SETTLINGS
-        return tuple(cls(tau) for tau in SETTLING if tau <= longest) or (cls(SETTLING[0]),)
+        tried = [
+            tau for tau in SETTLING if tau <= longest and np.sum(channels.t < 2 * tau) >= POINTS
+        ]
+        return tuple(cls(tau) for tau in tried) or (cls(),)
 
     def design(self, channels):
         """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""

@@ -1,0 +1,122 @@
+"""Functions of a log that remember its past, against closed forms and against plain loops."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from imuloop.core.memory import filled, first_order_lag, moving_variance, play
+
+TAU = 4.0
+steps = st.floats(1e-3, 1e3)
+values = st.floats(-100, 100)
+logs = st.lists(st.tuples(steps, values), min_size=1, max_size=60).map(
+    lambda rows: (np.cumsum([dt for dt, _ in rows]), np.array([x for _, x in rows]))
+)
+
+
+def irregular(end, n, seed=0):
+    """Return stamps from zero to `end` at random distances, one stretch of them lost."""
+    t = np.sort(np.random.default_rng(seed).uniform(0, end, n))
+    return np.concatenate([[0.0], t[(t < 0.3 * end) | (t > 0.5 * end)], [end]])
+
+
+def lag_step_by_step(t, x, tau):
+    """The lag over straight lines, one step after the other, from its differential equation."""
+    y = [x[0]]
+    for dt, a, b in zip(np.diff(t), x, x[1:], strict=False):
+        slope = (b - a) / dt
+        # particular solution a - slope τ + slope s, homogeneous exp(-s/τ)
+        y.append(b - slope * tau + (y[-1] - a + slope * tau) * math.exp(-dt / tau))
+    return np.array(y)
+
+
+def play_step_by_step(x, w):
+    p = [x[0]]
+    for value in x[1:]:
+        p.append(min(max(p[-1], value - w), value + w))
+    return np.array(p)
+
+
+def test_a_ramp_is_followed_at_the_distance_of_tau():
+    t, rate = irregular(60.0, 300), 0.2
+    expected = rate * (t - TAU * (1 - np.exp(-t / TAU)))
+    np.testing.assert_allclose(first_order_lag(t, rate * t, TAU), expected, atol=1e-12)
+
+
+def test_a_sine_is_turned_and_reduced_as_by_a_low_pass_filter():
+    t = np.arange(0, 200, 2e-3)
+    phase = np.arctan(TAU)
+    expected = np.cos(phase) * np.sin(t - phase)
+    found = first_order_lag(t, np.sin(t), TAU)
+    np.testing.assert_allclose(found[t > 100], expected[t > 100], atol=1e-6)
+
+
+def test_even_samples_are_filtered_as_by_a_recursive_filter():
+    x = np.random.default_rng(3).normal(size=(5000, 2)) + 7
+    a = math.exp(-0.01 / TAU)
+    g = (1 - a) * TAU / 0.01
+    # the state in which a constant stays one: y₀ = (1 - g) x₀ + state = x₀
+    expected, _ = lfilter([1 - g, g - a], [1, -a], x, axis=0, zi=g * x[:1])
+    np.testing.assert_allclose(first_order_lag(0.01 * np.arange(5000), x, TAU), expected, atol=1e-9)
+
+
+@given(logs, st.floats(1e-2, 1e4))
+def test_any_stamps_and_any_time_constant(log, tau):
+    t, x = log
+    np.testing.assert_allclose(first_order_lag(t, x, tau), lag_step_by_step(t, x, tau), atol=1e-9)
+
+
+def test_nothing_is_left_of_the_past_after_a_long_gap():
+    t = np.array([0.0, 1.0, 1e9, 1e9 + 1, 2e9])
+    y = first_order_lag(t, np.array([5.0, 9.0, 2.0, 2.0, 2.0]), TAU)
+    np.testing.assert_allclose(y[2:], 2.0, atol=1e-6)
+
+
+@given(logs, st.floats(1e-2, 150))
+def test_play_is_the_one_of_its_definition(log, w):
+    np.testing.assert_array_equal(play(log[1], w), play_step_by_step(log[1], w))
+
+
+def test_play_of_a_triangle():
+    # up to 10, down to -10: dragged 2 behind, at rest until 4 are crossed
+    x = np.concatenate([np.arange(0, 10, 0.5), np.arange(10, -10.5, -0.5)])
+    top = int(np.argmax(x))
+    up, down = x[:top], x[top:]
+    expected = np.concatenate([np.maximum(up - 2, 0), np.minimum(8, down + 2)])
+    np.testing.assert_allclose(play(x, 2.0), expected)
+
+
+@given(st.lists(st.tuples(values, st.integers(1, 4)), min_size=1, max_size=30), st.floats(0.1, 50))
+def test_play_knows_no_time(log, w):
+    x = np.array([value for value, _ in log])
+    slow = np.repeat(x, [n for _, n in log])
+    last = np.cumsum([n for _, n in log]) - 1
+    np.testing.assert_array_equal(play(slow, w)[last], play(x, w))
+
+
+@pytest.mark.parametrize("level", [0.0, 1e4])
+def test_moving_variance_is_that_of_the_samples_in_the_window(level):
+    t = irregular(20.0, 400)
+    x = np.random.default_rng(5).normal(level, 0.3, (len(t), 2))
+    found = moving_variance(t, x, 1.5)
+    for k in range(0, len(t), 17):
+        inside = (t >= t[k] - 1.5) & (t <= t[k])
+        np.testing.assert_allclose(found[k], x[inside].var(axis=0), atol=1e-11 * (1 + level))
+
+
+def test_what_is_constant_has_no_variance():
+    t = np.arange(300.0)
+    np.testing.assert_allclose(moving_variance(t, np.full((300, 3), 9.8), 10.0), 0, atol=1e-20)
+
+
+def test_gaps_lie_on_a_line_and_ends_are_held():
+    t = np.array([0.0, 1, 2, 4, 5, 6])
+    known = np.array([np.nan, 3, np.nan, 9, 1, np.nan])
+    np.testing.assert_allclose(filled(t, known), [3, 3, 5, 9, 1, 1])
+    whole = np.arange(6.0)
+    assert filled(t, whole) is whole
+    assert np.isnan(filled(t, np.full(6, np.nan))).all()

@@ -1,0 +1,445 @@
+"""The library of effects: each against its equation written out, and what its docstring claims."""
+
+import json
+from dataclasses import asdict, dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import imuloop.diagnose.effects
+from imuloop.core.effect import Channels, Effect, FittedEffect, find_effect
+from imuloop.core.errors import ImuloopError
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.units import RawUnit
+from imuloop.simulate.sensor import output
+from imuloop.simulate.truth import example_truth
+from property.strategies import G, seeds
+
+CONTRACT = {
+    "accelerometer": """bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis
+        warm_up bias_drift quadratic cubic asymmetry cross_coupling reorientation
+        vibration_rectification lever_arm time_offset""",
+    "gyroscope": """g_sensitivity g2_sensitivity bias_temperature scale_temperature
+        bias_temperature_rate thermal_hysteresis warm_up bias_drift scale_nonlinearity
+        scale_asymmetry earth_rate time_offset""",
+}
+# those of the library's own folder
+LIBRARY = {
+    name: effect
+    for name, effect in Effect.library.items()
+    if effect.__module__.startswith(imuloop.diagnose.effects.__name__)
+}
+SEEN = [name for name, effect in LIBRARY.items() if effect.unobservable is None]
+
+
+def log(n=400, seed=0, dt=0.05):
+    """Return channels of a moving device that warms up and cools down again."""
+    rng = np.random.default_rng(seed)
+    t = dt * np.arange(n)
+    tones = t[:, None] * rng.uniform(0.2, 3, 3)
+    swing = np.einsum("nk,skj->snj", np.sin(tones), rng.normal(size=(2, 3, 3)))
+    f = G * np.array([0.4, -0.5, 0.77]) + 2.0 * swing[0]
+    warm = 22 + 9 * np.sin(2 * np.pi * t / t[-1]) + 0.1 * t
+    return Channels(t, f, swing[1] + [0.2, -0.1, 0.3], warm)
+
+
+def shapes(name, channels=None):
+    return find_effect(name).shapes(channels or log())
+
+
+SHAPES = [pytest.param(shape, id=str(shape)) for name in SEEN for shape in shapes(name)]
+
+
+def fitted(effect, seed=0, size=1.0):
+    """Return the effect with random values of its parameters."""
+    values = np.random.default_rng(seed).normal(scale=size, size=len(effect.parameters))
+    return FittedEffect(effect, dict(zip(effect.parameters, values.tolist(), strict=True)), {})
+
+
+@pytest.mark.parametrize("sensor", CONTRACT)
+def test_every_name_of_the_contract_is_an_effect_of_its_sensor(sensor):
+    of_sensor = {name for name, effect in LIBRARY.items() if sensor in effect.sensors}
+    assert set(CONTRACT[sensor].split()) <= of_sensor
+
+
+@pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
+def test_an_effect_says_what_a_report_tells(effect):
+    assert effect.__doc__ and effect.equation and effect.reference
+    assert "Leaves" in effect.__doc__ or effect.name == "g_sensitivity"
+    assert set(effect.records) <= {"poses", "static_record"} and effect.records
+    for sensor in effect.sensors:
+        units = effect().units(sensor)
+        assert list(units) == list(effect().parameters)
+        assert not any("output" in unit for unit in units.values())
+    assert set(effect().units(effect.sensors[0]).values()) <= {
+        "1", "1 per K", "m", "s", "m/s^2", "rad/s", "m/s^2 per K", "m/s^2 per K/s", "m/s^2 per s",
+        "m/s^2 per (m/s^2)^2", "m/s^2 per (m/s^2)^3", "rad/s per m/s^2", "rad/s per (m/s^2)^2",
+        "rad/s per (rad/s)^2", "rad/s per (rad/s)^3",
+    }  # fmt: skip
+
+
+def test_units_are_those_of_the_sensor():
+    effect = find_effect("bias_temperature")(order=3)
+    assert effect.units("accelerometer")["c2y"] == "m/s^2 per K^2"
+    assert effect.units("gyroscope")["c3z"] == "rad/s per K^3"
+
+
+# each equation once more, for one axis at one sample; memory has tests of its own below
+def bias_temperature(p, i, k, c, shape):
+    warmer = c.temperature[k] - shape.reference_temperature
+    return sum(p[f"c{n}{'xyz'[i]}"] * warmer**n for n in range(1, shape.order + 1))
+
+
+def cross_coupling(p, i, k, c, shape):
+    y, (j, m) = c.output[k], [j for j in range(3) if j != i]
+    coupled = sum(p[f"K{'xyz'[i]}{'xyz'[j]}"] * y[i] * y[j] for j in (j, m))
+    return coupled + p["Kxyz"] * y[j] * y[m]
+
+
+def g2_sensitivity(p, i, k, c, shape):
+    x, y, z = c.other[k]
+    D = {term: p[f"D{'xyz'[i]}{term}"] for term in ("xx", "yy", "xy", "xz", "yz")}
+    # symmetric and without a trace: Dzz = -Dxx - Dyy
+    matrix = np.array(
+        [
+            [D["xx"], D["xy"] / 2, D["xz"] / 2],
+            [D["xy"] / 2, D["yy"], D["yz"] / 2],
+            [D["xz"] / 2, D["yz"] / 2, -D["xx"] - D["yy"]],
+        ]
+    )
+    return np.array([x, y, z]) @ matrix @ np.array([x, y, z])
+
+
+def own(term):
+    return lambda p, i, k, c, shape: term(lambda name: p[name + "xyz"[i]], c.output[k, i])
+
+
+EQUATIONS = {
+    "bias_temperature": bias_temperature,
+    "scale_temperature": lambda p, i, k, c, shape: (
+        p["sT" + "xyz"[i]] * (c.temperature[k] - shape.reference_temperature) * c.output[k, i]
+    ),
+    "bias_drift": lambda p, i, k, c, shape: p["d" + "xyz"[i]] * c.t[k],
+    "warm_up": lambda p, i, k, c, shape: p["A" + "xyz"[i]] * np.exp(-c.t[k] / shape.tau),
+    "quadratic": own(lambda p, y: p("K2") * y * y),
+    "cubic": own(lambda p, y: p("K3") * y * y * y),
+    "asymmetry": own(lambda p, y: p("Ka") / 2 * (y if y > 0 else -y)),
+    "cross_coupling": cross_coupling,
+    "g_sensitivity": lambda p, i, k, c, shape: sum(p[f"G{i}{j}"] * c.other[k, j] for j in range(3)),
+    "g2_sensitivity": g2_sensitivity,
+    "scale_nonlinearity": own(lambda p, y: p("s2") * y**2 + p("s3") * y**3),
+    "scale_asymmetry": own(lambda p, y: p("sa") * (y if y > 0 else -y)),
+    "earth_rate": lambda p, i, k, c, shape: (
+        p["w_up"] * c.other[k, i] / np.sqrt(sum(c.other[k] ** 2))
+    ),
+}
+MEMORY = {
+    "bias_temperature_rate",
+    "thermal_hysteresis",
+    "reorientation",
+    "vibration_rectification",
+}
+
+
+def test_each_effect_has_an_equation_here():
+    assert set(SEEN) == set(EQUATIONS) | MEMORY
+
+
+@pytest.mark.parametrize("shape", [s for s in SHAPES if s.values[0].name in EQUATIONS])
+def test_the_design_is_the_equation(shape):
+    channels, effect = log(30), fitted(shape, 1)
+    equation = EQUATIONS[shape.name]
+    expected = [
+        [equation(effect.values, i, k, channels, shape) for i in range(3)] for k in range(30)
+    ]
+    np.testing.assert_allclose(effect.output(channels), expected, rtol=1e-12, atol=1e-12)
+
+
+def heated(n=4001, dt=1.0, rate=0.02):
+    """Return channels of a chamber: a ramp up, as long a ramp down, then nothing."""
+    t = dt * np.arange(n)
+    top, end = t[n // 3], t[2 * (n // 3)]
+    warm = 20 + rate * np.interp(t, [0, top, end, t[-1]], [0, top, 2 * top - end, 2 * top - end])
+    return Channels(t, np.zeros((n, 3)), np.zeros((n, 3)), warm), top, end
+
+
+@pytest.mark.parametrize("tau", [10.0, 300.0])
+def test_the_rate_of_temperature_is_that_of_a_ramp_through_a_lag(tau):
+    channels, top, end = heated()
+    t, v = channels.t, 0.02
+    since_top, since_end = np.maximum(t - top, 0), np.maximum(t - end, 0)
+    # three changes of slope: +v at the start, -2v at the top, +v at the end
+    expected = v * (
+        (1 - np.exp(-t / tau)) - 2 * (1 - np.exp(-since_top / tau)) + (1 - np.exp(-since_end / tau))
+    )
+    found = find_effect("bias_temperature_rate")(tau).design(channels)
+    np.testing.assert_allclose(found, expected[:, None, None] * np.eye(3), atol=1e-12)
+
+
+def test_minus_c1_tau_is_exactly_a_sensor_that_lags_behind_the_thermometer():
+    channels, tau, c1 = log(), 10.0, 0.3
+    straight = find_effect("bias_temperature")(1, 0.0).design(channels)[:, 0, 0]
+    rate = find_effect("bias_temperature_rate")(tau).design(channels)[:, 0, 0]
+    lagged = [channels.temperature[0]]
+    a = np.exp(-0.05 / tau)
+    for x, y in zip(channels.temperature, channels.temperature[1:], strict=False):
+        slope = (y - x) / 0.05
+        lagged.append(y - slope * tau + (lagged[-1] - x + slope * tau) * a)
+    np.testing.assert_allclose(c1 * straight - c1 * tau * rate, c1 * np.array(lagged), rtol=1e-12)
+
+
+def test_hysteresis_is_one_while_heating_and_minus_one_while_cooling():
+    channels, top, _ = heated()
+    t, w = channels.t, 2.0
+    found = find_effect("thermal_hysteresis")(w).design(channels)[:, 2, 2]
+    started, turned = w / 0.02, 2 * w / 0.02
+    np.testing.assert_allclose(found[t <= started], t[t <= started] / started, atol=1e-12)
+    np.testing.assert_allclose(found[(t >= started) & (t <= top)], 1.0)
+    crossing = (t >= top) & (t <= top + turned)
+    np.testing.assert_allclose(found[crossing], 1 - (t[crossing] - top) * 0.02 / w, atol=1e-10)
+    # at rest the branch is remembered for ever
+    np.testing.assert_allclose(found[t >= top + turned], -1.0)
+
+
+@pytest.mark.parametrize("tau", [3.0, 30.0])
+def test_creep_relaxes_after_a_turn(tau):
+    t = 0.01 * np.arange(6000)
+    y = np.where(t[:, None] < 10, [0, 0, G], [G, 0, 0.0])
+    found = find_effect("reorientation")(tau).design(Channels(t, y, y * 0))
+    after = t >= 10
+    # the turn lies on a line from the sample before: so much of it is left at its end
+    left = tau / 0.01 * (1 - np.exp(-0.01 / tau))
+    expected = -G * left * np.exp(-(t[after] - 10) / tau)
+    np.testing.assert_allclose(found[after, 0, 0], expected, atol=1e-10)
+    np.testing.assert_allclose(found[after, 2, 2], -expected, atol=1e-10)
+    assert not np.any(found[~after])
+
+
+def test_vibration_is_counted_and_the_turn_beside_it_is_not():
+    rng = np.random.default_rng(2)
+    t = 0.01 * np.arange(4000)
+    y = np.zeros((4000, 3))
+    y[:, 2] = np.where(t < 20, G, -G)
+    turning = (t > 19) & (t < 21)
+    y[turning, 2] = G * np.cos(np.pi / 2 * (t[turning] - 19))
+    y[:, 0] += np.where(t > 21, np.sqrt(2) * 0.5 * np.sin(2 * np.pi * 7.3 * t), 0)
+    y += 0.01 * rng.normal(size=y.shape)
+    found = find_effect("vibration_rectification")().design(Channels(t, y, y))
+    still = ~turning
+    np.testing.assert_allclose(found[still, 2, 2].mean(), 1e-4, rtol=0.2)
+    assert found[still, 2, 2].max() < 2e-4
+    np.testing.assert_allclose(found[t > 22, 0, 0], 0.25, rtol=0.1)
+
+
+@pytest.mark.parametrize("shape", [s for s in SHAPES if s.values[0].name in MEMORY | {"warm_up"}])
+def test_a_pose_sees_the_mean_over_its_samples(shape):
+    whole = log()
+    windows = [slice(10, 40), slice(100, 250), slice(300, 301)]
+
+    def history(function, *constants):
+        values = function(whole, *constants)
+        return np.array([values[w].mean(axis=0) for w in windows])
+
+    at = [np.mean(whole.t[w]) for w in windows]
+    poses = Channels(np.array(at), *np.full((2, 3, 3), np.nan), None, history)
+    expected = [shape.design(whole)[w].mean(axis=0) for w in windows]
+    np.testing.assert_allclose(shape.design(poses), expected, rtol=1e-12, atol=1e-15)
+
+
+@settings(max_examples=15)
+@given(st.sampled_from([s.values[0] for s in SHAPES]), seeds, st.floats(-3, 3))
+def test_an_effect_is_linear_in_its_parameters(shape, seed, factor):
+    channels, one, two = log(50), fitted(shape, seed), fitted(shape, seed + 1)
+    both = {name: one.values[name] + factor * two.values[name] for name in shape.parameters}
+    np.testing.assert_allclose(
+        FittedEffect(shape, both, {}).output(channels),
+        one.output(channels) + factor * two.output(channels),
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    nothing = FittedEffect(shape, dict.fromkeys(shape.parameters, 0.0), {})
+    assert not np.any(nothing.output(channels))
+
+
+def turned(channels, turn):
+    """Return channels of a device whose axes are named and turned otherwise."""
+    return replace(channels, output=channels.output @ turn.T, other=channels.other @ turn.T)
+
+
+@settings(max_examples=20)
+@given(st.sampled_from([s.values[0] for s in SHAPES]), st.permutations(range(3)), seeds)
+def test_axes_of_other_names_have_the_same_effect(shape, order, seed):
+    channels, turn = log(60, seed % 7), np.eye(3)[list(order)]
+    plain = shape.design(channels)
+    other = shape.design(turned(channels, turn))
+    # the same patterns, in an order of its own
+    columns = (np.einsum("ij,njp->nip", turn, plain)).reshape(180, -1)
+    found = other.reshape(180, -1)
+    scale = np.abs(columns).max() + 1e-300
+    left = found - columns @ np.linalg.lstsq(columns, found, rcond=1e-12)[0]
+    np.testing.assert_allclose(left / scale, 0, atol=1e-9)
+    assert found.shape == columns.shape
+
+
+# what becomes of the effect on an axis that is turned round: e(-y) = sign e(y)
+FLIPS = {
+    "quadratic": 1,
+    "cubic": -1,
+    "asymmetry": 1,
+    "cross_coupling": 1,
+    "reorientation": -1,
+    "vibration_rectification": 1,
+    "scale_temperature": -1,
+    "scale_asymmetry": 1,
+    "g_sensitivity": -1,
+    "g2_sensitivity": 1,
+    "earth_rate": -1,
+    "bias_temperature": 1,
+    "bias_drift": 1,
+}
+
+
+@pytest.mark.parametrize("name", FLIPS)
+def test_even_effects_keep_their_sign_and_odd_ones_turn(name):
+    channels, shape = log(), shapes(name)[0]
+    found = shape.design(turned(channels, -np.eye(3)))
+    np.testing.assert_allclose(found, FLIPS[name] * shape.design(channels), atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_file_gives_the_effect_back(shape):
+    effect = replace(fitted(shape, 5), std=dict.fromkeys(shape.parameters, 0.5))
+    back = FittedEffect.from_dict(json.loads(json.dumps(effect.to_dict())))
+    assert back == effect
+    assert effect.to_dict()["constants"] == asdict(shape)
+    np.testing.assert_array_equal(back.output(log()), effect.output(log()))
+
+
+# of a size that handbooks call large, SI
+SIZES = {
+    "quadratic": 1e-4,
+    "cubic": 5e-6,
+    "asymmetry": 1e-3,
+    "cross_coupling": 2e-5,
+    "reorientation": 1e-3,
+    "vibration_rectification": 2e-4,
+    "scale_temperature": 3e-4,
+    "bias_temperature_rate": 1.0,
+    "g_sensitivity": 5e-4,
+    "g2_sensitivity": 4e-6,
+    "scale_nonlinearity": 1e-3,
+    "scale_asymmetry": 1e-3,
+    "earth_rate": 7e-5,
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_calibration_undoes_what_the_simulator_adds(shape):
+    truth, channels = example_truth(), log(600, 3)
+    effect = fitted(shape, 4, SIZES.get(shape.name, 1e-2))
+    f, w = channels.output, channels.other
+    made, logged = {}, {}
+    for sensor, x, other in (("accelerometer", f, w), ("gyroscope", w, f)):
+        plain = getattr(truth, sensor)
+        effects = (effect,) if sensor in shape.sensors else ()
+        plain = replace(plain, effects=effects)
+        u = output(plain, x, lambda u, o=other: replace(channels, output=u, other=o))
+        logged[sensor] = u / plain.K + plain.b
+        made[sensor] = SensorCalibration(
+            RawUnit(plain.raw_unit, 1.0), plain.T, plain.K, plain.b, effects=effects
+        )
+        if effects:
+            assert np.abs(u - x @ np.linalg.inv(plain.T).T).max() > 1e-6
+    columns = list(ACCELERATION + ANGULAR_RATE)
+    samples = pd.DataFrame(np.hstack(list(logged.values())), columns=columns)
+    samples = samples.assign(t=channels.t, temperature=channels.temperature)
+    found = Calibration("d", G, **made).apply(samples)[columns].to_numpy()
+    np.testing.assert_allclose(found, np.hstack([f, w]), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name in SEEN if find_effect(name).needs])
+def test_temperatures_that_lack_are_filled(name):
+    channels = log(241)
+    # one reading in 20 samples, on a straight line: nothing is lost
+    line = 20 + 0.5 * channels.t
+    slow = np.where(np.arange(241) % 20 == 0, line, np.nan)
+    for shape in shapes(name):
+        np.testing.assert_allclose(
+            shape.design(replace(channels, temperature=slow)),
+            shape.design(replace(channels, temperature=line)),
+            atol=1e-9,
+        )
+    for nothing in (None, np.full(241, np.nan)):
+        without = replace(channels, temperature=nothing)
+        with pytest.raises(ImuloopError, match="needs a temperature"):
+            find_effect(name).shapes(without)[0].design(without)
+
+
+@pytest.mark.parametrize(
+    ("span", "orders"), [(0.0, [1]), (4.9, [1]), (5.1, [1, 2]), (9.9, [1, 2]), (60.0, [1, 2, 3])]
+)
+def test_the_span_of_temperature_bounds_the_order(span, orders):
+    channels = replace(log(), temperature=31.2 + span * np.linspace(-0.5, 0.5, 400))
+    found = shapes("bias_temperature", channels)
+    assert [shape.order for shape in found] == orders
+    assert {shape.reference_temperature for shape in found} == {31.0 if span else 25.0}
+
+
+@pytest.mark.parametrize(("name", "part"), [("bias_temperature_rate", 3), ("warm_up", 2)])
+@pytest.mark.parametrize("end", [70.0, 700.0, 7000.0])
+def test_a_record_holds_several_of_the_times_that_are_tried(name, part, end):
+    t = np.linspace(0, end, 1000)
+    found = shapes(name, replace(log(1000), t=t))
+    assert all(shape.tau <= end / part for shape in found) or len(found) == 1
+    assert len(set(found)) == len(found)
+
+
+def test_a_warm_up_that_one_point_alone_would_show_is_not_tried():
+    minutes = replace(log(100), t=60.0 * np.arange(100) + 30)
+    assert min(shape.tau for shape in shapes("warm_up", minutes)) >= 100
+
+
+def test_hysteresis_is_tried_in_shares_of_the_span():
+    channels = replace(log(), temperature=20 + 8 * np.sin(np.linspace(0, 6, 400)))
+    widths = [shape.half_width for shape in shapes("thermal_hysteresis", channels)]
+    np.testing.assert_allclose(widths, [0.8, 2.4, 6.4], atol=0.02)
+    assert len(shapes("thermal_hysteresis", replace(channels, temperature=np.full(400, 21.0)))) == 1
+
+
+@pytest.mark.parametrize("name", sorted(set(LIBRARY) - set(SEEN)))
+def test_what_rest_cannot_show_says_why(name):
+    with pytest.raises(TypeError, match=f"{name}: .*rest"):
+        find_effect(name)().design(log())
+
+
+def test_an_effect_joins_by_being_written(monkeypatch):
+    monkeypatch.setattr(Effect, "library", dict(LIBRARY))
+
+    @dataclass(frozen=True)
+    class Tide(Effect):
+        """``e_z = A sin(2π t/T)``: gravity follows the moon."""
+
+        period: float = 44712.0
+
+        name = "tide"
+        sensors = ("accelerometer",)
+        parameters: ClassVar = {"A": "m/s^2"}
+        equation = "e_z = A sin(2π t/T)"
+        reference = "Longman 1959"
+
+        def design(self, channels):
+            wave = np.sin(2 * np.pi * channels.t / self.period)
+            return wave[:, None, None] * np.array([[0.0], [0.0], [1.0]])
+
+    tide = FittedEffect(find_effect("tide")(40.0), {"A": 1e-6}, {"A": 1e-7})
+    assert FittedEffect.from_dict(json.loads(json.dumps(tide.to_dict()))) == tide
+    plain = SensorCalibration(RawUnit("m/s^2", 1.0), np.eye(3), np.ones(3), np.zeros(3))
+    channels = log()
+    found = replace(plain, effects=(tide,)).apply(channels.output, channels)
+    expected = channels.output - 1e-6 * np.sin(2 * np.pi * channels.t / 40)[:, None] * [0, 0, 1]
+    np.testing.assert_allclose(found, expected, atol=1e-15)
