@@ -1,7 +1,7 @@
 """A results folder as the stages leave it: four devices, one of each kind that a report meets.
 
-`board` is complete; `still` has only a static session and a hostile label; `partly` has a
-rejected session; of `nothing` every session was rejected.
+`board` is complete; `still` has two static sessions with temperature, and a hostile label;
+`partly` has a rejected session; of `nothing` every session was rejected.
 """
 
 from dataclasses import replace
@@ -17,6 +17,7 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table, write_segments
 from imuloop.core.units import RawUnit
+from report.plausible_diagnosis import pose_diagnosis, static_diagnosis
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
 DEVICES = {
@@ -24,11 +25,17 @@ DEVICES = {
         "Board A",
         {"long": "static", "faces": "six_position", "turns": "multi_position"},
     ),
-    "still": (HOSTILE, {"night": "static"}),
+    "still": (HOSTILE, {"night": "static", "day": "static"}),
     "partly": ("_Board B $\\frac{1}{2}$", {"rest": "static", "turns": "multi_position"}),
     "nothing": ("Board C", {"turns": "multi_position"}),
 }
 REJECTED = {("partly", "turns"), ("nothing", "turns")}
+# verdicts on static records, where they are not `consistent`
+VERDICTS = {
+    ("board", "gyroscope"): "unexplained",
+    ("still", "accelerometer"): "explained",
+    ("still", "gyroscope"): "partly_explained",
+}
 RATE = 20.0
 UNIT_A, UNIT_G = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", np.pi / 180)
 N, B = {"a": 8e-4, "g": 7e-5}, {"a": 3e-4, "g": 2e-5}
@@ -52,6 +59,9 @@ def _session(folder, device, session, kind, rng):
     if kind == "static" and len(t):
         t = t[(t < 300) | (t > 320)]
     samples, edges = _signal(t, kind, rng)
+    warm = device == "still"
+    if warm:
+        samples["temperature"] = 20 + t / 60
     metadata = {
         "device": device,
         "session": session,
@@ -65,7 +75,7 @@ def _session(folder, device, session, kind, rng):
     }
     table = pa.Table.from_pandas(samples, preserve_index=False)
     pq.write_table(
-        table.replace_schema_metadata(schema(False, metadata).metadata), path / "samples.parquet"
+        table.replace_schema_metadata(schema(warm, metadata).metadata), path / "samples.parquet"
     )
     start, end, kinds, poses = edges
     segments = segment_table(samples, start, end, kinds, poses)
@@ -229,112 +239,18 @@ def _device(folder, device, sessions, rng):
         turn = _fitted(UNIT_G, full + base, seed=2)
         multi = Calibration(device, 9.80665, force, turn)
         final = replace(multi, gyroscope=replace(turn, effects=(effect,)))
-        poses = _poses(effect, rng)
+        poses = pose_diagnosis(gain, rng)
     elif device in ("still", "partly"):
         turn = _fitted(UNIT_G, bias, method="static", seed=4)
         multi = final = Calibration(device, 9.80665, six.accelerometer, turn)
-    still = {sensor: _static(sensor, sessions, device, rng) for sensor in diagnosis}
+    records = [name for name, kind in sessions.items() if kind == "static"]
+    still = {
+        sensor: static_diagnosis(sensor, records, VERDICTS.get((device, sensor), "consistent"), rng)
+        for sensor in diagnosis
+    }
     diagnosis = {s: {"poses": poses[s], "static_record": still[s]} for s in diagnosis}
     six.to_json(folder / "six_position.json")
     multi.to_json(folder / "multi_position.json")
     final.to_json(folder / "calibration.json")
     write_json(folder / "noise.json", _noise(device, known=device != "nothing"))
     write_json(folder / "diagnosis.json", {"format": 1, "device": device, "sensors": diagnosis})
-
-
-def _poses(effect, rng):
-    """Return the diagnosis of poses: accelerometer consistent, gyroscope explained."""
-
-    def points(kind, before, after, floor):
-        return [
-            {
-                "residual": kind,
-                "index": i,
-                "start_s": 10.0 * i,
-                "direction": [0.0, 0.0, 1.0],
-                "before": before * rng.normal(),
-                "after": after * rng.normal(),
-                "floor": floor,
-            }
-            for i in range(24)
-        ]
-
-    def residual(unit, before, after, floor):
-        return {
-            "unit": unit,
-            "n": 24,
-            "floor": floor,
-            "before": before,
-            "after": after,
-            "chi2_before": (before / floor) ** 2,
-            "chi2_after": (after / floor) ** 2,
-        }
-
-    found = {
-        "name": effect.name,
-        "parameters": effect.values,
-        "std": effect.std,
-        "unit": "rad/s per m/s^2",
-        "p_value": 1e-12,
-        "residual": "pose_rate",
-        "heldout_before": 2e-3,
-        "heldout_after": 2e-4,
-        "ratio_ci95": [0.2, 0.35],
-    }
-    candidate = {
-        "name": effect.name,
-        "status": "added",
-        "why": "lowers the residual in the fit and on held-out poses",
-        "p_value": 1e-12,
-        "heldout_after": 2e-4,
-        "detection_limit": {"G00": 2e-5, "unit": "rad/s per m/s^2"},
-    }
-    other = {"name": "bias_temperature", "status": "not_available", "why": "no <b>temperature</b>"}
-    return {
-        "accelerometer": {
-            "verdict": "consistent",
-            "residuals": {"gravity_norm": residual("m/s^2", 1.6e-3, 1.6e-3, 1.5e-3)},
-            "effects": [],
-            "candidates": [other],
-            "points": points("gravity_norm", 1.6e-3, 1.6e-3, 1.5e-3),
-        },
-        "gyroscope": {
-            "verdict": "explained",
-            "residuals": {
-                "pose_rate": residual("rad/s", 2e-3, 2e-4, 1.8e-4),
-                "rotation": residual("rad", 9.1e-3, 2.4e-3, 2.1e-3),
-            },
-            "effects": [found],
-            "candidates": [candidate],
-            "points": points("pose_rate", 2e-3, 2e-4, 1.8e-4)
-            + points("rotation", 9.1e-3, 2.4e-3, 2.1e-3),
-        },
-    }
-
-
-def _static(sensor, sessions, device, rng):
-    """Return the diagnosis of a static record."""
-    session = next((s for s, kind in sessions.items() if kind == "static"), None)
-    blank = {"effects": [], "candidates": []}
-    if session is None:
-        return {"verdict": "not_testable", "why": "no static session", "residuals": {}, **blank}
-    size, unit = (1e-3, "m/s^2") if sensor == "accelerometer" else (3e-5, "rad/s")
-    values = rng.normal(size=(15, 3)) * size
-    points = [
-        {
-            "residual": "bias",
-            "index": i,
-            "session": session,
-            "start_s": 60.0 * i,
-            "before": float(np.linalg.norm(v)),
-            "after": float(np.linalg.norm(v)),
-            "values": v,
-            # a lone mean at the start has nothing to be compared with
-            "floor": size * 3**0.5 if i else None,
-        }
-        for i, v in enumerate(values)
-    ]
-    residual = {"unit": unit, "n": 15, "floor": size, "before": size, "after": size}
-    residual |= {"chi2_before": 1.0, "chi2_after": 1.0}
-    verdict = "unexplained" if device == "still" else "consistent"
-    return {"verdict": verdict, "residuals": {"bias": residual}, "points": points, **blank}

@@ -4,10 +4,41 @@ import numpy as np
 
 from imuloop.report.pose_plot import direction_words, largest_hole, pose_directions
 from imuloop.report.results import SENSORS
-from imuloop.report.verdict import block_of, verdict_of
+from imuloop.report.verdict import PARTS, block_of, leading, verdict_of
 
 # a hole in the attitudes covered that is worth another pose, degrees
 WIDE_HOLE = 50.0
+
+# what a person can do about a residual, by what it goes with
+_ATTITUDE = (
+    "Add attitudes between those that stand out, and repeat a few of them: what comes back in the "
+    "same attitude is the sensor, what does not was the pose."
+)
+_NEXT = {
+    "harmonics_3": _ATTITUDE,
+    "harmonics_4": _ATTITUDE,
+    "harmonics_5": _ATTITUDE,
+    "time": "Let the device warm up first, log its temperature, and record the same again in "
+    "another order.",
+    "temperature": "Heat and cool slowly within one record, so that each temperature comes twice.",
+    "temperature_rate": "Change the temperature at several rates and hold it in between: the "
+    "thermometer may lag behind the sensor.",
+    "pose_variance": "Lay the device down instead of holding it, on something heavy and away from "
+    "fans.",
+    "previous_pose": "Wait longer after each turn, and take the same attitudes in another order.",
+    "rotation_speed": "Turn at varied speeds, in both senses about every axis, and check the full "
+    "scale and the rate of the log.",
+}
+_LOOK = (
+    "Nothing that was tried goes with it more than by chance: look in the pictures for poses or "
+    "times that stand out, and record longer at rest, which gives a surer floor."
+)
+
+
+def what_next(block):
+    """Return what a person can do about the residual that is left."""
+    probe = leading(block)
+    return _NEXT.get(probe["name"], _LOOK) if probe else _LOOK
 
 
 def next_steps(device):
@@ -44,9 +75,11 @@ def next_steps(device):
             "instability and random walk only as upper limits."
         )
     for sensor in SENSORS:
-        if verdict_of(block_of(device.diagnosis, sensor)) in ("unexplained", "partly_explained"):
-            steps.append(
-                f"Look at the {sensor}'s residual pictures: something that this model lacks is "
-                "in the data. Poses far from the others were perhaps not at rest."
-            )
+        for part, words in PARTS.items():
+            block = block_of(device.diagnosis, sensor, part)
+            if verdict_of(block) in ("unexplained", "partly_explained"):
+                steps.append(
+                    f"{sensor.capitalize()}, {words}: something that the model lacks is in the "
+                    f"data. {what_next(block)}"
+                )
     return steps

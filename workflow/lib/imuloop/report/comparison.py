@@ -95,12 +95,15 @@ def _cell(figure, display, best):
     axis = f"axis {figure['axis']}" if figure.get("axis") else ""
     upper = figure.get("upper95")
     limit = "" if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
+    logged = figure.get("as_logged")
+    logged = "" if missing(logged) else f"; as logged {number(logged * factor, 2)}"
     if missing(figure["value"]):
-        return Cell(limit, f"axis {figure['upper95_axis']}, 95 % limit")
+        return Cell(limit, f"axis {figure['upper95_axis']}, 95 % limit{logged}")
     if limit:
         axis += f"; {figure['upper95_axis']} {limit}"
     if not missing(figure.get("floor")):
         axis = f"floor {number(figure['floor'] * factor, 2)}"
+    axis += logged
     std = figure["std"]
     text = with_sigma(figure["value"] * factor, None if missing(std) else std * factor)
     return Cell(text, axis, best)

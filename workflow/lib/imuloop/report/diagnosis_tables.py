@@ -1,12 +1,11 @@
-"""The diagnosis in tables: residuals, effects added, candidates and why; held-out numbers."""
+"""The diagnosis in tables: held-out residuals, the effects that were added and what they gained."""
 
 from imuloop.core.effect import Effect
-from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.report.data_tables import text_of
+from imuloop.report.effect_units import data_sheet
 from imuloop.report.numbers import (
     NO_NUMBER,
     RESIDUAL,
-    Display,
     missing,
     number,
     probability,
@@ -14,22 +13,17 @@ from imuloop.report.numbers import (
     with_sigma,
     with_unit,
 )
+from imuloop.report.ranking import constants_text
+from imuloop.report.results import SENSORS
 from imuloop.report.table import Table
-from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, block_of, quoted
-
-# data-sheet units of effects' parameters, by their SI unit
-EFFECT_UNITS = {
-    "rad/s per m/s^2": Display("°/s per g", STANDARD_GRAVITY / DEGREE),
-    "m/s^2 per K": Display("mg/K", 1e3 / STANDARD_GRAVITY),
-    "rad/s per K": Display("°/s per K", 1 / DEGREE),
-}
+from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, block_of
 
 
 def blocks(device):
     """Return every part of the diagnosis: (sensor, part, content)."""
     return [
         (sensor, part, block)
-        for sensor in ("accelerometer", "gyroscope")
+        for sensor in SENSORS
         for part in PARTS
         if (block := block_of(device.diagnosis, sensor, part))
     ]
@@ -64,93 +58,92 @@ def heldout_table(device):
     )
 
 
-def effect_tables(device):
+def steps_table(sensor, part, block):
+    """Return the effects in the order in which they were added; None without any."""
+    effects = block.get("effects") or []
+    if not effects:
+        return None
+    rows = []
+    for place, effect in enumerate(effects, 1):
+        display, words = _compared(block, effect)
+        before, after = (
+            NO_NUMBER
+            if display is None or missing(effect.get(key))
+            else with_unit(number(effect[key] * display.factor), display.unit)
+            for key in ("heldout_before", "heldout_after")
+        )
+        ratio = effect.get("ratio_ci95") or (None, None)
+        interval = " to ".join(number(r, 2) for r in ratio)
+        rows.append(
+            (
+                f"{place}. {effect['name']}",
+                probability(effect.get("p_value")),
+                words,
+                before,
+                after,
+                NO_NUMBER if any(map(missing, ratio)) else interval,
+            )
+        )
+    return Table(
+        f"{sensor.capitalize()}, {PARTS[part]}: effects added, in order",
+        (
+            *("Effect", "p-value", "Held-out error of", "Before", "After"),
+            "Ratio after/before, 95 %",
+        ),
+        tuple(rows),
+        "An effect is added only if it is no chance in the fit and lowers the error on data that "
+        "the fit never saw: the interval of the ratio lies below 1. Then the rest is tested again.",
+    )
+
+
+def _compared(block, effect):
+    """Return unit and words of the residual that an effect was judged by."""
+    residuals = block.get("residuals") or {}
+    given = effect.get("residual")
+    name = given if given in residuals else next(iter(residuals), None)
+    if name is None:
+        return None, NO_NUMBER
+    return RESIDUAL[residuals[name]["unit"]], RESIDUAL_WORDS.get(name, name)
+
+
+def effect_units(block):
+    """Return the SI units of the parameters of each effect of a diagnosis."""
+    found = {}
+    for entry in [*(block.get("candidates") or []), *(block.get("effects") or [])]:
+        found[entry["name"]] = found.get(entry["name"], {}) | (entry.get("units") or {})
+    return found
+
+
+def effect_tables(sensor, part, block):
     """Return a table for each effect that was added: its parameters ± σ."""
-    tables = []
-    for sensor, part, block in blocks(device):
-        for effect in block.get("effects") or []:
-            tables.append(_effect_table(sensor, part, block, effect))
-    return tables
+    return [_effect_table(sensor, part, e) for e in block.get("effects") or []]
 
 
-def _effect_table(sensor, part, block, effect):
+def _effect_table(sensor, part, effect):
     known = Effect.library.get(effect["name"])
-    si = effect.get("unit") or "SI"
-    display = EFFECT_UNITS.get(si)
-    std = effect.get("std") or {}
+    units, std = effect.get("units") or {}, effect.get("std") or {}
     rows = []
     for name, value in effect["parameters"].items():
-        row = [name, with_sigma(value, std.get(name))]
-        if display:
-            sigma = std.get(name)
-            scaled = None if missing(sigma) else sigma * display.factor
-            row.append(with_sigma(value * display.factor, scaled))
-        rows.append(tuple(row))
-    head = ("Parameter", f"Value ± 1 σ, {typeset(si)}") + (
-        (f"Value ± 1 σ, {display.unit}",) * bool(display)
-    )
-    note = _gain(sensor, block, effect)
-    if known:
-        note = f"{known.equation} ({known.reference}). {note}"
-    return Table(
-        f"{effect['name']}, added to the {sensor} ({PARTS[part]})", head, tuple(rows), note
-    )
-
-
-def _gain(sensor, block, effect):
-    """Return what an effect gained on held-out data, in a sentence."""
-    name, residual = quoted(sensor, block)
-    if effect.get("residual") in (block.get("residuals") or {}):
-        name, residual = effect["residual"], block["residuals"][effect["residual"]]
-    before, after = effect.get("heldout_before"), effect.get("heldout_after")
-    parts = []
-    if residual and not missing(before) and not missing(after):
-        unit = RESIDUAL[residual["unit"]]
-        parts.append(
-            f"Held-out {RESIDUAL_WORDS.get(name, name)}: {number(before * unit.factor)} → "
-            f"{with_unit(number(after * unit.factor), unit.unit)}"
-        )
-    ratio = effect.get("ratio_ci95") or (None, None)
-    if not any(map(missing, ratio)):
-        parts.append(f"ratio after/before {number(ratio[0])} to {number(ratio[1])} (95 %)")
-    if not missing(effect.get("p_value")):
-        parts.append(f"p-value {probability(effect['p_value'])}")
-    return ", ".join(parts) + "." if parts else ""
-
-
-def _limit(detection_limit):
-    """Return the detection limits of an effect's parameters, their unit at the end."""
-    unit = typeset(detection_limit.get("unit", ""))
-    values = {k: v for k, v in detection_limit.items() if k != "unit"}
-    return f"{text_of(values)} {unit}".rstrip() if values else NO_NUMBER
-
-
-def candidate_table(device):
-    """Return all effects that were thought of: what became of each, and why."""
-    rows = []
-    for sensor, part, block in blocks(device):
-        # the residual that effects are chosen by comes first
-        residual = next(iter((block.get("residuals") or {}).values()), None)
-        unit = RESIDUAL[residual["unit"]] if residual else None
-        for c in block.get("candidates") or []:
-            after = c.get("heldout_after")
-            rows.append(
-                (
-                    c["name"],
-                    f"{sensor}, {PARTS[part]}",
-                    c["status"].replace("_", " "),
-                    c.get("why") or NO_NUMBER,
-                    probability(c.get("p_value")),
-                    with_unit(number(after * unit.factor), unit.unit)
-                    if unit and not missing(after)
-                    else NO_NUMBER,
-                    _limit(c.get("detection_limit") or {}),
-                )
+        si = units.get(name)
+        display = data_sheet(si)
+        sigma = std.get(name)
+        rows.append(
+            (
+                name,
+                with_sigma(
+                    value * display.factor, None if missing(sigma) else sigma * display.factor
+                ),
+                display.unit,
+                with_sigma(value, sigma),
+                typeset(si or "SI"),
             )
+        )
+    note = f"{known.equation} ({known.reference})." if known else ""
+    if constants := constants_text(effect.get("constants")):
+        note = f"{note} Of the shapes that were tried this one is best: {constants}.".strip()
     return Table(
-        "Candidate effects",
-        ("Effect", "Sensor", "Status", "Why", "p-value", "Held-out after", "Detection limit, SI"),
+        f"{effect['name']}, added to the {sensor} ({PARTS[part]})",
+        ("Parameter", "Value ± 1 σ", "Unit", "Value ± 1 σ, SI", "SI unit"),
         tuple(rows),
-        "p-value: how often noise alone would look this much like the effect. Not observable: "
-        "these data cannot show it, whatever its size below the detection limit.",
+        note,
     )

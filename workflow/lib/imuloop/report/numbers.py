@@ -140,6 +140,20 @@ def probability(p):
     return f"<\u202f10{superscript(-10)}" if not missing(p) and p < 1e-10 else number(p, 2)
 
 
+def p_text(p):
+    """Return a p-value with its letter: p = 0.03, p < 10⁻¹⁰."""
+    text = probability(p)
+    return f"p {text}" if text.startswith("<") else f"p\u202f=\u202f{text}"
+
+
+def percent(share):
+    """Return a share as per cent; one that is almost whole is not rounded to 100."""
+    if missing(share):
+        return NO_NUMBER
+    text = number(share * 1e2, 2)
+    return with_unit("> 99" if share < 1 and float(f"{share:.2g}") >= 1 else text, "%")
+
+
 def duration(seconds):
     """Return a duration in s, min or h."""
     if missing(seconds):
@@ -165,6 +179,12 @@ def coefficient_text(coefficient, factor=1.0):
         sigma = sigma_of(coefficient)
         return with_sigma(value * factor, None if sigma is None else sigma * factor)
     return NO_NUMBER if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
+
+
+def joined(words):
+    """Return words as a list in a sentence: a, b and c."""
+    *first, last = words or [""]
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def plural(count, noun, ending="s"):

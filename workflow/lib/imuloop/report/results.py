@@ -5,10 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, read_metadata, read_samples
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    CHANNELS,
+    TEMPERATURE,
+    read_metadata,
+    read_samples,
+)
 from imuloop.core.segments import read_segments
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
@@ -61,6 +69,11 @@ class Session:
         means = rests[[f"{c}_mean" for c in CHANNELS]].mul(rests["n"], axis=0)
         grouped = means.groupby(rests["pose"]).sum()
         return grouped.div(rests["n"].groupby(rests["pose"]).sum(), axis=0)
+
+    @property
+    def has_temperature(self):
+        """Whether the temperature was logged."""
+        return TEMPERATURE in pq.read_schema(self.samples_path).names
 
     def samples(self, columns):
         """Return the samples, only the columns named."""

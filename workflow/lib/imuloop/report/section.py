@@ -18,15 +18,14 @@ from imuloop.report.calibration_tables import (
     strongest_correlation,
 )
 from imuloop.report.data_tables import data_table, segment_table, source_table, warnings
-from imuloop.report.diagnosis_tables import blocks, candidate_table, effect_tables, heldout_table
+from imuloop.report.diagnosis_parts import diagnosis_parts
+from imuloop.report.diagnosis_tables import heldout_table
 from imuloop.report.noise_tables import coefficient_table, statistics_tables
 from imuloop.report.numbers import number
 from imuloop.report.pose_plot import pose_picture
-from imuloop.report.residual_plot import bias_pictures, residual_pictures
 from imuloop.report.results import SENSORS, read_device
 from imuloop.report.summary import summarise
 from imuloop.report.time_series import session_pictures
-from imuloop.report.verdict import sentence
 
 
 def write_section(
@@ -85,10 +84,7 @@ def content(device, figures):
     final = device.calibrations.get("final")
     poses = pose_picture(device, figures)
     return {
-        "verdicts": [
-            (sensor, part, block.get("verdict", "not_testable"), sentence(sensor, block))
-            for sensor, part, block in blocks(device)
-        ],
+        "parts": diagnosis_parts(device, figures),
         "steps": next_steps(device),
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data_table(device), source_table(device)],
@@ -115,9 +111,5 @@ def content(device, figures):
         ],
         "coefficients": [coefficient_table(device, s) for s in SENSORS if device.noise],
         "statistics": statistics_tables(device),
-        "residuals": [p for s in SENSORS for p in residual_pictures(device, s, figures)],
-        "wander": [p for s in SENSORS for p in bias_pictures(device, s, figures)],
-        "effects": effect_tables(device),
-        "candidates": candidate_table(device),
         "heldout": heldout_table(device),
     }

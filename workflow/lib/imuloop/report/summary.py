@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.report.allan_plot import curve
 from imuloop.report.numbers import missing, sigma_of
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ, base_parameters
-from imuloop.report.verdict import PARTS, block_of, quoted, sentence, verdict_of
+from imuloop.report.verdict import PARTS, block_of, brief, quoted, sentence, verdict_of
 
 # version of the JSON file
 FORMAT = 1
@@ -43,7 +43,11 @@ def summarise(device):
         },
         "verdicts": {
             sensor: {
-                part: {"verdict": verdict_of(block), "sentence": sentence(sensor, block)}
+                part: {
+                    "verdict": verdict_of(block),
+                    "sentence": sentence(sensor, block),
+                    "brief": brief(sensor, block),
+                }
                 for part in PARTS
                 for block in [block_of(device.diagnosis, sensor, part)]
             }
@@ -91,8 +95,17 @@ def _figures(device, axes):
                 "floor": residual.get("floor"),
             }
         for key, unit in (("N", f"{FILE_UNITS[sensor]}/sqrt(Hz)"), ("B", FILE_UNITS[sensor])):
-            figure = _largest_noise(device.noise.get("axes", {}), channels, key)
+            logged = device.noise.get("axes", {})
+            # what the added effects explain is no noise
+            change = block_of(device.diagnosis, sensor, "static_record").get("noise") or {}
+            cleaned = {
+                c: (change.get(c) or {}).get("after") or logged.get(c) or {} for c in channels
+            }
+            figure = _largest_noise(cleaned, channels, key)
             if figure:
+                before = _largest_noise(logged, channels, key) if change else None
+                if before and before["value"] != figure["value"]:
+                    figure["as_logged"] = before["value"]
                 figures[f"{sensor}_{key}"] = {**figure, "unit": unit}
         for key in ("bias", "scale"):
             content = axes.get(f"{sensor}_{key}")

@@ -1,6 +1,14 @@
 """What the diagnosis says about a sensor, in sentences made of its numbers."""
 
-from imuloop.report.numbers import RESIDUAL, missing, number, with_unit
+from imuloop.report.numbers import (
+    NO_NUMBER,
+    RESIDUAL,
+    joined,
+    missing,
+    number,
+    percent,
+    with_unit,
+)
 
 WORDS = {
     "consistent": "consistent",
@@ -16,6 +24,20 @@ RESIDUAL_WORDS = {
     "rotation": "error of gravity's direction after a rotation",
     "bias": "wander of the bias",
 }
+# what a residual that is left is compared with
+CORRELATES = {
+    "harmonics_3": "attitude, a pattern of degree 3",
+    "harmonics_4": "attitude, a pattern of degree 4",
+    "harmonics_5": "attitude, a pattern of degree 5",
+    "time": "time",
+    "temperature": "temperature",
+    "temperature_rate": "rate of change of temperature",
+    "pose_variance": "unrest within the pose",
+    "previous_pose": "attitude of the pose before",
+    "rotation_speed": "speed of the turn",
+}
+# probability of naming one of them by chance
+BY_CHANCE = 0.05
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
@@ -32,11 +54,13 @@ def quoted(sensor, block):
     return (names[0], residuals[names[0]]) if names else (None, {})
 
 
-def shown(residual, key):
+def shown(residual, key, digits=3):
     """Return a figure of a residual in the unit that people think in, as text with its unit."""
     display = RESIDUAL[residual["unit"]]
     value = residual.get(key)
-    return "unknown" if missing(value) else with_unit(number(value * display.factor), display.unit)
+    if missing(value):
+        return "unknown"
+    return with_unit(number(value * display.factor, digits), display.unit)
 
 
 def change(residual, changed):
@@ -64,6 +88,62 @@ def reason_of(block):
     return block.get("why") or "no recording of this kind"
 
 
+def correlate_words(name):
+    """Return what a residual was compared with, in words."""
+    return CORRELATES.get(name, name.replace("_", " "))
+
+
+def beyond_chance(probe, count):
+    """Return whether the residual goes with one of `count` probes by more than chance."""
+    p = probe.get("p_value")
+    return not missing(p) and p * count < BY_CHANCE
+
+
+def leading(block):
+    """Return what the residual that is left goes with most, if with any more than by chance."""
+    probes = block.get("correlates") or []
+    sure = [c for c in probes if beyond_chance(c, len(probes)) and not missing(c.get("share"))]
+    return max(sure, key=lambda c: c["share"], default=None)
+
+
+def effects_text(block):
+    """Return the names of the effects that were added, as in a sentence."""
+    return joined([e["name"] for e in block.get("effects") or []])
+
+
+def brief(sensor, block):
+    """Return what stands below the verdict in the comparison: effects and how the error fell."""
+    _, residual = quoted(sensor, block)
+    effects = effects_text(block)
+    if not residual:
+        return ""
+    if effects:
+        factor = RESIDUAL[residual["unit"]].factor
+        before = residual.get("before")
+        before = NO_NUMBER if missing(before) else number(before * factor, 2)
+        return f"{effects}: {before}\u00a0→\u00a0{shown(residual, 'after', 2)}"
+    if verdict_of(block) == "unexplained":
+        return f"{shown(residual, 'after', 2)}, floor {shown(residual, 'floor', 2)}"
+    return ""
+
+
+def known_text(block):
+    """Return the effects that came from the other kind of data, as a sentence's end."""
+    added = {e["name"] for e in block.get("effects") or []}
+    known = [
+        c
+        for c in block.get("candidates") or []
+        if c["status"] == "added" and c["name"] not in added
+    ]
+    if not known:
+        return ""
+    verb = "is" if len(known) == 1 else "are"
+    return (
+        f"; {joined([c['name'] for c in known])}, {known[0].get('why') or 'found elsewhere'}, "
+        f"{verb} part of the model"
+    )
+
+
 def sentence(sensor, block):
     """Return the verdict on a sensor in a sentence.
 
@@ -78,7 +158,7 @@ def sentence(sensor, block):
     if verdict == "not_testable":
         return f"not testable: {reason_of(block)}."
     name, residual = quoted(sensor, block)
-    effects = " and ".join(e["name"] for e in block.get("effects") or [])
+    effects = effects_text(block)
     if not residual:
         return f"{WORDS.get(verdict, verdict)}; no residual was given."
     status = {c["status"] for c in block.get("candidates") or []}
@@ -88,9 +168,18 @@ def sentence(sensor, block):
         else "and no effect of the library can be told from these data"
     )
     moved = f"{RESIDUAL_WORDS.get(name, name)}, {change(residual, bool(effects))}"
+    moved += known_text(block)
+    probe = leading(block)
+    left = (
+        f". What is left goes most with {correlate_words(probe['name'])}, which "
+        f"explains {percent(probe['share'])} of it"
+        if probe
+        else ""
+    )
     return {
         "consistent": f"consistent with its model and noise: {moved}.",
         "explained": f"explained by {effects}: {moved}.",
-        "partly_explained": f"partly explained by {effects}, something is still missing: {moved}.",
-        "unexplained": f"unexplained, {tried}: {moved}.",
+        "partly_explained": f"partly explained by {effects}, something is still missing: "
+        f"{moved}{left}.",
+        "unexplained": f"unexplained, {tried}: {moved}{left}.",
     }.get(verdict, f"{verdict}: {moved}.")

@@ -1,0 +1,189 @@
+"""The ranking of the candidates: what became of each and why, and which cannot be told apart."""
+
+from imuloop.core.effect import Effect
+from imuloop.report.data_tables import text_of
+from imuloop.report.effect_units import data_sheet, spans
+from imuloop.report.numbers import (
+    NO_NUMBER,
+    RESIDUAL,
+    missing,
+    number,
+    percent,
+    probability,
+    typeset,
+    with_unit,
+)
+from imuloop.report.table import Table
+from imuloop.report.verdict import PARTS, RESIDUAL_WORDS
+
+# what an effect varies with, and the recording in which that varies
+_RECORDINGS = {
+    "temperature": "heat and cool within one record, at more than one rate",
+    "time": "a longer record, or the same again in another order",
+    "attitude": "more attitudes, edges and corners as well as faces",
+    "turn": "turns at varied speeds and in both senses about every axis",
+    "order": "the same attitudes in another order",
+    "vibration": "the same attitudes with and without vibration",
+    "heading": "the same attitudes at another heading",
+}
+_VARIES_WITH = {
+    "temperature": (
+        *("bias_temperature", "scale_temperature"),
+        *("bias_temperature_rate", "thermal_hysteresis"),
+    ),
+    "time": ("warm_up", "bias_drift", "ramp", "steps", "gauss_markov", "sinusoid"),
+    "attitude": (
+        *("quadratic", "cubic", "asymmetry", "cross_coupling"),
+        *("g_sensitivity", "g2_sensitivity", "scale_temperature"),
+    ),
+    "turn": ("scale_nonlinearity", "scale_asymmetry"),
+    "order": ("reorientation",),
+    "vibration": ("vibration_rectification",),
+    "heading": ("earth_rate",),
+}
+
+# symbol and unit of the constants of a shape
+CONSTANTS = {
+    "order": ("order", ""),
+    "reference_temperature": ("θ0", "°C"),
+    "tau": ("τ", "s"),
+    "half_width": ("w", "K"),
+    "frequency": ("frequency", "Hz"),
+}
+
+# best first
+STATUS = ("added", "confounded", "rejected", "not_observable", "not_available")
+
+
+def ranked(block):
+    """Return a diagnosis' candidates: added ones in their order, then by p-value."""
+    order = [effect["name"] for effect in block.get("effects") or []]
+
+    def rank(candidate):
+        name, status, p = (candidate.get(k) for k in ("name", "status", "p_value"))
+        return (
+            STATUS.index(status) if status in STATUS else len(STATUS),
+            order.index(name) if name in order else len(order),
+            float("inf") if missing(p) else p,
+        )
+
+    return sorted(block.get("candidates") or [], key=rank)
+
+
+def ranking_table(sensor, part, block):
+    """Return all effects that were thought of: what became of each, and why; None without any."""
+    candidates = ranked(block)
+    if not candidates:
+        return None
+    residuals = block.get("residuals") or {}
+    meant = "; ".join(
+        f"in {RESIDUAL[r['unit']].unit}: {RESIDUAL_WORDS.get(name, name)}"
+        for name, r in residuals.items()
+    )
+    return Table(
+        f"{sensor.capitalize()}, {PARTS[part]}: candidate effects, best first",
+        (
+            *("Effect", "It adds", "Status", "Why", "p-value"),
+            *("Held-out error without → with it alone", "Detection limit"),
+        ),
+        tuple(_row(c, residuals) for c in candidates),
+        "p-value: how often noise alone would look this much like the effect. Held-out error: root "
+        f"mean square of the model without effects, and with this one alone added ({meant}). "
+        "Detection limit: the smallest size that these data would have shown in nine of ten "
+        "cases; the least and the greatest of the effect's parameters.",
+    )
+
+
+def _row(candidate, residuals):
+    twin = candidate.get("confounded_with")
+    known = Effect.library.get(candidate["name"])
+    status = candidate["status"].replace("_", " ")
+    adds = (known and known.equation, constants_text(candidate.get("constants")))
+    limits = spans(candidate.get("detection_limit") or {}, candidate.get("units") or {})
+    return (
+        candidate["name"],
+        ", ".join(filter(None, adds)) or NO_NUMBER,
+        f"{status} with {twin}" if twin else status,
+        candidate.get("why") or NO_NUMBER,
+        probability(candidate.get("p_value")),
+        _heldout(candidate, residuals),
+        "; ".join(limits) or NO_NUMBER,
+    )
+
+
+def _heldout(candidate, residuals):
+    """Return the held-out error without effects and with this one alone."""
+    after = candidate.get("heldout_after")
+    name = candidate.get("residual")
+    residual = residuals.get(name) or next(iter(residuals.values()), None)
+    if residual is None or missing(after):
+        return NO_NUMBER
+    unit, before = RESIDUAL[residual["unit"]], residual.get("before")
+    before = NO_NUMBER if missing(before) else number(before * unit.factor)
+    return f"{before}\u00a0→ {with_unit(number(after * unit.factor), unit.unit)}"
+
+
+def constants_text(constants):
+    """Return the constants of an effect's shape in words."""
+    parts = []
+    for name, value in (constants or {}).items():
+        symbol, unit = CONSTANTS.get(name, (name.replace("_", " "), ""))
+        text = str(value) if isinstance(value, int) else text_of(value)
+        parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
+    return ", ".join(parts)
+
+
+def telling_apart(*names):
+    """Return which recording would tell effects apart: one in which what they depend on varies."""
+    kinds = [k for k, effects in _VARIES_WITH.items() if set(names) & set(effects)]
+    return "; ".join(_RECORDINGS[k] for k in kinds or ("attitude", "time"))
+
+
+def limit_table(sensor, part, block):
+    """Return the detection limit of every parameter of every candidate; None without any."""
+    rows = []
+    for candidate in ranked(block):
+        units = candidate.get("units") or {}
+        for name, value in (candidate.get("detection_limit") or {}).items():
+            if missing(value):
+                continue
+            si = units.get(name)
+            shown = data_sheet(si)
+            rows.append(
+                (
+                    candidate["name"],
+                    name,
+                    with_unit(number(value * shown.factor), shown.unit),
+                    with_unit(number(value), typeset(si or "SI")),
+                )
+            )
+    if not rows:
+        return None
+    return Table(
+        f"{sensor.capitalize()}, {PARTS[part]}: detection limit of each parameter",
+        ("Effect", "Parameter", "Detection limit", "In SI units"),
+        tuple(rows),
+    )
+
+
+def twin_table(sensor, part, block):
+    """Return the effects that these data cannot tell apart, and what would; None without any."""
+    pairs = block.get("confounded") or []
+    if not pairs:
+        return None
+    return Table(
+        f"{sensor.capitalize()}, {PARTS[part]}: cannot be told apart in these data",
+        ("Effect", "Looks like", "Share of its pattern", "What would tell them apart"),
+        tuple(
+            (
+                pair["effect"],
+                str(pair["with"]),
+                percent(pair.get("share")),
+                telling_apart(pair["effect"], str(pair["with"])),
+            )
+            for pair in pairs
+        ),
+        "From the attitudes, times and temperatures of the recording alone, before its residuals: "
+        "how much of what the first would leave the second would leave as well. If one of them is "
+        "named as the cause, it may as well be the other.",
+    )
