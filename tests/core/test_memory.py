@@ -1,6 +1,7 @@
 """Functions of a log that remember its past, against closed forms and against plain loops."""
 
 import math
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -25,13 +26,14 @@ def irregular(end, n, seed=0):
 
 
 def lag_step_by_step(t, x, tau):
-    """The lag over straight lines, one step after the other, from its differential equation."""
+    """The lag over straight lines, one step after the other, with 28 digits."""
+    t, x, tau = [Decimal(v) for v in t.tolist()], [Decimal(v) for v in x.tolist()], Decimal(tau)
     y = [x[0]]
-    for dt, a, b in zip(np.diff(t), x, x[1:], strict=False):
-        slope = (b - a) / dt
-        # particular solution a - slope τ + slope s, homogeneous exp(-s/τ)
-        y.append(b - slope * tau + (y[-1] - a + slope * tau) * math.exp(-dt / tau))
-    return np.array(y)
+    for start, end, a, b in zip(t, t[1:], x, x[1:], strict=False):
+        # particular solution of the differential equation: a line that lags by τ
+        slope = (b - a) / (end - start)
+        y.append(b - slope * tau + (y[-1] - a + slope * tau) * (-(end - start) / tau).exp())
+    return np.array(y, dtype=float)
 
 
 def play_step_by_step(x, w):
@@ -67,7 +69,7 @@ def test_even_samples_are_filtered_as_by_a_recursive_filter():
 @given(logs, st.floats(1e-2, 1e4))
 def test_any_stamps_and_any_time_constant(log, tau):
     t, x = log
-    np.testing.assert_allclose(first_order_lag(t, x, tau), lag_step_by_step(t, x, tau), atol=1e-9)
+    np.testing.assert_allclose(first_order_lag(t, x, tau), lag_step_by_step(t, x, tau), atol=1e-11)
 
 
 def test_nothing_is_left_of_the_past_after_a_long_gap():
