@@ -10,7 +10,7 @@ import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.poses import Recording, gather_poses, gather_rotations
+from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.units import RawUnit
 from imuloop.noise.noise import Session, estimate_noise
@@ -31,10 +31,10 @@ def calibrated(truth, seed):
     noise = estimate_noise(truth.name, [still], NoiseSettings()).model
     log, table = logs["multi_position"], segments["multi_position"]
     settings = CalibrateSettings()
-    poses = gather_poses([table])
-    rotations = gather_rotations(poses, [log], [table], settings.longest_rotation)
-    force = calibrate_accelerometer(poses, noise, truth.gravity, RawUnit("m/s^2", 1.0), settings)
-    recording = Recording(poses, rotations)
+    recording = record([log], [table], settings.longest_rotation)
+    force = calibrate_accelerometer(
+        recording.poses, noise, truth.gravity, RawUnit("m/s^2", 1.0), settings
+    )
     turn = calibrate_gyroscope(recording, noise, force, RawUnit("rad/s", 1.0), settings)
     return force, turn
 

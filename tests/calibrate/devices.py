@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuloop.calibrate.poses import Recording, gather_poses, gather_rotations
+from imuloop.calibrate.recording import record
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.units import RawUnit
 from imuloop.segment.segment import segment_session
@@ -34,8 +34,7 @@ def recording(truth, seed, session="multi_position"):
     """Return the poses and rotations of a simulated session."""
     samples = simulate_session(truth, session, seed)
     segments, _ = segment_session(samples, session, SegmentSettings())
-    poses = gather_poses([segments])
-    return Recording(poses, gather_rotations(poses, [samples], [segments], 30.0))
+    return record([samples], [segments], 30.0)
 
 
 def noiseless(truth):

@@ -11,6 +11,7 @@ from imuloop.calibrate.accelerometer import (
     untestable_accelerometer,
 )
 from imuloop.calibrate.poses import Poses
+from imuloop.calibrate.recording import Recording
 
 G = 9.80665
 TRUTH = np.array([0.01, -0.02, 0.015, 1.01, 0.98, 1.003, 0.1, -0.2, 0.3])
@@ -40,14 +41,14 @@ def white(n):
 
 
 def test_exact_poses_give_the_truth_exactly():
-    fit, _ = fit_accelerometer(poses_at(spread()), white(30), G)
+    fit, _ = fit_accelerometer(Recording(poses_at(spread())), white(30), G)
     np.testing.assert_allclose(fit.x, TRUTH, atol=1e-10)
 
 
 def test_ideal_poses_give_identity():
     u = spread()
     u *= G / np.linalg.norm(u, axis=1, keepdims=True)
-    fit, _ = fit_accelerometer(replace(poses_at(u), f=u), white(30), G)
+    fit, _ = fit_accelerometer(Recording(replace(poses_at(u), f=u)), white(30), G)
     np.testing.assert_allclose(fit.x, [0, 0, 0, 1, 1, 1, 0, 0, 0], atol=1e-10)
 
 
@@ -88,8 +89,8 @@ def test_permuted_axes_permute_scale_factor_and_bias():
     u *= G / np.linalg.norm(u, axis=1, keepdims=True)
     order = [2, 0, 1]
     f = u / TRUTH[3:6] + TRUTH[6:]
-    base = fit_accelerometer(replace(poses, f=f), white(30), G)[0].x
-    permuted = fit_accelerometer(replace(poses, f=f[:, order]), white(30), G)[0].x
+    base = fit_accelerometer(Recording(replace(poses, f=f)), white(30), G)[0].x
+    permuted = fit_accelerometer(Recording(replace(poses, f=f[:, order])), white(30), G)[0].x
     np.testing.assert_allclose(permuted[3:6], base[3:6][order], atol=1e-9)
     np.testing.assert_allclose(permuted[6:9], base[6:9][order], atol=1e-9)
 

@@ -23,10 +23,8 @@ def true_accelerometer(truth):
 
 def model_of(truth, seed, effects=()):
     made = recording(truth, seed)
-    force = calibrated_force(
-        true_accelerometer(truth), made.poses, made.rotations, known_noise(TRUTH)
-    )
-    return made, force, gyroscope_model(made.poses, made.rotations, force, effects)
+    force = calibrated_force(true_accelerometer(truth), made, known_noise(TRUTH))
+    return made, force, gyroscope_model(made, force, None, effects)
 
 
 def true_parameters(truth):

@@ -9,6 +9,7 @@ import pytest
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope, rest_bias
 from imuloop.calibrate.poses import gather_poses, gather_rotations
+from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
@@ -51,20 +52,43 @@ def test_a_rotation_runs_from_the_last_sample_of_a_pose_to_the_first_of_the_next
     assert len(gather_rotations(poses, [log, log], [table, table], 1.9)) == 0
 
 
-@pytest.mark.parametrize(
-    ("missing", "means"),
-    [
-        (slice(0, 10), [20.0, 20.0]),
-        # none in a whole rest: the pose has no temperature that stands for all of it
-        (slice(0, 30), None),
-        (slice(80, 120), None),
-    ],
-)
-def test_missing_temperatures_are_left_out_of_means(missing, means):
-    temperature = np.full(120, 20.0)
-    temperature[missing] = np.nan
-    found = gather_poses([session(temperature)[1]]).temperature
-    assert means is None if found is None else found.tolist() == means
+def test_missing_temperatures_are_interpolated():
+    temperature = 20.0 + np.arange(120) / 100
+    temperature[[0, 1, 2, 50, 51, 110]] = np.nan
+    log, table = session(temperature)
+    made = record([log], [table], 30.0)
+    # on a straight line interpolation is exact; before the first value that value holds
+    filled = np.maximum(20.0 + np.arange(120) / 100, 20.03)
+    np.testing.assert_allclose(made.logs[0].temperature, filled)
+    # a pose of two rests: everything from the first to the last of its samples
+    np.testing.assert_allclose(made.poses.temperature, [filled[:60].mean(), filled[80:].mean()])
+    assert np.isfinite(made.rotations.temperature).all()
+
+
+def test_a_session_without_temperature_leaves_none():
+    (log, table), (cold, _) = session(np.full(120, 20.0)), session()
+    made = record([log, cold], [table, table], 30.0)
+    assert made.poses.temperature is None and made.rotations.temperature is None
+    assert record([log], [table], 30.0).poses.temperature.tolist() == [20.0, 20.0]
+    unknown = log.assign(temperature=np.nan)
+    assert record([unknown], [table], 30.0).poses.temperature is None
+
+
+def test_what_an_effect_remembers_is_averaged_over_poses_and_picked_along_rotations():
+    log, table = session()
+    made = record([log, log], [table, table], 30.0)
+
+    def remembered(channels, factor):
+        return factor * channels.output[:, 0]
+
+    poses = made.pose_channels("accelerometer", lambda y: 2 * y, made.poses.w)
+    found = poses.remembered(remembered, 10.0)
+    np.testing.assert_allclose(found, 20 * np.array([29.5, 99.5, 29.5, 99.5]))
+    np.testing.assert_allclose(poses.output, 2 * made.poses.f)
+    along = made.rotation_channels("accelerometer", lambda y: 2 * y, made.rotations.w)
+    m, k = made.rotations.t.shape
+    found = along.remembered(remembered, 10.0).reshape(m, k)
+    np.testing.assert_allclose(found, 20 * made.rotations.f[..., 0])
 
 
 @pytest.mark.parametrize("axis", range(6))

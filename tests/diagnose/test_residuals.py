@@ -7,7 +7,7 @@ from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recordi
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.residuals import held_out_variance, judge, size
-from imuloop.diagnose.search import hold_out
+from imuloop.diagnose.search import Search, floor_variance, folds, held_out
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
 
@@ -61,12 +61,17 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
     )
     turn = GyroscopePoses(force, None, (), RATE_UNIT)
+    settings = DiagnoseSettings(folds=5)
     ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
     for seed in range(8):
         made = recording(truth, seed)
         for model in (force, turn):
-            held = hold_out(model, made, model.fit(made), [], DiagnoseSettings(folds=5))
-            for kind, h in held.items():
-                ratios[kind].append(size(h.before) / h.floor)
+            everything = np.ones(len(made.poses), dtype=bool)
+            whole = Search(model, made, everything, {}, settings, 1).step()
+            parts = folds(model, made, {}, settings, 1)
+            errors = [part.errors() for part in parts]
+            variance = floor_variance(whole, parts)
+            for kind, h in held_out(errors, errors).items():
+                ratios[kind].append(size(h.before) / size(np.sqrt(variance[kind])))
     for kind, values in ratios.items():
         assert np.mean(values) == pytest.approx(1, abs=0.12), kind

@@ -11,6 +11,7 @@ from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recordi
 from imuloop.calibrate.accelerometer import fit_accelerometer, unpack
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.poses import Poses
+from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.six_position import find_faces, fit_six_position
 from imuloop.core.model import SensorCalibration
@@ -47,7 +48,9 @@ def multi_position(f, error=ERROR):
         np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
         np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
     )  # fmt: skip
-    fit, _ = fit_accelerometer(poses, np.broadcast_to(np.eye(n) * error**2, (3, n, n)), G)
+    fit, _ = fit_accelerometer(
+        Recording(poses), np.broadcast_to(np.eye(n) * error**2, (3, n, n)), G
+    )
     return unpack(fit.x)
 
 

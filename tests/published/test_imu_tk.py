@@ -51,11 +51,7 @@ def test_gyroscope_without_effects_reaches_the_published_cost(measured):
     settings = CalibrateSettings(gyroscope_bias="initial_rest")
     fitted = calibrate_gyroscope(recording, noise, force, unit, settings)
     np.testing.assert_allclose(fitted.K, K_GYROSCOPE, rtol=5e-4)
-    model = gyroscope_model(
-        recording.poses,
-        recording.rotations,
-        calibrated_force(force, recording.poses, recording.rotations, noise),
-    )
+    model = gyroscope_model(recording, calibrated_force(force, recording, noise))
     x = np.concatenate(
         [fitted.T[~np.eye(3, dtype=bool)], fitted.K / unit.scale, unit.to_si(fitted.b)]
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.calibrate.least_squares import condition_number, fit
-from imuloop.core.effect import Channels, effect_design
+from imuloop.core.effect import effect_design
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T12", "K0", "K1", "K2", "b0", "b1", "b2")
@@ -24,11 +24,14 @@ class AccelerometerModel:
         Derivative of e with respect to the parameters of the effects; p may be 0.
     gravity : float
         Local gravity, m/s^2.
+    known : ndarray, shape (n, 3), or 0
+        Part of e that is known, m/s^2.
     """
 
     y: np.ndarray
     design: np.ndarray
     gravity: float
+    known: np.ndarray | float = 0.0
 
     def start(self):
         """Return parameters to start from: no misalignment, no bias, the mean norm as it is."""
@@ -42,7 +45,7 @@ class AccelerometerModel:
 
     def _output(self, x):
         _, K, b = unpack(x)
-        return K * (self.y - b) - self.design @ x[9:]
+        return K * (self.y - b) - self.known - self.design @ x[9:]
 
     def residuals(self, x):
         """Return ``|x| - g``, m/s^2, shape (n,), and its derivative, shape (n, 9 + p)."""
@@ -79,7 +82,32 @@ def unpack(x):
     return T, x[3:6], x[6:9]
 
 
-def fit_accelerometer(poses, means, gravity, effects=()):
+def accelerometer_model(recording, gravity, x=None, effects=(), known=()):
+    """Return the model of a recording's poses, its effects seen with the parameters x.
+
+    Parameters
+    ----------
+    recording : Recording
+        Poses, n of them.
+    gravity : float
+        Local gravity, m/s^2.
+    x : array_like, optional
+        Parameters whose K and b give the output that the effects depend on; as logged without.
+    effects, known : sequence of Effect, sequence of FittedEffect
+        Effects to estimate, and known ones.
+    """
+    _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
+    poses = recording.poses
+    channels = recording.pose_channels("accelerometer", lambda y: K * (y - b), poses.w)
+    return AccelerometerModel(
+        poses.f,
+        effect_design(effects, channels),
+        gravity,
+        sum((effect.output(channels) for effect in known), start=np.zeros((len(poses), 3))),
+    )
+
+
+def fit_accelerometer(recording, means, gravity, effects=(), known=()):
     """Fit the nine-parameter model, and effects, to the norm of gravity at the poses.
 
     Minimises ``Σ (|T (K (y - b) - e)| - g)²`` weighted with the covariance that the noise model
@@ -87,14 +115,16 @@ def fit_accelerometer(poses, means, gravity, effects=()):
 
     Parameters
     ----------
-    poses : Poses
+    recording : Recording
         Poses, n of them.
     means : array_like, shape (3, n, n)
         Covariance of their mean specific force, (m/s^2)^2.
     gravity : float
         Local gravity, m/s^2.
     effects : sequence of Effect
-        Effects to add.
+        Effects to estimate.
+    known : sequence of FittedEffect
+        Effects that are known from elsewhere.
 
     Returns
     -------
@@ -106,11 +136,14 @@ def fit_accelerometer(poses, means, gravity, effects=()):
     Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration without
     external equipments", ICRA 2014, section IV-A.
     """
-    channels = Channels(poses.mid_s, poses.f, poses.w, poses.temperature)
-    model = AccelerometerModel(poses.f, effect_design(effects, channels), gravity)
-    # weights depend on the attitude of the calibrated force, which the start gives to 1 %
-    first = fit(model.residuals, model.start(), model.covariance(model.start(), means))
-    return fit(model.residuals, first.x, model.covariance(first.x, means)), model
+    model = accelerometer_model(recording, gravity, None, effects, known)
+    x = model.start()
+    # weights and effects depend on the calibrated output, which the start gives to 1 %
+    for _ in range(3 if effects or known else 2):
+        model = accelerometer_model(recording, gravity, x, effects, known)
+        found = fit(model.residuals, x, model.covariance(x, means))
+        x = found.x
+    return found, model
 
 
 def untestable_accelerometer(poses, gravity, largest_condition):

@@ -6,7 +6,8 @@ import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope, six_position
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.poses import Recording, gather_poses, gather_rotations
+from imuloop.calibrate.poses import gather_poses
+from imuloop.calibrate.recording import Recording, record
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
@@ -52,8 +53,7 @@ def read_recording(sessions, longest_rotation):
     chosen = usable(sessions, "multi_position")
     segments = [table for _, table in chosen]
     samples = [read_samples(session["samples"]) for session, _ in chosen]
-    poses = gather_poses(segments)
-    return Recording(poses, gather_rotations(poses, samples, segments, longest_rotation))
+    return record(samples, segments, longest_rotation)
 
 
 def raw_units(sessions, kinds):
@@ -66,7 +66,7 @@ def raw_units(sessions, kinds):
     )
 
 
-def in_raw_units(unit, base, x, covariance, *, method, effects=(), reduced_chi2=None):
+def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
     """Return the calibration that parameters in SI as logged stand for, in raw units.
 
     ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``.
@@ -85,6 +85,8 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), reduced_chi2=
         What they come from.
     effects : sequence of Effect
         The effects whose parameters follow the base's.
+    known : sequence of FittedEffect
+        Effects that are known from elsewhere.
     reduced_chi2 : float, optional
         Of the fit.
 
@@ -121,7 +123,7 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), reduced_chi2=
         b=raw[count - 3 : count] + unit.offset,
         names=tuple(names),
         covariance=covariance * np.outer(factor, factor),
-        effects=tuple(fitted),
+        effects=(*known, *fitted),
         method=method,
         reduced_chi2=reduced_chi2,
     )
@@ -154,7 +156,7 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     if reason:
         return SensorCalibration.nominal(unit, reason)
     means = poses.mean_covariance(noise)[:3]
-    fit, _ = accelerometer.fit_accelerometer(poses, means, gravity)
+    fit, _ = accelerometer.fit_accelerometer(Recording(poses), means, gravity)
     return in_raw_units(
         unit,
         accelerometer.NAMES,
@@ -187,17 +189,17 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
         With the bias alone, and the reason, where the rotations do not determine the rest; nominal
         where the noise of an axis is not known.
     """
-    poses, rotations = recording.poses, recording.rotations
+    poses = recording.poses
     if not len(poses):
         return SensorCalibration.nominal(unit, "no multi_position session with a pose")
     if reason := poses.unknown_noise(noise, ANGULAR_RATE):
         return SensorCalibration.nominal(unit, reason)
-    force = calibrated_force(force, poses, rotations, noise)
-    reason = gyroscope.untestable_gyroscope(poses, rotations, force, settings.largest_condition)
+    force = calibrated_force(force, recording, noise)
+    reason = gyroscope.untestable_gyroscope(recording, force, settings.largest_condition)
     if reason:
         return rest_bias(poses, noise, unit, reason)
     held = poses.w[0] if settings.gyroscope_bias == "initial_rest" else None
-    fit, model, _ = gyroscope.fit_gyroscope(poses, rotations, force, noise, bias=held)
+    fit, model, _ = gyroscope.fit_gyroscope(recording, force, noise, bias=held)
     free = model.free()
     covariance = np.zeros((len(fit.x), len(fit.x)))
     covariance[np.ix_(free, free)] = fit.scaled_covariance

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import Channels
-
 
 @dataclass(frozen=True)
 class Force:
@@ -26,7 +24,7 @@ class Force:
     direction_covariance: np.ndarray
 
 
-def calibrated_force(calibration, poses, rotations, noise):
+def calibrated_force(calibration, recording, noise):
     """Return calibrated specific force at the poses and along the rotations.
 
     The direction ``u = f / |f|`` has the error ``δu = (I - u uᵀ) T K δy / |f|`` from that of the
@@ -36,26 +34,19 @@ def calibrated_force(calibration, poses, rotations, noise):
     ----------
     calibration : SensorCalibration
         Of the accelerometer.
-    poses : Poses
-        Poses, n of them.
-    rotations : Rotations
-        Rotations between them, m of k samples.
+    recording : Recording
+        Poses, n of them, and rotations, m of k samples.
     noise : NoiseModel
         Noise of the device.
     """
-    means = poses.mean_covariance(noise)[:3]
+    poses, rotations = recording.poses, recording.rotations
+    sensor = "accelerometer"
     at_poses = calibration.apply(
-        poses.f,
-        Channels(poses.mid_s, calibration.output(poses.f), poses.w, poses.temperature),
+        poses.f, recording.pose_channels(sensor, calibration.output, poses.w)
     )
-    m, k = rotations.t.shape
-    flat = rotations.f.reshape(-1, 3)
-    temperature = None if rotations.temperature is None else rotations.temperature.ravel()
     along = calibration.apply(
-        flat,
-        Channels(
-            rotations.t.ravel(), calibration.output(flat), rotations.w.reshape(-1, 3), temperature
-        ),
+        rotations.f.reshape(-1, 3),
+        recording.rotation_channels(sensor, calibration.output, rotations.w),
     )
     norm = np.linalg.norm(at_poses, axis=1)[:, None]
     u = at_poses / norm
@@ -63,5 +54,6 @@ def calibrated_force(calibration, poses, rotations, noise):
     scale = calibration.K / calibration.raw_unit.scale
     to_direction = across @ (calibration.T * scale) / norm[:, None]
     n = len(poses)
+    means = poses.mean_covariance(noise)[:3]
     covariance = np.einsum("iab,bij,jcb->iajc", to_direction, means, to_direction)
-    return Force(at_poses, along.reshape(m, k, 3), covariance.reshape(3 * n, 3 * n))
+    return Force(at_poses, along.reshape(rotations.f.shape), covariance.reshape(3 * n, 3 * n))

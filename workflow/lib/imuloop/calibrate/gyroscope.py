@@ -7,7 +7,7 @@ from scipy.linalg import block_diag
 
 from imuloop.calibrate.least_squares import condition_number, fit
 from imuloop.calibrate.poses import Rotations
-from imuloop.core.effect import Channels, effect_design
+from imuloop.core.effect import effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 
 # parameters of the base model
@@ -40,6 +40,8 @@ class GyroscopeModel:
         Unit vector of calibrated specific force at each pose.
     bias : ndarray, shape (3,), or None
         Held at this value, rad/s, instead of estimated.
+    rate_known, rotation_known : ndarray, shape (n, 3) and (m, k, 3), or 0
+        Part of e that is known, rad/s.
     """
 
     rate: np.ndarray
@@ -48,6 +50,8 @@ class GyroscopeModel:
     rotation_design: np.ndarray
     directions: np.ndarray
     bias: np.ndarray | None = None
+    rate_known: np.ndarray | float = 0.0
+    rotation_known: np.ndarray | float = 0.0
 
     def start(self):
         """Return parameters to start from: as logged, the mean rate of the poses as bias."""
@@ -78,7 +82,7 @@ class GyroscopeModel:
         jacobian[:, axes, 6 + axes] = self.rate - b
         jacobian[:, axes, 9 + axes] = -K
         jacobian[:, :, 12:] = -self.rate_design
-        return K * (self.rate - b) - self.rate_design @ x[12:], jacobian
+        return K * (self.rate - b) - self.rate_known - self.rate_design @ x[12:], jacobian
 
     def attitudes(self, x):
         """Return the attitude at the middle (m, k-1, 3, 3) and at the end (m, 3, 3) of rotations.
@@ -86,7 +90,7 @@ class GyroscopeModel:
         Matrices take body axes to the body axes at the start of the rotation.
         """
         T, K, b = unpack(x)
-        output = K * (self.rotations.w - b) - self.rotation_design @ x[12:]
+        output = K * (self.rotations.w - b) - self.rotation_known - self.rotation_design @ x[12:]
         rates = output @ T.T
         vectors = step_vectors(rates, self.rotations.steps)
         after = prefix_product(exponential(vectors))
@@ -237,21 +241,21 @@ def _cross_matrix(vectors):
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
+def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None):
     """Fit the twelve-parameter model, and effects, to pose rates and rotations together.
 
     Parameters
     ----------
-    poses : Poses
-        Poses.
-    rotations : Rotations
-        Rotations between them.
+    recording : Recording
+        Poses and the rotations between them.
     force : Force
         Calibrated specific force at the poses and along the rotations.
     noise : NoiseModel
         Noise of the device.
     effects : sequence of Effect
-        Effects to add.
+        Effects to estimate.
+    known : sequence of FittedEffect
+        Effects that are known from elsewhere.
     bias : array_like, shape (3,), optional
         rad/s; held instead of estimated.
 
@@ -267,22 +271,25 @@ def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
     Tedaldi, Pretto, Menegatti, ICRA 2014, section IV-B; here every rotation at once, with the
     bias and the effects among the parameters and full covariances as weights.
     """
-    model = gyroscope_model(poses, rotations, force, effects=effects, bias=bias)
+    poses = recording.poses
     means = poses.mean_covariance(noise)[3:]
     # ordered pose by pose, the three axes of each together
     n = len(poses)
     rates = np.zeros((n, 3, n, 3))
     for axis in range(3):
         rates[:, axis, :, axis] = means[axis]
+    model = gyroscope_model(recording, force, None, effects, known, bias)
     x = model.start()
     free = model.free()
-    # weights need the attitude along the rotations, which the first fit gives
-    for _ in range(2):
+    # weights need the attitude along the rotations, effects the output: the first fit gives both
+    for _ in range(3 if effects or known else 2):
+        model = gyroscope_model(recording, force, x, effects, known, bias)
         errors = rotation_covariance(model, x, poses.session, force.direction_covariance, noise)
         covariance = block_diag(rates.reshape(3 * n, 3 * n), errors)
+
         base = x.copy()
 
-        def residuals(values, base=base):
+        def residuals(values, base=base, model=model):
             full = base.copy()
             full[free] = values
             r, jacobian = model.residuals(full)
@@ -293,35 +300,47 @@ def fit_gyroscope(poses, rotations, force, noise, *, effects=(), bias=None):
     return replace(result, x=x), model, covariance
 
 
-def gyroscope_model(poses, rotations, force, effects=(), bias=None):
-    """Return the model of the poses' rates and rotations for `effects`, ready to fit."""
-    at_poses = Channels(poses.mid_s, poses.w, force.poses, poses.temperature)
-    m, k = rotations.t.shape
-    along = Channels(
-        rotations.t.ravel(),
-        rotations.w.reshape(-1, 3),
-        force.rotations.reshape(-1, 3),
-        None if rotations.temperature is None else rotations.temperature.ravel(),
-    )
+def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):
+    """Return the model of the poses' rates and rotations, its effects seen with parameters x.
+
+    Parameters
+    ----------
+    recording, force, effects, known, bias
+        As of `fit_gyroscope`.
+    x : array_like, optional
+        Parameters whose K and b give the output that the effects depend on; as logged without.
+    """
+    _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
+    rotations = recording.rotations
+
+    def output(y):
+        return K * (y - b)
+
+    poses = recording.pose_channels("gyroscope", output, force.poses)
+    along = recording.rotation_channels("gyroscope", output, force.rotations)
+    design, shape = effect_design(effects, along), rotations.w.shape
     return GyroscopeModel(
-        rate=poses.w,
-        rate_design=effect_design(effects, at_poses),
+        rate=recording.poses.w,
+        rate_design=effect_design(effects, poses),
         rotations=rotations,
-        rotation_design=effect_design(effects, along).reshape(m, k, 3, -1),
+        rotation_design=design.reshape(*shape, -1) if effects else np.zeros((*shape, 0)),
         directions=force.poses / np.linalg.norm(force.poses, axis=1, keepdims=True),
         bias=None if bias is None else np.asarray(bias, dtype=float),
+        rate_known=sum(effect.output(poses) for effect in known),
+        rotation_known=sum(effect.output(along).reshape(shape) for effect in known),
     )
 
 
-def untestable_gyroscope(poses, rotations, force, largest_condition):
+def untestable_gyroscope(recording, force, largest_condition):
     """Return why the rotations do not determine T and K, or None if they do."""
+    rotations = recording.rotations
     needed = 5
     if len(rotations) < needed:
         return (
             f"{len(rotations)} rotations between poses found, at least {needed} needed for the "
             f"9 parameters of misalignment and scale factor"
         )
-    model = gyroscope_model(poses, rotations, force)
+    model = gyroscope_model(recording, force)
     jacobian = model.rotation_errors(model.start())[1].reshape(-1, 12)[:, :9]
     condition = condition_number(jacobian, np.ones(9))
     if condition > largest_condition:

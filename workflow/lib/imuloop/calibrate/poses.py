@@ -1,6 +1,6 @@
 """Poses and the rotations between them, gathered from the segments of all sessions."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -28,7 +28,7 @@ class Poses:
     variance : ndarray, shape (n, 6)
         Sample variance of the six channels within the pose.
     temperature : ndarray, shape (n,), or None
-        Mean temperature, degC; None unless every pose has one.
+        Mean temperature, degC; None unless every session logs one.
     """
 
     session: np.ndarray
@@ -46,7 +46,7 @@ class Poses:
 
     def select(self, keep):
         """Return the poses of an index or mask."""
-        return _selected(self, keep)
+        return selected(self, keep)
 
     @property
     def mid_s(self):
@@ -136,36 +136,10 @@ class Rotations:
 
     def select(self, keep):
         """Return the rotations of an index or mask."""
-        return _selected(self, keep)
+        return selected(self, keep)
 
 
-@dataclass(frozen=True)
-class Recording:
-    """The poses and rotations of all usable sessions of one kind.
-
-    Attributes
-    ----------
-    poses : Poses
-        Poses.
-    rotations : Rotations
-        Rotations between them.
-    """
-
-    poses: Poses
-    rotations: Rotations
-
-    def select(self, keep):
-        """Return the poses of a mask and the rotations with both ends among them."""
-        keep = np.asarray(keep)
-        first = self.rotations.first
-        inside = keep[first] & keep[first + 1]
-        rotations = self.rotations.select(inside)
-        # neighbours that were both kept stay neighbours
-        renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
-        return Recording(self.poses.select(keep), renumbered)
-
-
-def _selected(table, keep):
+def selected(table, keep):
     """Return a copy of a dataclass of arrays with the chosen rows."""
     columns = {f.name: getattr(table, f.name) for f in fields(table)}
     return type(table)(**{k: None if v is None else v[keep] for k, v in columns.items()})
@@ -196,8 +170,6 @@ def gather_poses(segments):
     def vectors(channels):
         return np.array([pooled(f"{c}_mean") for c in channels]).T.reshape(len(rows), len(channels))
 
-    logged = [g for _, g in rows if f"{TEMPERATURE}_mean" in g]
-    temperature = pooled(f"{TEMPERATURE}_mean") if rows and len(logged) == len(rows) else None
     variance = [[np.average(g[f"{c}_std"] ** 2, weights=g["n"]) for c in CHANNELS] for _, g in rows]
     return Poses(
         session=np.array([s for s, _ in rows], dtype=int),
@@ -208,7 +180,7 @@ def gather_poses(segments):
         f=vectors(ACCELERATION),
         w=vectors(ANGULAR_RATE),
         variance=np.array(variance).reshape(len(rows), len(CHANNELS)),
-        temperature=None if temperature is None or np.isnan(temperature).any() else temperature,
+        temperature=None,
     )
 
 

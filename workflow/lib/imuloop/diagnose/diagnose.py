@@ -10,7 +10,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import CHANNELS, TIME, read_samples
 from imuloop.core.segments import read_segments
-from imuloop.diagnose.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.static_record import diagnose_static, window_means
 
@@ -66,7 +66,10 @@ def diagnose_device(
     force_model = AccelerometerPoses(
         model, gravity, multi.accelerometer.raw_unit, calibrate_settings
     )
-    force, force_solution = diagnose_poses(force_model, recording, settings)
+    tests = settings.family * sum(
+        len(pose_candidates(sensor, recording)[0]) for sensor in ("accelerometer", "gyroscope")
+    )
+    force, force_solution = diagnose_poses(force_model, recording, settings, tests)
     force_effects = force_solution.effects if force_solution else ()
     turn_model = GyroscopePoses(
         force_model,
@@ -74,7 +77,7 @@ def diagnose_device(
         force_effects,
         multi.gyroscope.raw_unit,
     )
-    turn, turn_solution = diagnose_poses(turn_model, recording, settings)
+    turn, turn_solution = diagnose_poses(turn_model, recording, settings, tests)
     # a calibration that the diagnosis did not change stays the one of its stage, to the last bit
     final = replace(
         base,

@@ -1,17 +1,21 @@
 """Diagnose a sensor at the poses."""
 
-from dataclasses import replace
+from dataclasses import asdict
 
 import numpy as np
 
+from imuloop.diagnose.correlates import correlates, probes
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.search import (
+    Search,
     candidates,
-    detection_limit,
-    hold_out,
+    floor_variance,
+    folds,
+    held_out,
     ratio_interval,
-    search,
 )
+from imuloop.diagnose.trial import detection_limit
+from imuloop.diagnose.twins import imitated, interchangeable
 from imuloop.diagnose.verdict import NOTHING, UNTRIED, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
@@ -19,7 +23,16 @@ from imuloop.diagnose.verdict import NOTHING, UNTRIED, verdict
 KINDS = 3
 
 
-def diagnose_poses(model, recording, settings):
+def pose_candidates(sensor, recording):
+    """Return what `candidates` does for a sensor at the poses; nothing to try without poses."""
+    poses = recording.poses
+    if not len(poses):
+        return {}, {}
+    other = poses.w if sensor == "accelerometer" else poses.f
+    return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
+
+
+def diagnose_poses(model, recording, settings, tests=None):
     """Diagnose one sensor at the poses.
 
     Parameters
@@ -30,6 +43,8 @@ def diagnose_poses(model, recording, settings):
         Poses and rotations.
     settings : DiagnoseSettings
         Settings.
+    tests : int, optional
+        Number of tests that share the significance; this sensor's own by default.
 
     Returns
     -------
@@ -39,92 +54,187 @@ def diagnose_poses(model, recording, settings):
     reason = model.untestable(recording)
     if reason:
         return {"verdict": "not_testable", "why": reason, **NOTHING}, None
-    available, missing = candidates(model.sensor, recording)
-    base, found, trials = search(model, recording, available, settings.significance)
-    held = hold_out(model, recording, base, available, settings)
-    if held is None:
+    available, others = pose_candidates(model.sensor, recording)
+    known = {type(effect.effect) for effect in model.known}
+    available = {cls: shapes for cls, shapes in available.items() if cls not in known}
+    tests = tests or len(available)
+    everything = np.ones(len(recording.poses), dtype=bool)
+    whole = Search(model, recording, everything, available, settings, tests)
+    searches = folds(model, recording, available, settings, tests)
+    if searches is None:
         reason = f"{len(recording.poses)} poses do not determine the model with a part held out"
-        return {"verdict": "not_testable", "why": reason, **NOTHING}, base
-    main = held[model.headline]
-    ratio = ratio_interval(main, settings)
-    # on held-out data an effect that is there lowers the error for certain
-    added = found.effects if ratio[1] < 1 else ()
-    final = found if added else base
-    if not added:
-        held = {kind: replace(h, after=h.before) for kind, h in held.items()}
-    listed = [
-        _candidate(t, added, ratio, main, model.headline, settings, trials) for t in trials.values()
-    ]
-    listed += [
-        {"name": effect.name, "status": "not_available", "why": why, **UNTRIED}
-        for effect, why in missing.items()
-    ]
+        return {"verdict": "not_testable", "why": reason, **NOTHING}, whole.step().solution
+
+    effects, entries, failed = _chosen(whole, searches)
+    base, final = whole.step(), whole.step(effects)
+    before = [s.errors() for s in searches]
+    # the choice of effects is made again in each fold
+    after = [s.errors(s.greedy()[0]) for s in searches] if effects else before
+    held = held_out(before, after)
+    variance = floor_variance(base, searches)
+
     share = settings.significance / KINDS
-    above = [any(r.above_floor(share) for r in s.residuals.values()) for s in (base, final)]
+    above = [
+        any(r.above_floor(share) for r in s.solution.residuals.values()) for s in (base, final)
+    ]
+    fitted = final.solution.calibration.effects[len(model.known) :]
     content = {
-        "verdict": verdict(*above, added),
+        "verdict": verdict(*above, effects),
         "residuals": {
             kind: {
-                "unit": base.residuals[kind].unit,
+                "unit": base.solution.residuals[kind].unit,
                 "n": len(h.before),
-                "floor": h.floor,
+                "floor": float(np.sqrt(variance[kind].sum(axis=1).mean())),
                 "before": size(h.before),
                 "after": size(h.after),
-                "in_sample_before": size(base.residuals[kind].values),
-                "in_sample_after": size(final.residuals[kind].values),
-                "chi2_before": base.residuals[kind].reduced_chi2,
-                "chi2_after": final.residuals[kind].reduced_chi2,
+                "in_sample_before": size(base.solution.residuals[kind].values),
+                "in_sample_after": size(final.solution.residuals[kind].values),
+                "chi2_before": base.solution.residuals[kind].reduced_chi2,
+                "chi2_after": final.solution.residuals[kind].reduced_chi2,
             }
             for kind, h in held.items()
         },
         "effects": [
             {
-                "name": fitted.name,
-                "parameters": fitted.values,
-                "std": fitted.std,
-                "units": effect.parameters,
-                "p_value": trials[effect].p_value,
-                "residual": model.headline,
-                "heldout_before": size(main.before),
-                "heldout_after": size(main.after),
+                **effect.to_dict(),
+                "units": dict(effect.effect.parameters),
+                **entry,
+            }
+            for effect, entry in zip(fitted, entries, strict=True)
+        ],
+        "candidates": [
+            *(_candidate(cls, whole, searches, effects, failed, settings) for cls in available),
+            *(
+                {"name": cls.name, "status": "added", "why": "found in the static record"} | UNTRIED
+                for cls in known
+            ),
+            *(
+                {"name": cls.name, "status": status, "why": why, **UNTRIED}
+                for cls, (status, why) in others.items()
+            ),
+        ],
+        "confounded": imitated(_patterns(base)),
+        "correlates": correlates(final.white, final.linear, probes(recording, model.sensor)),
+        "points": _points(recording, held, variance),
+    }
+    return content, final.solution
+
+
+def _chosen(whole, searches):
+    """Return the effects that lower the residual, in the fit and on held-out poses.
+
+    Returns
+    -------
+    tuple of Effect
+        In the order in which they were added.
+    list of dict
+        For each what the contract says of it, beside its parameters.
+    dict of type to list of float
+        Interval of the ratio of held-out errors of effects that passed the test alone.
+    """
+    found, failed = whole.greedy()
+    entries = []
+    for count, effect in enumerate(found):
+        effects = found[:count]
+        trial = whole.step(effects).trials[type(effect)]
+        kind = whole.kind(effects, trial)
+        # the folds' own fits, each with its own shapes
+        before, after = (
+            [s.errors(s.shaped(map(type, chosen))) for s in searches]
+            for chosen in (effects, found[: count + 1])
+        )
+        held = held_out(before, after)[kind]
+        ratio = ratio_interval(held, whole.settings)
+        if ratio[1] >= 1:
+            return effects, entries, failed | {type(effect): ratio}
+        entries.append(
+            {
+                "p_value": trial.p_value,
+                "residual": kind,
+                "heldout_before": size(held.before),
+                "heldout_after": size(held.after),
                 "ratio_ci95": ratio,
             }
-            for effect, fitted in zip(added, final.calibration.effects, strict=True)
-        ],
-        "candidates": listed,
-        "points": _points(recording, held),
-    }
-    return content, final
+        )
+    return found, entries, failed
 
 
-def _candidate(tried, added, ratio, main, headline, settings, trials):
+def _patterns(step):
+    """Return the whitened patterns of each effect that was tried, one a shape."""
+    patterns = {}
+    for shape, raw in zip(step.linear.shapes, step.white.columns, strict=True):
+        if type(shape) in step.trials:
+            patterns.setdefault(shape.name, []).append(step.white.left(raw))
+    return patterns
+
+
+def _candidate(cls, whole, searches, effects, failed, settings):
     """Return what the contract holds of one candidate."""
-    if tried.effect in added:
+    classes = [type(effect) for effect in effects]
+    base, final = whole.step(), whole.step(effects)
+    if cls in classes:
+        at = whole.step(effects[: classes.index(cls)])
         status, why = "added", "lowers the residual in the fit and on held-out poses"
-    elif tried.p_value >= settings.significance / len(trials):
-        status, why = "rejected", "the residual does not fall by more than chance"
     else:
-        status = "rejected"
-        why = f"held-out error does not fall for certain: ratio {ratio[0]:.3f} to {ratio[1]:.3f}"
+        at = final
+        status, why = "rejected", "the residual does not fall by more than chance"
+    trial = at.trials.get(cls)
+    if trial is None:
+        why = at.reasons[cls]
+        return {"name": cls.name, "status": "not_observable", "why": why, **UNTRIED}
+    twin = None
+    if cls in failed:
+        low, high = failed[cls]
+        why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
+    elif trial.impossible:
+        why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
+    elif cls not in classes:
+        twin = _twin(cls, whole, effects)
+        if twin:
+            status = "confounded"
+            why = f"in these data it could stand in for {twin}: neither adds to the other"
+    kind = whole.kind(at.solution.effects, trial)
+    alone = held_out([s.errors() for s in searches], [s.errors_alone(cls) for s in searches])
     return {
-        "name": tried.effect.name,
+        "name": cls.name,
         "status": status,
         "why": why,
-        "residual": headline,
-        "p_value": tried.p_value,
-        "heldout_after": size(main.after),
-        "detection_limit": detection_limit(tried, settings, len(trials)),
+        "residual": kind,
+        "p_value": trial.p_value,
+        "heldout_after": size(alone[kind].after) if cls in base.trials else None,
+        "constants": asdict(trial.effect),
+        "confounded_with": twin,
+        "detection_limit": detection_limit(trial, len(whole.available[cls]), settings, whole.tests),
+        "units": dict(trial.effect.parameters),
     }
 
 
-def _points(recording, held):
+def _twin(cls, whole, effects):
+    """Return the name of an added effect that a candidate could stand in for, or None."""
+    final = whole.step(effects)
+    columns = [
+        c
+        for shape, c in zip(final.linear.shapes, final.white.columns, strict=True)
+        if type(shape) is cls
+    ]
+    end = len(final.solution.x)
+    for effect in reversed(effects):
+        added = slice(end - len(effect.parameters), end)
+        values = final.solution.x[added]
+        if interchangeable(final.white, added, values, columns, whole.threshold(effects)):
+            return effect.name
+        end = added.start
+    return None
+
+
+def _points(recording, held, variance):
     """Return one entry a pose or rotation, for pictures: held-out size before and after."""
     poses = recording.poses
     direction = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
     points = []
     for kind, h in held.items():
         of_pose = recording.rotations.first if kind == "rotation" else np.arange(len(poses))
-        floor = np.sqrt(h.variance.sum(axis=1))
+        floor = np.sqrt(variance[kind].sum(axis=1))
         # the norm of gravity is too large or too small; the others have a size alone
         signed = h.before.shape[1] == 1
         before, after = (

@@ -8,12 +8,13 @@ from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import in_raw_units
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import Effect, FittedEffect
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
-from imuloop.diagnose import residuals
 from imuloop.diagnose.residuals import Residual, judge
+from imuloop.diagnose.trial import Linear
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,10 @@ class Solution:
 
     Attributes
     ----------
-    effects : tuple of type
-        Classes of the effects in the fit.
+    effects : tuple of Effect
+        The effects that were estimated.
+    x : ndarray, shape (p,)
+        Parameters of the base model, then the effects', SI as logged.
     calibration : SensorCalibration
         Fitted calibration.
     accelerometer : SensorCalibration
@@ -36,11 +39,10 @@ class Solution:
         Predicted covariance of all residuals, kind after kind.
     jacobian : ndarray, shape (n, p)
         Their derivative with respect to all parameters.
-    parameters : ndarray, shape (p, p)
-        Covariance of all parameters from the noise alone.
     """
 
-    effects: tuple
+    effects: tuple[Effect, ...]
+    x: np.ndarray
     calibration: SensorCalibration
     accelerometer: SensorCalibration
     chi2: float
@@ -48,7 +50,15 @@ class Solution:
     residuals: dict[str, Residual]
     covariance: np.ndarray
     jacobian: np.ndarray
-    parameters: np.ndarray
+
+
+def linear(values, jacobian, parameters, shapes, kinds, components):
+    """Return the `Linear` of residuals whose derivative holds the shapes' columns at its end."""
+    widths = [len(shape.parameters) for shape in shapes]
+    columns = np.split(jacobian[:, parameters:], np.cumsum(widths)[:-1], axis=1) if shapes else ()
+    return Linear(
+        values, jacobian[:, :parameters], tuple(shapes), tuple(columns), kinds, components
+    )
 
 
 @dataclass(frozen=True)
@@ -65,15 +75,16 @@ class AccelerometerPoses:
         Unit of the log.
     settings : CalibrateSettings
         Settings of the calibration.
+    known : tuple of FittedEffect
+        Effects of the accelerometer that are known from elsewhere.
     """
 
     noise: NoiseModel
     gravity: float
     unit: RawUnit
     settings: CalibrateSettings
+    known: tuple[FittedEffect, ...] = ()
     sensor = "accelerometer"
-    # the residual that a ranking of effects goes by
-    headline = "gravity_norm"
 
     def untestable(self, recording):
         """Return why the data determine no calibration, or None."""
@@ -84,7 +95,9 @@ class AccelerometerPoses:
     def fit(self, recording, effects=()):
         """Return the Solution for a recording."""
         means = recording.poses.mean_covariance(self.noise)[:3]
-        fit, model = accelerometer.fit_accelerometer(recording.poses, means, self.gravity, effects)
+        fit, model = accelerometer.fit_accelerometer(
+            recording, means, self.gravity, effects, self.known
+        )
         calibration = in_raw_units(
             self.unit,
             accelerometer.NAMES,
@@ -92,6 +105,7 @@ class AccelerometerPoses:
             fit.scaled_covariance,
             method="multi_position",
             effects=effects,
+            known=self.known,
             reduced_chi2=fit.reduced_chi2,
         )
         predicted = model.covariance(fit.x, means)
@@ -99,6 +113,7 @@ class AccelerometerPoses:
         residual = judge("m/s^2", values, predicted, fit.jacobian, fit.covariance)
         return Solution(
             tuple(effects),
+            fit.x,
             calibration,
             calibration,
             fit.chi2,
@@ -106,13 +121,19 @@ class AccelerometerPoses:
             {"gravity_norm": residual},
             predicted,
             fit.jacobian,
-            fit.covariance,
         )
 
-    def errors(self, solution, recording):
-        """Return the residuals of any recording and, for each, the poses it starts and ends at."""
-        values = residuals.gravity_norm(solution.calibration, self.gravity, recording.poses)
-        return {"gravity_norm": (values, np.arange(len(values))[:, None].repeat(2, axis=1))}
+    def linearise(self, solution, recording, shapes=()):
+        """Return the residuals of any recording, linear about a solution and in more effects."""
+        effects = (*solution.effects, *shapes)
+        model = accelerometer.accelerometer_model(
+            recording, self.gravity, solution.x, effects, self.known
+        )
+        p, n = len(solution.x), len(recording.poses)
+        x = np.concatenate([solution.x, np.zeros(9 + model.design.shape[2] - p)])
+        values, jacobian = model.residuals(x)
+        kinds = {"gravity_norm": np.arange(n)[:, None].repeat(2, axis=1)}
+        return linear(values, jacobian, p, shapes, kinds, {"gravity_norm": 1})
 
 
 @dataclass(frozen=True)
@@ -126,18 +147,20 @@ class GyroscopePoses:
     fallback : SensorCalibration or None
         Calibration of the accelerometer from elsewhere, where all poses together determine none;
         else None: each fit calibrates the accelerometer with its own poses, held-out ones unseen.
-    force_effects : tuple of type
+    force_effects : tuple of Effect
         Effects that the accelerometer's model has.
     unit : RawUnit
         Unit of the log.
+    known : tuple of FittedEffect
+        Effects of the gyroscope that are known from elsewhere.
     """
 
     force: AccelerometerPoses
     fallback: SensorCalibration | None
-    force_effects: tuple
+    force_effects: tuple[Effect, ...]
     unit: RawUnit
+    known: tuple[FittedEffect, ...] = ()
     sensor = "gyroscope"
-    headline = "pose_rate"
 
     def _force(self, recording):
         if self.fallback is not None:
@@ -152,24 +175,18 @@ class GyroscopePoses:
             return f"direction of gravity not known: {reason}"
         if reason := recording.poses.unknown_noise(self.force.noise, ANGULAR_RATE):
             return reason
-        force = calibrated_force(
-            self._force(recording), recording.poses, recording.rotations, self.force.noise
-        )
+        force = calibrated_force(self._force(recording), recording, self.force.noise)
         return gyroscope.untestable_gyroscope(
-            recording.poses,
-            recording.rotations,
-            force,
-            self.force.settings.largest_condition,
+            recording, force, self.force.settings.largest_condition
         )
 
     def fit(self, recording, effects=()):
         """Return the Solution for a recording."""
-        poses, rotations = recording.poses, recording.rotations
         noise = self.force.noise
         accelerometer_calibration = self._force(recording)
-        force = calibrated_force(accelerometer_calibration, poses, rotations, noise)
+        force = calibrated_force(accelerometer_calibration, recording, noise)
         fit, model, covariance = gyroscope.fit_gyroscope(
-            poses, rotations, force, noise, effects=effects
+            recording, force, noise, effects=effects, known=self.known
         )
         calibration = in_raw_units(
             self.unit,
@@ -178,9 +195,10 @@ class GyroscopePoses:
             fit.scaled_covariance,
             method="multi_position",
             effects=effects,
+            known=self.known,
             reduced_chi2=fit.reduced_chi2,
         )
-        split = 3 * len(poses)
+        split = 3 * len(recording.poses)
         parts = {
             "pose_rate": ("rad/s", model.pose_rates(fit.x)[0], slice(0, split)),
             "rotation": ("rad", model.rotation_errors(fit.x)[0], slice(split, None)),
@@ -191,6 +209,7 @@ class GyroscopePoses:
         }
         return Solution(
             tuple(effects),
+            fit.x,
             calibration,
             accelerometer_calibration,
             fit.chi2,
@@ -198,18 +217,19 @@ class GyroscopePoses:
             judged,
             covariance,
             fit.jacobian,
-            fit.covariance,
         )
 
-    def errors(self, solution, recording):
-        """Return the residuals of any recording and, for each, the poses it starts and ends at."""
-        force = calibrated_force(
-            solution.accelerometer, recording.poses, recording.rotations, self.force.noise
-        )
-        rates = residuals.pose_rate(solution.calibration, force, recording.poses)
-        turns = residuals.rotation(solution.calibration, force, recording)
+    def linearise(self, solution, recording, shapes=()):
+        """Return the residuals of any recording, linear about a solution and in more effects."""
+        force = calibrated_force(solution.accelerometer, recording, self.force.noise)
+        effects = (*solution.effects, *shapes)
+        model = gyroscope.gyroscope_model(recording, force, solution.x, effects, self.known)
+        p, n = len(solution.x), len(recording.poses)
+        x = np.concatenate([solution.x, np.zeros(12 + model.rate_design.shape[2] - p)])
+        values, jacobian = model.residuals(x)
         first = recording.rotations.first
-        return {
-            "pose_rate": (rates, np.arange(len(rates))[:, None].repeat(2, axis=1)),
-            "rotation": (turns, np.column_stack([first, first + 1])),
+        kinds = {
+            "pose_rate": np.arange(n)[:, None].repeat(2, axis=1),
+            "rotation": np.column_stack([first, first + 1]),
         }
+        return linear(values, jacobian, p, shapes, kinds, {"pose_rate": 3, "rotation": 2})

@@ -1,13 +1,10 @@
 """Residuals at the poses: what the calibrated output still lacks, against its floor."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
-
-from imuloop.calibrate.gyroscope import gyroscope_model
-from imuloop.core.effect import Channels
 
 
 @dataclass(frozen=True)
@@ -94,34 +91,6 @@ def held_out_variance(covariance, jacobian, seen, held):
     shared = np.einsum("hs,hs->h", ahead @ gain, covariance[np.ix_(held, seen)])
     own = np.einsum("hp,pq,hq->h", ahead, parameters, ahead)
     return np.diag(covariance)[held] - 2 * shared + own
-
-
-def gravity_norm(calibration, gravity, poses):
-    """Return ``|x| - g`` of calibrated specific force at each pose, m/s^2, shape (n, 1)."""
-    channels = Channels(poses.mid_s, calibration.output(poses.f), poses.w, poses.temperature)
-    force = calibration.apply(poses.f, channels)
-    return (np.linalg.norm(force, axis=1) - gravity)[:, None]
-
-
-def pose_rate(calibration, force, poses):
-    """Return the calibrated mean angular rate at each pose, rad/s, shape (n, 3)."""
-    channels = Channels(poses.mid_s, calibration.output(poses.w), force.poses, poses.temperature)
-    return calibration.apply(poses.w, channels)
-
-
-def rotation(calibration, force, recording):
-    """Return the error of gravity's direction after each rotation, rad, shape (m, 2)."""
-    poses, rotations = recording.poses, recording.rotations
-    flat = rotations.w.reshape(-1, 3)
-    channels = Channels(
-        rotations.t.ravel(),
-        calibration.output(flat),
-        force.rotations.reshape(-1, 3),
-        None if rotations.temperature is None else rotations.temperature.ravel(),
-    )
-    calibrated = replace(rotations, w=calibration.apply(flat, channels).reshape(rotations.w.shape))
-    model = gyroscope_model(poses, calibrated, force, bias=np.zeros(3))
-    return model.rotation_errors(model.start())[0]
 
 
 def size(values):

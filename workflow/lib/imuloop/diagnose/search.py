@@ -1,32 +1,231 @@
-"""The search for effects: test, add the best that passes, refit, and measure on held-out data."""
+"""The search for effects: test, add the best that passes, refit; and on held-out data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2, f, ncx2
+from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.core.effect import Effect
 from imuloop.diagnose.residuals import held_out_variance
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.trial import Linear, Trial, White, try_shapes
+
+
+def candidates(sensor, record, channels):
+    """Return the effects to try on a sensor, each with its shapes, and why others are not.
+
+    Parameters
+    ----------
+    sensor : {'accelerometer', 'gyroscope'}
+        Sensor.
+    record : {'poses', 'static_record'}
+        Kind of data.
+    channels : Channels
+        What the effects see in them.
+
+    Returns
+    -------
+    dict of type to tuple of Effect
+        The shapes of each effect that can be tried.
+    dict of type to (str, str)
+        Status and reason of those that cannot.
+    """
+    available, others = {}, {}
+    for cls in Effect.library.values():
+        if sensor not in cls.sensors or (record not in cls.records and not cls.unobservable):
+            continue
+        if cls.unobservable:
+            others[cls] = ("not_observable", cls.unobservable)
+        elif "temperature" in cls.needs and channels.temperature is None:
+            others[cls] = ("not_available", "not every session logs a temperature")
+        else:
+            available[cls] = tuple(cls.shapes(channels))
+    return available, others
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One candidate tested against the model without it.
+class Step:
+    """A fit, and what every other candidate would add to it.
 
     Attributes
     ----------
-    effect : type
-        Class of the effect.
-    p_value : float
-        Of the F test that all its parameters are zero.
     solution : Solution
-        The fit with it.
+        The fit to the poses that were kept.
+    linear : Linear
+        Residuals of all poses about it, held-out ones too.
+    seen : ndarray of bool, shape (N,)
+        The residuals of the fit.
+    white : White
+        Those, whitened.
+    trials : dict of type to Trial
+        The candidates, effects of the fit left out.
+    reasons : dict of type to str
+        Why there is no trial of the others.
     """
 
-    effect: type
-    p_value: float
     solution: object
+    linear: Linear
+    seen: np.ndarray
+    white: White
+    trials: dict[type, Trial]
+    reasons: dict[type, str]
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search that sees some poses only, and predicts the others.
+
+    Attributes
+    ----------
+    model : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    recording : Recording
+        All poses and rotations.
+    keep : ndarray of bool, shape (n,)
+        The poses that the search sees, and with them the rotations between two of them.
+    available : dict of type to tuple of Effect
+        Effects to choose from, in their shapes.
+    settings : DiagnoseSettings
+        Settings.
+    tests : int
+        Number of tests of the family, these candidates among them.
+    """
+
+    model: object
+    recording: object
+    keep: np.ndarray
+    available: dict[type, tuple]
+    settings: DiagnoseSettings
+    tests: int
+    _steps: dict = field(default_factory=dict)
+
+    def step(self, effects=()):
+        """Return the fit with some effects, and the trials of all others."""
+        if effects not in self._steps:
+            seen_only = self.recording.select(self.keep)
+            solution = self.model.fit(seen_only, effects)
+            used = set(map(type, effects))
+            shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
+            linear = self.model.linearise(solution, self.recording, shapes)
+            seen = linear.rows(lambda poses: np.all(self.keep[poses], axis=1))
+            white = White.of(linear, seen, solution.covariance)
+            trials, reasons = try_shapes(white, shapes)
+            self._steps[effects] = Step(solution, linear, seen, white, trials, reasons)
+        return self._steps[effects]
+
+    def threshold(self, effects):
+        """Return the largest p-value that passes beside some effects: Holm's steps."""
+        return self.settings.significance / max(1, self.tests - len(effects))
+
+    def best(self, effects, banned=()):
+        """Return the trial that passes with the smallest p-value beside some effects, or None."""
+        trials = [
+            t
+            for cls, t in self.step(effects).trials.items()
+            if cls not in banned and not t.impossible
+        ]
+        passing = [t for t in trials if t.log_p < np.log(self.threshold(effects))]
+        return min(passing, key=lambda t: (t.log_p, -t.drop), default=None)
+
+    def greedy(self):
+        """Return the effects to add, the best first, and those that passed the test alone.
+
+        An effect is added if it passes the test and lowers the error of poses that are held out
+        of the ones seen here, each part predicted by the others.
+
+        Returns
+        -------
+        tuple of Effect
+            Added, each in its best shape.
+        dict of type to list of float
+            Interval of the ratio of held-out errors of those that were not.
+        """
+        effects, failed = (), {}
+        while best := self.best(effects, failed):
+            ratio = self.gate(effects, best)
+            if ratio[1] < 1:
+                effects += (best.effect,)
+            else:
+                failed[type(best.effect)] = ratio
+        return effects, failed
+
+    def gate(self, effects, trial):
+        """Return the interval of held-out error with a trial's effect over that without.
+
+        In the kind of residual where the effect shows most; the residuals are taken as linear in
+        all parameters, which are estimated again without each part.
+        """
+        step = self.step(effects)
+        linear, kind = step.linear, self.kind(effects, trial)
+        base, wide = (
+            linear.jacobian,
+            np.column_stack([linear.jacobian, linear.columns[trial.column]]),
+        )
+        kept = np.flatnonzero(self.keep)
+        part = np.full(len(self.keep), -1)
+        part[kept] = self._parts(len(kept))
+        place = np.cumsum(step.seen) - 1
+        before, after = [], []
+        for k in range(part.max() + 1):
+            training = step.seen & linear.rows(lambda poses, k=k: np.all(part[poses] != k, axis=1))
+            held = step.seen & linear.rows(lambda poses, k=k: part[poses[:, 0]] == k)
+            covariance = step.solution.covariance[np.ix_(place[training], place[training])]
+            root = cholesky(covariance, lower=True)
+            for errors, jacobian in ((before, base), (after, wide)):
+                values = np.full(len(held), np.nan)
+                values[held] = _predicted(root, linear.values, jacobian, training)[held]
+                v = linear.split(values)[kind]
+                errors.append({kind: v[np.isfinite(v[:, 0])]})
+        return ratio_interval(held_out(before, after)[kind], self.settings)
+
+    def _parts(self, n):
+        count = min(self.settings.folds, n)
+        return np.arange(n) * count // n
+
+    def kind(self, effects, trial):
+        """Return the kind of residual in which a trial's effect shows most."""
+        step = self.step(effects)
+        signal = np.zeros(len(step.seen))
+        signal[step.seen] = trial.pattern @ trial.values
+        parts = step.linear.split(signal)
+        return max(parts, key=lambda kind: (parts[kind] ** 2).sum())
+
+    def shaped(self, classes):
+        """Return given effects in the shapes that are best here; those that cannot be are left."""
+        effects = ()
+        for cls in classes:
+            trial = self.step(effects).trials.get(cls)
+            effects += (trial.effect,) if trial else ()
+        return effects
+
+    def errors(self, effects=()):
+        """Return the residuals of the poses that were not seen, by kind, shape (n, k)."""
+        linear = self.step(effects).linear
+        return self._held(linear, linear.values)
+
+    def errors_alone(self, cls):
+        """Return the same with one candidate added, every parameter refitted in one step."""
+        step = self.step()
+        trial = step.trials.get(cls)
+        values = step.linear.values
+        if trial:
+            column = step.linear.columns[trial.column]
+            values = values + step.linear.jacobian @ trial.step + column @ trial.values
+        return self._held(step.linear, values)
+
+    def _held(self, linear, values):
+        return {
+            kind: v[~self.keep[linear.kinds[kind][:, 0]]]
+            for kind, v in linear.split(values).items()
+        }
+
+
+def _predicted(root, values, jacobian, training):
+    """Return residuals of all rows with the parameters refitted to the training rows."""
+    size = np.linalg.norm(jacobian[training], axis=0)
+    scaled = jacobian / np.where(size > 0, size, 1.0)
+    white = solve_triangular(root, np.column_stack([values, scaled])[training], lower=True)
+    return values - scaled @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=1e-9)[0]
 
 
 @dataclass(frozen=True)
@@ -38,175 +237,74 @@ class HeldOut:
     fold : ndarray of int, shape (n,)
         Which part each residual was held out with.
     before, after : ndarray, shape (n, k)
-        Errors of models that never saw that part: without effects, and with the effects that a
-        search on the other parts alone chose.
-    variance : ndarray, shape (n, k)
-        Of the errors before, from the noise alone.
+        Errors of models that never saw that part: with fewer effects, and with more.
     """
 
     fold: np.ndarray
     before: np.ndarray
     after: np.ndarray
-    variance: np.ndarray
-
-    @property
-    def floor(self):
-        """Root mean square of the error's size that the noise alone gives."""
-        return float(np.sqrt(self.variance.sum(axis=1).mean()))
 
 
-def candidates(sensor, recording):
-    """Return the effects of the library that a sensor can have, and why some cannot be tested."""
-    available, missing = [], {}
-    for effect in Effect.library.values():
-        if sensor not in effect.sensors:
-            continue
-        if "temperature" in effect.needs and recording.poses.temperature is None:
-            missing[effect] = "not every pose has a temperature"
-        else:
-            available.append(effect())
-    return available, missing
+def folds(model, recording, available, settings, tests):
+    """Return one search for each part of the poses that is held out.
 
-
-def trial(model, recording, solution, effect):
-    """Test one effect against a solution without it.
-
-    ``F = ((χ²₀ - χ²₁) / q) / max(1, χ²₁ / ν₁)`` with q parameters: the noise model sets the
-    scale, and where the residual exceeds it even with the effect, the residual does.
+    The parts follow each other in time. Model and choice of effects see only the other poses and
+    the rotations between them; a rotation belongs to the part of the pose that it starts from.
+    None where the other parts alone do not determine a calibration.
     """
-    wider = model.fit(recording, (*solution.effects, effect))
-    q = len(effect.parameters)
-    scale = max(1.0, wider.chi2 / wider.dof) if wider.dof > 0 else np.inf
-    statistic = max(0.0, solution.chi2 - wider.chi2) / q / scale
-    return Trial(effect, float(f.sf(statistic, q, max(wider.dof, 1))), wider)
+    n = len(recording.poses)
+    count = min(settings.folds, n)
+    part = np.arange(n) * count // n
+    searches = [
+        Search(model, recording, part != k, available, settings, tests) for k in range(count)
+    ]
+    if any(model.untestable(recording.select(s.keep)) for s in searches):
+        return None
+    return searches
 
 
-def search(model, recording, available, significance):
-    """Add the best effect that passes until none does.
-
-    Holm's first step: the smallest of m p-values is held against ``significance / m``, m the
-    number of candidates that are left.
-
-    Returns
-    -------
-    Solution, Solution, dict of type to Trial
-        Without effects, with those that passed, and the last trial of every candidate.
-    """
-    base = solution = model.fit(recording)
-    last = {}
-    left = list(available)
-    while left:
-        trials = [trial(model, recording, solution, effect) for effect in left]
-        last.update({t.effect: t for t in trials})
-        best = min(trials, key=lambda t: t.p_value)
-        if best.p_value >= significance / len(left):
-            break
-        solution = best.solution
-        left.remove(best.effect)
-    return base, solution, last
+def held_out(before, after):
+    """Return the HeldOut of each kind from lists, one entry a fold, of errors by kind."""
+    return {
+        kind: HeldOut(
+            np.concatenate([np.full(len(e[kind]), k) for k, e in enumerate(before)]),
+            *(np.concatenate([e[kind] for e in errors]) for errors in (before, after)),
+        )
+        for kind in before[0]
+    }
 
 
-def hold_out(model, recording, whole, available, settings):
-    """Return the held-out errors of every kind of residual.
-
-    The poses are split into parts that follow each other in time. For each, model and choice of
-    effects see only the other poses and the rotations between them; a rotation belongs to the
-    part of the pose that it starts from.
+def floor_variance(whole, searches):
+    """Return the variance, by kind, (n, k), that the noise alone gives the errors before.
 
     Parameters
     ----------
-    model : AccelerometerPoses or GyroscopePoses
-        How the sensor is fitted.
-    recording : Recording
-        Poses and rotations.
-    whole : Solution
-        Fit of all poses without effects: its covariance and derivative give the floor.
-    available : sequence of type
-        Effects to choose from.
-    settings : DiagnoseSettings
-        Settings.
-
-    Returns
-    -------
-    dict of str to HeldOut, or None
-        None where the other parts alone do not determine a calibration.
+    whole : Step
+        Fit of all poses without effects: its covariance and derivative.
+    searches : list of Search
+        The folds.
     """
-    n = len(recording.poses)
-    folds = min(settings.folds, n)
-    part = np.arange(n) * folds // n
-    collected = {}
-    for fold in range(folds):
-        training = recording.select(part != fold)
-        if model.untestable(training):
-            return None
-        base, solution, _ = search(model, training, available, settings.significance)
-        before, after = (model.errors(s, recording) for s in (base, solution))
-        floor = _floor(whole, before, part, fold)
-        for kind, (values, poses) in before.items():
-            held = part[poses[:, 0]] == fold
-            entry = collected.setdefault(kind, ([], [], [], []))
-            entry[0].append(np.full(held.sum(), fold))
-            entry[1].append(values[held])
-            entry[2].append(after[kind][0][held])
-            entry[3].append(floor[kind])
-    return {
-        kind: HeldOut(*(np.concatenate(column) for column in columns))
-        for kind, columns in collected.items()
-    }
-
-
-def _floor(whole, errors, part, fold):
-    """Return the variance of the errors of one part, by kind of residual."""
-    seen, held = [], []
-    for values, poses in errors.values():
-        k = values.shape[1]
-        seen.append(np.repeat(np.all(part[poses] != fold, axis=1), k))
-        held.append(np.repeat(part[poses[:, 0]] == fold, k))
-    variance = held_out_variance(
-        whole.covariance, whole.jacobian, np.concatenate(seen), np.concatenate(held)
-    )
-    counts = np.cumsum([h.sum() for h in held])[:-1]
-    return {
-        kind: piece.reshape(-1, values.shape[1])
-        for (kind, (values, _)), piece in zip(
-            errors.items(), np.split(variance, counts), strict=True
+    parts = []
+    for search in searches:
+        held = whole.linear.rows(lambda poses, s=search: ~s.keep[poses[:, 0]])
+        seen = whole.linear.rows(lambda poses, s=search: np.all(s.keep[poses], axis=1))
+        variance = np.full(len(held), np.nan)
+        variance[held] = held_out_variance(
+            whole.solution.covariance, whole.solution.jacobian, seen, held
         )
-    }
+        split = whole.linear.split(variance)
+        parts.append({kind: v[np.isfinite(v[:, 0])] for kind, v in split.items()})
+    return {kind: np.concatenate([p[kind] for p in parts]) for kind in parts[0]}
 
 
 def ratio_interval(held, settings):
     """Return the 95 % interval of held-out error after over before, whole parts drawn again."""
-    folds = np.unique(held.fold)
+    parts = np.unique(held.fold)
     sums = np.array(
-        [[(e[held.fold == k] ** 2).sum() for e in (held.before, held.after)] for k in folds]
+        [[(e[held.fold == k] ** 2).sum() for e in (held.before, held.after)] for k in parts]
     )
     draws = np.random.default_rng(settings.seed).integers(
-        len(folds), size=(settings.draws, len(folds))
+        len(parts), size=(settings.draws, len(parts))
     )
     before, after = sums[draws].sum(axis=1).T
     return [float(q) for q in np.quantile(np.sqrt(after / before), [0.025, 0.975])]
-
-
-def detection_limit(tried, settings, tests):
-    """Return the smallest size of each parameter that this log would have shown.
-
-    The noncentrality λ at which a χ² test of q parameters finds the effect with the wanted power
-    gives a size of ``sqrt(λ / (C⁻¹)_kk)`` for a parameter that alone is not zero.
-
-    Parameters
-    ----------
-    tried : Trial
-        The candidate's trial.
-    settings : DiagnoseSettings
-        Significance and power.
-    tests : int
-        Number of candidates that the significance is shared by.
-    """
-    effect, solution = tried.effect, tried.solution
-    q = len(effect.parameters)
-    scale = max(1.0, solution.chi2 / solution.dof)
-    information = np.linalg.inv(solution.parameters[-q:, -q:] * scale)
-    threshold = chi2.isf(settings.significance / tests, q)
-    noncentrality = brentq(lambda x: ncx2.sf(threshold, q, x) - settings.power, 1e-3, 1e3)
-    limits = np.sqrt(noncentrality / np.diag(information))
-    return dict(zip(effect.parameters, limits.tolist(), strict=True))

@@ -11,6 +11,9 @@ class DiagnoseSettings:
     ----------
     significance : float
         Probability of a false alarm of the tests.
+    family : int
+        Devices that are judged as one family: the probability of a false alarm is that of any of
+        them.
     power : float
         Probability with which an effect of the size of its detection limit is found.
     folds : int
@@ -27,6 +30,7 @@ class DiagnoseSettings:
     """
 
     significance: float = 0.05
+    family: int = 1
     power: float = 0.9
     folds: int = 10
     blocks: int = 8

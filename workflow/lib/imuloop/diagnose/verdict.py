@@ -1,9 +1,20 @@
 """The verdict on a residual, in the words of the contract."""
 
 # what a diagnosis holds where nothing could be tested
-NOTHING = {"residuals": {}, "effects": [], "candidates": []}
+NOTHING = {
+    "residuals": {},
+    "effects": [],
+    "candidates": [],
+    "confounded": [],
+    "correlates": [],
+}
 # the figures of a candidate that could not be tried
-UNTRIED = {"p_value": None, "heldout_after": None, "detection_limit": None}
+UNTRIED = {
+    "p_value": None,
+    "heldout_after": None,
+    "detection_limit": None,
+    "confounded_with": None,
+}
 
 
 def verdict(above_before, above_after, effects):

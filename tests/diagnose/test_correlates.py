@@ -1,0 +1,51 @@
+"""What a residual goes with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibrate.devices import ACCELERATION_UNIT, known_noise, recording
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.sphere import fibonacci_lattice
+from imuloop.diagnose.correlates import harmonics
+from imuloop.diagnose.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.pose_models import AccelerometerPoses
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.simulate.truth import example_truth
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+def test_harmonics_are_orthogonal_to_each_other_and_to_lower_degrees(degree):
+    u = fibonacci_lattice(20000)
+    columns = harmonics(u, degree)
+    lower = np.column_stack([harmonics(u, d) for d in range(degree)])
+    gram = columns.T @ columns / len(u)
+    np.testing.assert_allclose(gram, np.diag(np.diag(gram)), atol=2e-4)
+    np.testing.assert_allclose(lower.T @ columns / len(u), 0, atol=2e-4)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(seed):
+    degree = 5
+    pattern = np.random.default_rng(seed).normal(size=2 * degree + 1)
+
+    def extra(channels):
+        u = channels.output / np.linalg.norm(channels.output, axis=1, keepdims=True)
+        return 0.006 * (harmonics(u, degree) @ pattern)[:, None] * u
+
+    truth = example_truth()
+    multi = replace(truth.sessions["multi_position"], poses=70)
+    truth = replace(
+        truth,
+        accelerometer=replace(truth.accelerometer, extra=extra),
+        sessions={"multi_position": multi},
+    )
+    model = AccelerometerPoses(
+        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    content, _ = diagnose_poses(model, recording(truth, seed), DiagnoseSettings(folds=5), tests=20)
+    assert (content["verdict"], content["effects"]) == ("unexplained", [])
+    first = content["correlates"][0]
+    assert first["name"] == f"harmonics_{degree}"
+    assert first["share"] > 0.5

@@ -1,0 +1,174 @@
+"""A recording: poses, the rotations between them, and what an effect can see at both."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imuloop.calibrate.poses import Poses, Rotations, gather_poses, gather_rotations
+from imuloop.core.effect import Channels
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+
+
+@dataclass(frozen=True)
+class Log:
+    """The whole log of a session.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Time of the samples, s.
+    f, w : ndarray, shape (N, 3)
+        Specific force (m/s^2) and angular rate (rad/s), SI as logged.
+    temperature : ndarray, shape (N,), or None
+        Temperature, degC, missing values interpolated; None where none was logged.
+    """
+
+    t: np.ndarray
+    f: np.ndarray
+    w: np.ndarray
+    temperature: np.ndarray | None
+
+    @classmethod
+    def of(cls, samples):
+        """Return the log that samples (DataFrame) hold."""
+        t, temperature = samples[TIME].to_numpy(), None
+        if TEMPERATURE in samples:
+            logged = samples[TEMPERATURE].to_numpy()
+            known = np.isfinite(logged)
+            temperature = np.interp(t, t[known], logged[known]) if known.any() else None
+        f, w = (samples[list(c)].to_numpy() for c in (ACCELERATION, ANGULAR_RATE))
+        return cls(t, f, w, temperature)
+
+
+# a sensor's own channels of Poses, Rotations and Log, and the other sensor's
+OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The poses and rotations of all usable sessions of one kind.
+
+    Attributes
+    ----------
+    poses : Poses
+        Poses.
+    rotations : Rotations, or None
+        Rotations between them; None where only poses are looked at.
+    logs : tuple of Log
+        Whole log of each session, for effects with a memory.
+    """
+
+    poses: Poses
+    rotations: Rotations | None = None
+    logs: tuple[Log, ...] = ()
+
+    def select(self, keep):
+        """Return the poses of a mask and the rotations with both ends among them."""
+        keep = np.asarray(keep)
+        first = self.rotations.first
+        inside = keep[first] & keep[first + 1]
+        rotations = self.rotations.select(inside)
+        # neighbours that were both kept stay neighbours
+        renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
+        return replace(self, poses=self.poses.select(keep), rotations=renumbered)
+
+    def pose_channels(self, sensor, output, other):
+        """Return what an effect of a sensor sees at the poses.
+
+        Parameters
+        ----------
+        sensor : {'accelerometer', 'gyroscope'}
+            Whose effect.
+        output : callable
+            Takes values of the sensor in SI as logged, (n, 3), to ``K (raw - b)``.
+        other : ndarray, shape (n, 3)
+            The other sensor at the poses, SI.
+        """
+        poses = self.poses
+
+        def history(function, *constants):
+            whole = self._remember(sensor, output, function, constants)
+            return pose_means(poses, self.logs, whole)
+
+        own = output(getattr(poses, OWN[sensor][0]))
+        return Channels(poses.mid_s, own, other, poses.temperature, history)
+
+    def rotation_channels(self, sensor, output, other):
+        """Return what an effect sees along the rotations, m of k samples, one after the other.
+
+        Parameters
+        ----------
+        sensor, output : str, callable
+            As of `pose_channels`.
+        other : ndarray, shape (m, k, 3)
+            The other sensor along the rotations, SI.
+        """
+        rotations = self.rotations
+        session = self.poses.session[rotations.first]
+
+        def history(function, *constants):
+            whole = self._remember(sensor, output, function, constants)
+            picked = [
+                whole[s][np.searchsorted(self.logs[s].t, t)]
+                for s, t in zip(session, rotations.t, strict=True)
+            ]
+            return np.concatenate(picked)
+
+        temperature = rotations.temperature
+        return Channels(
+            rotations.t.ravel(),
+            output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3)),
+            other.reshape(-1, 3),
+            None if temperature is None else temperature.ravel(),
+            history,
+        )
+
+    def _remember(self, sensor, output, function, constants):
+        """Return a function of each session's whole log; None for a session without a pose."""
+        own, other = OWN[sensor]
+        used = set(self.poses.session.tolist())
+        return [
+            function(
+                Channels(log.t, output(getattr(log, own)), getattr(log, other), log.temperature),
+                *constants,
+            )
+            if s in used
+            else None
+            for s, log in enumerate(self.logs)
+        ]
+
+
+def pose_means(poses, logs, whole):
+    """Return the mean over each pose of one array a session, first axis the session's samples."""
+    means = []
+    for s, start, end in zip(poses.session, poses.start_s, poses.end_s, strict=True):
+        first, last = np.searchsorted(logs[s].t, [start, end])
+        means.append(whole[s][first:last].mean(axis=0))
+    return np.array(means)
+
+
+def record(samples, segments, longest_rotation):
+    """Return the recording of several sessions.
+
+    Parameters
+    ----------
+    samples, segments : sequence of DataFrame
+        Samples and segments of each session.
+    longest_rotation : float
+        Seconds.
+
+    Returns
+    -------
+    Recording
+        With temperatures where every session logs one, missing values interpolated.
+    """
+    logs = tuple(Log.of(s) for s in samples)
+    poses = gather_poses(segments)
+    if len(poses) and all(log.temperature is not None for log in logs):
+        temperature = [log.temperature for log in logs]
+        poses = replace(poses, temperature=pose_means(poses, logs, temperature))
+        samples = [
+            s.assign(**{TEMPERATURE: filled})
+            for s, filled in zip(samples, temperature, strict=True)
+        ]
+    return Recording(poses, gather_rotations(poses, samples, segments, longest_rotation), logs)

@@ -1,0 +1,224 @@
+"""Trials: what each candidate effect would take off the residual, all parameters refitted."""
+
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import cholesky, qr, solve_triangular
+from scipy.optimize import brentq
+from scipy.stats import f, ncf
+
+from imuloop.core.effect import Effect
+
+# a column of which the base model takes all but this share is not seen in the residual
+ABSORBED = 1e-3
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Residuals of a recording about a solution, linear in base parameters and candidates.
+
+    Attributes
+    ----------
+    values : ndarray, shape (N,)
+        Residuals at the solution, kind after kind.
+    jacobian : ndarray, shape (N, p)
+        Derivative with respect to the solution's parameters.
+    shapes : tuple of Effect
+        Candidates in each of their shapes.
+    columns : tuple of ndarray, shape (N, q)
+        Derivative with respect to the parameters of each shape.
+    kinds : dict of str to ndarray, shape (n, 2)
+        Each kind of residual: the poses where each starts and ends. N is the sum of ``n k`` over
+        the kinds, with k components each.
+    components : dict of str to int
+        k of each kind.
+    """
+
+    values: np.ndarray
+    jacobian: np.ndarray
+    shapes: tuple[Effect, ...]
+    columns: tuple[np.ndarray, ...]
+    kinds: dict[str, np.ndarray]
+    components: dict[str, int]
+
+    def rows(self, chosen):
+        """Return the rows, shape (N,), of the residuals that `chosen` takes by their poses."""
+        return np.concatenate(
+            [np.repeat(chosen(poses), self.components[kind]) for kind, poses in self.kinds.items()]
+        )
+
+    def split(self, values):
+        """Return values of all rows as one array, shape (n, k), for each kind."""
+        sizes = [len(poses) * self.components[kind] for kind, poses in self.kinds.items()]
+        pieces = np.split(values, np.cumsum(sizes)[:-1])
+        return {
+            kind: piece.reshape(-1, self.components[kind])
+            for kind, piece in zip(self.kinds, pieces, strict=True)
+        }
+
+
+@dataclass(frozen=True)
+class White:
+    """A `Linear` on the rows of a fit, whitened by their covariance, split from the parameters.
+
+    Attributes
+    ----------
+    root : ndarray, shape (n, n)
+        Lower triangular root of the covariance.
+    q, r : ndarray, shape (n, p) and (p, p)
+        Orthogonal and triangular factor of the derivative.
+    residual : ndarray, shape (n,)
+        Residuals.
+    columns : tuple of ndarray, shape (n, k)
+        Derivative with respect to each shape's parameters.
+    """
+
+    root: np.ndarray
+    q: np.ndarray
+    r: np.ndarray
+    residual: np.ndarray
+    columns: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(cls, linear, seen, covariance):
+        """Return the whitened rows `seen`, whose covariance is given."""
+        root = cholesky(covariance, lower=True)
+        stack = np.column_stack([linear.values, linear.jacobian, *linear.columns])[seen]
+        white = solve_triangular(root, stack, lower=True)
+        p = linear.jacobian.shape[1]
+        q, r = qr(white[:, 1 : p + 1], mode="economic")
+        ends = np.cumsum([p + 1] + [c.shape[1] for c in linear.columns])
+        columns = tuple(white[:, i:j] for i, j in pairwise(ends))
+        return cls(root, q, r, white[:, 0], columns)
+
+    def whiten(self, values):
+        """Return values of the rows, shape (n, …), whitened."""
+        return solve_triangular(self.root, values, lower=True)
+
+    def left(self, values):
+        """Return what the parameters leave of whitened values, shape (n, …)."""
+        return values - self.q @ (self.q.T @ values)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One effect, in its best shape, tested against the model without it.
+
+    Attributes
+    ----------
+    effect : Effect
+        The effect in that shape.
+    log_p : float
+        Logarithm of the p-value of the F test, times the number of shapes tried.
+    drop : float
+        By how much χ² falls.
+    values, std : ndarray, shape (q,)
+        The effect's parameters and their standard errors.
+    information : ndarray, shape (q, q)
+        Inverse of their covariance.
+    step : ndarray, shape (p,)
+        Change of the other parameters.
+    pattern : ndarray, shape (n, q)
+        Whitened columns that the other parameters leave.
+    column : int
+        Which shape of the linear model it is.
+    dof : int
+        Residuals less all parameters.
+    """
+
+    effect: Effect
+    log_p: float
+    drop: float
+    values: np.ndarray
+    std: np.ndarray
+    information: np.ndarray
+    step: np.ndarray
+    pattern: np.ndarray
+    column: int
+    dof: int
+
+    @property
+    def p_value(self):
+        """Probability of such a fall of χ² without the effect, at most 1."""
+        return float(min(1.0, np.exp(self.log_p)))
+
+    @property
+    def impossible(self):
+        """Whether a parameter is larger than physics allows, by three standard errors."""
+        return bool(np.any(np.abs(self.values) - 3 * self.std > self.effect.limit))
+
+
+def log_p_value(drop, chi2_after, q, dof):
+    """Return the logarithm of the p-value of ``F = (drop / q) / max(1, χ²/ν)``.
+
+    The noise model sets the scale; where the residual exceeds it even with the effect, the
+    residual does.
+    """
+    return float(f.logsf(drop / q / max(1.0, chi2_after / dof), q, dof))
+
+
+def try_shapes(white, shapes):
+    """Return the best trial of each class among the shapes, or why there is none.
+
+    Every parameter of the model is refitted together with the effect's: the step of generalised
+    least squares from the solution, exact as far as the residual is linear in them.
+
+    Returns
+    -------
+    dict of type to Trial
+        One entry for each class that the data can show.
+    dict of type to str
+        Why the others cannot be shown.
+    """
+    residual = white.left(white.residual)
+    total = residual @ residual
+    count = Counter(map(type, shapes))
+    best, reasons = {}, {}
+    for column, (shape, raw) in enumerate(zip(shapes, white.columns, strict=True)):
+        cls, q = type(shape), raw.shape[1]
+        dof = len(residual) - white.q.shape[1] - q
+        if dof < 1:
+            reasons[cls] = f"{len(residual)} residuals do not determine {q} more parameters"
+            continue
+        pattern = white.left(raw)
+        size = np.linalg.norm(raw, axis=0)
+        if not size.all() or np.linalg.svd(pattern / size, compute_uv=False)[-1] < ABSORBED:
+            reasons[cls] = "what it adds in these data is taken up by the base model"
+            continue
+        values = -np.linalg.lstsq(pattern, residual, rcond=None)[0]
+        drop = total - ((residual + pattern @ values) ** 2).sum()
+        scale = max(1.0, (total - drop) / dof)
+        log_p = log_p_value(drop, total - drop, q, dof) + np.log(count[cls])
+        if cls in best and (best[cls].log_p, -best[cls].drop) <= (log_p, -drop):
+            continue
+        information = pattern.T @ pattern / scale
+        std = np.sqrt(np.diag(np.linalg.inv(information / np.outer(size, size)))) / size
+        step = -solve_triangular(white.r, white.q.T @ (white.residual + raw @ values))
+        best[cls] = Trial(shape, log_p, drop, values, std, information, step, pattern, column, dof)
+    return best, {cls: why for cls, why in reasons.items() if cls not in best}
+
+
+def detection_limit(trial, shapes, settings, tests):
+    """Return the smallest size of each parameter that these data would have shown.
+
+    The noncentrality λ at which an F test of q parameters finds the effect with the wanted power
+    gives a size of ``sqrt(λ / (C⁻¹)_kk)`` for a parameter that alone is not zero.
+
+    Parameters
+    ----------
+    trial : Trial
+        The candidate's trial.
+    shapes : int
+        Number of shapes that were tried.
+    settings : DiagnoseSettings
+        Significance and power.
+    tests : int
+        Number of tests that the significance is shared by.
+    """
+    q = len(trial.values)
+    threshold = f.isf(settings.significance / tests / shapes, q, trial.dof)
+    noncentrality = brentq(lambda x: ncf.sf(threshold, q, trial.dof, x) - settings.power, 1e-3, 1e5)
+    limits = np.sqrt(noncentrality / np.diag(trial.information))
+    return dict(zip(trial.effect.parameters, limits.tolist(), strict=True))
