@@ -11,12 +11,13 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.core.effect import FittedEffect
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table, write_segments
 from imuloop.core.units import RawUnit
+from imuloop.diagnose.effects.g_sensitivity import GSensitivity
 from report.plausible_diagnosis import pose_diagnosis, static_diagnosis
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
@@ -232,7 +233,7 @@ def _device(folder, device, sessions, rng):
     poses = {s: {"verdict": "not_testable", "why": none, **blank} for s in diagnosis}
     if device == "board":
         gain = {f"G{i}{j}": 1e-4 * rng.normal() for i in range(3) for j in range(3)}
-        effect = FittedEffect(find_effect("g_sensitivity")(), gain, dict.fromkeys(gain, 2e-6))
+        effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 2e-6))
         faces = _fitted(UNIT_A, full + base, method="six_position", seed=3)
         six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, bias, method="static"))
         force = _fitted(UNIT_A, upper + base, seed=1)

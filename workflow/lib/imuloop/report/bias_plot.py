@@ -68,11 +68,9 @@ def _picture(device, sensor, session, points, block, folder):
     display = RESIDUAL[block["residuals"]["bias"]["unit"]]
     t = points["start_s"].to_numpy(float)
     before = np.array(points["values"].tolist(), float)
-    after = (
-        np.array(points["corrected"].tolist(), float)
-        if block.get("effects") and "corrected" in points
-        else None
-    )
+    after = None
+    if block.get("effects") and "corrected" in points and points["corrected"].notna().all():
+        after = np.array(points["corrected"].tolist(), float)
     floor = points["floor"].astype(float).to_numpy() / np.sqrt(3)
     logged = temperatures(next(s for s in device.sessions if s.name == session), t)
     columns = {"start_s": t, "floor": floor, **dict(zip(XYZ, before.T, strict=True))}

@@ -1,0 +1,212 @@
+"""The diagnosis in the report: units, ranking, twins, what is left, static records."""
+
+import copy
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
+from imuloop.report.bias_plot import temperatures
+from imuloop.report.diagnosis_parts import diagnosis_parts
+from imuloop.report.effect_units import data_sheet, spans
+from imuloop.report.numbers import joined, p_text, percent
+from imuloop.report.ranking import ranked, ranking_table, telling_apart
+from imuloop.report.results import read_device
+from imuloop.report.static_tables import _largest_difference, orientations
+from imuloop.report.verdict import brief, leading, sentence
+from report.plausible_results import write_results
+
+G = STANDARD_GRAVITY
+NEW_FIELDS = {
+    *("constants", "units", "confounded_with", "confounded", "correlates", "by_session"),
+    *("noise", "sessions", "corrected", "ratio_ci95", "detection_limit"),
+}
+
+
+@pytest.fixture(scope="module")
+def devices(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("diagnosis") / "results"
+    return {
+        name: read_device(name, label, folder / name, kinds)
+        for name, (label, kinds) in write_results(folder).items()
+    }
+
+
+# what a parameter of 1 in the unit of data sheets adds at a stimulus, both in SI
+@pytest.mark.parametrize(
+    ("si", "shown", "stimulus", "added"),
+    [
+        ("m/s^2", "mg", 1.0, G / 1e3),
+        ("m/s^2 per K", "mg/K", 1.0, G / 1e3),
+        ("m/s^2 per K/s", "mg per K/min", 1 / 60, G / 1e3),
+        ("m/s^2 per s", "mg/h", HOUR, G / 1e3),
+        ("m/s^2 per (m/s^2)^2", "µg/g²", G**2, G / 1e6),
+        ("m/s^2 per (m/s^2)^3", "µg/g³", G**3, G / 1e6),
+        ("rad/s per m/s^2", "°/s per g", G, DEGREE),
+        ("rad/s per (m/s^2)^2", "°/s per g²", G**2, DEGREE),
+        ("rad/s per K/s", "°/s per K/min", 1 / 60, DEGREE),
+        ("rad/s per (rad/s)^2", "ppm per °/s", DEGREE**2, 1e-6 * DEGREE),
+        ("rad/s per (rad/s)^3", "ppm per (°/s)²", DEGREE**3, 1e-6 * DEGREE),
+        ("1 per K", "ppm/K", 1.0, 1e-6),
+    ],
+)
+def test_one_in_the_unit_of_a_data_sheet(si, shown, stimulus, added):
+    display = data_sheet(si)
+    assert display.unit == shown
+    assert added / stimulus * display.factor == pytest.approx(1, rel=1e-12)
+
+
+def test_an_unknown_unit_stays_as_it_is():
+    assert (data_sheet("m^2").unit, data_sheet("m^2").factor) == ("m²", 1.0)
+
+
+def test_values_of_two_units_are_two_spans():
+    values = {"a": G / 1e3, "b": 3 * G / 1e3, "c": 2e-6, "d": None}
+    units = {"a": "m/s^2", "b": "m/s^2", "c": "1"}
+    assert [t.replace("\u202f", " ") for t in spans(values, units)] == [
+        "1.00 to 3.00 mg",
+        "2.00 ppm",
+    ]
+
+
+def test_the_ranking_does_not_depend_on_the_order_of_the_file(devices):
+    block = devices["board"].diagnosis["sensors"]["gyroscope"]["poses"]
+    shuffled = copy.deepcopy(block)
+    random.Random(3).shuffle(shuffled["candidates"])
+    names = [c["name"] for c in ranked(block)]
+    assert names == [c["name"] for c in ranked(shuffled)]
+    assert names == ["g_sensitivity", "bias_drift", "earth_rate", "bias_temperature"]
+    force = devices["board"].diagnosis["sensors"]["accelerometer"]["poses"]
+    assert [c["name"] for c in ranked(force)][:2] == ["cubic", "quadratic"]
+
+
+def test_a_row_of_the_ranking_says_all(devices):
+    block = devices["board"].diagnosis["sensors"]["gyroscope"]["poses"]
+    rows = {row[0]: row for row in ranking_table("gyroscope", "poses", block).rows}
+    earth = [cell.replace("\u202f", " ").replace("\u00a0", " ") for cell in rows["earth_rate"]]
+    assert "u the direction of f" in earth[1]
+    assert earth[2] == "confounded with g_sensitivity"
+    # 2e-3 and 1.9e-3 rad/s; 2e-4 rad/s
+    assert earth[4:] == ["1.0 × 10⁻⁴", "0.115 → 0.109 °/s", "0.0115 °/s"]
+    # 2e-5 rad/s per m/s²
+    assert rows["g_sensitivity"][-1].replace("\u202f", " ") == "0.0112 °/s per g"
+    assert rows["bias_temperature"][2:] == ("not available", "no <b>temperature</b>", *"———")
+
+
+def test_what_tells_effects_apart():
+    assert "heat and cool" in telling_apart("bias_temperature", "bias_drift")
+    turns = telling_apart("scale_asymmetry", "scale_nonlinearity")
+    assert "varied speeds" in turns and "both senses" in turns
+    assert "more attitudes" in telling_apart("quadratic", "asymmetry")
+    assert telling_apart("not_in_any_list", "bias")
+
+
+def test_a_residual_goes_with_what_is_no_chance_among_all_probes():
+    def probe(name, share, p):
+        return {"name": name, "share": share, "p_value": p}
+
+    # 0.04 alone would pass 0.05, one of three does not
+    chance = [
+        probe("time", 0.3, 0.04),
+        probe("harmonics_3", 0.1, 0.5),
+        probe("harmonics_4", 0.1, 0.6),
+    ]
+    assert leading({"correlates": chance}) is None
+    assert (
+        leading({"correlates": [*chance, probe("temperature", 0.2, 0.0)]})["name"] == "temperature"
+    )
+    assert leading({}) is None and leading({"correlates": None}) is None
+
+
+def test_shares_and_lists_in_words():
+    assert [percent(s).replace("\u202f", " ") for s in (1.0, 0.9964, 0.62, None)] == [
+        *("100 %", "> 99 %", "62 %", "—"),
+    ]
+    assert [joined(list("abc")[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+    assert p_text(0.0).replace("\u202f", " ") == "p < 10⁻¹⁰"
+
+
+def test_effects_of_the_other_kind_of_data_are_named(devices):
+    block = copy.deepcopy(devices["board"].diagnosis["sensors"]["accelerometer"]["poses"])
+    assert "part of the model" not in sentence("accelerometer", block)
+    block["candidates"].append(
+        {"name": "bias_temperature", "status": "added", "why": "found in the static record"}
+    )
+    said = sentence("accelerometer", block)
+    assert said.startswith("consistent")
+    assert "bias_temperature, found in the static record, is part of the model" in said
+
+
+def test_the_comparison_names_effects_and_the_fall_of_the_error(devices):
+    of = devices["still"].diagnosis["sensors"]
+    text = brief("accelerometer", of["accelerometer"]["static_record"])
+    # 1e-2 and 1e-3 m/s²
+    assert text.replace("\u202f", " ").replace("\u00a0", " ") == "bias_temperature: 1.0 → 0.10 mg"
+    assert brief("accelerometer", of["accelerometer"]["poses"]) == ""
+
+
+def _without(content, mode):
+    """Return a diagnosis whose newer fields are absent or null."""
+    if isinstance(content, list):
+        return [_without(c, mode) for c in content]
+    if not isinstance(content, dict):
+        return content
+    kept = {k: _without(v, mode) for k, v in content.items() if k not in NEW_FIELDS}
+    return kept | ({k: None for k in content if k in NEW_FIELDS} if mode == "null" else {})
+
+
+@pytest.mark.parametrize("mode", ["absent", "null"])
+@pytest.mark.parametrize("name", ["board", "still"])
+def test_fields_that_are_missing_are_not_shown(devices, tmp_path, name, mode):
+    device = devices[name]
+    sensors = device.diagnosis["sensors"]
+    stripped = _without(sensors, mode)
+    bare = diagnosis_parts(replace(device, diagnosis={"sensors": stripped}), tmp_path)
+    full = diagnosis_parts(device, tmp_path)
+    assert [p.verdict for p in bare] == [p.verdict for p in full]
+    assert not any(p.twins or p.left or p.limits for p in bare)
+    assert any(p.twins or p.left for p in full)
+
+
+def test_temperatures_are_those_of_the_windows(devices):
+    session = devices["still"].sessions[0]
+    start = 60.0 * np.arange(15)
+    samples = session.samples((TIME, TEMPERATURE))
+    inside = (samples[TIME] >= 120) & (samples[TIME] < 180)
+    found = temperatures(session, start)
+    assert found[2] == pytest.approx(samples.loc[inside, TEMPERATURE].mean(), rel=1e-12)
+    assert temperatures(devices["board"].sessions[0], start) is None
+
+
+def test_sessions_are_named_by_what_points_up(devices):
+    assert orientations(devices["still"]) == {"night": "+z up", "day": "+z up"}
+
+
+def test_the_largest_difference_is_in_its_own_standard_error():
+    cells = [{"value": v, "std": s} for v, s in ((1.0, 3.0), (11.0, 4.0), (2.0, 0.1))]
+    # the third and the second: 9 over hypot(4, 0.1)
+    assert _largest_difference(cells) == pytest.approx(9 / np.sqrt(16.01))
+    assert _largest_difference([{}, {"value": 1.0, "std": None}]) is None
+
+
+def test_a_static_record_shows_what_the_correction_changed(devices, tmp_path):
+    parts = {p.title: p for p in diagnosis_parts(devices["still"], tmp_path)}
+    part = parts["Accelerometer, static record"]
+    captions = [t.caption for t in part.effects]
+    assert [c.split(":")[0] for c in captions][:2] == [
+        "Accelerometer, static record",
+        "bias_temperature, added to the accelerometer (static record)",
+    ]
+    noise = part.effects[-1]
+    assert "commonest mistake" in noise.note
+    row = next(r for r in noise.rows if r[0].startswith("B"))
+    # 1e-3 and 1e-4 m/s²
+    assert row[1:3] == ("µg", "102.0\u202f±\u202f5.2 → 10.20\u202f±\u202f0.52")
+    assert len(part.allan) == len(part.residuals) == 2
+    assert "20.5 to 34.5 °C" in part.residuals[0].caption
+    left = parts["Gyroscope, static record"]
+    assert "62\u202f%" in left.left[0].caption and "rate of change" in left.sentence
+    assert "several rates" in left.next_step
