@@ -8,7 +8,7 @@ from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_degrees
 
 # K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
-# c2/c1 = 1/50 per K (1/90 to 1/15 on five axes in a climate chamber, docs/effects.md)
+# c2/c1 = 1/50 per K, the median of twelve axes in two recordings (docs/effects.md)
 SPAN_OF_AN_ORDER = 5.0
 
 
