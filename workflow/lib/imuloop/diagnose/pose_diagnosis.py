@@ -97,7 +97,7 @@ def diagnose_poses(model, recording, settings, tests=None):
         "effects": [
             {
                 **effect.to_dict(),
-                "units": dict(effect.effect.parameters),
+                "units": effect.effect.units(model.sensor),
                 **entry,
             }
             for effect, entry in zip(fitted, entries, strict=True)
@@ -205,7 +205,7 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         "constants": asdict(trial.effect),
         "confounded_with": twin,
         "detection_limit": detection_limit(trial, len(whole.available[cls]), settings, whole.tests),
-        "units": dict(trial.effect.parameters),
+        "units": trial.effect.units(whole.model.sensor),
     }
 
 
