@@ -219,6 +219,14 @@ def detection_limit(trial, shapes, settings, tests):
     """
     q = len(trial.values)
     threshold = f.isf(settings.significance / tests / shapes, q, trial.dof)
-    noncentrality = brentq(lambda x: ncf.sf(threshold, q, trial.dof, x) - settings.power, 1e-3, 1e5)
+
+    def shortfall(noncentrality):
+        return settings.power - ncf.sf(threshold, q, trial.dof, noncentrality)
+
+    # far beyond the root the distribution is not computed reliably
+    above = 1.0
+    while shortfall(above) > 0:
+        above *= 2
+    noncentrality = brentq(shortfall, 0.0, above)
     limits = np.sqrt(noncentrality / np.diag(trial.information))
     return dict(zip(trial.effect.parameters, limits.tolist(), strict=True))
