@@ -67,8 +67,8 @@ def test_values_of_two_units_are_two_spans():
     values = {"a": G / 1e3, "b": 3 * G / 1e3, "c": 2e-6, "d": None}
     units = {"a": "m/s^2", "b": "m/s^2", "c": "1"}
     assert [t.replace("\u202f", " ") for t in spans(values, units)] == [
-        "1.00 to 3.00 mg",
-        "2.00 ppm",
+        "1.0 to 3.0 mg",
+        "2.0 ppm",
     ]
 
 
@@ -90,9 +90,9 @@ def test_a_row_of_the_ranking_says_all(devices):
     assert "u the direction of f" in earth[1]
     assert earth[2] == "confounded with g_sensitivity"
     # 2e-3 and 1.9e-3 rad/s; 2e-4 rad/s
-    assert earth[4:] == ["1.0 × 10⁻⁴", "0.115 → 0.109 °/s", "0.0115 °/s"]
+    assert earth[4:] == ["1.0 × 10⁻⁴", "0.115 → 0.109 °/s", "0.011 °/s"]
     # 2e-5 rad/s per m/s²
-    assert rows["g_sensitivity"][-1].replace("\u202f", " ") == "0.0112 °/s per g"
+    assert rows["g_sensitivity"][-1].replace("\u202f", " ") == "0.011 °/s per g"
     assert rows["bias_temperature"][2:] == ("not available", "no <b>temperature</b>", *"———")
 
 

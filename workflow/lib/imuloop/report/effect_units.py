@@ -45,7 +45,7 @@ def data_sheet(unit):
 
 
 def spans(values, units):
-    """Return the least and greatest of values that share a unit, as text.
+    """Return the least and greatest of values that share a unit, two digits of each.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def spans(values, units):
     texts = []
     for unit, sizes in found.items():
         display = data_sheet(unit)
-        low, high = (number(size * display.factor) for size in (min(sizes), max(sizes)))
+        low, high = (number(size * display.factor, 2) for size in (min(sizes), max(sizes)))
         text = low if low == high else f"{low} to {high}"
         texts.append(with_unit(text, display.unit))
     return texts

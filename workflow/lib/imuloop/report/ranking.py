@@ -168,22 +168,21 @@ def limit_table(sensor, part, block):
 
 def twin_table(sensor, part, block):
     """Return the effects that these data cannot tell apart, and what would; None without any."""
-    pairs = block.get("confounded") or []
-    if not pairs:
+    twins = {}
+    for pair in block.get("confounded") or []:
+        twins.setdefault(pair["effect"], []).append(pair)
+    if not twins:
         return None
+    rows = []
+    for effect, pairs in twins.items():
+        others = [f"{pair['with']} ({percent(pair.get('share'))})" for pair in pairs]
+        advice = telling_apart(effect, *(str(pair["with"]) for pair in pairs))
+        rows.append((effect, ", ".join(others), advice))
     return Table(
         f"{sensor.capitalize()}, {PARTS[part]}: cannot be told apart in these data",
-        ("Effect", "Looks like", "Share of its pattern", "What would tell them apart"),
-        tuple(
-            (
-                pair["effect"],
-                str(pair["with"]),
-                percent(pair.get("share")),
-                telling_apart(pair["effect"], str(pair["with"])),
-            )
-            for pair in pairs
-        ),
+        ("Effect", "Looks like (share of its pattern)", "What would tell them apart"),
+        tuple(rows),
         "From the attitudes, times and temperatures of the recording alone, before its residuals: "
-        "how much of what the first would leave the second would leave as well. If one of them is "
-        "named as the cause, it may as well be the other.",
+        "how much of the pattern that the first would leave the other could leave as well. Where "
+        "one of them is named as the cause, it may as well be the other.",
     )
