@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report test lint format bench study setup lock clean
+.PHONY: report test lint format bench study coverage setup lock clean
 
 report: setup
 	$(BIN)/snakemake -c$(CORES) results/report.html
@@ -26,9 +26,15 @@ format: setup
 bench: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
 
+# undeclared effects in simulated devices: are they found? Writes docs/study.md; for a part of it
+# OPTIONS="--effects g_sensitivity,control --seeds 3"
+OPTIONS ?= --write docs/study.md
+study: setup
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.study --workers $(CORES) $(OPTIONS)
+
 # bias and coverage of the calibration over simulated devices; SEEDS=200 for the large one
 SEEDS ?= 40
-study: setup
+coverage: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/coverage.py --seeds $(SEEDS)
 
 setup: $(READY)

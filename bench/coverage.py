@@ -1,4 +1,4 @@
-"""Bias and coverage of the calibration over simulated devices: ``make study``.
+"""Bias and coverage of the calibration over simulated devices: ``make coverage``.
 
 Each seed makes a static and a multi-position session of a device with a known truth, and the
 stages see the logs alone: the noise model too is the one that they estimate.

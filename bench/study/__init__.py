@@ -1,0 +1,1 @@
+"""Simulated study of the diagnosis: undeclared effects, controls, and what lies outside."""

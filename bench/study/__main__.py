@@ -1,0 +1,50 @@
+"""Undeclared effects in simulated devices: are they found? `make study`; `--help` for parts."""
+
+import argparse
+import subprocess
+from pathlib import Path
+
+from bench.study.cases import all_cases
+from bench.study.run import run
+from bench.study.tables import document
+
+
+def main():
+    """Run the study, or the part that the options choose, and print or write its document."""
+    parser = argparse.ArgumentParser(prog="python -m bench.study", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10, help="devices of each case")
+    parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
+    parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
+    parser.add_argument("--records", help="poses or static_record")
+    parser.add_argument("--sensors", help="accelerometer or gyroscope")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--write", type=Path, help="file to write instead of printing")
+    options = parser.parse_args()
+    cases = [
+        case
+        for case in all_cases()
+        if (not options.records or case.record in options.records.split(","))
+        and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
+        and (
+            not options.effects
+            or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
+        )
+    ]
+    outcomes = run(cases, options.seeds, options.controls, options.workers)
+    text = document(outcomes, "make study", commit())
+    if options.write:
+        options.write.write_text(text)
+    else:
+        print(text)
+
+
+def commit():
+    """Return the short hash of the code's commit, and whether it was changed since."""
+    command = ["git", "describe", "--always", "--dirty=, changed"]
+    folder = Path(__file__).parent
+    made = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+    return made.stdout.strip() or "unknown"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""The cases of the study: which effects, how large, and what is put beside or outside them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from bench.study import physics
+from bench.study.devices import Injected
+
+import imuloop.diagnose.effects  # noqa: F401  loads the library
+from imuloop.core.effect import Effect, find_effect
+
+# how many detection limits large an effect is
+LIMITS = 3.0
+# time constants and widths lie between those that the library tries: at most this factor off
+BETWEEN = 1.3
+# what a record at rest is searched for beside the noise, by sensor
+AT_REST = {
+    "accelerometer": (
+        "bias_temperature", "scale_temperature", "bias_temperature_rate", "thermal_hysteresis",
+        "warm_up", "ramp", "steps", "sinusoid", "gauss_markov",
+    ),
+    "gyroscope": (
+        "bias_temperature", "bias_temperature_rate", "thermal_hysteresis", "warm_up", "ramp",
+        "steps", "sinusoid", "gauss_markov",
+    ),
+}  # fmt: skip
+# residual at the poses that a pattern of attitude outside the library is sized by, its degree, and
+# how many floors large it is, root mean square
+OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
+FLOORS = 3.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One kind of device.
+
+    Attributes
+    ----------
+    kind : {'control', 'effect', 'two', 'outside'}
+        What it is to show.
+    record : {'poses', 'static_record'}
+        Which device it is, see `devices`.
+    sensor : str
+        Sensor that is changed; empty for a control.
+    names : tuple of str
+        What is put into it.
+    """
+
+    kind: str
+    record: str
+    sensor: str = ""
+    names: tuple = ()
+
+
+def all_cases():
+    """Return every case, the controls of the two devices first."""
+    cases = [Case("control", "poses"), Case("control", "static_record")]
+    for sensor, at_rest in AT_REST.items():
+        of_poses = [
+            name
+            for name, effect in Effect.library.items()
+            if sensor in effect.sensors and "poses" in effect.records and not effect.unobservable
+        ]
+        cases += [Case("effect", "poses", sensor, (name,)) for name in sorted(of_poses)]
+        known = [name for name in at_rest if name in Effect.library]
+        cases += [Case("effect", "static_record", sensor, (name,)) for name in known]
+        cases.append(Case("outside", "poses", sensor, ("harmonic",)))
+    cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
+    cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))
+    return cases
+
+
+def injected(case, seed, control):
+    """Return what is put into a device, sized by the diagnosis of its control.
+
+    A detection limit d is the size of a parameter that alone is not zero. The parameters together
+    have a random direction z, ``p_k = 3 d_k z_k`` with ``zᵀ R z = 1``: R, the information of the
+    parameters with ones on its diagonal, makes their noncentrality nine times that of one limit.
+    A parameter that physics bounds is as large as it can be.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    seed : int
+        Of the device; the direction follows from it and the names.
+    control : dict
+        Outcome of the device of the same seed without effects.
+
+    Returns
+    -------
+    tuple of Injected, or None
+        None where the control's diagnosis has no detection limit: the log cannot show the effect.
+    """
+    rng = np.random.default_rng([seed, *"".join((case.sensor, *case.names)).encode()])
+    found = control["diagnosis"]["sensors"][case.sensor][case.record]
+    if case.kind == "outside":
+        residual, degree = OUTSIDE[case.sensor]
+        size = FLOORS * found["residuals"][residual]["floor"] * np.sqrt(2 * degree + 1)
+        if case.sensor == "gyroscope":
+            # the floor is that of three axes together
+            size /= np.sqrt(3)
+        extra = physics.harmonic(degree, size, rng)[case.sensor]
+        return (Injected(case.sensor, "harmonic", {"size": size}, extra=extra),)
+    made = []
+    for name in case.names:
+        limits = next(c for c in found["candidates"] if c["name"] == name)
+        if not limits["detection_limit"]:
+            return None
+        # at rest the parameters of three axes leave nothing in common
+        alike = np.eye(len(limits["detection_limit"]))
+        if case.record == "poses":
+            alike = control["likeness"][case.sensor, name]
+        made.append(_injected(case.sensor, name, limits, alike, rng))
+    return tuple(made)
+
+
+def _injected(sensor, name, candidate, alike, rng):
+    """Return one effect of three detection limits."""
+    limit = candidate["detection_limit"]
+    known = list(limit)
+    constants = dict(candidate["constants"])
+    for key in constants.keys() & {"tau", "half_width"}:
+        constants[key] *= BETWEEN ** rng.uniform(-1, 1)
+    z = rng.standard_normal(len(known))
+    if name == "bias_temperature":
+        # of first order; whatever order the control's diagnosis looked at last
+        z *= [key.startswith("c1") for key in known]
+    z *= LIMITS / np.sqrt(z @ alike @ z)
+    values = {key: limit[key] * part for key, part in zip(known, z, strict=True)}
+    largest, bound = max(map(abs, values.values())), find_effect(name).limit
+    size = LIMITS * min(1.0, bound / largest)
+    values = {key: float(value * size / LIMITS) for key, value in values.items()}
+    extra = getattr(physics, name)(values, constants)
+    return Injected(sensor, name, values, constants, size, extra)

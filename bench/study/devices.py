@@ -1,0 +1,128 @@
+"""The devices of the study: their sessions, and what is put into them."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from imuloop.core.effect import find_effect
+from imuloop.simulate.simulate import simulate_session, true_motion
+from imuloop.simulate.truth import Session, Thermometer, Vibration, example_truth
+
+# temperatures of the surroundings that go up and down at several speeds, and rest, so that no two
+# effects of the temperature look alike: s, degC
+HEATED_POSES = ((0, 24), (40, 24), (90, 38), (135, 38), (215, 27), (240, 27), (300, 34), (400, 34))
+HEATED_RECORD = (
+    (0, 24), (300, 24), (900, 44), (1300, 44), (2300, 27), (2700, 27), (3300, 36), (3600, 36)
+)  # fmt: skip
+MOTOR = Vibration(share=0.5, rms=(0.015, 0.03), frequency=(15.0, 45.0))
+THERMOMETER = Thermometer(noise=0.02, step=0.01)
+
+
+def poses_device():
+    """Return a device of 40 poses, the motor on at half of them, and 20 min at rest."""
+    sessions = {
+        "multi_position": Session(
+            "multi_position", temperature=HEATED_POSES, thermal_s=15.0, vibration=MOTOR
+        ),
+        "static": Session("static", duration_s=1200.0, temperature=((0, 24), (1200, 24))),
+    }
+    return example_truth(name="study", sessions=sessions, thermometer=THERMOMETER)
+
+
+def record_device():
+    """Return a device that rests for an hour in each of two attitudes while it is heated."""
+    rest = Session("static", duration_s=3600.0, temperature=HEATED_RECORD, thermal_s=60.0)
+    sessions = {"level": rest, "oblique": replace(rest, up=(0.8, 0.5, -0.33))}
+    return example_truth(name="study", rate=10.0, sessions=sessions, thermometer=THERMOMETER)
+
+
+# by the record that they are made for
+DEVICES = {"poses": poses_device, "static_record": record_device}
+
+
+@dataclass(frozen=True)
+class Injected:
+    """What is put into one sensor of a device and declared nowhere.
+
+    Attributes
+    ----------
+    sensor, name : str
+        Which sensor, and the name in the library, or one of our own outside it.
+    values, constants : dict
+        Parameters, SI, and the shape's constants, by their names in the library.
+    limits : float
+        Its size in detection limits.
+    extra : callable, optional
+        What it adds to the output, from the `Channels` of a log.
+    noise : dict
+        Or the processes that it adds to the noise.
+    """
+
+    sensor: str
+    name: str
+    values: dict = field(default_factory=dict)
+    constants: dict = field(default_factory=dict)
+    limits: float = np.nan
+    extra: object = None
+    noise: dict = field(default_factory=dict)
+
+
+def with_effects(truth, injected):
+    """Return the device with what is injected into its sensors."""
+    for one in injected:
+        sensor = getattr(truth, one.sensor)
+        processes = {k: getattr(sensor.noise, k) + v for k, v in one.noise.items()}
+        changes = {"noise": replace(sensor.noise, **processes)}
+        if one.extra is not None:
+            changes["extra"] = _sum(sensor.extra, one.extra)
+        truth = replace(truth, **{one.sensor: replace(sensor, **changes)})
+    return truth
+
+
+def _sum(first, second):
+    return second if first is None else lambda channels: first(channels) + second(channels)
+
+
+def in_shape(truth, seed, injected, found, record):
+    """Return the values that an injected effect has in the shape that a diagnosis found.
+
+    Where the shape is the injected one they are those that were injected. Else, as for a time
+    constant between two of those that are tried, they are the ones that come nearest to it at
+    rest, by least squares beside a bias in each session.
+
+    Parameters
+    ----------
+    truth : Truth
+        The device with its effects.
+    seed : int
+        Of its logs.
+    injected : Injected
+        What was put into it.
+    found : dict
+        Entry of ``effects`` of the diagnosis.
+    record : {'poses', 'static_record'}
+        Kind of data in which it was found.
+    """
+    if found["constants"] == injected.constants:
+        return injected.values
+    design = find_effect(found["name"])(**found["constants"]).design
+    kinds = ("static",) if record == "static_record" else ("multi_position",)
+    chosen = [name for name, plan in truth.sessions.items() if plan.kind in kinds]
+    rows, effect = [], []
+    for number, name in enumerate(chosen):
+        seen = []
+        watched = _sum(getattr(truth, injected.sensor).extra, lambda c, s=seen: s.append(c) or 0.0)
+        sensor = replace(getattr(truth, injected.sensor), extra=watched)
+        simulate_session(replace(truth, **{injected.sensor: sensor}), name, seed)
+        still = np.flatnonzero(~true_motion(truth, name, seed).angular_rate.any(axis=1))[::10]
+        level = np.zeros((len(still), 3, len(chosen), 3))
+        level[:, range(3), number, range(3)] = 1.0
+        columns = np.concatenate(
+            [design(seen[-1])[still], level.reshape(len(still), 3, -1)], axis=2
+        )
+        rows.append(columns.reshape(-1, columns.shape[2]))
+        effect.append(injected.extra(seen[-1])[still].ravel())
+    rows, effect = np.concatenate(rows), np.concatenate(effect)
+    scale = np.linalg.norm(rows, axis=0)
+    nearest = np.linalg.lstsq(rows / scale, effect, rcond=None)[0] / scale
+    return dict(zip(found["parameters"], nearest.tolist(), strict=False))

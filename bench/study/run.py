@@ -1,0 +1,103 @@
+"""Make, diagnose and judge devices on several processes."""
+
+import multiprocessing
+import time
+from dataclasses import asdict
+
+from bench.study.cases import injected
+from bench.study.chain import diagnosis_of, likeness
+from bench.study.devices import DEVICES, in_shape, with_effects
+
+
+def run(cases, seeds, controls, workers, progress=print):
+    """Return the outcomes of cases, by case.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        Cases; controls are made for the records of the others too.
+    seeds, controls : int
+        Devices of each case, and controls of each record.
+    workers : int
+        Processes.
+    progress : callable
+        Takes a line of text.
+
+    Returns
+    -------
+    dict of Case to list of dict
+        Of each device: ``seed``, ``seconds``, ``diagnosis``, and but for controls ``control``,
+        ``injected`` and ``found``; ``None`` for the diagnosis where the log cannot show the effect.
+    """
+    with multiprocessing.get_context("fork").Pool(workers) as pool:
+        plain = {}
+        records = sorted({case.record for case in cases})
+        most = {
+            record: controls
+            if any(c.kind == "control" and c.record == record for c in cases)
+            else 0
+            for record in records
+        }
+        jobs = [(r, s) for r in records for s in range(max(most[r], seeds))]
+        for job, made in pool.imap(_control, jobs):
+            plain[job] = made
+            progress(f"control {job[0]} {job[1]}: {made['seconds']:.1f} s")
+        jobs = [
+            (case, seed, plain[case.record, seed])
+            for case in cases
+            if case.kind != "control"
+            for seed in range(seeds)
+        ]
+        outcomes = {
+            case: [plain[case.record, seed] for seed in range(controls)]
+            for case in cases
+            if case.kind == "control"
+        }
+        for case, made in pool.imap(_device, jobs):
+            outcomes.setdefault(case, []).append(made)
+            progress(f"{case.record} {case.sensor} {' + '.join(case.names)} {made['seed']}")
+    return outcomes
+
+
+def _control(job):
+    record, seed = job
+    start = time.perf_counter()
+    diagnosis, alike = diagnosis_of(DEVICES[record](), seed, likeness)
+    took = time.perf_counter() - start
+    return job, {"seed": seed, "seconds": took, "diagnosis": _small(diagnosis), "likeness": alike}
+
+
+def _device(job):
+    case, seed, control = job
+    start = time.perf_counter()
+    effects = injected(case, seed, control)
+    made = {
+        "seed": seed,
+        "control": control["diagnosis"],
+        "diagnosis": None,
+        "injected": [],
+        "found": [],
+    }
+    if effects is not None:
+        truth = with_effects(DEVICES[case.record](), effects)
+        diagnosis = made["diagnosis"] = _small(diagnosis_of(truth, seed))
+        made["injected"] = [
+            {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
+        ]
+        part = diagnosis["sensors"][case.sensor][case.record]
+        made["found"] = [
+            {**found, "expected": in_shape(truth, seed, effect, found, case.record)}
+            for found in part["effects"]
+            for effect in effects
+            if effect.name == found["name"]
+        ]
+    made["seconds"] = time.perf_counter() - start
+    return case, made
+
+
+def _small(diagnosis):
+    """Return a diagnosis without what is for pictures."""
+    for parts in diagnosis["sensors"].values():
+        for part in parts.values():
+            part.pop("points", None)
+    return diagnosis

@@ -1,0 +1,89 @@
+"""Was a diagnosis right: the name, the error that is left, the parameters."""
+
+import numpy as np
+
+# what a record at rest calls an effect that the poses know by another name
+SAME = {"bias_drift": "ramp"}
+# largest ratio of the held-out error to that of the device without the effect
+RATIO = 1.25
+# largest error of a parameter, in its standard error
+SIGMAS = 3.0
+
+
+def named(diagnosis):
+    """Return (sensor, record, name) of every effect that a diagnosis added, in its order."""
+    return [
+        (sensor, record, effect["name"])
+        for sensor, parts in diagnosis["sensors"].items()
+        for record, part in parts.items()
+        for effect in part["effects"]
+    ]
+
+
+def twin(part, name, added):
+    """Return the effect among `added` that a diagnosis says cannot be told from `name`, or None."""
+    pairs = [
+        (c["name"], c["confounded_with"]) for c in part["candidates"] if c["status"] == "confounded"
+    ]
+    pairs += [(pair["effect"], pair["with"]) for pair in part.get("confounded", ())]
+    return next((other for of, other in pairs if of == name and other in added), None)
+
+
+def judge(case, outcome):
+    """Return what a diagnosis made of a device.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    outcome : dict
+        ``diagnosis``, and ``control`` of the same seed without effects.
+
+    Returns
+    -------
+    dict
+        ``verdict``; ``named`` in the sensor and record of the case; ``right`` names that were put
+        in and found; ``twins`` found in place of one; ``missed``; ``more``: what else was added,
+        anywhere.
+    """
+    every = named(outcome["diagnosis"])
+    if case.kind == "control":
+        return {"more": every}
+    part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
+    here = [
+        name for sensor, record, name in every if (sensor, record) == (case.sensor, case.record)
+    ]
+    right = [name for name in here if name in case.names]
+    twins = {
+        name: twin(part, name, here)
+        for name in case.names
+        if name not in right and twin(part, name, here)
+    }
+    true = {*case.names, *twins.values()}
+    true |= {SAME[name] for name in case.names if name in SAME}
+    return {
+        "verdict": part["verdict"],
+        "named": here,
+        "right": right,
+        "twins": twins,
+        "missed": [name for name in case.names if name not in right and name not in twins],
+        "more": [one for one in every if one[0] != case.sensor or one[2] not in true],
+    }
+
+
+def ratio(case, outcome):
+    """Return the held-out error after over that of the control, the largest of the residuals."""
+    parts = [outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")]
+    found, control = (part["residuals"] for part in parts)
+    return max(found[kind]["after"] / control[kind]["before"] for kind in found)
+
+
+def pulls(outcome):
+    """Return the errors of the parameters of what was found, in their standard errors."""
+    return np.array(
+        [
+            (value - found["expected"][name]) / found["std"][name]
+            for found in outcome["found"]
+            for name, value in found["parameters"].items()
+        ]
+    )

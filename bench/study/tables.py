@@ -1,0 +1,228 @@
+"""The study as a document: tables and confusion matrices."""
+
+import platform
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import scipy
+from bench.study.cases import OUTSIDE
+from bench.study.score import RATIO, SIGMAS, judge, pulls, ratio
+from scipy.stats import beta
+
+RECORDS = {"poses": "at the poses", "static_record": "in static records"}
+NOTHING = "nothing"
+# bounds of the study
+RIGHT, ALARMS, INSIDE = 0.90, 0.05, 0.95
+
+
+def document(outcomes, command, commit):
+    """Return docs/study.md.
+
+    Parameters
+    ----------
+    outcomes : dict of Case to list of dict
+        Outcomes of the cases.
+    command, commit : str
+        What made them.
+    """
+    chosen = {
+        kind: {case: made for case, made in outcomes.items() if case.kind == kind}
+        for kind in ("effect", "control", "two", "outside")
+    }
+    head = (
+        f"Written by `{command}`, never by hand: commit {commit}, "
+        f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}. "
+        "All devices are simulated, and their effects declared nowhere."
+    )
+    seconds = [made["seconds"] for all_made in outcomes.values() for made in all_made]
+    parts = [
+        ("# Simulated study of the diagnosis", head),
+        ("## Against the bounds", bounds(chosen)),
+        ("## One effect", effects(chosen["effect"])),
+        ("## What is named", confusion(chosen["effect"])),
+        ("## No effect", controls(chosen["control"])),
+        ("## Two effects", two(chosen["two"])),
+        ("## Outside the library", outside(chosen["outside"])),
+        ("## Method", (Path(__file__).parent / "method.md").read_text().strip()),
+        ("## Time", f"{len(seconds)} devices, {np.mean(seconds):.1f} s each on one core."),
+    ]
+    return "\n\n".join(f"{title}\n\n{text}" for title, text in parts if text) + "\n"
+
+
+def table(header, rows):
+    """Return a table in Markdown; columns after the first are numbers."""
+    lines = [header, ["---"] + ["--:"] * (len(header) - 1), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def share(part, whole):
+    """Return a share with its 95 % interval after Clopper and Pearson."""
+    if not whole:
+        return "–"
+    low = beta.ppf(0.025, part, whole - part + 1) if part else 0.0
+    high = beta.ppf(0.975, part + 1, whole - part) if part < whole else 1.0
+    return f"{part / whole:.0%} ({part} of {whole}; {low:.0%} to {high:.0%})"
+
+
+def judged(cases):
+    """Yield case, outcome and judgement of every device whose log can show its effect."""
+    for case, all_made in cases.items():
+        for made in all_made:
+            if made["diagnosis"] is not None:
+                yield case, made, judge(case, made)
+
+
+def bounds(chosen):
+    """Return the table of the bounds and what was found."""
+    one = list(judged(chosen["effect"]))
+    right = sum(not j["missed"] for _, _, j in one)
+    found = [(case, made) for case, made, j in one if j["right"]]
+    ratios = [ratio(case, made) for case, made in found]
+    errors = np.concatenate([[], *(pulls(made) for _, made in found)])
+    alarms = [bool(j["more"]) for _, _, j in judged(chosen["control"])]
+    pairs = [not j["missed"] for _, _, j in judged(chosen["two"])]
+    alien = [j for _, _, j in judged(chosen["outside"])]
+    kept = sum(j["verdict"] == "unexplained" and not j["named"] for j in alien)
+    inside = np.abs(errors) <= SIGMAS
+    lines = [
+        ("right name, or a twin named as such", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
+        (f"held-out error after ≤ {RATIO} × without the effect", "all",
+         sum(r <= RATIO for r in ratios), len(ratios), 1.0),
+        (f"parameters within {SIGMAS:g} σ", f"≥ {INSIDE:.0%}", inside.sum(), len(inside), INSIDE),
+        ("controls with any effect", f"≤ {ALARMS:.0%}", sum(alarms), len(alarms), None),
+        ("both of two effects", "all", sum(pairs), len(pairs), 1.0),
+        ("outside the library: `unexplained`, nothing added", "all", kept, len(alien), 1.0),
+    ]  # fmt: skip
+    rows = []
+    for what, bound, part, whole, least in lines:
+        if whole:
+            good = part / whole <= ALARMS if least is None else part / whole >= least
+            rows.append((what, bound, share(part, whole), "yes" if good else "**no**"))
+    return table(("what", "bound", "found", "met"), rows)
+
+
+def effects(cases):
+    """Return a table of the devices with one effect, a row a case."""
+    rows = []
+    for case, all_made in cases.items():
+        each = [(made, j) for _, made, j in judged({case: all_made})]
+        label = f"`{case.names[0]}`, {case.sensor} {RECORDS[case.record]}"
+        if not each:
+            rows.append((label, "not shown by this log", *["–"] * 6))
+            continue
+        found = [made for made, j in each if j["right"]]
+        ratios = [ratio(case, made) for made in found]
+        errors = np.concatenate([[], *map(pulls, found)])
+        twins = Counter(other for _, j in each for other in j["twins"].values())
+        size = np.median([made["injected"][0]["limits"] for made, _ in each])
+        rows.append(
+            (
+                label,
+                f"{size:.2g}",
+                f"{len(found)} of {len(each)}",
+                ", ".join(f"{count} `{name}`" for name, count in twins.items()) or "–",
+                sum(bool(j["missed"]) for _, j in each),
+                sum(bool(j["more"]) for _, j in each),
+                f"{np.median(ratios):.2f}, {max(ratios):.2f}" if ratios else "–",
+                f"{np.sum(np.abs(errors) <= SIGMAS)} of {len(errors)}" if len(errors) else "–",
+            )
+        )
+    header = (
+        "effect", "detection limits", "named", "as a twin", "missed", "with another",
+        "error left: median, largest", f"parameters within {SIGMAS:g} σ",
+    )  # fmt: skip
+    return table(header, rows)
+
+
+def confusion(cases):
+    """Return a confusion matrix for each sensor and record."""
+    parts = []
+    places = {(case.sensor, case.record) for case in cases}
+    for sensor, record in sorted(places):
+        here = {c: m for c, m in cases.items() if (c.sensor, c.record) == (sensor, record)}
+        counts = {
+            case.names[0]: Counter(
+                name for _, _, j in judged({case: made}) for name in j["named"] or [NOTHING]
+            )
+            for case, made in here.items()
+        }
+        columns = [case.names[0] for case in here]
+        columns += sorted({n for c in counts.values() for n in c} - {*columns, NOTHING})
+        columns.append(NOTHING)
+        rows = [
+            (f"`{name}`", *(count[column] or "" for column in columns))
+            for name, count in counts.items()
+        ]
+        title = f"{sensor.capitalize()} {RECORDS[record]}; a row is what is there, a column what "
+        title += "is named, devices."
+        header = (" ", *(column.replace("_", " ") for column in columns))
+        parts.append(f"{title}\n\n{table(header, rows)}")
+    return "\n\n".join(parts)
+
+
+def controls(cases):
+    """Return a table of the devices without effect."""
+    rows = []
+    for case, all_made in cases.items():
+        each = [j for _, _, j in judged({case: all_made})]
+        names = Counter(f"`{name}` ({sensor})" for j in each for sensor, _, name in j["more"])
+        verdicts = Counter(
+            part["verdict"]
+            for made in all_made
+            for parts in made["diagnosis"]["sensors"].values()
+            for record, part in parts.items()
+            if record == case.record
+        )
+        rows.append(
+            (
+                f"searched {RECORDS[case.record]}",
+                share(sum(bool(j["more"]) for j in each), len(each)),
+                ", ".join(f"{n} {name}" for name, n in names.most_common()) or "–",
+                ", ".join(f"{n} {name}" for name, n in verdicts.most_common()),
+            )
+        )
+    header = ("devices", "with any effect", "which", "verdicts of both sensors")
+    return rows and table(header, rows)
+
+
+def two(cases):
+    """Return a table of the devices with two effects."""
+    rows = []
+    for case, all_made in cases.items():
+        each = [(made, j) for _, made, j in judged({case: all_made})]
+        orders = Counter(" then ".join(f"`{n}`" for n in j["named"]) or NOTHING for _, j in each)
+        ratios = [ratio(case, made) for made, j in each if not j["missed"]]
+        rows.append(
+            (
+                " and ".join(f"`{name}`" for name in case.names) + f", {case.sensor}",
+                f"{sum(not j['missed'] for _, j in each)} of {len(each)}",
+                "; ".join(f"{n} {order}" for order, n in orders.most_common()),
+                f"{np.median(ratios):.2f}, {max(ratios):.2f}" if ratios else "–",
+            )
+        )
+    header = ("effects", "both named", "named, in this order", "error left: median, largest")
+    return rows and table(header, rows)
+
+
+def outside(cases):
+    """Return a table of the devices with an effect that the library lacks."""
+    rows = []
+    for case, all_made in cases.items():
+        each = [j for _, _, j in judged({case: all_made})]
+        verdicts = Counter(j["verdict"] for j in each)
+        names = Counter(name for j in each for name in j["named"])
+        best = Counter(
+            made["diagnosis"]["sensors"][case.sensor][case.record]["correlates"][0]["name"]
+            for made in all_made
+            if made["diagnosis"]["sensors"][case.sensor][case.record].get("correlates")
+        )
+        rows.append(
+            (
+                f"{case.sensor}, degree {OUTSIDE[case.sensor][1]} of attitude",
+                ", ".join(f"{n} `{v}`" for v, n in verdicts.most_common()),
+                ", ".join(f"{n} `{v}`" for v, n in names.most_common()) or NOTHING,
+                ", ".join(f"{n} `{v}`" for v, n in best.most_common()) or "–",
+            )
+        )
+    return rows and table(("device", "verdicts", "added", "correlates most with"), rows)
