@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imuloop.report.pose_plot import direction_words, largest_hole
-from imuloop.report.svg import BLUE, decades, draw
+from imuloop.report.svg import BLUE, _steps, decades, draw
 from imuloop.report.time_series import extremes
 
 
@@ -45,6 +45,30 @@ def test_largest_hole_is_where_a_pose_is_missing():
     assert hole == pytest.approx([0, 0, -1], abs=0.06)
     assert np.degrees(angle) == pytest.approx(90, abs=3)
     assert direction_words(hole) == "−z"
+
+
+def test_steps_lead_to_the_points_of_the_path():
+    rng = np.random.default_rng(2)
+    parts = [rng.uniform(-50, 900, (n, 2)) for n in (40, 3, 1, 7)]
+    parts[0][1] = parts[0][0]
+    ends = ["", " z", "", " z"]
+    path = " \n".join(
+        f"M {p[0, 0]:f} {p[0, 1]:f}" + "".join(f" \nL {x:f} {y:f}" for x, y in p[1:]) + end
+        for p, end in zip(parts, ends, strict=True)
+    )
+    here, start, found = np.zeros(2), np.zeros(2), []
+    for letter, numbers in re.findall(r"([mlz])([^mlz]*)", _steps(path)):
+        if letter == "z":
+            here = start
+            continue
+        steps = np.array(re.findall(r"-?(?:\d+\.?\d*|\.\d+)", numbers), float).reshape(-1, 2)
+        for k, step in enumerate(steps):
+            here = here + step
+            if letter == "m" and not k:
+                start = here
+            found.append(here)
+    # no error adds up: each point is as near as tenths can be
+    assert np.abs(np.array(found) - np.concatenate(parts)).max() <= 0.05 + 1e-9
 
 
 def _plot(label):

@@ -168,12 +168,38 @@ def _attribute(key, value, names):
     if key == "style":
         value = re.sub(r"font-family:[^;]*; ?", "", value)
         return re.sub(r"#[0-9a-f]{6}", lambda m: _VARIABLES.get(m[0], m[0]), value)
+    if key == "d" and not set("CQ") & set(value):
+        return _steps(value)
     if key in ("d", "x", "y", "width", "height", "transform"):
         value = re.sub(r"-?\d+\.\d+", lambda m: f"{float(m[0]):.1f}".removesuffix(".0"), value)
         value = " ".join(value.replace("-0 ", "0 ").split())
-        if key == "d" and "C" not in value:
-            value = re.sub(r" ?L ?", " ", value)
     return value
+
+
+def _steps(path):
+    """Return a path of straight lines as steps from point to point, half as long.
+
+    Places are rounded before their differences are taken, so that no error adds up.
+    """
+    words = iter(path.split())
+    text, last, here, start = "", "z", (0, 0), (0, 0)
+    for command in words:
+        if command == "z":
+            text, last, here = text + "z", "z", start
+            continue
+        there = round(10 * float(next(words))), round(10 * float(next(words)))
+        letter = "m" if command == "M" else "l" if last == "z" else ""
+        numbers = "".join(_tenths(b - a) for a, b in zip(here, there, strict=True))
+        text += letter + numbers.removeprefix(" ") if letter else numbers
+        last, here = command, there
+        start = there if command == "M" else start
+    return text
+
+
+def _tenths(count):
+    """Return a number of tenths as a path has it, with the blank or sign that parts it."""
+    whole, tenth = divmod(abs(count), 10)
+    return f"{'-' if count < 0 else ' '}{whole or ''}{f'.{tenth}' if tenth else '' if whole else 0}"
 
 
 def decades(axis):
