@@ -55,8 +55,10 @@ def test_a_slow_turn_about_the_vertical_is_no_rest():
     assert inside.max() < 0
     # gravity is where it was, but the device is not
     assert rests["pose"].tolist() == [0, 1, 2]
+    # without the tolerance only its beginning and its end show
     loose = SegmentSettings(rate_tolerance=1.0)
-    assert len(rests_of(segment_session(samples, "multi_position", loose)[0])) == 2
+    rests = rests_of(segment_session(samples, "multi_position", loose)[0])
+    assert np.any((rests["start_s"] > 30) & (rests["end_s"] < 50))
 
 
 def test_g_sensitivity_of_a_common_part_costs_no_pose():

@@ -29,51 +29,55 @@ DENSE = 32
 ROUNDS = 10
 
 
-def robust_covariance(x, floor):
+def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     """Return the covariance of vectors about zero, as if a part of them were not there.
 
     Starting from a covariance that is the same in every direction of a sensor, the half of the
     vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
-    from the median of the squared distance, χ² with 6 degrees of freedom; all vectors within the
+    from the median of the squared distance, χ² with k degrees of freedom; all vectors within the
     97.5 % quantile then give the final covariance. Where tails are heavier than normal, as of a
-    noise that swells with temperature, the 99 % quantile sets the scale, up to fourfold. Neither
-    the start nor a step prefers an axis: turning the sensor's frame turns the covariance with it.
+    noise that swells with temperature, the 99 % quantile sets the scale, up to `tail_limit` times.
+    Neither the start nor a step prefers an axis: turning the sensor's frame turns the covariance
+    with it.
 
     Parameters
     ----------
-    x : array_like, shape (n, 6)
-        Vectors.
-    floor : array_like, shape (6,)
+    x : array_like, shape (n, k)
+        Vectors of one or more sensors, three axes each.
+    floor : array_like, shape (k,)
         Variance added to each channel, that of rounding.
+    tail_limit : float
+        How far the tail may raise the scale.
 
     Returns
     -------
-    ndarray, shape (6, 6)
+    ndarray, shape (k, k)
 
     References
     ----------
     Rousseeuw, Van Driessen, "A fast algorithm for the minimum covariance determinant estimator",
     Technometrics 41 (1999), theorem 1 and section 4.
     """
-    sensors = x.reshape(len(x), 2, 3)
+    k = x.shape[1]
+    sensors = x.reshape(len(x), -1, 3)
     covariance = np.diag(np.repeat(np.median(np.sum(sensors**2, axis=2), axis=0), 3) + floor)
     for _ in range(10):
         distance = squared_distance(x, covariance)
         half = x[distance <= np.median(distance)]
         covariance = half.T @ half / len(half) + np.diag(floor)
     distance = squared_distance(x, covariance)
-    scale = np.median(distance) / stats.chi2.median(CHANNELS)
-    cut = stats.chi2.ppf(0.975, CHANNELS)
+    scale = np.median(distance) / stats.chi2.median(k)
+    cut = stats.chi2.ppf(0.975, k)
     near = x[distance <= cut * scale]
     # second moment of a normal vector within the quantile, of the whole
-    covariance = near.T @ near / len(near) * 0.975 / stats.chi2.cdf(cut, CHANNELS + 2)
+    covariance = near.T @ near / len(near) * 0.975 / stats.chi2.cdf(cut, k + 2)
     covariance += np.diag(floor)
-    tail = np.quantile(squared_distance(x, covariance), TAIL) / stats.chi2.ppf(TAIL, CHANNELS)
-    return covariance * np.clip(tail, 1.0, TAIL_LIMIT)
+    tail = np.quantile(squared_distance(x, covariance), TAIL) / stats.chi2.ppf(TAIL, k)
+    return covariance * np.clip(tail, 1.0, tail_limit)
 
 
 def squared_distance(x, covariance):
-    """Return the squared Mahalanobis distance of vectors, shape (n, 6), from zero."""
+    """Return the squared Mahalanobis distance of vectors, shape (n, k), from zero."""
     return np.sum((x @ np.linalg.cholesky(np.linalg.inv(covariance))) ** 2, axis=1)
 
 

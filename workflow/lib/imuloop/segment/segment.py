@@ -1,5 +1,7 @@
 """Segment: the one entry of the stage, from samples to segments."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
@@ -8,7 +10,11 @@ from imuloop.segment.disturbance import disturbed_samples, undisturbed
 from imuloop.segment.multiples import choose_multiples
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import activity, detect_rests, rest_level
+from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import unbroken
+
+# a calibration this much less certain, by its expected error, is too dear for steady rests
+DEAREST = 2.0
 
 
 def segment_session(samples, kind, settings):
@@ -16,8 +22,9 @@ def segment_session(samples, kind, settings):
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
     Rests of a six-position or multi-position session come from the static detector with the
-    multiples whose poses calibrate best; those of a static session are what the disturbance
-    detector leaves. A gap lasts from one step after the last sample before it to the next sample.
+    multiples whose poses calibrate best, less what turns slowly or trembles in the hand; those of
+    a static session are what the disturbance detector leaves. A gap lasts from one step after the
+    last sample before it to the next sample.
 
     Parameters
     ----------
@@ -34,7 +41,8 @@ def segment_session(samples, kind, settings):
         As `imuloop.core.segments.segment_table` gives it.
     metadata : dict
         Level of rest and how it was found, the multiples and the table they were chosen from,
-        number of rests dropped as too short, gaps and, of a static session, the scales searched.
+        number of rests dropped as too short, `unsteady`: what turned or trembled (`_losses`), gaps
+        and, of a static session, the scales searched.
     """
     t = samples[TIME].to_numpy()
     stretches, step = unbroken(t, settings.gap_factor)
@@ -91,17 +99,31 @@ def _find_rests(samples, stretches, step, settings):
             "multiples": None,
             "choice": [],
             "short_rests": 0,
+            "unsteady": None,
         }
+    f = samples[list(ACCELERATION)].to_numpy()
+    w = samples[list(ANGULAR_RATE)].to_numpy()
 
-    def detect(multiples):
-        return detect_rests(moving, level, multiples, stretches, step, settings)
+    def choose(moving):
+        def detect(pair):
+            return detect_rests(moving, level, pair, stretches, step, settings)[0]
 
-    multiples, choice = choose_multiples(
-        samples[list(ACCELERATION)].to_numpy(), lambda pair: detect(pair)[0], settings
-    )
+        return choose_multiples(f, detect, settings)
+
     # where no pair finds a rest long enough, the widest says how many were too short
     widest = (max(settings.accelerometer_multiples), max(settings.gyroscope_multiples))
-    rests, short = detect(multiples or widest)
+    rests, _ = detect_rests(moving, level, widest, stretches, step, settings)
+    unsteady = unsteady_samples(w, rests, step, settings)
+    steady = replace(moving, accelerometer=np.where(unsteady.either, np.inf, moving.accelerometer))
+    multiples, choice = choose(moving)
+    rests, short = detect_rests(moving, level, multiples or widest, stretches, step, settings)
+    every = rests
+    steady_multiples, steady_choice = choose(steady)
+    # without its unsteady rests a session may no longer determine a calibration
+    applied = steady_multiples and _lowest(steady_choice) <= DEAREST * _lowest(choice)
+    if applied:
+        multiples, choice = steady_multiples, steady_choice
+        rests, _ = detect_rests(steady, level, multiples, stretches, step, settings)
     return rests, {
         "level": {
             "source": level.source,
@@ -113,4 +135,35 @@ def _find_rests(samples, stretches, step, settings):
         "multiples": None if multiples is None else list(multiples),
         "choice": choice,
         "short_rests": short,
+        "unsteady": {"applied": bool(applied), **_losses(unsteady, every, rests, step)},
+    }
+
+
+def _lowest(choice):
+    return min((row["expected_error"] for row in choice), default=np.inf)
+
+
+def _losses(unsteady, every, left, step):
+    """Return what turned or trembled in all rests of the detector, and what it cost.
+
+    Number of rests `dropped_turning`, `dropped_trembling` (by which of the two lasted longer) and
+    `cut`, shortened or split; `turning_s` and `trembling_s` of all rests, s, which may overlap; the
+    bounds of `Unsteady`. Where `applied` is false, nothing was dropped: see `DEAREST`.
+    """
+    counts = dict.fromkeys(("dropped_turning", "dropped_trembling", "cut"), 0)
+    turning = trembling = 0
+    for i, j in every:
+        turns, trembles = unsteady.turning[i:j].sum(), unsteady.trembling[i:j].sum()
+        turning += int(turns)
+        trembling += int(trembles)
+        if turns or trembles:
+            kept = np.any((left[:, 0] < j) & (left[:, 1] > i))
+            cause = "turning" if turns >= trembles else "trembling"
+            counts["cut" if kept else f"dropped_{cause}"] += 1
+    return {
+        **counts,
+        "turning_s": turning * step,
+        "trembling_s": trembling * step,
+        "turning_bounds": unsteady.turning_bounds,
+        "trembling_bound": unsteady.trembling_bound,
     }

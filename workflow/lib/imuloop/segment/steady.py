@@ -1,0 +1,145 @@
+"""Steadiness: slow turns and tremor inside rests, against the device's own rests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from imuloop.segment.disturbance import robust_covariance, squared_distance
+from imuloop.segment.windows import rounding_variance, sliding_statistics
+
+# longer rests are judged in parts of this length, s: over more, a bias that warms up moves
+PART = 10.0
+# fewest windows free to vary from which the level of rest can be told
+FEWEST = 20
+# windows that a rest has to hold to be judged on their scale
+HELD = 3
+
+
+@dataclass(frozen=True)
+class Unsteady:
+    """Samples of rests during which the device moved.
+
+    Attributes
+    ----------
+    turning, trembling : ndarray of bool, shape (n,)
+        By the windowed mean and by the windowed variance of the angular rate.
+    turning_bounds : list of dict
+        For each length of window, `scale_s` in s, the largest departure of its mean rate from that
+        of the rest that still is rest, `rate` in rad/s, root mean square over directions.
+    trembling_bound : float or None
+        Root of the largest sum of the three windowed variances that still is rest, rad/s.
+    """
+
+    turning: np.ndarray
+    trembling: np.ndarray
+    turning_bounds: list
+    trembling_bound: float | None
+
+    @property
+    def either(self):
+        """Samples that turn or tremble, shape (n,)."""
+        return self.turning | self.trembling
+
+
+def shortest_half(x):
+    """Return centre and standard deviation of the values as the densest half of them has it.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+        Values; up to a half may be anything larger or smaller.
+
+    References
+    ----------
+    Rousseeuw, Leroy, "Robust regression and outlier detection", 1987, section 4.2 (the shortest
+    half, least median of squares of a location).
+    """
+    x = np.sort(x)
+    half = len(x) // 2 + 1
+    first = int(np.argmin(x[half - 1 :] - x[: len(x) - half + 1]))
+    low, high = x[first], x[first + half - 1]
+    return (low + high) / 2, (high - low) / (2 * stats.norm.ppf(0.75))
+
+
+def unsteady_samples(w, rests, step, settings):
+    """Return the samples of rests that turn slowly or tremble.
+
+    A slow turn about the vertical leaves specific force where it was, and in the mean over a rest
+    it cannot be told from a bias, or from a g-sensitivity. So only what changes **inside** a rest
+    counts, in two statistics of the angular rate:
+
+    - turning: the mean over a window, less the median of all such means in the rest. Windows of
+      `window_s`/2, twice that and so on up to a third of a rest are compared with their own
+      covariance over all rests, on each scale for itself, so that coloured noise widens it as it
+      should. Hotelling's T², less a degree of freedom for each rest, whose median was taken.
+    - trembling: the logarithm of the variance in a window of `window_s`/2, summed over the axes.
+      Its centre and spread over all rests come from the densest half of them; the spread is never
+      below the √(2/3n) of white noise.
+
+    Both levels are robust: they are those of the device's own rests as long as more than half of
+    the time at rest is spent out of the hand. Where tables shake, or the noise differs from one
+    rest to another, the spread grows and less is cut. In an undisturbed session of Gaussian noise
+    anything at all is cut with the probability `false_alarm`, shared among the statistics and all
+    samples (Bonferroni, so right for any correlation).
+
+    Parameters
+    ----------
+    w : array_like, shape (n, 3)
+        Angular rate, rad/s.
+    rests : array_like of int, shape (m, 2)
+        Ranges of samples.
+    step : float
+        Median step of time, s.
+    settings : SegmentSettings
+        Window, false alarms.
+
+    Returns
+    -------
+    Unsteady
+    """
+    parts = [
+        part
+        for i, j in rests
+        for part in np.array_split(np.arange(i, j), max(1, int(np.ceil((j - i) * step / PART))))
+    ]
+    window = max(2, round(settings.window_s / 2 / step))
+    scales = []
+    while _freedom(parts, window) >= FEWEST:
+        scales.append(window)
+        window *= 2
+    turning, trembling = np.zeros((2, len(w)), dtype=bool)
+    if not scales:
+        return Unsteady(turning, trembling, [], None)
+    probability = settings.false_alarm / (len(scales) + 1)
+    rounding = rounding_variance(w)
+
+    bounds = []
+    for window in scales:
+        long = [part for part in parts if len(part) >= HELD * window]
+        means = [sliding_statistics(w[part], window)[0] for part in long]
+        x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
+        # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
+        covariance = robust_covariance(x, np.full(3, 3 * rounding / window), tail_limit=1.0)
+        m = _freedom(parts, window)
+        bound = stats.f.isf(probability / len(x), 3, m - 3) * 3 * (m - 1) * (m + 1) / (m * (m - 3))
+        turning[np.concatenate(long)] |= squared_distance(x, covariance) > bound
+        rate = np.sqrt(bound * np.trace(covariance) / 3)
+        bounds.append({"scale_s": window * step, "rate": float(rate)})
+
+    window = scales[0]
+    long = [part for part in parts if len(part) >= window]
+    variances = [sliding_statistics(w[part], window)[1].sum(axis=1) for part in long]
+    floor = 9 * rounding
+    x = np.log(np.concatenate(variances) + floor)
+    centre, spread = shortest_half(x)
+    m = sum(len(part) // window for part in long)
+    bound = max(spread, np.sqrt(2 / (3 * window))) * stats.t.isf(probability / len(x), m - 1)
+    trembling[np.concatenate(long)] = x > centre + bound
+    largest = np.sqrt(max(np.exp(centre + bound) - floor, 0.0))
+    return Unsteady(turning, trembling, bounds, float(largest))
+
+
+def _freedom(parts, window):
+    """Return the number of separate windows, less one for each part, of parts that hold some."""
+    return sum(len(part) // window - 1 for part in parts if len(part) >= HELD * window)
