@@ -4,7 +4,7 @@ import multiprocessing
 import time
 from dataclasses import asdict
 
-from bench.study.cases import injected
+from bench.study.cases import Case, injected
 from bench.study.chain import diagnosis_of, likeness
 from bench.study.devices import DEVICES, in_shape, with_effects
 
@@ -31,14 +31,11 @@ def run(cases, seeds, controls, workers, progress=print):
     """
     with multiprocessing.get_context("fork").Pool(workers) as pool:
         plain = {}
-        records = sorted({case.record for case in cases})
-        most = {
-            record: controls
-            if any(c.kind == "control" and c.record == record for c in cases)
-            else 0
-            for record in records
-        }
-        jobs = [(r, s) for r in records for s in range(max(most[r], seeds))]
+        jobs = [
+            (record, seed)
+            for record in sorted({case.record for case in cases})
+            for seed in range(max(seeds, controls * (Case("control", record) in cases)))
+        ]
         for job, made in pool.imap(_control, jobs):
             plain[job] = made
             progress(f"control {job[0]} {job[1]}: {made['seconds']:.1f} s")
@@ -61,15 +58,15 @@ def run(cases, seeds, controls, workers, progress=print):
 
 def _control(job):
     record, seed = job
-    start = time.perf_counter()
+    start = time.process_time()
     diagnosis, alike = diagnosis_of(DEVICES[record](), seed, likeness)
-    took = time.perf_counter() - start
+    took = time.process_time() - start
     return job, {"seed": seed, "seconds": took, "diagnosis": _small(diagnosis), "likeness": alike}
 
 
 def _device(job):
     case, seed, control = job
-    start = time.perf_counter()
+    start = time.process_time()
     effects = injected(case, seed, control)
     made = {
         "seed": seed,
@@ -91,7 +88,7 @@ def _device(job):
             for effect in effects
             if effect.name == found["name"]
         ]
-    made["seconds"] = time.perf_counter() - start
+    made["seconds"] = time.process_time() - start
     return case, made
 
 

@@ -1,0 +1,199 @@
+"""A small part of the simulated study, and the study's own judgement and physics."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from bench.study import physics
+from bench.study.cases import AT_REST, Case, all_cases, injected
+from bench.study.devices import DEVICES, in_shape, with_effects
+from bench.study.run import run
+from bench.study.score import judge, pulls, ratio
+from bench.study.tables import document
+from imuloop.core.effect import Channels, Effect, find_effect
+
+PART = (
+    Case("control", "poses"),
+    Case("effect", "poses", "accelerometer", ("quadratic",)),
+    Case("effect", "poses", "gyroscope", ("g_sensitivity",)),
+    Case("outside", "poses", "gyroscope", ("harmonic",)),
+)
+
+
+@pytest.fixture(scope="module")
+def part():
+    return run(PART, seeds=1, controls=1, workers=2, progress=lambda line: None)
+
+
+def test_a_control_has_no_effect(part):
+    (control,) = part[PART[0]]
+    assert judge(PART[0], control)["more"] == []
+
+
+@pytest.mark.parametrize("case", PART[1:3], ids=lambda case: case.names[0])
+def test_an_undeclared_effect_is_named_with_its_size(part, case):
+    (made,) = part[case]
+    found = judge(case, made)
+    assert found["right"] == list(case.names) and found["more"] == []
+    assert ratio(case, made) <= 1.25
+    assert np.abs(pulls(made)).max() < 3.5
+    # nothing of it in what the diagnosis was given: the control's parameters are zero
+    assert not judge(case, {**made, "diagnosis": made["control"]})["right"]
+
+
+def test_what_is_outside_the_library_is_unexplained(part):
+    (made,) = part[PART[3]]
+    found = judge(PART[3], made)
+    assert (found["verdict"], found["named"]) == ("unexplained", [])
+
+
+def test_the_document_holds_every_case(part):
+    text = document(part, "make study", "0")
+    assert "| `quadratic`, accelerometer at the poses | 3 | 1 of 1 |" in text
+    assert "| right name, or a twin named as such | ≥ 90% | 100% (2 of 2;" in text
+    assert "| gyroscope, degree 3 of attitude | 1 `unexplained` | nothing |" in text
+
+
+def made_up_log():
+    """A log that rests, shakes and turns while its temperature goes up and down."""
+    rng, n = np.random.default_rng(3), 4000
+    t = np.arange(n) / 20
+    still = (t % 40 < 30)[:, None]
+    f = np.repeat(rng.normal(size=(5, 3)) * 6, n // 5, axis=0)
+    f = f + 0.5 * np.sin(2 * np.pi * 4.9 * t)[:, None] * rng.normal(size=3)
+    w = np.where(still, 0.0, np.sin(t / 3)[:, None] * rng.normal(size=3))
+    return t, f, w, 25 + 10 * np.sin(t / 40)
+
+
+CLOSED = sorted(name for name in Effect.library if hasattr(physics, name))
+
+
+def test_every_effect_that_poses_can_show_is_in_the_study():
+    studied = {(case.sensor, case.names[0]) for case in all_cases() if case.kind == "effect"}
+    for name, effect in Effect.library.items():
+        if "poses" in effect.records and not effect.unobservable:
+            assert name in CLOSED
+            assert {(sensor, name) for sensor in effect.sensors} <= studied
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_the_librarys_design_is_the_closed_form(name):
+    effect, rng = find_effect(name)(), np.random.default_rng(0)
+    t, f, w, temperature = made_up_log()
+    own, other = (f, w) if "accelerometer" in effect.sensors else (w, f)
+    now = Channels(t, own, other, temperature)
+    values = {key: rng.normal() for key in effect.parameters}
+    ours = getattr(physics, name)(values, asdict(effect))(now)
+    theirs = effect.design(now) @ np.array(list(values.values()))
+    if name == "vibration_rectification":
+        # theirs over a window of a second: alike well within a rest
+        inside = (t % 40 > 2) & (t % 40 < 28)
+        np.testing.assert_allclose(theirs[inside], ours[inside], rtol=0.05, atol=0.01)
+    else:
+        np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-6 * np.abs(ours).max())
+
+
+def candidate(name, limit, **more):
+    return {"name": name, "detection_limit": limit, "constants": {}, "status": "rejected", **more}
+
+
+def diagnosed(effects=(), candidates=(), confounded=(), sensor="gyroscope"):
+    empty = {"verdict": "consistent", "effects": [], "candidates": [], "residuals": {}}
+    parts = {s: {r: dict(empty) for r in DEVICES} for s in AT_REST}
+    parts[sensor]["poses"] |= {
+        "effects": [{"name": name} for name in effects],
+        "candidates": list(candidates),
+        "confounded": list(confounded),
+    }
+    return {"sensors": parts}
+
+
+DRIFT = Case("effect", "poses", "gyroscope", ("bias_drift",))
+
+
+@pytest.mark.parametrize(
+    ("found", "right", "twins", "missed", "more"),
+    [
+        ({"effects": ["bias_drift"]}, ["bias_drift"], {}, [], 0),
+        ({}, [], {}, ["bias_drift"], 0),
+        ({"effects": ["warm_up"]}, [], {}, ["bias_drift"], 1),
+        (
+            {
+                "effects": ["warm_up"],
+                "candidates": [
+                    candidate("bias_drift", None, status="confounded", confounded_with="warm_up")
+                ],
+            },
+            [], {"bias_drift": "warm_up"}, [], 0,
+        ),
+        (
+            {
+                "effects": ["warm_up"],
+                "confounded": [{"effect": "bias_drift", "with": "warm_up", "share": 0.9}],
+            },
+            [], {"bias_drift": "warm_up"}, [], 0,
+        ),
+        # a twin that was not added explains nothing
+        (
+            {
+                "effects": ["g_sensitivity"],
+                "confounded": [{"effect": "bias_drift", "with": "warm_up", "share": 0.9}],
+            },
+            [], {}, ["bias_drift"], 1,
+        ),
+        ({"effects": ["bias_drift"], "sensor": "accelerometer"}, [], {}, ["bias_drift"], 1),
+    ],
+)  # fmt: skip
+def test_a_diagnosis_is_judged_by_what_it_names(found, right, twins, missed, more):
+    made = judge(DRIFT, {"diagnosis": diagnosed(**found)})
+    assert (made["right"], made["twins"], made["missed"]) == (right, twins, missed)
+    assert len(made["more"]) == more
+
+
+def test_an_effect_has_nine_times_the_noncentrality_of_its_limit():
+    names = ("dx", "dy", "dz")
+    limits = dict(zip(names, (1e-6, 2e-6, 3e-6), strict=True))
+    alike = np.array([[1, 0.6, 0], [0.6, 1, -0.3], [0, -0.3, 1]])
+    control = {
+        "diagnosis": diagnosed(candidates=[candidate("bias_drift", limits)]),
+        "likeness": {("gyroscope", "bias_drift"): alike},
+    }
+    made = [injected(DRIFT, seed, control)[0] for seed in (1, 1, 2)]
+    z = np.array([[one.values[k] / limits[k] for k in names] for one in made])
+    np.testing.assert_allclose(np.einsum("si,ij,sj->s", z, alike, z), 9)
+    assert np.array_equal(z[0], z[1]) and not np.allclose(z[0], z[2])
+    control["diagnosis"] = diagnosed(candidates=[candidate("bias_drift", None)])
+    assert injected(DRIFT, 1, control) is None
+
+
+def test_an_effect_that_physics_bounds_has_its_largest_size():
+    case = Case("effect", "poses", "gyroscope", ("earth_rate",))
+    control = {
+        "diagnosis": diagnosed(candidates=[candidate("earth_rate", {"w_up": 5e-5})]),
+        "likeness": {("gyroscope", "earth_rate"): np.eye(1)},
+    }
+    (made,) = injected(case, 0, control)
+    assert abs(made.values["w_up"]) == pytest.approx(7.292115e-5)
+    assert made.limits == pytest.approx(7.292115e-5 / 5e-5)
+
+
+def test_values_are_held_against_the_shape_that_was_found():
+    case = Case("effect", "static_record", "gyroscope", ("bias_temperature",))
+    limits = {"c1x": 1e-5, "c1y": 1e-5, "c1z": 1e-5}
+    shape = {"order": 1, "reference_temperature": 30.0}
+    parts = diagnosed()
+    parts["sensors"]["gyroscope"]["static_record"]["candidates"] = [
+        candidate("bias_temperature", limits, constants=shape)
+    ]
+    effects = injected(case, 0, {"diagnosis": parts, "likeness": {}})
+    truth = with_effects(DEVICES["static_record"](), effects)
+    names = [f"c{k}{axis}" for k in (1, 2) for axis in "xyz"]
+    found = {
+        "name": "bias_temperature",
+        "constants": {"order": 2, "reference_temperature": 33.0},
+        "parameters": dict.fromkeys(names, 0.0),
+    }
+    expected = in_shape(truth, 0, effects[0], found, "static_record")
+    want = [*effects[0].values.values(), 0, 0, 0]
+    np.testing.assert_allclose([expected[n] for n in names], want, atol=1e-9 * max(map(abs, want)))
