@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from bench.study import physics
-from bench.study.devices import Injected
 
 import imuloop.diagnose.effects  # noqa: F401  loads the library
+from bench.study import physics
+from bench.study.devices import Injected
 from imuloop.core.effect import Effect, find_effect
 
 # how many detection limits large an effect is

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import scipy
+from scipy.stats import beta
+
 from bench.study.cases import OUTSIDE
 from bench.study.score import RATIO, SIGMAS, judge, pulls, ratio
-from scipy.stats import beta
 
 RECORDS = {"poses": "at the poses", "static_record": "in static records"}
 NOTHING = "nothing"
