@@ -10,7 +10,8 @@ class SegmentSettings:
     Attributes
     ----------
     window_s : float
-        Length of the sliding window of the static detector, s.
+        Length of the sliding window of the static detector, s; slow turns and tremor inside a rest
+        are looked for in half of it.
     initial_rest_s : float
         Longest stretch at the start of a log that sets the level of rest, s.
     accelerometer_multiples, gyroscope_multiples : tuple of float
@@ -33,7 +34,8 @@ class SegmentSettings:
     gap_factor : float
         A step of time longer than this multiple of the median step is a gap.
     false_alarm : float
-        Probability that an undisturbed static session is cut at all.
+        Probability that an undisturbed session is cut at all: as disturbed, where it is static, or
+        as a slow turn or tremor inside a rest.
     longest_scale_s : float
         Longest scale on which disturbances are looked for, s; slower changes are drift.
     guard_s : float
