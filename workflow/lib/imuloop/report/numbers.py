@@ -83,7 +83,7 @@ def _fixed(value, decimals):
 
 def typeset(unit):
     """Return a unit of the files as it is printed: m/s^2 as m/s²."""
-    return unit.replace("^2", "²")
+    return unit.replace("^2", "²").replace("^3", "³").replace("sqrt(s)", "√s")
 
 
 def superscript(exponent):

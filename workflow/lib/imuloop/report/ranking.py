@@ -24,7 +24,7 @@ _RECORDINGS = {
     "turn": "turns at varied speeds and in both senses about every axis",
     "order": "the same attitudes in another order",
     "vibration": "the same attitudes with and without vibration",
-    "heading": "the same attitudes at another heading",
+    "heading": "nothing at one place: the Earth's vertical rate follows from the latitude",
 }
 _VARIES_WITH = {
     "temperature": (
@@ -48,11 +48,15 @@ CONSTANTS = {
     "reference_temperature": ("θ0", "°C"),
     "tau": ("τ", "s"),
     "half_width": ("w", "K"),
-    "frequency": ("frequency", "Hz"),
+    "frequency": ("f", "Hz"),
+    "tc": ("Tc", "s"),
+    "times": ("at", "s"),
+    "sessions": ("in", ""),
 }
 
 # best first
-STATUS = ("added", "confounded", "rejected", "not_observable", "not_available")
+UNTRIED = ("not_observable", "not_available")
+STATUS = ("added", "confounded", "rejected", *UNTRIED)
 
 
 def ranked(block):
@@ -86,12 +90,26 @@ def ranking_table(sensor, part, block):
             *("Effect", "It adds", "Status", "Why", "p-value"),
             *("Held-out error without → with it alone", "Detection limit"),
         ),
-        tuple(_row(c, residuals) for c in candidates),
+        (
+            *(_row(c, residuals) for c in candidates if c["status"] not in UNTRIED),
+            *_untried([c for c in candidates if c["status"] in UNTRIED]),
+        ),
         "p-value: how often noise alone would look this much like the effect. Held-out error: root "
         f"mean square of the model without effects, and with this one alone added ({meant}). "
         "Detection limit: the smallest size that these data would have shown in nine of ten "
         "cases; the least and the greatest of the effect's parameters.",
     )
+
+
+def _untried(candidates):
+    """Return a row for each reason why effects could not be tried, with all that share it."""
+    reasons = {}
+    for c in candidates:
+        reasons.setdefault((c["status"], c.get("why") or NO_NUMBER), []).append(c["name"])
+    return [
+        (", ".join(names), NO_NUMBER, status.replace("_", " "), why, *([NO_NUMBER] * 3))
+        for (status, why), names in reasons.items()
+    ]
 
 
 def _row(candidate, residuals):
@@ -136,6 +154,8 @@ def constants_text(constants):
 def telling_apart(*names):
     """Return which recording would tell effects apart: one in which what they depend on varies."""
     kinds = [k for k, effects in _VARIES_WITH.items() if set(names) & set(effects)]
+    if "heading" in kinds:
+        return _RECORDINGS["heading"]
     return "; ".join(_RECORDINGS[k] for k in kinds or ("attitude", "time"))
 
 
