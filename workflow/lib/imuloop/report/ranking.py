@@ -87,8 +87,8 @@ def ranking_table(sensor, part, block):
     return Table(
         f"{sensor.capitalize()}, {PARTS[part]}: candidate effects, best first",
         (
-            *("Effect", "It adds", "Status", "Why", "p-value"),
-            *("Held-out error without → with it alone", "Detection limit"),
+            *("Effect", "Status", "p-value", "Held-out error without → with it alone"),
+            *("Detection limit", "Why", "It adds"),
         ),
         (
             *(_row(c, residuals) for c in candidates if c["status"] not in UNTRIED),
@@ -107,7 +107,7 @@ def _untried(candidates):
     for c in candidates:
         reasons.setdefault((c["status"], c.get("why") or NO_NUMBER), []).append(c["name"])
     return [
-        (", ".join(names), NO_NUMBER, status.replace("_", " "), why, *([NO_NUMBER] * 3))
+        (", ".join(names), status.replace("_", " "), *([NO_NUMBER] * 3), why, NO_NUMBER)
         for (status, why), names in reasons.items()
     ]
 
@@ -120,12 +120,12 @@ def _row(candidate, residuals):
     limits = spans(candidate.get("detection_limit") or {}, candidate.get("units") or {})
     return (
         candidate["name"],
-        ", ".join(filter(None, adds)) or NO_NUMBER,
         f"{status} with {twin}" if twin else status,
-        candidate.get("why") or NO_NUMBER,
         probability(candidate.get("p_value")),
         _heldout(candidate, residuals),
         "; ".join(limits) or NO_NUMBER,
+        candidate.get("why") or NO_NUMBER,
+        ", ".join(filter(None, adds)) or NO_NUMBER,
     )
 
 
