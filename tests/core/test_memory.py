@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from imuloop.core.memory import filled, first_order_lag, moving_variance, play
+from imuloop.core.memory import fast_part, filled, first_order_lag, moving_mean, play
 
 TAU = 4.0
 steps = st.floats(1e-3, 1e3)
@@ -100,19 +100,34 @@ def test_play_knows_no_time(log, w):
     np.testing.assert_array_equal(play(slow, w)[last], play(x, w))
 
 
-@pytest.mark.parametrize("level", [0.0, 1e4])
-def test_moving_variance_is_that_of_the_samples_in_the_window(level):
+def test_a_moving_mean_is_that_of_the_samples_in_the_window():
     t = irregular(20.0, 400)
-    x = np.random.default_rng(5).normal(level, 0.3, (len(t), 2))
-    found = moving_variance(t, x, 1.5)
+    x = np.random.default_rng(5).normal(3, 0.3, (len(t), 2))
+    found = moving_mean(t, x, 1.5)
     for k in range(0, len(t), 17):
         inside = (t >= t[k] - 1.5) & (t <= t[k])
-        np.testing.assert_allclose(found[k], x[inside].var(axis=0), atol=1e-11 * (1 + level))
+        np.testing.assert_allclose(found[k], x[inside].mean(axis=0), rtol=1e-12)
 
 
-def test_what_is_constant_has_no_variance():
-    t = np.arange(300.0)
-    np.testing.assert_allclose(moving_variance(t, np.full((300, 3), 9.8), 10.0), 0, atol=1e-20)
+@pytest.mark.parametrize(
+    ("frequency", "left"), [(1.0, 0.033), (4.43, 0.5), (10.0, 1.0), (13.0, 0.96)]
+)
+def test_the_fast_part_of_a_sine_is_one_less_the_square_of_sinc(frequency, left):
+    t = np.arange(20_000) / 1000
+    x = np.sin(2 * np.pi * frequency * t)[:, None]
+    inner = slice(1000, -1000)
+    share = 1 - np.sinc(0.1 * frequency) ** 2
+    assert share == pytest.approx(left, rel=0.02)
+    np.testing.assert_allclose(fast_part(t, x, 0.1)[inner], share * x[inner], atol=0.01)
+
+
+@pytest.mark.parametrize("rate", [1.0, 100.0])
+def test_nothing_of_an_even_motion_is_fast(rate):
+    t = np.arange(300) / rate
+    x = np.column_stack([np.full(300, 9.8), 5 * t])
+    found = fast_part(t, x, 0.1)
+    np.testing.assert_allclose(found[15:-15], 0, atol=1e-9)
+    np.testing.assert_allclose(fast_part(t[:1], x[:1], 0.1), 0, atol=1e-12)
 
 
 def test_gaps_lie_on_a_line_and_ends_are_held():

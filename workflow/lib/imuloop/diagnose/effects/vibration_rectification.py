@@ -6,30 +6,34 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import moving_variance
+from imuloop.core.memory import fast_part, moving_mean
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 
-# s; many periods of what motors and hands do (above some 5 Hz), well within a pose
+# s; what is faster than 10 Hz is a vibration, a turn by hand is ten times slower
+PERIOD = 0.1
+# s; many periods of a vibration, well within a pose
 WINDOW = 1.0
 
 
 def vibration(channels):
-    """Return the variance of each axis' output about now of a whole log, SI², shape (n, 3).
+    """Return the mean square of each axis' vibration of a whole log, SI², shape (n, 3).
 
-    The quieter of the `WINDOW` before and the one after: at either end of a pose one of the two
-    lies in the pose, so that the turn beside it does not count as vibration.
+    Of two windows, the `WINDOW` before and the one after, the quieter: at either end of a pose one
+    of them lies in the pose, so that what shakes the turn beside it does not count.
     """
     t = channels.t
-    before = moving_variance(t, channels.output, WINDOW)
+    before = moving_mean(t, fast_part(t, channels.output, PERIOD) ** 2, WINDOW)
     after = before[np.searchsorted(t, t + WINDOW, side="right") - 1]
-    return np.minimum(before, after)
+    # sums of large squares may leave less than nothing of small ones
+    return np.maximum(np.minimum(before, after), 0.0)
 
 
 @dataclass(frozen=True)
 class VibrationRectification(Effect):
-    """``e_i = v_i σ_i²``: vibration of variance σ_i² on the same axis shifts its bias.
+    """``e_i = v_i σ_i²``: vibration of mean square σ_i² on the same axis shifts its bias.
 
-    The mean of a nonlinearity over a vibration; v = K2 where it is quadratic and as fast.
+    The mean of a nonlinearity over a vibration; v = K2 where it is quadratic and as fast. Slow
+    changes, as of a turn, are none: there K2 is the `quadratic` effect.
     The sensor's own noise is in σ² too: what is always there is a bias.
     Leaves: means that depend on the variance within the pose, or steps of bias in a static record
     while a motor runs. Imitated by: what changes with the vibration, as a support that tilts.
@@ -42,5 +46,5 @@ class VibrationRectification(Effect):
     reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
 
     def design(self, channels):
-        """Return the variance about each point, SI², shape (n, 3, 3)."""
+        """Return the mean square of the vibration about each point, SI², shape (n, 3, 3)."""
         return on_each_axis(channels.remembered(vibration))
