@@ -1,5 +1,7 @@
 """Effects that remember the log, against closed forms."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -36,7 +38,7 @@ def test_minus_c1_tau_is_exactly_a_sensor_that_lags_behind_the_thermometer():
     straight = find_effect("bias_temperature")(1, 0.0).design(channels)[:, 0, 0]
     rate = find_effect("bias_temperature_rate")(tau).design(channels)[:, 0, 0]
     lagged, a = [warm[0]], np.exp(-dt / tau)
-    for x, y in zip(warm, warm[1:], strict=False):
+    for x, y in pairwise(warm):
         slope = (y - x) / dt
         lagged.append(y - slope * tau + (lagged[-1] - x + slope * tau) * a)
     np.testing.assert_allclose(c1 * straight - c1 * tau * rate, c1 * np.array(lagged), rtol=1e-12)
