@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import imuloop.diagnose.effects  # noqa: F401  loads the library
+import imuloop.diagnose.diagnose  # noqa: F401  loads the library
 from bench.study import physics
 from bench.study.devices import Injected
 from imuloop.core.effect import Effect, find_effect
+from imuloop.simulate.truth import GaussMarkov, Sinusoid, Steps
 
 # how many detection limits large an effect is
 LIMITS = 3.0
@@ -28,6 +29,32 @@ AT_REST = {
 # how many floors large it is, root mean square
 OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
 FLOORS = 3.0
+
+
+def _line(values, constants, rng):
+    """Return a line of that size in every session, its phases left to the simulator."""
+    amplitude = [
+        np.sqrt(sum(v**2 for key, v in values.items() if key[1] == axis)) for axis in "xyz"
+    ]
+    sessions = len(constants["sessions"])
+    line = Sinusoid(tuple(np.array(amplitude) / np.sqrt(sessions)), constants["frequency"])
+    return {"sinusoid": (line,)}
+
+
+def _steps(values, constants, rng):
+    """Return a step of the first size, at one time in the middle part of every session."""
+    size = tuple(values["h1" + axis] for axis in "xyz")
+    return {"steps": (Steps(size, (float(rng.uniform(900, 2700)),)),)}
+
+
+def _gauss_markov(values, constants, rng):
+    """Return a process of that size, whatever the signs."""
+    q = tuple(abs(values["q" + axis]) for axis in "xyz")
+    return {"gauss_markov": (GaussMarkov(q, constants["tc"]),)}
+
+
+# what is not a function of the channels: random, or of its own time
+PROCESSES = {"sinusoid": _line, "steps": _steps, "gauss_markov": _gauss_markov}
 
 
 @dataclass(frozen=True)
@@ -120,7 +147,7 @@ def _injected(sensor, name, candidate, alike, rng):
     limit = candidate["detection_limit"]
     known = list(limit)
     constants = dict(candidate["constants"])
-    for key in constants.keys() & {"tau", "half_width"}:
+    for key in constants.keys() & {"tau", "half_width", "tc", "frequency"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
     z = rng.standard_normal(len(known))
     if name == "bias_temperature":
@@ -131,5 +158,8 @@ def _injected(sensor, name, candidate, alike, rng):
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
     size = LIMITS * min(1.0, bound / largest)
     values = {key: float(value * size / LIMITS) for key, value in values.items()}
+    if name in PROCESSES:
+        noise = PROCESSES[name](values, constants, rng)
+        return Injected(sensor, name, values, constants, size, noise=noise)
     extra = getattr(physics, name)(values, constants)
     return Injected(sensor, name, values, constants, size, extra)

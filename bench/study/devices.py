@@ -88,7 +88,7 @@ def in_shape(truth, seed, injected, found, record):
 
     Where the shape is the injected one they are those that were injected. Else, as for a time
     constant between two of those that are tried, they are the ones that come nearest to it at
-    rest, by least squares beside a bias in each session.
+    rest, by least squares beside a bias in each session. What is random has none.
 
     Parameters
     ----------
@@ -103,6 +103,8 @@ def in_shape(truth, seed, injected, found, record):
     record : {'poses', 'static_record'}
         Kind of data in which it was found.
     """
+    if injected.extra is None:
+        return {}
     if found["constants"] == injected.constants:
         return injected.values
     design = find_effect(found["name"])(**found["constants"]).design

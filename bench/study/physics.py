@@ -138,6 +138,10 @@ def earth_rate(p, c):
     return lambda now: p["w_up"] * now.other / np.linalg.norm(now.other, axis=1, keepdims=True)
 
 
+# at rest the drift has a name of its own
+ramp = bias_drift
+
+
 def g_sensitivity(p, c):
     G = np.array([[p[f"G{i}{j}"] for j in range(3)] for i in range(3)])
     return lambda now: now.other @ G.T

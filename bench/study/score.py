@@ -85,5 +85,6 @@ def pulls(outcome):
             (value - found["expected"][name]) / found["std"][name]
             for found in outcome["found"]
             for name, value in found["parameters"].items()
+            if name in found["expected"]
         ]
     )
