@@ -152,11 +152,26 @@ def _inline(text, name, alt):
             del element.attrib["transform"]
         element.text = element.text if element.tag == "text" else None
         element.tail = None
+    _lighten(root)
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
     root.set("role", "img")
     root.set("aria-label", alt)
     return ET.tostring(root, encoding="unicode")
+
+
+def _lighten(root):
+    """Take out groups that hold nothing; say once what all marks of a group have in common."""
+    for parent in reversed(list(root.iter())):
+        for child in list(parent):
+            if child.tag in ("g", "defs") and not len(child):
+                parent.remove(child)
+        marks = parent.findall("use")
+        looks = {mark.get("style") for mark in marks}
+        if len(marks) > 1 and len(looks) == 1 and None not in looks and not parent.get("style"):
+            parent.set("style", looks.pop())
+            for mark in marks:
+                del mark.attrib["style"]
 
 
 def _attribute(key, value, names):
