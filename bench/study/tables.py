@@ -91,7 +91,7 @@ def bounds(chosen):
     kept = sum(j["verdict"] == "unexplained" and not j["named"] for j in alien)
     inside = np.abs(errors) <= SIGMAS
     lines = [
-        (f"right name, or a twin named as such, at {LIMITS:g} detection limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
+        (f"right name or twin, at {LIMITS:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
         (f"held-out error after ≤ {RATIO} × without the effect", "all",
          sum(r <= RATIO for r in ratios), len(ratios), 1.0),
         (f"parameters within {SIGMAS:g} σ", f"≥ {INSIDE:.0%}", inside.sum(), len(inside), INSIDE),
