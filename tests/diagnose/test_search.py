@@ -143,7 +143,7 @@ def test_the_choice_of_effects_sees_only_the_training_poses(sensitive, monkeypat
     monkeypatch.setattr(GyroscopePoses, "fit", spy)
     available = {GSensitivity: (G_SENSITIVITY,)}
     searches = folds(model, made, available, DiagnoseSettings(folds=4), 1)
-    part = np.arange(len(made.poses)) * 4 // len(made.poses)
+    part = np.arange(len(made.poses)) % 4
     counts = {"pose_rate": 0, "rotation": 0}
     for k, search in enumerate(searches):
         seen.clear()

@@ -72,9 +72,9 @@ def correlates(white, linear, probed):
     residual = white.left(white.residual)
     total, p = residual @ residual, white.q.shape[1]
     found = []
-    for kind, poses in linear.kinds.items():
+    for kind in linear.kinds:
         k = linear.components[kind]
-        rows = linear.rows(lambda other, poses=poses: np.full(len(other), other is poses))
+        rows = linear.rows_of(kind)
         for name, values in probed["rotation" if kind == "rotation" else "pose"].items():
             columns = np.zeros((len(residual), k * values.shape[1]))
             columns[rows] = np.kron(values - values.mean(axis=0), np.eye(k))

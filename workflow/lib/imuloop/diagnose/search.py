@@ -8,7 +8,7 @@ from scipy.linalg import cholesky, solve_triangular
 from imuloop.core.effect import Effect
 from imuloop.diagnose.residuals import held_out_variance
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.trial import Linear, Trial, White, try_shapes
+from imuloop.diagnose.trial import Linear, Trial, White, excess, try_shapes
 
 
 def candidates(sensor, record, channels):
@@ -109,7 +109,11 @@ class Search:
             linear = self.model.linearise(solution, self.recording, shapes)
             seen = linear.rows(lambda poses: np.all(self.keep[poses], axis=1))
             white = White.of(linear, seen, solution.covariance)
-            trials, reasons = try_shapes(white, shapes)
+            more = excess(linear, seen, solution.covariance)
+            spread = None
+            if more.any():
+                spread = White.of(linear, seen, solution.covariance + np.diag(more))
+            trials, reasons = try_shapes(white, shapes, spread)
             self._steps[effects] = Step(solution, linear, seen, white, trials, reasons)
         return self._steps[effects]
 
@@ -180,7 +184,7 @@ class Search:
 
     def _parts(self, n):
         count = min(self.settings.folds, n)
-        return np.arange(n) * count // n
+        return np.arange(n) % count
 
     def kind(self, effects, trial):
         """Return the kind of residual in which a trial's effect shows most."""
@@ -248,13 +252,14 @@ class HeldOut:
 def folds(model, recording, available, settings, tests):
     """Return one search for each part of the poses that is held out.
 
-    The parts follow each other in time. Model and choice of effects see only the other poses and
-    the rotations between them; a rotation belongs to the part of the pose that it starts from.
+    Each part is every so-manieth pose, so that a part is predicted by poses before and after it.
+    Model and choice of effects see only the other poses and the rotations between them; a rotation
+    belongs to the part of the pose that it starts from.
     None where the other parts alone do not determine a calibration.
     """
     n = len(recording.poses)
     count = min(settings.folds, n)
-    part = np.arange(n) * count // n
+    part = np.arange(n) % count
     searches = [
         Search(model, recording, part != k, available, settings, tests) for k in range(count)
     ]

@@ -49,6 +49,10 @@ class Linear:
             [np.repeat(chosen(poses), self.components[kind]) for kind, poses in self.kinds.items()]
         )
 
+    def rows_of(self, kind):
+        """Return the rows, shape (N,), of one kind of residual."""
+        return self.rows(lambda poses: np.full(len(poses), poses is self.kinds[kind]))
+
     def split(self, values):
         """Return values of all rows as one array, shape (n, k), for each kind."""
         sizes = [len(poses) * self.components[kind] for kind, poses in self.kinds.items()]
@@ -150,20 +154,59 @@ class Trial:
         return bool(np.any(np.abs(self.values) - 3 * self.std > self.effect.limit))
 
 
-def log_p_value(drop, chi2_after, q, dof):
+def log_p_value(drop, chi2_after, q, dof, least=1.0):
     """Return the logarithm of the p-value of ``F = (drop / q) / max(1, χ²/ν)``.
 
     The noise model sets the scale; where the residual exceeds it even with the effect, the
-    residual does.
+    residual does. Without a noise model to go by, `least` is 0.
     """
-    return float(f.logsf(drop / q / max(1.0, chi2_after / dof), q, dof))
+    return float(f.logsf(drop / q / max(least, chi2_after / dof), q, dof))
 
 
-def try_shapes(white, shapes):
+def excess(linear, seen, covariance):
+    """Return the variance that all residuals of a kind have beyond the noise model's, (n,).
+
+    What is missing in a model need not follow the noise: the residual of a long rest is no smaller
+    than that of a short one. The variance s that ``rᵀ (Σ + s I)⁻¹ r`` needs to be its degrees of
+    freedom, for each kind of residual for itself; 0 where it is at the floor.
+
+    References
+    ----------
+    DerSimonian & Laird, Controlled Clinical Trials 7 (1986) 177: variance between studies.
+    """
+    found = np.zeros(len(covariance))
+    share = 1 - linear.jacobian.shape[1] / len(covariance)
+    for kind in linear.kinds:
+        at = linear.rows_of(kind)[seen]
+        if not at.any():
+            continue
+        variance, axes = np.linalg.eigh(covariance[np.ix_(at, at)])
+        square = (axes.T @ linear.values[seen][at]) ** 2
+        dof = at.sum() * share
+
+        def surplus(s, square=square, variance=variance, dof=dof):
+            return (square / (variance + s)).sum() - dof
+
+        if surplus(0.0) > 0:
+            found[at] = brentq(surplus, 0.0, square.sum() / dof)
+    return found
+
+
+def try_shapes(white, shapes, spread=None):
     """Return the best trial of each class among the shapes, or why there is none.
 
     Every parameter of the model is refitted together with the effect's: the step of generalised
     least squares from the solution, exact as far as the residual is linear in them.
+
+    Parameters
+    ----------
+    white : White
+        Residuals weighted by the noise model.
+    shapes : sequence of Effect
+        The shapes of its columns.
+    spread : White, optional
+        The same weighted with their `excess`: an effect has to pass with these weights too, where
+        no few residuals of small noise can carry it alone.
 
     Returns
     -------
@@ -190,7 +233,10 @@ def try_shapes(white, shapes):
         values = -np.linalg.lstsq(pattern, residual, rcond=None)[0]
         drop = total - ((residual + pattern @ values) ** 2).sum()
         scale = max(1.0, (total - drop) / dof)
-        log_p = log_p_value(drop, total - drop, q, dof) + np.log(count[cls])
+        log_p = log_p_value(drop, total - drop, q, dof)
+        if spread is not None:
+            log_p = max(log_p, _spread_log_p(spread, column, dof))
+        log_p += np.log(count[cls])
         if cls in best and (best[cls].log_p, -best[cls].drop) <= (log_p, -drop):
             continue
         information = pattern.T @ pattern / scale
@@ -198,6 +244,15 @@ def try_shapes(white, shapes):
         step = -solve_triangular(white.r, white.q.T @ (white.residual + raw @ values))
         best[cls] = Trial(shape, log_p, drop, values, std, information, step, pattern, column, dof)
     return best, {cls: why for cls, why in reasons.items() if cls not in best}
+
+
+def _spread_log_p(spread, column, dof):
+    """Return the logarithm of the p-value of a shape with the weights of `spread`."""
+    residual, raw = spread.left(spread.residual), spread.columns[column]
+    pattern = spread.left(raw) / np.linalg.norm(raw, axis=0)
+    after = residual - pattern @ np.linalg.lstsq(pattern, residual, rcond=None)[0]
+    total, left = residual @ residual, after @ after
+    return log_p_value(total - left, left, raw.shape[1], dof, least=0.0)
 
 
 def detection_limit(trial, shapes, settings, tests):

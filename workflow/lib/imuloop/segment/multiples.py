@@ -9,8 +9,9 @@ from scipy import stats
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
 # standard deviation of a pose's norm, of g, that counts as one observation beside the poses
 POSE_NORM = 1e-4
-# relative difference of the expected error that is chance
-EQUAL = 0.05
+# relative difference of the expected error for which no attitude is given up: chance among fifty
+# pairs, and an effect that the model lacks, must not decide which poses are looked at
+EQUAL = 0.5
 
 
 def _moments():
@@ -94,8 +95,9 @@ def choose_multiples(specific_force, detect, settings):
     The sum of squares over the poses falls with each pose that is lost, and even their mean
     square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
     by `expected_error`, which asks how well the poses determine a calibration for all attitudes.
-    Within 5 % of the lowest they count as equal, as neighbouring multiples do by chance; of these
-    the most attitudes win, then the fewest pieces that they fall into, then the lowest error.
+    Up to half above the lowest they count as equal: fewer poses have a smaller residual by luck, and
+    poses that show what the model lacks would be left out first. Of these the most attitudes win,
+    then the fewest pieces that they fall into, then the lowest error.
 
     Parameters
     ----------
