@@ -136,9 +136,9 @@ def test_the_choice_of_effects_sees_only_the_training_poses(sensitive, monkeypat
     model = models(truth)[1]
     seen, fit = [], type(model).fit
 
-    def spy(self, recording, effects=()):
+    def spy(self, recording, effects=(), start=None):
         seen.append(set(recording.poses.start_s))
-        return fit(self, recording, effects)
+        return fit(self, recording, effects, start)
 
     monkeypatch.setattr(GyroscopePoses, "fit", spy)
     available = {GSensitivity: (G_SENSITIVITY,)}

@@ -241,7 +241,7 @@ def _cross_matrix(vectors):
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None):
+def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, start=None):
     """Fit the twelve-parameter model, and effects, to pose rates and rotations together.
 
     Parameters
@@ -258,6 +258,8 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None):
         Effects that are known from elsewhere.
     bias : array_like, shape (3,), optional
         rad/s; held instead of estimated.
+    start : array_like, optional
+        First parameters of a fit with fewer effects, to start from.
 
     Returns
     -------
@@ -280,9 +282,11 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None):
         rates[:, axis, :, axis] = means[axis]
     model = gyroscope_model(recording, force, None, effects, known, bias)
     x = model.start()
+    if start is not None:
+        x[: len(start)] = start
     free = model.free()
     # weights need the attitude along the rotations, effects the output: the first fit gives both
-    for _ in range(3 if effects or known else 2):
+    for _ in range(3 if start is None and (effects or known) else 2):
         model = gyroscope_model(recording, force, x, effects, known, bias)
         errors = rotation_covariance(model, x, poses.session, force.direction_covariance, noise)
         covariance = block_diag(rates.reshape(3 * n, 3 * n), errors)

@@ -179,10 +179,20 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         at = final
         status, why = "rejected", "the residual does not fall by more than chance"
     trial = at.trials.get(cls)
-    if trial is None:
-        why = at.reasons[cls]
-        return {"name": cls.name, "status": "not_observable", "why": why, **UNTRIED}
     twin = None
+    if trial is None:
+        names = {effect.name for effect in effects}
+        pairs = imitated(_patterns(base))
+        twins = [p["with"] for p in pairs if p["effect"] == cls.name and p["with"] in names]
+        if not twins:
+            return UNTRIED | {"name": cls.name, "status": "not_observable", "why": at.reasons[cls]}
+        why = f"in these data all that it adds is part of {twins[0]}"
+        return UNTRIED | {
+            "name": cls.name,
+            "status": "confounded",
+            "why": why,
+            "confounded_with": twins[0],
+        }
     if cls in failed:
         low, high = failed[cls]
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"

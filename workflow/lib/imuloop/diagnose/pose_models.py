@@ -92,8 +92,8 @@ class AccelerometerPoses:
             recording.poses, self.gravity, self.settings.largest_condition
         ) or recording.poses.unknown_noise(self.noise, ACCELERATION)
 
-    def fit(self, recording, effects=()):
-        """Return the Solution for a recording."""
+    def fit(self, recording, effects=(), start=None):
+        """Return the Solution for a recording; the start is as good without another."""
         means = recording.poses.mean_covariance(self.noise)[:3]
         fit, model = accelerometer.fit_accelerometer(
             recording, means, self.gravity, effects, self.known
@@ -180,13 +180,13 @@ class GyroscopePoses:
             recording, force, self.force.settings.largest_condition
         )
 
-    def fit(self, recording, effects=()):
-        """Return the Solution for a recording."""
+    def fit(self, recording, effects=(), start=None):
+        """Return the Solution for a recording, from the parameters of one with fewer effects."""
         noise = self.force.noise
         accelerometer_calibration = self._force(recording)
         force = calibrated_force(accelerometer_calibration, recording, noise)
         fit, model, covariance = gyroscope.fit_gyroscope(
-            recording, force, noise, effects=effects, known=self.known
+            recording, force, noise, effects=effects, known=self.known, start=start
         )
         calibration = in_raw_units(
             self.unit,

@@ -103,7 +103,9 @@ class Search:
         """Return the fit with some effects, and the trials of all others."""
         if effects not in self._steps:
             seen_only = self.recording.select(self.keep)
-            solution = self.model.fit(seen_only, effects)
+            fewer = self._steps.get(effects[:-1]) if effects else None
+            start = fewer.solution.x if fewer else None
+            solution = self.model.fit(seen_only, effects, start)
             used = set(map(type, effects))
             shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
             linear = self.model.linearise(solution, self.recording, shapes)
