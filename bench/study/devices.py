@@ -14,7 +14,7 @@ HEATED_POSES = ((0, 24), (40, 24), (90, 38), (135, 38), (215, 27), (240, 27), (3
 HEATED_RECORD = (
     (0, 24), (300, 24), (900, 44), (1300, 44), (2300, 27), (2700, 27), (3300, 36), (3600, 36)
 )  # fmt: skip
-MOTOR = Vibration(share=0.5, rms=(0.015, 0.03), frequency=(15.0, 45.0))
+MOTOR = Vibration(share=0.5, rms=(0.02, 0.028), frequency=(15.0, 45.0))
 THERMOMETER = Thermometer(noise=0.02, step=0.01)
 
 
