@@ -83,7 +83,7 @@ def bounds(chosen):
     ]
     right = sum(not j["missed"] for _, _, j in one)
     found = [(case, made) for case, made, j in one if j["right"]]
-    ratios = [ratio(case, made) for case, made in found]
+    ratios = [r for case, made in found if (r := ratio(case, made)) is not None]
     errors = np.concatenate([[], *(pulls(made) for _, made in found)])
     alarms = [bool(j["more"]) for _, _, j in judged(chosen["control"])]
     pairs = [not j["missed"] for _, _, j in judged(chosen["two"])]
@@ -117,7 +117,7 @@ def effects(cases):
             rows.append((label, "not shown by this log", *["–"] * 6))
             continue
         found = [made for made, j in each if j["right"]]
-        ratios = [ratio(case, made) for made in found]
+        ratios = [r for made in found if (r := ratio(case, made)) is not None]
         errors = np.concatenate([[], *map(pulls, found)])
         twins = Counter(other for _, j in each for other in j["twins"].values())
         size = np.median([made["injected"][0]["limits"] for made, _ in each])
