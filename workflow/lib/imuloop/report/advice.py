@@ -18,8 +18,8 @@ _NEXT = {
     "harmonics_3": _ATTITUDE,
     "harmonics_4": _ATTITUDE,
     "harmonics_5": _ATTITUDE,
-    "time": "Let the device warm up first, log its temperature, and record the same again in "
-    "another order.",
+    "time": "Let the device warm up first and record the same again: what comes back at the same "
+    "time after power-on is the device, what does not is its surroundings or a random walk.",
     "temperature": "Heat and cool slowly within one record, so that each temperature comes twice.",
     "temperature_rate": "Change the temperature at several rates and hold it in between: the "
     "thermometer may lag behind the sensor.",

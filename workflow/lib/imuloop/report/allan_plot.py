@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.report.numbers import NOISE_UNITS, coefficient_text, missing, number
+from imuloop.report.numbers import NOISE_UNITS, coefficient_text, missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.svg import AXES, Picture, decades, draw, write_csv
 
@@ -95,8 +95,8 @@ def _fall(sensor, raw, after):
         return ""
     most = both.loc[(both["adev"] / both["adev_after"]).idxmax()]
     return (
-        f"{number(most['adev'], 2)} → {number(most['adev_after'], 2)} {UNITS[sensor]} "
-        f"at {number(most['tau_s'], 2)} s"
+        f"{number(most['adev'], 2)} → {with_unit(number(most['adev_after'], 2), UNITS[sensor])} "
+        f"at {with_unit(number(most['tau_s'], 2), 's')}"
     )
 
 

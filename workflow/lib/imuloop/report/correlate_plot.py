@@ -54,6 +54,7 @@ def _picture(device, sensor, part, residual, probes, count, folder):
         ax.set_yticks(place, words)
         ax.grid(axis="y", visible=False)
         ax.set_xlim(0, limit)
+        ax.set_xticks([tick for tick in ax.get_xticks() if tick <= min(limit, 100)])
         ax.set_xlabel("share of the residual explained, %")
 
     # room for the numbers beside the longest bar

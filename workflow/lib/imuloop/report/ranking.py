@@ -98,6 +98,7 @@ def ranking_table(sensor, part, block):
         f"mean square of the model without effects, and with this one alone added ({meant}). "
         "Detection limit: the smallest size that these data would have shown in nine of ten "
         "cases; the least and the greatest of the effect's parameters.",
+        dense=True,
     )
 
 
@@ -138,7 +139,7 @@ def _heldout(candidate, residuals):
         return NO_NUMBER
     unit, before = RESIDUAL[residual["unit"]], residual.get("before")
     before = NO_NUMBER if missing(before) else number(before * unit.factor)
-    return f"{before}\u00a0→ {with_unit(number(after * unit.factor), unit.unit)}"
+    return f"{before}\u00a0→\u00a0{with_unit(number(after * unit.factor), unit.unit)}"
 
 
 def constants_text(constants):

@@ -17,9 +17,12 @@ class Table:
         Cells, as many as there are columns.
     note : str
         One line for who meets these numbers for the first time.
+    dense : bool
+        Whether the cells are many and may break into lines.
     """
 
     caption: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+    dense: bool = False

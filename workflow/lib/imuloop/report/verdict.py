@@ -32,7 +32,7 @@ CORRELATES = {
     "time": "time",
     "temperature": "temperature",
     "temperature_rate": "rate of change of temperature",
-    "pose_variance": "unrest within the pose",
+    "pose_variance": "unrest of the samples (variance)",
     "previous_pose": "attitude of the pose before",
     "rotation_speed": "speed of the turn",
 }
