@@ -7,6 +7,7 @@ from dataclasses import asdict
 from bench.study.cases import Case, injected
 from bench.study.chain import diagnosis_of, likeness
 from bench.study.devices import DEVICES, in_shape, with_effects
+from bench.study.score import fitted
 
 
 def run(cases, seeds, controls, workers, progress=print):
@@ -81,12 +82,10 @@ def _device(job):
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
-        part = diagnosis["sensors"][case.sensor][case.record]
         made["found"] = [
-            {**found, "expected": in_shape(truth, seed, effect, found, case.record)}
-            for found in part["effects"]
+            {**found, "expected": in_shape(truth, seed, effect, found, record)}
             for effect in effects
-            if effect.name == found["name"]
+            for record, found in fitted(diagnosis, case.sensor, case.record, effect.name)
         ]
     made["seconds"] = time.process_time() - start
     return case, made

@@ -12,23 +12,43 @@ RATIO = 1.25
 SIGMAS = 3.0
 
 
+def added(part):
+    """Return the names that a part of a diagnosis added, in its order.
+
+    What was found at rest is known at the poses: a candidate that is added, no effect of theirs.
+    """
+    every = [effect["name"] for effect in part["effects"]]
+    every += [c["name"] for c in part["candidates"] if c["status"] == "added"]
+    return list(dict.fromkeys(every))
+
+
 def named(diagnosis):
     """Return (sensor, record, name) of every effect that a diagnosis added, in its order."""
     return [
-        (sensor, record, effect["name"])
+        (sensor, record, name)
         for sensor, parts in diagnosis["sensors"].items()
         for record, part in parts.items()
-        for effect in part["effects"]
+        for name in added(part)
     ]
 
 
-def twin(part, name, added):
-    """Return the effect among `added` that a diagnosis says cannot be told from `name`, or None."""
+def fitted(diagnosis, sensor, record, name):
+    """Return the entries of ``effects``, with their record, that hold the values of an effect."""
+    parts = diagnosis["sensors"][sensor]
+    for place in (record, "static_record"):
+        entries = [(place, e) for e in parts[place]["effects"] if e["name"] == name]
+        if entries:
+            return entries
+    return []
+
+
+def twin(part, name, others):
+    """Return which of `others` a diagnosis says it cannot tell from `name`, or None."""
     pairs = [
         (c["name"], c["confounded_with"]) for c in part["candidates"] if c["status"] == "confounded"
     ]
     pairs += [(pair["effect"], pair["with"]) for pair in part.get("confounded", ())]
-    return next((other for of, other in pairs if of == name and other in added), None)
+    return next((other for of, other in pairs if of == name and other in others), None)
 
 
 def judge(case, outcome):

@@ -134,6 +134,11 @@ DRIFT = Case("effect", "poses", "gyroscope", ("bias_drift",))
             },
             [], {"bias_drift": "warm_up"}, [], 0,
         ),
+        # found at rest, known at the poses
+        (
+            {"candidates": [candidate("bias_drift", None, status="added")]},
+            ["bias_drift"], {}, [], 0,
+        ),
         # a twin that was not added explains nothing
         (
             {
