@@ -133,30 +133,36 @@ def _chosen(whole, searches):
         Interval of the ratio of held-out errors of effects that passed the test alone.
     """
     found, failed = whole.greedy()
-    entries = []
-    for count, effect in enumerate(found):
-        effects = found[:count]
-        trial = whole.step(effects).trials[type(effect)]
-        kind = whole.kind(effects, trial)
-        # the folds' own fits, each with its own shapes
-        before, after = (
-            [s.errors(s.shaped(map(type, chosen))) for s in searches]
-            for chosen in (effects, found[: count + 1])
-        )
-        held = held_out(before, after)[kind]
-        ratio = ratio_interval(held, whole.settings)
-        if ratio[1] >= 1:
-            return effects, entries, failed | {type(effect): ratio}
-        entries.append(
-            {
-                "p_value": trial.p_value,
-                "residual": kind,
-                "heldout_before": size(held.before),
-                "heldout_after": size(held.after),
-                "ratio_ci95": ratio,
-            }
-        )
-    return found, entries, failed
+    while True:
+        entries = {effect: _entry(effect, found, whole, searches) for effect in found}
+        idle = next((e for e, entry in entries.items() if entry["ratio_ci95"][1] >= 1), None)
+        if idle is None:
+            return found, list(entries.values()), failed
+        failed[type(idle)] = entries[idle]["ratio_ci95"]
+        found = _without(found, idle)
+
+
+def _entry(effect, found, whole, searches):
+    """Return what an effect adds to all others, on held-out data too; every fold fits itself."""
+    others = _without(found, effect)
+    trial = whole.step(others).trials[type(effect)]
+    kind = whole.kind(others, trial)
+    before, after = (
+        [s.errors(s.shaped(map(type, chosen))) for s in searches] for chosen in (others, found)
+    )
+    held = held_out(before, after)[kind]
+    return {
+        "p_value": trial.p_value,
+        "residual": kind,
+        "heldout_before": size(held.before),
+        "heldout_after": size(held.after),
+        "ratio_ci95": ratio_interval(held, whole.settings),
+    }
+
+
+def _without(effects, effect):
+    """Return the effects but one."""
+    return tuple(e for e in effects if e != effect)
 
 
 def _patterns(step):
@@ -173,7 +179,7 @@ def _candidate(cls, whole, searches, effects, failed, settings):
     classes = [type(effect) for effect in effects]
     base, final = whole.step(), whole.step(effects)
     if cls in classes:
-        at = whole.step(effects[: classes.index(cls)])
+        at = whole.step(tuple(e for e in effects if type(e) is not cls))
         status, why = "added", "lowers the residual in the fit and on held-out poses"
     else:
         at = final

@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.stats import chi2
 
 from imuloop.core.effect import Effect
+from imuloop.diagnose.pairs import best_pair
 from imuloop.diagnose.residuals import held_out_variance
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.trial import Linear, Trial, White, excess, try_shapes
@@ -57,6 +59,8 @@ class Step:
         The residuals of the fit.
     white : White
         Those, whitened.
+    spread : White or None
+        The same with their excess as variance too; None at the floor.
     trials : dict of type to Trial
         The candidates, effects of the fit left out.
     reasons : dict of type to str
@@ -67,6 +71,7 @@ class Step:
     linear: Linear
     seen: np.ndarray
     white: White
+    spread: White | None
     trials: dict[type, Trial]
     reasons: dict[type, str]
 
@@ -116,7 +121,7 @@ class Search:
             if more.any():
                 spread = White.of(linear, seen, solution.covariance + np.diag(more))
             trials, reasons = try_shapes(white, shapes, spread)
-            self._steps[effects] = Step(solution, linear, seen, white, trials, reasons)
+            self._steps[effects] = Step(solution, linear, seen, white, spread, trials, reasons)
         return self._steps[effects]
 
     def threshold(self, effects):
@@ -147,32 +152,50 @@ class Search:
             Interval of the ratio of held-out errors of those that were not.
         """
         effects, failed = (), {}
-        while best := self.best(effects, failed):
+        while best := self.best(effects, failed) or self.best_pair(effects, failed):
             ratio = self.gate(effects, best)
             if ratio[1] < 1:
-                effects += (best.effect,)
+                effects += best.effects
             else:
-                failed[type(best.effect)] = ratio
+                classes = tuple(map(type, best.effects))
+                failed[classes if len(classes) > 1 else classes[0]] = ratio
         return effects, failed
 
-    def gate(self, effects, trial):
-        """Return the interval of held-out error with a trial's effect over that without.
+    def best_pair(self, effects, banned):
+        """Return the pair of effects that passes where no single one does, or None.
 
-        In the kind of residual where the effect shows most; the residuals are taken as linear in
-        all parameters, which are estimated again without each part.
+        Only looked for where the residual is above its floor.
         """
         step = self.step(effects)
-        linear, kind = step.linear, self.kind(effects, trial)
-        base, wide = (
-            linear.jacobian,
-            np.column_stack([linear.jacobian, linear.columns[trial.column]]),
-        )
+        if chi2.sf(step.solution.chi2, step.solution.dof) >= self.settings.significance:
+            return None
+        log_threshold = np.log(self.threshold(effects))
+        return best_pair(step.white, step.spread, step.linear.shapes, banned, log_threshold)
+
+    def gate(self, effects, tried):
+        """Return the interval of held-out error with what was tried over that without.
+
+        In the kind of residual where it shows most; the residuals are taken as linear in all
+        parameters, which are estimated again without each of the parts that follow in time.
+
+        Parameters
+        ----------
+        effects : tuple of Effect
+            Effects of the model.
+        tried : Trial or Pair
+            What is to be added.
+        """
+        step = self.step(effects)
+        linear, kind = step.linear, self.kind(effects, tried)
+        base = linear.jacobian
+        wide = np.column_stack([base, *(linear.columns[c] for c in tried.columns)])
         kept = np.flatnonzero(self.keep)
         part = np.full(len(self.keep), -1)
-        part[kept] = self._parts(len(kept))
+        count = min(self.settings.folds, len(kept))
+        part[kept] = np.arange(len(kept)) * count // len(kept)
         place = np.cumsum(step.seen) - 1
         before, after = [], []
-        for k in range(part.max() + 1):
+        for k in range(count):
             training = step.seen & linear.rows(lambda poses, k=k: np.all(part[poses] != k, axis=1))
             held = step.seen & linear.rows(lambda poses, k=k: part[poses[:, 0]] == k)
             covariance = step.solution.covariance[np.ix_(place[training], place[training])]
@@ -184,15 +207,11 @@ class Search:
                 errors.append({kind: v[np.isfinite(v[:, 0])]})
         return ratio_interval(held_out(before, after)[kind], self.settings)
 
-    def _parts(self, n):
-        count = min(self.settings.folds, n)
-        return np.arange(n) % count
-
-    def kind(self, effects, trial):
-        """Return the kind of residual in which a trial's effect shows most."""
+    def kind(self, effects, tried):
+        """Return the kind of residual in which a Trial or Pair shows most."""
         step = self.step(effects)
         signal = np.zeros(len(step.seen))
-        signal[step.seen] = trial.pattern @ trial.values
+        signal[step.seen] = tried.pattern @ tried.values
         parts = step.linear.split(signal)
         return max(parts, key=lambda kind: (parts[kind] ** 2).sum())
 

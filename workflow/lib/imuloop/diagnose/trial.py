@@ -149,6 +149,16 @@ class Trial:
         return float(min(1.0, np.exp(self.log_p)))
 
     @property
+    def effects(self):
+        """The effect alone, as a Pair has two."""
+        return (self.effect,)
+
+    @property
+    def columns(self):
+        """Its shape of the linear model alone."""
+        return (self.column,)
+
+    @property
     def impossible(self):
         """Whether a parameter is larger than physics allows, by three standard errors."""
         return bool(np.any(np.abs(self.values) - 3 * self.std > self.effect.limit))

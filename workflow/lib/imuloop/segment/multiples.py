@@ -95,7 +95,7 @@ def choose_multiples(specific_force, detect, settings):
     The sum of squares over the poses falls with each pose that is lost, and even their mean
     square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
     by `expected_error`, which asks how well the poses determine a calibration for all attitudes.
-    Up to half above the lowest they count as equal: fewer poses have a smaller residual by luck, and
+    Up to half above the lowest they count as equal: few poses have a small residual by luck, and
     poses that show what the model lacks would be left out first. Of these the most attitudes win,
     then the fewest pieces that they fall into, then the lowest error.
 
