@@ -4,6 +4,7 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.diagnose.diagnose import diagnose_device
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.job_log import open_log
+from imuloop.noise.settings import NoiseSettings
 
 params = snakemake.params
 open_log(snakemake.log[0], f"diagnose {params.device}")
@@ -17,6 +18,7 @@ diagnose_device(
     multi_position=snakemake.input.multi_position,
     calibrate_settings=CalibrateSettings(**params.calibrate_settings),
     settings=DiagnoseSettings(**params.settings),
+    noise_settings=NoiseSettings(**params.noise_settings),
     diagnosis_path=snakemake.output.diagnosis,
     calibration_path=snakemake.output.calibration,
 )

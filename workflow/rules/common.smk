@@ -84,6 +84,7 @@ def session_files(device):
             "quality": f"results/{device}/{name}/quality.json",
             "samples": f"results/{device}/{name}/samples.parquet",
             "segments": f"results/{device}/{name}/segments.parquet",
+            "allan_raw": f"results/{device}/{name}/allan_raw.parquet",
             "allan": f"results/{device}/{name}/allan.parquet",
         }
         for name, session in DEVICES[device]["sessions"].items()

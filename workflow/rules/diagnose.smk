@@ -1,26 +1,35 @@
-rule diagnose:
-    input:
-        samples=each_session("samples"),
-        segments=each_session("segments"),
-        noise="results/{device}/noise.json",
-        six_position="results/{device}/six_position.json",
-        multi_position="results/{device}/multi_position.json",
-    output:
-        diagnosis="results/{device}/diagnosis.json",
-        calibration="results/{device}/calibration.json",
-    log:
-        "logs/diagnose/{device}.log",
-    benchmark:
-        "benchmarks/diagnose/{device}.tsv"
-    conda:
-        "../envs/imuloop.yaml"
-    threads: 1
-    params:
-        device="{device}",
-        sessions=sessions,
-        gravity=setting("gravity"),
-        calibrate_settings=setting("calibrate"),
-        settings=setting("diagnose"),
-        code=code("diagnose.py"),
-    script:
-        "../../scripts/diagnose.py"
+# A rule a device, as for the noise: the Allan tables of its sessions, with the corrected curves.
+for device, resolved in DEVICES.items():
+    used = session_files(device)
+
+    rule:
+        name:
+            f"diagnose_{device}"
+        input:
+            samples=[files["samples"] for files in used.values()],
+            segments=[files["segments"] for files in used.values()],
+            allan=[files["allan_raw"] for files in used.values()],
+            noise=f"results/{device}/noise.json",
+            six_position=f"results/{device}/six_position.json",
+            multi_position=f"results/{device}/multi_position.json",
+        output:
+            diagnosis=f"results/{device}/diagnosis.json",
+            calibration=f"results/{device}/calibration.json",
+            allan=[files["allan"] for files in used.values()],
+        log:
+            f"logs/diagnose/{device}.log",
+        benchmark:
+            f"benchmarks/diagnose/{device}.tsv"
+        conda:
+            "../envs/imuloop.yaml"
+        threads: 1
+        params:
+            device=device,
+            sessions=used,
+            gravity=resolved["gravity"],
+            calibrate_settings=resolved["calibrate"],
+            settings=resolved["diagnose"],
+            noise_settings=resolved["noise"],
+            code=code("diagnose.py"),
+        script:
+            "../../scripts/diagnose.py"

@@ -11,7 +11,7 @@ for device, resolved in DEVICES.items():
             segments=[files["segments"] for files in used.values()],
         output:
             noise=f"results/{device}/noise.json",
-            allan=[f"results/{device}/{session}/allan.parquet" for session in used],
+            allan=[files["allan_raw"] for files in used.values()],
         log:
             f"logs/noise/{device}.log",
         benchmark:

@@ -2,20 +2,24 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import CHANNELS, TIME, read_samples
-from imuloop.core.segments import read_segments
 from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
-from imuloop.diagnose.static_record import diagnose_static, window_means
+from imuloop.diagnose.static_correction import write_allan
+from imuloop.diagnose.static_data import read_static
+from imuloop.diagnose.static_record import diagnose_static, static_tests
+from imuloop.noise.settings import NoiseSettings
 
 # version of the JSON file
 FORMAT = 1
+SENSORS = ("accelerometer", "gyroscope")
 
 
 def diagnose_device(
@@ -28,6 +32,7 @@ def diagnose_device(
     multi_position,
     calibrate_settings,
     settings,
+    noise_settings=None,
     diagnosis_path,
     calibration_path,
 ):
@@ -40,13 +45,16 @@ def diagnose_device(
     gravity : float
         Local gravity, m/s^2.
     sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session.
+        ``kind``, ``samples`` and ``segments`` (paths) of each session; ``allan_raw`` and ``allan``
+        where its Allan curves are to be written with the corrected ones.
     noise, six_position, multi_position : path-like
         Results of the stages before.
     calibrate_settings : CalibrateSettings
         Settings of the calibration that is repeated with effects.
     settings : DiagnoseSettings
         Settings.
+    noise_settings : NoiseSettings, optional
+        Settings of the noise stage, whose Allan curves are made again without the effects.
     diagnosis_path, calibration_path : path-like
         Where to write.
 
@@ -63,53 +71,91 @@ def diagnose_device(
         accelerometer=best(multi.accelerometer, six.accelerometer),
         gyroscope=best(multi.gyroscope, six.gyroscope),
     )
-    force_model = AccelerometerPoses(
-        model, gravity, multi.accelerometer.raw_unit, calibrate_settings
+    data = read_static(sessions)
+    tests = settings.family * (
+        static_tests(data, base, settings)
+        + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    tests = settings.family * sum(
-        len(pose_candidates(sensor, recording)[0]) for sensor in ("accelerometer", "gyroscope")
+    # first the static records: the poses have their effects too, and the noise without these
+    still = diagnose_static(data, base, model, settings, noise_settings or NoiseSettings(), tests)
+    known = {
+        sensor: tuple(e for e in still.effects[sensor] if can_be_seen(e, recording))
+        for sensor in SENSORS
+    }
+    force_model = AccelerometerPoses(
+        still.noise if any(still.effects.values()) else model,
+        gravity,
+        multi.accelerometer.raw_unit,
+        calibrate_settings,
+        known["accelerometer"],
     )
     force, force_solution = diagnose_poses(force_model, recording, settings, tests)
-    force_effects = force_solution.effects if force_solution else ()
     turn_model = GyroscopePoses(
         force_model,
         None if force_solution else base.accelerometer,
-        force_effects,
+        force_solution.effects if force_solution else (),
         multi.gyroscope.raw_unit,
+        known["gyroscope"],
     )
     turn, turn_solution = diagnose_poses(turn_model, recording, settings, tests)
-    # a calibration that the diagnosis did not change stays the one of its stage, to the last bit
     final = replace(
         base,
-        accelerometer=force_solution.calibration if force_effects else base.accelerometer,
-        gyroscope=(
-            turn_solution.calibration if turn_solution and turn_solution.effects else base.gyroscope
-        ),
+        **{
+            sensor: final_calibration(
+                getattr(base, sensor),
+                solution,
+                still.effects[sensor],
+                data.records(sensor, base, settings.mean_time),
+            )
+            for sensor, solution in zip(SENSORS, (force_solution, turn_solution), strict=True)
+        },
     )
-    records = {
-        name: window_means(
-            read_samples(s["samples"], (TIME, *CHANNELS)),
-            read_segments(s["segments"]),
-            settings.mean_time,
-        )
-        for name, s in sessions.items()
-        if s["kind"] == "static"
-    }
-    still = {
-        sensor: diagnose_static(records, model, axes, unit, sensor, settings)
-        for sensor, axes, unit in (
-            ("accelerometer", slice(0, 3), "m/s^2"),
-            ("gyroscope", slice(3, 6), "rad/s"),
-        )
-    }
     diagnosis = {
         "format": FORMAT,
         "device": device,
         "sensors": {
-            "accelerometer": {"poses": force, "static_record": still["accelerometer"]},
-            "gyroscope": {"poses": turn, "static_record": still["gyroscope"]},
+            "accelerometer": {"poses": force, "static_record": still.content["accelerometer"]},
+            "gyroscope": {"poses": turn, "static_record": still.content["gyroscope"]},
         },
     }
     write_json(diagnosis_path, diagnosis)
+    for name, session in sessions.items():
+        if "allan_raw" in session:
+            write_allan(session["allan_raw"], still.allan.get(name), session["allan"])
     final.to_json(calibration_path)
     return diagnosis, final
+
+
+def can_be_seen(effect, recording):
+    """Return whether the poses have what a known effect depends on."""
+    return "temperature" not in effect.effect.needs or recording.poses.temperature is not None
+
+
+def final_calibration(base, solution, effects, records):
+    """Return the calibration of a sensor with every effect that was found.
+
+    One that the diagnosis did not change stays the one of its stage, to the last bit. Where the
+    poses determine none, the static records' effects are added to the base calibration; the bias of
+    a gyroscope that only rested then is its level without them.
+
+    Parameters
+    ----------
+    base : SensorCalibration
+        Of the stages before.
+    solution : Solution or None
+        Fit of the poses with the effects that were added there.
+    effects : tuple of FittedEffect
+        Of the static records.
+    records : sequence of StaticRecord
+        The sensor's static records.
+    """
+    if solution and solution.calibration.effects:
+        return solution.calibration
+    if not effects:
+        return base
+    b = base.b
+    if base.method == "static":
+        left = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
+        lengths = np.concatenate([r.length for r in records])
+        b = b + np.average(np.concatenate(left), axis=0, weights=lengths) / base.K
+    return replace(base, b=b, effects=effects)

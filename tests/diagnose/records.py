@@ -1,0 +1,56 @@
+"""Static records of known noise, made window by window."""
+
+import numpy as np
+
+from imuloop.core.effect import Channels
+from imuloop.diagnose.static_means import StaticRecord
+from imuloop.diagnose.static_model import StaticModel, everything
+from imuloop.diagnose.static_noise import mean_covariance, unit_noise
+from imuloop.diagnose.static_search import StaticSearch
+
+LENGTH = 60.0
+
+
+def windows(n, length=LENGTH):
+    start = length * np.arange(n)
+    return np.column_stack([start, start + length])
+
+
+def temperature(n):
+    """Return degC that falls, rests, rises and falls again."""
+    u = (np.arange(n) + 0.5) / n
+    return 20 + 15 * np.interp(u, [0, 0.3, 0.4, 0.8, 1], [0.5, -1, -1, 1, 0.4])
+
+
+def root(n, flicker=0.0, walk=0.0):
+    """Return a root of the covariance of n means for N = 1.
+
+    `flicker`, `walk` are the variances of their slowest modes relative to white noise.
+    """
+    span = n * LENGTH
+    parts = (1.0, "N"), (flicker * np.pi / span, "B"), (walk * (np.pi / span) ** 2, "K")
+    covariance = sum(f * mean_covariance(unit_noise(name), windows(n)) for f, name in parts)
+    return np.linalg.cholesky(covariance)
+
+
+def record(values, session="s", warm=True, stretch=None):
+    """Return the record of means (n, 3) at rest."""
+    n = len(values)
+    t = windows(n).mean(axis=1)
+    warmth = temperature(n) if warm else None
+    whole = Channels(t, np.tile([0.1, -0.2, 9.8], (n, 1)), np.zeros((n, 3)), warmth)
+    channels = Channels(
+        *(whole.t, whole.output, whole.other, warmth), lambda function, *c: function(whole, *c)
+    )
+    stretch = np.zeros(n, dtype=int) if stretch is None else stretch
+    return StaticRecord(session, windows(n), stretch, values, channels)
+
+
+def search(records, effects, tests=20, held=None):
+    """Return a search over records for the shapes of effects."""
+    model = StaticModel(records)
+    shapes = {}
+    for pattern in model.patterns(effects):
+        shapes.setdefault(type(pattern.effect), []).append(pattern)
+    shapes = {cls: tuple(patterns) for cls, patterns in shapes.items()}
+    return StaticSearch(held or everything(model), shapes, 0.05, tests)

@@ -1,0 +1,105 @@
+"""Means of a static record: which windows, what an effect sees in them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import RawUnit
+from imuloop.diagnose.static_means import (
+    LEAST_MEANS,
+    LEAST_SAMPLES,
+    MOST_MEANS,
+    rests_to_use,
+    static_record,
+    window_length,
+)
+
+
+def calibration(scale=1.0):
+    def sensor(unit):
+        nominal = SensorCalibration.nominal(RawUnit(unit, 1.0, 0.0), "")
+        return SensorCalibration(nominal.raw_unit, nominal.T, scale * nominal.K, nominal.b + 0.5)
+
+    return Calibration("d", 9.8, sensor("m/s^2"), sensor("rad/s"))
+
+
+def log(seconds=2400.0, rate=10.0, seed=0):
+    n = int(seconds * rate)
+    t = np.arange(n) / rate
+    x = np.random.default_rng(seed).normal(size=(n, 6)) + np.arange(6)
+    columns = dict(zip(CHANNELS, x.T, strict=True))
+    return pd.DataFrame({"t": t, **columns, "temperature": 20 + t / 600})
+
+
+def segments(*rows):
+    start, end, kind = zip(*rows, strict=True)
+    return pd.DataFrame({"start_s": start, "end_s": end, "kind": kind})
+
+
+CUT = segments((0, 1190, "static"), (1190, 1210, "disturbed"), (1210, 2400, "static"))
+
+
+def made(samples=None, cut=CUT, mean_time=20.0, sensor="gyroscope", scale=1.0):
+    samples = log() if samples is None else samples
+    return static_record("s", samples, cut, calibration(scale), sensor, mean_time)
+
+
+def test_windows_lie_whole_in_undisturbed_stretches():
+    found = made()
+    assert len(found.windows) == 2 * 59
+    assert not np.any((found.windows[:, 1] > 1190) & (found.windows[:, 0] < 1210))
+    assert list(np.unique(found.stretch, return_counts=True)[1]) == [59, 59]
+
+
+def test_values_are_means_of_the_sensors_output():
+    samples, found = log(), made(scale=2.0)
+    t = samples["t"].to_numpy()
+    for k in (0, 58, 59, 117):
+        start, end = found.windows[k]
+        raw = samples[(t >= start) & (t < end)][["gx", "gy", "gz"]].mean()
+        np.testing.assert_allclose(found.values[k], 2 * (raw - 0.5), rtol=1e-12)
+    # at rest the output stands still for the effects
+    np.testing.assert_allclose(found.channels.output, np.tile(found.values.mean(0), (118, 1)))
+
+
+def test_what_is_remembered_is_averaged_over_each_window():
+    found = made()
+    squares = found.channels.remembered(lambda whole, power: whole.t**power, 2)
+    start, end = found.windows.T
+    # samples at 0.1 s: the mean of squares of an arithmetic series
+    middle, n = (start + end - 0.1) / 2, 200
+    np.testing.assert_allclose(squares, middle**2 + 0.01 * (n**2 - 1) / 12, rtol=1e-9)
+
+
+def test_windows_are_as_wanted_unless_the_record_is_short_or_long():
+    assert window_length(7200.0, 0.01, 60.0) == 60.0
+    assert window_length(51.2, 0.01, 60.0) == pytest.approx(51.2 / LEAST_MEANS)
+    assert window_length(5.0, 0.1, 60.0) == LEAST_SAMPLES * 0.1
+    assert window_length(400 * 3600.0, 60.0, 60.0) == pytest.approx(400 * 3600 / MOST_MEANS)
+
+
+@pytest.mark.parametrize("most", [10, 30, 118, 500])
+def test_merged_windows_keep_sums_and_stay_in_their_stretch(most):
+    found, few = made(), made().merged(most)
+    assert len(few.windows) <= most + 2
+    weight = few.length / found.length[0]
+    np.testing.assert_allclose(weight @ few.values, found.values.sum(axis=0), rtol=1e-10)
+    assert not np.any((few.windows[:, 1] > 1190) & (few.windows[:, 0] < 1210))
+    t = few.channels.remembered(lambda whole: whole.t)
+    np.testing.assert_allclose(t, few.channels.t - 0.05, atol=1e-9)
+
+
+def test_the_static_sessions_are_used_else_the_longest_rest():
+    moves = segments((0, 50, "static"), (50, 60, "motion"), (60, 70, "static"))
+    short = segments((0, 20, "static"), (20, 60, "motion"))
+    kinds = {"a": "static", "b": "multi_position", "c": "six_position"}
+    assert list(rests_to_use(kinds, {"a": CUT, "b": moves})) == ["a"]
+    alone = rests_to_use(kinds, {"b": moves, "c": short})
+    assert list(alone) == ["b"]
+    assert alone["b"][["start_s", "end_s"]].to_numpy().tolist() == [[0, 50]]
+    assert rests_to_use(kinds, {"c": short}) == {}
+    # a static session that holds no rest is as none
+    moved = segments((0, 100, "disturbed"))
+    assert list(rests_to_use(kinds, {"a": moved, "b": moves})) == ["b"]

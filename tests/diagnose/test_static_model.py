@@ -1,0 +1,145 @@
+"""Least squares of static records against plain generalised least squares."""
+
+import numpy as np
+import pytest
+
+from diagnose.records import record, root, search
+from imuloop.diagnose.effects.bias_temperature import BiasTemperature
+from imuloop.diagnose.static_estimate import covariance, estimate, fitted
+from imuloop.diagnose.static_model import (
+    FITTED,
+    StaticModel,
+    everything,
+    folds,
+    one_session,
+    without_fold,
+)
+from imuloop.diagnose.static_noise import mean_covariance, unit_noise
+from imuloop.diagnose.static_terms import Ramp, Sinusoid, Steps
+
+
+def plain(parts, grid_point, columns, axis):
+    """Return θ, its covariance for N = 1, χ² and restricted log-likelihood, all by the book."""
+    b, k = grid_point
+    covariances, designs, values = [], [], []
+    for number, (rec, rows, own) in enumerate(parts):
+        full = sum(
+            f * mean_covariance(unit_noise(name), rec.windows)
+            for f, name in ((1, "N"), (b, "B"), (k, "K"))
+        )
+        covariances.append(full[np.ix_(rows, rows)])
+        level = np.zeros((len(rows), len(parts)))
+        level[:, number] = 1
+        designs.append(np.column_stack([level, own[rows]]))
+        values.append(rec.values[rows, axis])
+    x, y = np.concatenate(designs), np.concatenate(values)
+    n, p = x.shape
+    sigma = np.zeros((n, n))
+    at = 0
+    for c in covariances:
+        sigma[at : at + len(c), at : at + len(c)] = c
+        at += len(c)
+    inverse = np.linalg.inv(sigma)
+    information = x.T @ inverse @ x
+    theta = np.linalg.solve(information, x.T @ inverse @ y)
+    left = y - x @ theta
+    square = left @ inverse @ left
+    log = -((n - p) * np.log(square) + np.linalg.slogdet(sigma)[1]) / 2
+    log -= np.linalg.slogdet(information)[1] / 2
+    k = x.shape[1] - len(parts)
+    return theta[-k:], np.linalg.inv(information)[-k:, -k:], square, log
+
+
+@pytest.mark.parametrize("held", [None, 3, "one"])
+def test_a_fit_is_that_of_generalised_least_squares(held):
+    rng = np.random.default_rng(1)
+    records = [
+        record(root(n, 5, 5) @ rng.standard_normal((n, 3)), session=name)
+        for n, name in ((40, "a"), (64, "b"))
+    ]
+    model = StaticModel(records)
+    effects = [Ramp(), BiasTemperature(2, 20.0)]
+    patterns = model.patterns(effects)
+    sights = {None: everything(model), "one": one_session(model, "b")}
+    sight = sights.get(held) or without_fold(model, held, 8)
+    columns = sum((p.columns[1] for p in patterns), ())
+    found = sight.fit(columns, 1)
+    scale = np.concatenate([model.scale(p, 1) for p in patterns])
+    parts, log = [], []
+    for rec, fold in zip(records, folds(records, 8), strict=True):
+        if held == "one" and rec.session == "a":
+            continue
+        rows = np.flatnonzero(fold != held)
+        own = np.concatenate(
+            [e.design(rec.channels)[:, 1, [1, 4][: 1 + (i > 0)]] for i, e in enumerate(effects)],
+            axis=1,
+        )
+        parts.append((rec, rows, own))
+    for point in (0, 7, len(model.grid) - 1):
+        theta, spread, square, value = plain(parts, model.grid[point], columns, 1)
+        np.testing.assert_allclose(found.theta[point] / scale, theta, rtol=1e-5)
+        assert found.square[point] == pytest.approx(square, rel=1e-6)
+        expected = spread * square / found.dof
+        np.testing.assert_allclose(
+            found.covariance[point] / np.outer(scale, scale), expected, rtol=1e-5
+        )
+        log.append(found.log_weight[point] - model.prior[point] - value)
+    # the likelihood up to one constant
+    np.testing.assert_allclose(log, log[0], atol=1e-5)
+
+
+def test_columns_that_are_not_independent_give_no_fit():
+    model = StaticModel([record(np.random.default_rng(2).normal(size=(50, 3)))])
+    one, two = model.patterns([Steps((600.0,), ("s",)), Steps((-5.0,), ("s",))])
+    sight = everything(model)
+    assert sight.fit(one.columns[0], 0)
+    # a step before the record is a level, and a column twice is one
+    assert sight.fit(two.columns[0], 0) is None
+    assert sight.fit(one.columns[0] + one.columns[0], 0) is None
+
+
+def test_estimates_and_their_errors_hold_in_slow_noise():
+    rng, n, true = np.random.default_rng(4), 120, 0.4
+    made, effect = root(n, 10, 20), BiasTemperature(1, 20.0)
+    off = []
+    for _ in range(60):
+        rec = record(made @ rng.standard_normal((n, 3)))
+        rec.values[:] += true * (rec.channels.temperature - 20)[:, None]
+        one = search([rec], [effect])
+        base = one.shapes[BiasTemperature]
+        for axis in range(3):
+            error = np.sqrt(covariance(one, base, axis)[0, 0])
+            off.append((estimate(one, base, axis)[0] - true) / error)
+    assert abs(np.mean(off)) < 0.25
+    # 180 estimates in units of their standard error
+    assert 0.75 < np.std(off) < 1.2
+    assert np.mean(np.abs(off) < 3) > 0.97
+
+
+def test_fitted_effects_have_their_names():
+    rec = record(np.random.default_rng(6).normal(size=(100, 3)))
+    rec.values[:] += rec.channels.t[:, None] * [1e-3, 2e-3, 3e-3]
+    one = search([rec], [Ramp()])
+    (found,) = fitted(one, one.shapes[Ramp])
+    assert list(found.values) == ["dx", "dy", "dz"]
+    for name, true in (("dx", 1e-3), ("dy", 2e-3), ("dz", 3e-3)):
+        assert abs(found.values[name] - true) < 4 * found.std[name]
+    assert fitted(one, ()) == ()
+
+
+def test_long_records_are_fitted_on_fewer_windows():
+    model = StaticModel([record(np.random.default_rng(7).normal(size=(900, 3)))])
+    assert len(model.records[0].windows) == 900
+    assert len(model.fitted[0].windows) <= FITTED
+
+
+def test_patterns_of_windows_are_means_of_their_instants():
+    at = np.array([[0.0, 10.0], [10.0, 20.0], [20.0, 30.0]])
+    fine = np.column_stack([np.arange(30) + 0.5] * 2)
+    for effect in (Steps((14.0,), ("s",)), Sinusoid(0.03, ("s",))):
+        instants = np.linspace(0, 30, 30001)[:-1]
+        dense = effect.in_session("s", np.column_stack([instants, instants]))
+        means = dense.reshape(3, 10000, 3, -1).mean(axis=1)
+        np.testing.assert_allclose(effect.in_session("s", at), means, atol=1e-3)
+        assert not effect.in_session("other", fine).any()
+        assert len(effect.parameters) == dense.shape[2]

@@ -1,0 +1,152 @@
+"""The search in static records on simulated truth: the right name, and no name."""
+
+import numpy as np
+import pytest
+
+from diagnose.records import LENGTH, record, root, search, temperature
+from imuloop.core.effect import Channels, find_effect
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static_find import find
+from imuloop.diagnose.static_moves import separated
+from imuloop.diagnose.static_scan import frequencies
+from imuloop.diagnose.static_terms import Ramp, Sinusoid, Steps
+
+N = 120
+SETTINGS = DiagnoseSettings()
+TESTS = 26
+
+
+def noise(seed, flicker=2.0, walk=5.0, n=N):
+    return root(n, flicker, walk) @ np.random.default_rng(seed).standard_normal((n, 3))
+
+
+def found(values, session="s", **more):
+    records = [record(values, session, **more)]
+    return find("accelerometer", records, records, SETTINGS, TESTS)
+
+
+def names(finding):
+    return [added.name for added in finding.added]
+
+
+def pattern(name, n=N):
+    """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its shape."""
+    rec = record(np.zeros((n, 3)))
+    known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
+    known["sinusoid"] = Sinusoid(frequencies([rec])[30], ("s",))
+    if name in known:
+        shape = known[name]
+    else:
+        shape = find_effect(name).shapes(rec.channels)[0]
+    at = (
+        shape.in_session("s", rec.windows)
+        if hasattr(shape, "in_session")
+        else shape.design(rec.channels)
+    )
+    return at[:, range(3), range(3)], shape
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("bias_temperature", "bias_temperature_rate", "thermal_hysteresis", "warm_up"),
+        *("ramp", "sinusoid", "steps"),
+    ],
+)
+def test_each_effect_is_found_by_its_name(name):
+    add, shape = pattern(name)
+    # white noise of a mean is 1/sqrt(60)
+    add = add / np.abs(add - add.mean(axis=0)).max() * {"ramp": 6.0}.get(name, 3.0)
+    # a warm-up is over after the first block of time: it takes two starts to foresee one
+    sessions = "st" if name == "warm_up" else "s"
+    records = [record(noise(k) + add, s) for k, s in enumerate(sessions)]
+    finding = find("accelerometer", records, records, SETTINGS, TESTS)
+    assert name in names(finding)
+    added = next(a for a in finding.added if a.name == name)
+    assert added.ratio[1] < 1
+    before, after = (np.mean(np.square(e)) for e in (finding.before, finding.after))
+    assert after < 0.5 * before
+    at = names(finding).index(name)
+    if name == "steps":
+        assert abs(finding.base[at].effect.times[0] - shape.times[0]) <= LENGTH
+    if name == "sinusoid":
+        assert finding.base[at].effect.frequency == pytest.approx(shape.frequency, rel=0.02)
+
+
+def test_devices_without_an_effect_have_none():
+    kinds = ((0, 0), (5, 0), (0, 5), (3, 3))
+    alarms = [names(found(noise(20 + k, *kinds[k % 4]))) for k in range(24)]
+    # 2 % of searches of one sensor; three or more of 24 happen in 1 % of such sets
+    assert sum(map(bool, alarms)) <= 2
+
+
+def test_two_effects_are_found_one_after_the_other():
+    warm, _ = pattern("bias_temperature")
+    line, _ = pattern("sinusoid")
+    finding = found(noise(3) + 0.5 * warm + 1.5 * line)
+    assert set(names(finding)) == {"bias_temperature", "sinusoid"}
+
+
+def test_several_steps_are_found():
+    values = noise(4)
+    for place, height in ((30, 3.0), (80, -4.0)):
+        values[place:] += height
+    finding = found(values)
+    assert names(finding) == ["steps"]
+    times = sorted(t for p in finding.base for t in p.effect.times)
+    np.testing.assert_allclose(times, [30 * LENGTH, 80 * LENGTH], atol=LENGTH)
+
+
+def test_the_level_after_a_move_is_another_record():
+    stretch = (np.arange(N) >= 70).astype(int)
+    values = noise(5)
+    assert len(separated([record(values, stretch=stretch)], 16)) == 1
+    values[70:] += [0.0, 4.0, 0.0]
+    parts = separated([record(values, stretch=stretch)], 16)
+    assert [len(p.windows) for p in parts] == [70, 50]
+    assert {p.session for p in parts} == {"s"}
+    np.testing.assert_array_equal(parts[1].values, values[70:])
+    assert parts[1].channels.remembered(lambda whole: whole.t)[0] == 70.5 * LENGTH
+    # a drift that goes on through a disturbance is no move
+    drifting = noise(5) + np.linspace(0, 30, N)[:, None]
+    assert len(separated([record(drifting, stretch=stretch)], 16)) == 1
+    # what is left of a part that is too short for blocks is left out
+    values[70:] -= [0.0, 4.0, 0.0]
+    values[110:] += [0.0, 4.0, 0.0]
+    late = (np.arange(N) >= 110).astype(int)
+    assert [len(p.windows) for p in separated([record(values, stretch=late)], 16)] == [110]
+
+
+def test_parameters_beyond_what_is_possible_are_no_effect():
+    # a temperature drift of axes that carry no load, as large as no scale factor can make it
+    values = noise(6)
+    values[:, :2] += (temperature(N) - 20)[:, None]
+    rec = record(values)
+    shapes = find_effect("scale_temperature").shapes(rec.channels)
+    one = search([rec], shapes)
+    trial = one.trial((), type(shapes[0]))
+    assert trial.log_p < one.threshold(0) and trial.impossible
+    assert one.best(()) is None or one.best(()).pattern.name != "scale_temperature"
+
+
+def test_sessions_share_the_parameters_and_have_their_own_levels():
+    warm, _ = pattern("bias_temperature")
+    records = [record(noise(k) + 10 * k + warm, name) for k, name in ((1, "a"), (2, "b"))]
+    finding = find("accelerometer", records, records, SETTINGS, TESTS)
+    assert names(finding) == ["bias_temperature"]
+    for name, value in finding.effects[0].values.items():
+        if name.startswith("c1"):
+            assert abs(value - 1) < 4 * finding.effects[0].std[name]
+    assert all(np.isfinite(e).all() for e in finding.after)
+
+
+def test_without_a_temperature_its_effects_cannot_be_tried():
+    finding = found(noise(8), warm=False)
+    assert finding.others[find_effect("bias_temperature")][0] == "not_available"
+    assert names(finding) == []
+
+
+def test_channels_of_a_record_give_the_shapes():
+    rec = record(noise(9))
+    assert isinstance(rec.channels, Channels)
+    assert len(find_effect("bias_temperature").shapes(rec.channels)) == 3

@@ -1,0 +1,167 @@
+"""Samples of static records without the effects that were added, and their noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.effect import Channels
+from imuloop.core.files import replaced
+from imuloop.core.memory import filled
+from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.diagnose.static_means import COLUMNS
+from imuloop.diagnose.static_terms import GaussMarkov as GaussMarkovEffect
+from imuloop.diagnose.static_terms import Sinusoid as SinusoidEffect
+from imuloop.noise.noise import Session, estimate_noise
+
+
+def corrected(session, samples, calibration, found):
+    """Return samples of a session less what the effects of both sensors add.
+
+    Parameters
+    ----------
+    session : str
+        Its name.
+    samples : DataFrame
+        Samples, SI, as logged.
+    calibration : Calibration
+        Turns SI as logged into ``K (raw - b)``.
+    found : dict of str to tuple of FittedEffect
+        Effects of each sensor.
+
+    Returns
+    -------
+    DataFrame
+        A copy, SI as logged.
+    """
+    changed = samples.copy()
+    t = samples[TIME].to_numpy()
+    temperature = filled(t, samples[TEMPERATURE].to_numpy()) if TEMPERATURE in samples else None
+    logged = {name: samples[list(columns)].to_numpy() for name, columns in COLUMNS.items()}
+    for sensor, effects in found.items():
+        (other,) = set(COLUMNS) - {sensor}
+        whole = Channels(t, logged[sensor], logged[other], temperature)
+        own = getattr(calibration, sensor)
+        output = own.output(logged[sensor])
+        seen = Channels(
+            t,
+            # at rest the output stands still
+            np.tile(output.mean(axis=0), (len(t), 1)),
+            getattr(calibration, other).output(logged[other]),
+            temperature,
+            lambda function, *constants, whole=whole: function(whole, *constants),
+        )
+        total = sum((_output(e, session, seen) for e in effects), np.zeros_like(output))
+        changed[list(COLUMNS[sensor])] = logged[sensor] - total * own.raw_unit.scale / own.K
+    return changed
+
+
+def _output(fitted, session, channels):
+    """Return what an effect adds at instants, shape (n, 3)."""
+    if hasattr(fitted.effect, "in_session"):
+        instants = np.column_stack([channels.t, channels.t])
+        values = np.array([fitted.values[name] for name in fitted.effect.parameters])
+        return fitted.effect.in_session(session, instants) @ values
+    return fitted.output(channels)
+
+
+def noise_again(device, data, calibration, found, noise_settings):
+    """Return the noise of the corrected samples, and their Allan tables by session.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    data : StaticData
+        Samples and segments.
+    calibration : Calibration
+        Base calibration.
+    found : dict of str to tuple of FittedEffect
+        Effects of each sensor.
+    noise_settings : NoiseSettings
+        Settings of the noise stage.
+    """
+    sessions = [
+        Session(
+            name,
+            data.kinds[name],
+            corrected(name, samples, calibration, found),
+            data.segments[name],
+        )
+        for name, samples in data.samples.items()
+    ]
+    result = estimate_noise(device, sessions, noise_settings)
+    tables = {
+        name: table.assign(stage="corrected") for name, table in result.allan.items() if len(table)
+    }
+    return result.model, tables
+
+
+def with_found_noise(model, findings, lines=True):
+    """Return a noise model with the processes, and lines if wanted, that were found.
+
+    A line that was taken out of the record is noise elsewhere: there its phase is not known.
+    """
+    axes = dict(model.axes)
+    for sensor, finding in findings.items():
+        for effect in finding.effects:
+            if lines and isinstance(effect.effect, SinusoidEffect):
+                for place, name in enumerate(COLUMNS[sensor]):
+                    axes[name] = _with_line(axes[name], effect, place)
+        if finding.has_process:
+            for place, name in enumerate(COLUMNS[sensor]):
+                axes[name] = _with_process(axes[name], finding.coloured, place)
+    return NoiseModel(model.device, axes)
+
+
+def known(value, error):
+    """Return a coefficient with its standard error."""
+    low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
+    return Coefficient(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
+
+
+def _with_line(noise, fitted, place):
+    names = [n for n in fitted.values if n[1] == "xyz"[place]]
+    sessions = len(names) / 2
+    amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
+    error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
+    line = Sinusoid(known(amplitude, error), known(fitted.effect.frequency, 0.0))
+    return replace(noise, sinusoid=(*noise.sinusoid, line))
+
+
+def _with_process(noise, test, place):
+    """Return noise with flicker, walk and process of the spectrum in place of its own two."""
+    variances, std = test.variances[place], test.std[place]
+    if not variances[4] > 0:
+        return noise
+
+    def root(j, scale=1.0):
+        if not variances[j] > 0:
+            return Coefficient()
+        value = np.sqrt(scale * variances[j])
+        return known(value, scale * std[j] / (2 * value))
+
+    term = GaussMarkov(root(4, 2 / test.tc), known(test.tc, 0.0))
+    return replace(noise, B=root(2), K=root(3), gauss_markov=(*noise.gauss_markov, term))
+
+
+def process_effect(test):
+    """Return constants, parameters and standard errors of the process as an effect."""
+    q = np.sqrt(2 * test.variances[:, 4] / test.tc)
+    error = np.divide(
+        test.std[:, 4] / test.tc, q, out=np.zeros_like(q), where=test.variances[:, 4] > 0
+    )
+    names = list(GaussMarkovEffect.parameters)
+    return {
+        "constants": {"tc": test.tc},
+        "parameters": dict(zip(names, q.tolist(), strict=True)),
+        "std": dict(zip(names, error.tolist(), strict=True)),
+    }
+
+
+def write_allan(raw, table, path):
+    """Write the Allan table of a session, its raw curves first, then the corrected if any."""
+    tables = [pd.read_parquet(raw), *([] if table is None else [table])]
+    with replaced(path) as temporary:
+        pd.concat(tables, ignore_index=True).to_parquet(temporary, index=False)

@@ -1,0 +1,132 @@
+"""Scans of a static record for a line of any frequency and a step at any time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.diagnose.static_noise import log_f_tail
+from imuloop.diagnose.static_terms import Sinusoid, Steps
+
+# periods of a line that a record must hold, and frequencies that are tried in a period's width
+LEAST_PERIODS, FINENESS = 2, 2
+# windows on either side of a step
+BESIDE = 3
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """The residual of one axis in the windows seen of one record, and how to weigh it.
+
+    Attributes
+    ----------
+    seen : ndarray of int, shape (m,)
+        The windows.
+    precision : ndarray, shape (m, m)
+        Of the windows, the level taken out, for the likeliest noise without the pattern.
+    residual : ndarray, shape (m,)
+        In units of the noise's N.
+    """
+
+    seen: np.ndarray
+    precision: np.ndarray
+    residual: np.ndarray
+
+
+def whitened(sight, base, axis):
+    """Return what each record holds for a scan of one axis, None for those not seen, and dof."""
+    columns = [c for p in base for c in p.columns[axis]]
+    fit = sight.fit(tuple(columns), axis)
+    point = fit.likeliest
+    noise = np.sqrt(fit.square[point] / fit.dof)
+    model, found = sight.model, []
+    for i, held in enumerate(sight.held):
+        if held is None:
+            found.append(None)
+            continue
+        z = model.columns[i]
+        seen = np.delete(np.arange(len(z)), held)
+        whole = model.noise[i].precision[point]
+        p = whole[np.ix_(seen, seen)]
+        if len(held):
+            cross = whole[np.ix_(held, seen)]
+            p = p - cross.T @ np.linalg.solve(whole[np.ix_(held, held)], cross)
+        level = p.sum(axis=1)
+        p = p - np.outer(level, level) / level.sum()
+        residual = (z[seen, 1 + axis] - z[np.ix_(seen, columns)] @ fit.theta[point]) / noise
+        found.append(Whitened(seen, p, residual))
+    return found, fit.dof
+
+
+def frequencies(records):
+    """Return the frequencies to try: half a period of the longest record apart, Hz."""
+    span = max(np.ptp(r.windows) for r in records)
+    highest = 0.5 / max(np.median(r.length) for r in records)
+    steps = np.arange(FINENESS * LEAST_PERIODS, FINENESS * span * highest - 0.5)
+    return steps / (FINENESS * span)
+
+
+def line_scan(sight, base):
+    """Return the most promising line of each axis with its log p, and how many were tried."""
+    records = sight.model.fitted
+    tried = frequencies(records)
+    if not len(tried):
+        return (), 0
+    best = []
+    for axis in range(3):
+        parts, dof = whitened(sight, base, axis)
+        total, q = np.zeros(len(tried)), 0
+        for part, record in zip(parts, records, strict=True):
+            if part is None:
+                continue
+            phase = 2 * np.pi * np.outer(record.channels.t[part.seen], tried)
+            waves = np.stack([np.cos(phase), np.sin(phase)])
+            weighted = part.precision @ waves
+            score = np.einsum("kmf,m->fk", weighted, part.residual)
+            information = np.einsum("kmf,lmf->fkl", waves, weighted)
+            total += np.einsum("fk,fk->f", score, _solved(information, score))
+            q += 2
+        log_p = log_f_tail(total / q, q, dof - q)
+        at = int(np.argmin(log_p))
+        best.append((log_p[at], Sinusoid(float(tried[at]), tuple(r.session for r in records))))
+    return _distinct(best), len(tried)
+
+
+def step_scan(sight, base):
+    """Return the most promising step of each axis with its log p, and how many were tried."""
+    records, best, count = sight.model.fitted, [], 0
+    for axis in range(3):
+        parts, dof = whitened(sight, base, axis)
+        count, found = 0, []
+        for part, record in zip(parts, records, strict=True):
+            if part is None or len(part.seen) <= 2 * BESIDE:
+                continue
+            places = np.arange(BESIDE, len(part.seen) - BESIDE + 1)
+            after = (np.arange(len(part.seen))[:, None] >= places).astype(float)
+            weighted = part.precision @ after
+            information = np.einsum("mk,mk->k", after, weighted)
+            known = information > 1e-9 * information.max()
+            score = weighted.T @ part.residual
+            gain = np.where(known, score**2 / np.where(known, information, 1.0), 0.0)
+            count += int(known.sum())
+            at = int(np.argmax(gain))
+            start = float(record.windows[part.seen[places[at]], 0])
+            found.append((log_f_tail(gain[at], 1, dof - 1), Steps((start,), (record.session,))))
+        if found:
+            best.append(min(found, key=lambda f: f[0]))
+    return _distinct(best), count
+
+
+def _solved(matrices, vectors):
+    """Return the solutions of small systems, zero where one is singular."""
+    size = np.sqrt(np.maximum(np.einsum("fkk->fk", matrices), 1e-300))
+    scaled = matrices / size[:, :, None] / size[:, None, :]
+    inverse = np.linalg.pinv(scaled, rcond=1e-6, hermitian=True)
+    return np.einsum("fkl,fl->fk", inverse, vectors / size) / size
+
+
+def _distinct(best):
+    """Return (log p, effect), the best first, each effect once."""
+    smallest = {}
+    for log_p, effect in sorted(best, key=lambda f: f[0]):
+        smallest.setdefault(effect, log_p)
+    return tuple((log_p, effect) for effect, log_p in smallest.items())

@@ -1,0 +1,250 @@
+"""The search in static records: test every shape, add the best that passes, refit."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from imuloop.diagnose.static_model import Pattern, Sight
+from imuloop.diagnose.static_noise import log_p_value
+from imuloop.diagnose.static_scan import line_scan, step_scan
+from imuloop.diagnose.static_terms import Sinusoid, Steps
+
+AXES = range(3)
+# the families of patterns that are scanned
+SCANS = (Sinusoid, Steps)
+# share of log p by which shapes may differ and count as equally telling
+ALIKE = 0.05
+# steps in one record or another; logarithm of a p-value at which a second is not looked for
+MOST_STEPS, HOPELESS = 6, 6.0
+
+
+@dataclass(frozen=True)
+class StaticTrial:
+    """One effect, in its best shape, tested beside others.
+
+    Attributes
+    ----------
+    pattern : Pattern
+        The shape.
+    log_p : float
+        Logarithm of its p-value, times the number of shapes.
+    axis : int
+        The axis on which it shows most.
+    axes : int
+        Number of axes that it was tested on.
+    tries : float
+        Logarithm of the number of shapes.
+    impossible : bool
+        Whether a parameter would be larger than physics allows, by three standard errors.
+    """
+
+    pattern: Pattern
+    log_p: float
+    axis: int
+    axes: int
+    tries: float = 0.0
+    impossible: bool = False
+
+    @property
+    def p_value(self):
+        """Probability of such a pattern without the effect, at most 1."""
+        return float(min(1.0, np.exp(self.log_p)))
+
+
+def fisher(log_p):
+    """Return the logarithm of Fisher's combined p-value of k independent ones.
+
+    ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at
+    ``L = -Σ log p``.
+    """
+    total = -float(np.sum(log_p))
+    terms = np.cumprod([1.0, *(total / i for i in range(1, len(log_p)))])
+    return float(np.log(terms.sum()) - total)
+
+
+@dataclass
+class StaticSearch:
+    """A search that sees some windows.
+
+    Attributes
+    ----------
+    sight : Sight
+        What is seen.
+    shapes : dict of type to tuple of Pattern
+        The effects whose shapes are listed.
+    significance : float
+        Probability of a false alarm of the family.
+    tests : int
+        Number of tests of the family.
+    steps : StaticTrial or None
+        Steps that may be added; those found here if not given. Where a block is held out, no other
+        block can say when in it a step happened: the times are those of all data, to take the
+        steps or not, and their heights, is for the others to say.
+    """
+
+    sight: Sight
+    shapes: dict
+    significance: float
+    tests: int
+    steps: StaticTrial | None = None
+    _trials: dict = field(default_factory=dict)
+
+    def threshold(self, count):
+        """Return the logarithm of the largest p-value that passes beside `count` effects: Holm."""
+        return np.log(self.significance / max(1, self.tests - count))
+
+    def fit(self, base, axis):
+        """Return the fit of an axis with patterns; None where they are not independent."""
+        return self.sight.fit(tuple(c for p in base for c in p.columns[axis]), axis)
+
+    def test(self, base, pattern):
+        """Return the trial of one pattern beside others; None where an axis cannot show it.
+
+        Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
+        method.
+        """
+        found = []
+        for axis in AXES:
+            if not pattern.columns[axis]:
+                continue
+            fit = self.fit((*base, pattern), axis)
+            if fit is None:
+                return None
+            found.append((log_p_value(self.fit(base, axis), fit), axis))
+        if not found:
+            return None
+        return StaticTrial(
+            pattern, fisher([log_p for log_p, _ in found]), min(found)[1], len(found)
+        )
+
+    def trial(self, base, cls, hopeful=False):
+        """Return the best trial of an effect beside others, or None.
+
+        A scan is cheap, a test of what it found is not: `hopeful` leaves out what by the noise
+        without the pattern is no more than chance.
+        """
+        if cls in [type(p.effect) for p in base]:
+            return None
+        if cls is Steps and self.steps:
+            return self._best(base, (self.steps.pattern,), self.steps.tries)
+        key = base, cls, hopeful and cls in SCANS
+        if key not in self._trials:
+            self._trials[key] = self._trial(*key)
+        return self._trials[key]
+
+    def _trial(self, base, cls, hopeful):
+        if cls in self.shapes:
+            patterns = self.shapes[cls]
+            return self._best(base, patterns, np.log(len(patterns)))
+        return (self._line if cls is Sinusoid else self._steps)(base, hopeful)
+
+    def _line(self, base, hopeful):
+        """Return the best trial of a line."""
+        found, count = line_scan(self.sight, base)
+        tries = np.log(max(count, 1))
+        effects = [e for log_p, e in found if not hopeful or log_p + np.log(3) + tries < 0]
+        return self._best(base, self.sight.model.patterns(effects), tries)
+
+    def _steps(self, base, hopeful):
+        """Return the best trial of one step, or of several, each the best beside those before.
+
+        One step of two may tell nothing: the other looks like a walk. So one more is always tried.
+        """
+        best, times, tries, promise, beside = None, (), 0.0, 0.0, ()
+        for number in range(1, MOST_STEPS + 1):
+            found, count = step_scan(self.sight, base + beside)
+            new = [(p, e) for p, e in found if (e.times[0], e.sessions[0]) not in times]
+            if not new:
+                break
+            tries += np.log(count / number)
+            promise += new[0][0] + np.log(3)
+            times = tuple(sorted((*times, (new[0][1].times[0], new[0][1].sessions[0]))))
+            beside = self.sight.model.patterns([Steps(*map(tuple, zip(*times, strict=True)))])
+            if hopeful and number == 1 and promise + tries > HOPELESS:
+                break
+            trial = self._best(base, beside, tries)
+            if best is not None and (trial is None or trial.log_p >= best.log_p):
+                break
+            best = trial or best
+        return best
+
+    def _best(self, base, patterns, tries):
+        """Return the best trial of patterns, `tries` the logarithm of how many were looked at."""
+        best = self._shape(base, patterns)
+        if best is None:
+            return None
+        best = replace(best, log_p=best.log_p + tries, tries=tries)
+        return replace(best, impossible=self._impossible(base, best.pattern))
+
+    def _shape(self, base, patterns):
+        """Return the trial of the best of several shapes, or None.
+
+        The smallest p-value; of those as telling but for a share `ALIKE`, the one that fits the
+        levels best, as the parameters are estimated: without a walk.
+        """
+        tried = [t for p in patterns if (t := self.test(base, p))]
+        least = min((t.log_p for t in tried), default=0.0)
+        alike = [t for t in tried if t.log_p <= (1 - ALIKE) * least]
+        if len(alike) < 2:
+            return alike[0] if alike else None
+        still = self.sight.model.grid[:, 1] == 0
+        # shapes that say the same in these data differ by rounding alone: the first counts
+        return min(alike, key=lambda t: round(self._log_p(base, t.pattern, still), 6))
+
+    def _log_p(self, base, pattern, points):
+        """Return the sum of log p over the axes, with the noise at some points of the grid."""
+        return sum(
+            log_p_value(self.fit(base, axis), self.fit((*base, pattern), axis), points)
+            for axis in AXES
+            if pattern.columns[axis]
+        )
+
+    def _impossible(self, base, pattern):
+        limit = type(pattern.effect).limit
+        if not np.isfinite(limit):
+            return False
+        for axis in AXES:
+            k = len(pattern.columns[axis])
+            fit = self.fit((*base, pattern), axis)
+            if k and fit is not None:
+                scale = self.sight.model.scale(pattern, axis)
+                values = fit.values[-k:] / scale
+                std = np.sqrt(np.diag(fit.spread)[-k:]) / scale
+                if np.any(np.abs(values) - 3 * std > limit):
+                    return True
+        return False
+
+    def best(self, base, banned=()):
+        """Return the trial that passes with the smallest p-value beside others, or None."""
+        kinds = [cls for cls in (*self.shapes, *SCANS) if cls not in banned]
+        trials = [self.trial(base, cls, hopeful=True) for cls in kinds]
+        passing = [
+            t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
+        ]
+        return min(passing, key=lambda t: round(t.log_p, 6), default=None)
+
+    def greedy(self, most, banned=()):
+        """Return at most so many patterns, the best first, shapes chosen again after each."""
+        base, banned = (), {*banned, *(() if self.steps else (Steps,))}
+        while len(base) < most and (best := self.best(base, banned)):
+            base = self.reshaped((*base, best.pattern))
+        return base
+
+    def reshaped(self, base):
+        """Return the same effects, all but the last in the shape that is best beside the others."""
+        for i, pattern in enumerate(base[:-1]):
+            patterns = self.shapes.get(type(pattern.effect), ())
+            if len(patterns) > 1:
+                others = base[:i] + base[i + 1 :]
+                best = self._shape(others, patterns)
+                base = (*base[:i], best.pattern, *base[i + 1 :])
+        return base
+
+    def following(self, classes):
+        """Return effects of given classes, one after the other in the shape that is best here."""
+        base = ()
+        for cls in classes:
+            trial = self.trial(base, cls)
+            if trial:
+                base = self.reshaped((*base, trial.pattern))
+        return base
