@@ -177,7 +177,9 @@ def _greedy(search, blocks, settings):
         if cls is Steps:
             blocks.know(best)
         after = blocks.errors([s.following((*classes, cls)) for s in blocks.searches])
-        ratio = blocks.ratio_interval(before, after, settings)
+        # on the axis where it shows most: the noise of the others says nothing of it
+        own = [[e[:, [best.axis]] for e in errors] for errors in (before, after)]
+        ratio = blocks.ratio_interval(*own, settings)
         if ratio[1] >= 1:
             failed[cls] = ratio
             if cls is Steps:
