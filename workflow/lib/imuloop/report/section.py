@@ -6,7 +6,8 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 # the library of effects joins by being loaded
-import imuloop.diagnose.effects  # noqa: F401
+import imuloop.diagnose.effects
+import imuloop.diagnose.static_terms  # noqa: F401
 from imuloop.core.files import replaced, write_json
 from imuloop.report.advice import next_steps
 from imuloop.report.allan_plot import allan_pictures
