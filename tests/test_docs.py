@@ -150,10 +150,12 @@ def results(tmp_path, monkeypatch):
     )
     errors = dict.fromkeys(("in_sample_before", "in_sample_after", "before", "after"), 0.01)
     residuals = {"gravity_norm": errors, "pose_rate": errors, "rotation": errors}
-    block = {"verdict": "consistent", "residuals": residuals, "effects": [{"p_value": 0.5}]}
+    residuals["bias"] = errors | {"sessions": {"static": {"az": errors}}}
+    effect = {"name": "sinusoid", "p_value": 0.5, "constants": {"frequency": 0.1}}
+    block = {"verdict": "consistent", "residuals": residuals, "effects": [effect]}
     sensor = {"poses": block, "static_record": block}
     boards = [f"mpu9150_{number}" for number in (1, 2, 3)]
-    for device in ("my_imu", "xsens_mti", "ferraris", *boards):
+    for device in ("my_imu", "xsens_mti", "ferraris", "thermal_chamber", *boards):
         folder = tmp_path / "results" / device
         folder.mkdir(parents=True)
         for name in ("calibration", "multi_position", "six_position"):
