@@ -11,9 +11,10 @@ from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.bias_plot import temperatures
 from imuloop.report.diagnosis_parts import diagnosis_parts
+from imuloop.report.diagnosis_tables import effect_tables
 from imuloop.report.effect_units import data_sheet, spans
 from imuloop.report.numbers import joined, p_text, percent
-from imuloop.report.ranking import ranked, ranking_table, telling_apart
+from imuloop.report.ranking import constants_text, ranked, ranking_table, telling_apart
 from imuloop.report.results import read_device
 from imuloop.report.static_tables import _largest_difference, orientations
 from imuloop.report.verdict import brief, leading, sentence
@@ -118,6 +119,8 @@ def test_a_residual_goes_with_what_is_no_chance_among_all_probes():
     assert (
         leading({"correlates": [*chance, probe("temperature", 0.2, 0.0)]})["name"] == "temperature"
     )
+    # sure, but next to nothing
+    assert leading({"correlates": [probe("temperature", 0.01, 0.0)]}) is None
     assert leading({}) is None and leading({"correlates": None}) is None
 
 
@@ -179,6 +182,22 @@ def test_temperatures_are_those_of_the_windows(devices):
     found = temperatures(session, start)
     assert found[2] == pytest.approx(samples.loc[inside, TEMPERATURE].mean(), rel=1e-12)
     assert temperatures(devices["board"].sessions[0], start) is None
+
+
+def test_steps_are_named_by_their_time_and_session():
+    constants = {"times": [30.0, 7200.0], "sessions": ["night", "day"]}
+    effect = {
+        "name": "steps",
+        "constants": constants,
+        "parameters": {f"h{k}{axis}": 1e-2 * k for k in (1, 2) for axis in "xyz"},
+        "units": {},
+    }
+    (table,) = effect_tables("gyroscope", "static_record", {"effects": [effect]})
+    assert [row[0].replace("\u202f", " ") for row in table.rows[2:4]] == [
+        "h1z, night at 30.0 s",
+        "h2x, day at 2.00 h",
+    ]
+    assert constants_text(constants).replace("\u202f", " ") == "2 steps, 30.0 s, 2.00 h"
 
 
 def test_sessions_are_named_by_what_points_up(devices):

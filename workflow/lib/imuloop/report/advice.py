@@ -30,7 +30,7 @@ _NEXT = {
     "scale and the rate of the log.",
 }
 _LOOK = (
-    "Nothing that was tried goes with it more than by chance: look in the pictures for poses or "
+    "Nothing that it was compared with explains much of it: look in the pictures for poses or "
     "times that stand out, and record longer at rest, which gives a surer floor."
 )
 

@@ -16,7 +16,7 @@ NOTE = (
 )
 WARM_NOTE = f"{NOTE} Where they follow the temperature below, that is the first thing to look at."
 # stretches that a line is cut into, two points each
-BUCKETS = 140
+BUCKETS = 110
 
 
 def bias_pictures(device, sensor, block, folder):

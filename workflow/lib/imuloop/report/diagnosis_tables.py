@@ -1,11 +1,14 @@
 """The diagnosis in tables: held-out residuals, the effects that were added and what they gained."""
 
+import re
+
 from imuloop.core.effect import Effect
 from imuloop.report.data_tables import text_of
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.numbers import (
     NO_NUMBER,
     RESIDUAL,
+    duration,
     missing,
     number,
     probability,
@@ -129,7 +132,7 @@ def _effect_table(sensor, part, effect):
         sigma = std.get(name)
         rows.append(
             (
-                name,
+                f"{name}{_place(name, effect)}",
                 with_sigma(
                     value * display.factor, None if missing(sigma) else sigma * display.factor
                 ),
@@ -147,3 +150,14 @@ def _effect_table(sensor, part, effect):
         tuple(rows),
         note,
     )
+
+
+def _place(name, effect):
+    """Return when and in which session the step that a parameter belongs to was."""
+    constants = effect.get("constants") or {}
+    times, sessions = constants.get("times") or [], constants.get("sessions") or []
+    count = re.search(r"\d+", name)
+    if not count or not 0 < int(count[0]) <= min(len(times), len(sessions)):
+        return ""
+    k = int(count[0]) - 1
+    return f", {sessions[k]} at {duration(times[k])}"

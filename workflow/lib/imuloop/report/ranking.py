@@ -6,9 +6,11 @@ from imuloop.report.effect_units import data_sheet, spans
 from imuloop.report.numbers import (
     NO_NUMBER,
     RESIDUAL,
+    duration,
     missing,
     number,
     percent,
+    plural,
     probability,
     typeset,
     with_unit,
@@ -50,8 +52,6 @@ CONSTANTS = {
     "half_width": ("w", "K"),
     "frequency": ("f", "Hz"),
     "tc": ("Tc", "s"),
-    "times": ("at", "s"),
-    "sessions": ("in", ""),
 }
 
 # best first
@@ -146,9 +146,13 @@ def constants_text(constants):
     """Return the constants of an effect's shape in words."""
     parts = []
     for name, value in (constants or {}).items():
-        symbol, unit = CONSTANTS.get(name, (name.replace("_", " "), ""))
-        text = str(value) if isinstance(value, int) else text_of(value)
-        parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
+        if name == "times":
+            parts.append(f"{plural(len(value), 'step')}, {', '.join(map(duration, value[:3]))}")
+            parts[-1] += ", …" * (len(value) > 3)
+        elif name != "sessions":
+            symbol, unit = CONSTANTS.get(name, (name.replace("_", " "), ""))
+            text = str(value) if isinstance(value, int) else text_of(value)
+            parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
     return ", ".join(parts)
 
 

@@ -6,6 +6,7 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from zlib import crc32
 
 import matplotlib
 from markupsafe import Markup
@@ -135,6 +136,8 @@ def _inline(text, name, alt):
         for child in list(parent):
             if child.tag.endswith(("}metadata", "}style")):
                 parent.remove(child)
+    # in a picture its ids stand at every line: a name of eight letters does
+    short = f"p{crc32(name.encode()):08x}"
     referred = set(re.findall(r"#([\w.-]+)[\")]", text))
     names = {}
     for element in root.iter():
@@ -142,7 +145,7 @@ def _inline(text, name, alt):
         attributes = {k.partition("}")[2] or k: v for k, v in element.attrib.items()}
         identity = attributes.pop("id", None)
         if identity in referred:
-            attributes["id"] = names.setdefault(identity, f"{name}.{len(names)}")
+            attributes["id"] = names.setdefault(identity, f"{short}.{len(names)}")
         element.attrib.clear()
         element.attrib.update(attributes)
     for element in root.iter():
@@ -161,11 +164,15 @@ def _inline(text, name, alt):
 
 
 def _lighten(root):
-    """Take out groups that hold nothing; say once what all marks of a group have in common."""
+    """Take out groups that say nothing; say once what all marks of a group have in common."""
     for parent in reversed(list(root.iter())):
-        for child in list(parent):
-            if child.tag in ("g", "defs") and not len(child):
-                parent.remove(child)
+        # from the inside out, so that what a group held is light already
+        parent[:] = [
+            kept
+            for child in parent
+            for kept in (child if child.tag == "g" and not child.attrib else [child])
+            if len(kept) or kept.tag not in ("g", "defs")
+        ]
         marks = parent.findall("use")
         looks = {mark.get("style") for mark in marks}
         if len(marks) > 1 and len(looks) == 1 and None not in looks and not parent.get("style"):
@@ -182,7 +189,8 @@ def _attribute(key, value, names):
         return f"url(#{names[value[5:-1]]})"
     if key == "style":
         value = re.sub(r"font-family:[^;]*; ?", "", value)
-        return re.sub(r"#[0-9a-f]{6}", lambda m: _VARIABLES.get(m[0], m[0]), value)
+        value = re.sub(r"#[0-9a-f]{6}", lambda m: _VARIABLES.get(m[0], m[0]), value)
+        return re.sub(r"([:;]) ", r"\1", value)
     if key == "d" and not set("CQ") & set(value):
         return _steps(value)
     if key in ("d", "x", "y", "width", "height", "transform"):

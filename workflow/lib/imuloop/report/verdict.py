@@ -36,8 +36,10 @@ CORRELATES = {
     "previous_pose": "attitude of the pose before",
     "rotation_speed": "speed of the turn",
 }
-# probability of naming one of them by chance
-BY_CHANCE = 0.05
+# those that have no article
+CHANNELS = ("time", "temperature")
+# probability of naming one of them by chance, and the share of the residual that is worth naming
+BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
@@ -100,10 +102,24 @@ def beyond_chance(probe, count):
 
 
 def leading(block):
-    """Return what the residual that is left goes with most, if with any more than by chance."""
+    """Return what the residual that is left goes with most; None if with nothing worth naming."""
     probes = block.get("correlates") or []
     sure = [c for c in probes if beyond_chance(c, len(probes)) and not missing(c.get("share"))]
-    return max(sure, key=lambda c: c["share"], default=None)
+    found = max(sure, key=lambda c: c["share"], default=None)
+    return found if found and found["share"] >= WORTH_NAMING else None
+
+
+def misfit(block):
+    """Return by how much the residual exceeds the noise where it does most, as a sentence's end."""
+    found = [
+        (r["chi2_after"], RESIDUAL_WORDS.get(name, name))
+        for name, r in (block.get("residuals") or {}).items()
+        if not missing(r.get("chi2_after"))
+    ]
+    if not found:
+        return ""
+    chi2, words = max(found)
+    return f" Reduced χ² of the {words} is {number(chi2)}; noise alone gives 1."
 
 
 def effects_text(block):
@@ -170,9 +186,10 @@ def sentence(sensor, block):
     moved = f"{RESIDUAL_WORDS.get(name, name)}, {change(residual, bool(effects))}"
     moved += known_text(block)
     probe = leading(block)
-    left = (
-        f". What is left goes most with {correlate_words(probe['name'])}, which "
-        f"explains {percent(probe['share'])} of it"
+    left = f".{misfit(block)}" + (
+        f" What is left goes most with {'' if probe['name'] in CHANNELS else 'the '}"
+        f"{correlate_words(probe['name'])}, which "
+        f"explains {percent(probe['share'])} of it."
         if probe
         else ""
     )
@@ -180,6 +197,6 @@ def sentence(sensor, block):
         "consistent": f"consistent with its model and noise: {moved}.",
         "explained": f"explained by {effects}: {moved}.",
         "partly_explained": f"partly explained by {effects}, something is still missing: "
-        f"{moved}{left}.",
-        "unexplained": f"unexplained, {tried}: {moved}{left}.",
+        f"{moved}{left}",
+        "unexplained": f"unexplained, {tried}: {moved}{left}",
     }.get(verdict, f"{verdict}: {moved}.")
