@@ -18,15 +18,21 @@ COLUMNS = (np.sin(7 * T), np.cos(23 * T), T**2)
 class A:
     """A candidate."""
 
+    limit = np.inf
+
 
 @dataclass(frozen=True)
 class B:
     """Another."""
 
+    limit = np.inf
+
 
 @dataclass(frozen=True)
 class C:
     """One more."""
+
+    limit = np.inf
 
 
 SHAPES = (A(), B(), C())

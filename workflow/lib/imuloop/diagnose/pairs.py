@@ -38,6 +38,7 @@ def best_pair(white, spread, shapes, banned, log_threshold):
     """Return the pair of effects that passes with the smallest p-value, or None.
 
     Both together have to pass, and each beside the other, by the test that single effects have.
+    Effects whose size physics limits are tried alone only.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def best_pair(white, spread, shapes, banned, log_threshold):
     """
     pairs = [
         (i, j)
-        for i, j in combinations(range(len(shapes)), 2)
+        for i, j in combinations([k for k, s in enumerate(shapes) if np.isinf(s.limit)], 2)
         if type(shapes[i]) is not type(shapes[j])
         and (type(shapes[i]), type(shapes[j])) not in banned
     ]

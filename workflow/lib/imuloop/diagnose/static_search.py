@@ -7,7 +7,7 @@ import numpy as np
 from imuloop.diagnose.static_model import Pattern, Sight
 from imuloop.diagnose.static_noise import log_p_value
 from imuloop.diagnose.static_scan import line_scan, step_scan
-from imuloop.diagnose.static_terms import Sinusoid, Steps
+from imuloop.diagnose.static_terms import Sinusoid, Steps, joined
 
 AXES = range(3)
 # the families of patterns that are scanned
@@ -35,7 +35,7 @@ class StaticTrial:
     tries : float
         Logarithm of the number of shapes.
     impossible : bool
-        Whether a parameter would be larger than physics allows, by three standard errors.
+        Whether a parameter would be larger than physics allows, by more than its standard error.
     """
 
     pattern: Pattern
@@ -126,7 +126,7 @@ class StaticSearch:
         if cls in [type(p.effect) for p in base]:
             return None
         if cls is Steps and self.steps:
-            return self._best(base, (self.steps.pattern,), self.steps.tries)
+            return self._known_steps(base)
         key = base, cls, hopeful and cls in SCANS
         if key not in self._trials:
             self._trials[key] = self._trial(*key)
@@ -150,23 +150,42 @@ class StaticSearch:
 
         One step of two may tell nothing: the other looks like a walk. So one more is always tried.
         """
-        best, times, tries, promise, beside = None, (), 0.0, 0.0, ()
+        best, taken, tries, beside = None, (), 0.0, ()
         for number in range(1, MOST_STEPS + 1):
-            found, count = step_scan(self.sight, base + beside)
-            new = [(p, e) for p, e in found if (e.times[0], e.sessions[0]) not in times]
-            if not new:
+            found, count = step_scan(self.sight, base + beside, taken)
+            if not found:
                 break
+            promise, step = found[0]
             tries += np.log(count / number)
-            promise += new[0][0] + np.log(3)
-            times = tuple(sorted((*times, (new[0][1].times[0], new[0][1].sessions[0]))))
-            beside = self.sight.model.patterns([Steps(*map(tuple, zip(*times, strict=True)))])
-            if hopeful and number == 1 and promise + tries > HOPELESS:
+            if hopeful and number == 1 and promise + np.log(3) + tries > HOPELESS:
                 break
+            taken = (*taken, step)
+            beside = self.sight.model.patterns([joined(taken)])
             trial = self._best(base, beside, tries)
             if best is not None and (trial is None or trial.log_p >= best.log_p):
                 break
             best = trial or best
         return best
+
+    def _known_steps(self, base):
+        """Return the trial of the steps that are given, as far as what is seen tells them apart."""
+        known = self.steps.pattern.effect
+        times = sorted(zip(known.sessions, known.times, strict=True))
+        kept = []
+        for record, held in zip(self.sight.model.fitted, self.sight.held, strict=True):
+            if held is None:
+                continue
+            middle = np.delete(record.channels.t, held)
+            last = -np.inf
+            for session, t in times:
+                before, after = (middle > last) & (middle < t), middle > t
+                if session == record.session and before.any() and after.any():
+                    kept.append(Steps((t,), (session,)))
+                    last = t
+        if not kept:
+            return None
+        patterns = self.sight.model.patterns([joined(dict.fromkeys(kept))])
+        return self._best(base, patterns, self.steps.tries)
 
     def _best(self, base, patterns, tries):
         """Return the best trial of patterns, `tries` the logarithm of how many were looked at."""
@@ -210,7 +229,7 @@ class StaticSearch:
                 scale = self.sight.model.scale(pattern, axis)
                 values = fit.values[-k:] / scale
                 std = np.sqrt(np.diag(fit.spread)[-k:]) / scale
-                if np.any(np.abs(values) - 3 * std > limit):
+                if np.any(np.abs(values) - std > limit):
                     return True
         return False
 

@@ -160,8 +160,8 @@ class Trial:
 
     @property
     def impossible(self):
-        """Whether a parameter is larger than physics allows, by three standard errors."""
-        return bool(np.any(np.abs(self.values) - 3 * self.std > self.effect.limit))
+        """Whether a parameter is larger than physics allows, by more than its standard error."""
+        return bool(np.any(np.abs(self.values) - self.std > self.effect.limit))
 
 
 def log_p_value(drop, chi2_after, q, dof, least=1.0):
