@@ -78,9 +78,9 @@ def test_known_noise_is_tested_as_by_f():
     """White noise that is certain: the p-values are uniform or, slow noise not excluded, larger."""
     rng, n = np.random.default_rng(5), 60
     found = []
-    for _ in range(150):
+    for _ in range(100):
         one = search([record(rng.standard_normal((n, 3)) / np.sqrt(60))], [Ramp()])
         found.append(one.test((), one.shapes[Ramp][0]).p_value)
     for level in (0.05, 0.2, 0.5):
         # three standard deviations of a binomial share
-        assert np.mean(np.array(found) < level) <= level + 3 * np.sqrt(level * (1 - level) / 150)
+        assert np.mean(np.array(found) < level) <= level + 3 * np.sqrt(level * (1 - level) / 100)

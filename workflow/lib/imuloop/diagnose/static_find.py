@@ -41,10 +41,11 @@ class Added:
         Its trial beside those before it; None for noise.
     p_value : float
         Of the trial.
-    before, after : list of ndarray, shape (n, 3)
-        Held-out errors without and with it, each record's.
+    before, after : list of ndarray, shape (n, k)
+        Held-out errors without and with it, each record's: on the axis where it shows most, for
+        the noise of the others says nothing of it; on all three for noise.
     ratio : list of float
-        95 % interval of the ratio of held-out errors.
+        95 % interval of the ratio of these errors.
     """
 
     name: str
@@ -177,7 +178,6 @@ def _greedy(search, blocks, settings):
         if cls is Steps:
             blocks.know(best)
         after = blocks.errors([s.following((*classes, cls)) for s in blocks.searches])
-        # on the axis where it shows most: the noise of the others says nothing of it
         own = [[e[:, [best.axis]] for e in errors] for errors in (before, after)]
         ratio = blocks.ratio_interval(*own, settings)
         if ratio[1] >= 1:
@@ -185,7 +185,7 @@ def _greedy(search, blocks, settings):
             if cls is Steps:
                 blocks.know(None)
             continue
-        added = (*added, Added(cls.name, best, best.p_value, before, after, ratio))
+        added = (*added, Added(cls.name, best, best.p_value, *own, ratio))
         # what did not stand beside this effect's own pattern may stand without it
         failed = {}
         base, classes, before = search.reshaped((*base, best.pattern)), (*classes, cls), after

@@ -133,6 +133,7 @@ def _effects(sensor, finding):
                 "units": units,
                 "p_value": added.p_value,
                 "residual": RESIDUAL,
+                "axis": COLUMNS[sensor][added.trial.axis] if added.trial else None,
                 "heldout_before": size(np.concatenate(added.before)),
                 "heldout_after": size(np.concatenate(added.after)),
                 "ratio_ci95": added.ratio,

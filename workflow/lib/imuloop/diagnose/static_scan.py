@@ -9,8 +9,8 @@ from imuloop.diagnose.static_terms import Sinusoid, Steps
 
 # periods of a line that a record must hold, and frequencies that are tried in a period's width
 LEAST_PERIODS, FINENESS = 2, 2
-# windows on either side of a step
-BESIDE = 3
+# windows on either side of a step, and times that are tried within one
+BESIDE, WITHIN = 3, 4
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,18 @@ def line_scan(sight, base):
     return _distinct(best), len(tried)
 
 
-def step_scan(sight, base):
-    """Return the most promising step of each axis with its log p, and how many were tried."""
+def step_scan(sight, base, taken=()):
+    """Return the most promising step of each axis with its log p, and how many were tried.
+
+    Parameters
+    ----------
+    sight : Sight
+        What is seen.
+    base : tuple of Pattern
+        Effects beside it.
+    taken : tuple of Steps
+        Steps that are known; a few windows about each are left out.
+    """
     records, best, count = sight.model.fitted, [], 0
     for axis in range(3):
         parts, dof = whitened(sight, base, axis)
@@ -100,20 +110,34 @@ def step_scan(sight, base):
         for part, record in zip(parts, records, strict=True):
             if part is None or len(part.seen) <= 2 * BESIDE:
                 continue
-            places = np.arange(BESIDE, len(part.seen) - BESIDE + 1)
-            after = (np.arange(len(part.seen))[:, None] >= places).astype(float)
-            weighted = part.precision @ after
-            information = np.einsum("mk,mk->k", after, weighted)
-            known = information > 1e-9 * information.max()
-            score = weighted.T @ part.residual
-            gain = np.where(known, score**2 / np.where(known, information, 1.0), 0.0)
-            count += int(known.sum())
-            at = int(np.argmax(gain))
-            start = float(record.windows[part.seen[places[at]], 0])
-            found.append((log_f_tail(gain[at], 1, dof - 1), Steps((start,), (record.session,))))
+            windows, length = record.windows[part.seen], np.median(record.length)
+            starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
+            near = [t for s in taken for t in s.times if s.sessions == (record.session,)]
+            far = [np.all(np.abs(t - np.array(near)) > (BESIDE - 0.5) * length) for t in starts]
+            starts = starts[far]
+            if not len(starts):
+                continue
+            gain = _gain(part, windows, starts)
+            # within the windows beside the best start a step may lie anywhere
+            within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
+            gains = _gain(part, windows, within)
+            count += WITHIN * len(starts)
+            step = Steps((float(within[np.argmax(gains)]),), (record.session,))
+            found.append((log_f_tail(gains.max(), 1, dof - 1), step))
         if found:
             best.append(min(found, key=lambda f: f[0]))
     return _distinct(best), count
+
+
+def _gain(part, windows, times):
+    """Return by how much χ² falls with a step at each time."""
+    start, end = windows.T
+    after = np.clip((end[:, None] - times) / (end - start)[:, None], 0, 1)
+    weighted = part.precision @ after
+    information = np.einsum("mk,mk->k", after, weighted)
+    known = information > 1e-9 * information.max()
+    score = weighted.T @ part.residual
+    return np.where(known, score**2 / np.where(known, information, 1.0), 0.0)
 
 
 def _solved(matrices, vectors):

@@ -78,6 +78,12 @@ class Steps(Effect):
         return on_each_axis(*after)
 
 
+def joined(steps):
+    """Return several steps as one effect, in order of session and time."""
+    pairs = sorted((s, t) for one in steps for s, t in zip(one.sessions, one.times, strict=True))
+    return Steps(tuple(t for _, t in pairs), tuple(s for s, _ in pairs))
+
+
 @dataclass(frozen=True)
 class Sinusoid(Effect):
     """``e_i = c_i cos(2π f t) + s_i sin(2π f t)``: a line of one frequency f.
