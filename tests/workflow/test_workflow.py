@@ -88,9 +88,9 @@ def test_a_key_reruns_what_depends_on_it(finished, checkout, config):
 
     assert changed("posed") == set()
     assert changed("posed", label="Other") == {"report_device posed", "report report"}
-    after_calibration = {"calibrate posed", "diagnose posed", "report_device posed"}
+    after_calibration = {"calibrate posed", "diagnose_posed posed", "report_device posed"}
     assert changed("posed", gravity=9.81) == {*after_calibration, "report report"}
-    noise = {"noise_resting resting", "calibrate resting", "diagnose resting"}
+    noise = {"noise_resting resting", "calibrate resting", "diagnose_resting resting"}
     assert changed("resting", noise={"points_per_decade": 5}) == {
         *noise,
         "report_device resting",
@@ -101,7 +101,7 @@ def test_a_key_reruns_what_depends_on_it(finished, checkout, config):
     posed = {**config["devices"]["posed"], "diagnose": {"folds": 3}}
     devices = {**config["devices"], "posed": posed}
     assert planned(checkout, folder, {"defaults": defaults, "devices": devices}) == {
-        "diagnose resting",
+        "diagnose_resting resting",
         "report_device resting",
         "report report",
     }
@@ -124,7 +124,8 @@ def test_an_edit_reruns_what_it_reaches_and_a_comment_nothing(finished, checkout
     assert planned(checkout, folder) == set()
     module.write_text(f"{source}\nEXTRA = 1\n")
     assert {job.split()[0] for job in planned(checkout, folder)} == {
-        "diagnose",
+        "diagnose_posed",
+        "diagnose_resting",
         "report_device",
         "report",
     }
