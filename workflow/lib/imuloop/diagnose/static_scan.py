@@ -112,9 +112,9 @@ def step_scan(sight, base, taken=()):
                 continue
             windows, length = record.windows[part.seen], np.median(record.length)
             starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
-            near = [t for s in taken for t in s.times if s.sessions == (record.session,)]
-            far = [np.all(np.abs(t - np.array(near)) > (BESIDE - 0.5) * length) for t in starts]
-            starts = starts[far]
+            near = [s.times for s in taken if s.sessions == (record.session,)]
+            apart = np.abs(starts[:, None] - np.ravel(near))
+            starts = starts[np.all(apart > (BESIDE - 0.5) * length, axis=1)]
             if not len(starts):
                 continue
             gain = _gain(part, windows, starts)
