@@ -103,3 +103,14 @@ def test_the_static_sessions_are_used_else_the_longest_rest():
     # a static session that holds no rest is as none
     moved = segments((0, 100, "disturbed"))
     assert list(rests_to_use(kinds, {"a": moved, "b": moves})) == ["b"]
+
+
+def test_windows_with_missing_values_are_left_out_and_spoil_no_other():
+    samples, found = log(), made()
+    samples.loc[5000:5010, "ax"] = np.nan
+    holed = made(samples)
+    missing = (found.windows[:, 0] <= 501.0) & (found.windows[:, 1] > 500.0)
+    assert missing.sum() == 1
+    np.testing.assert_array_equal(holed.windows, found.windows[~missing])
+    np.testing.assert_allclose(holed.values, found.values[~missing], rtol=1e-9)
+    assert np.isfinite(holed.channels.remembered(lambda whole: whole.other)).all()

@@ -152,7 +152,11 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         stretch += [number] * count
     windows, stretch = np.concatenate(windows), np.array(stretch, dtype=int)
     at = np.searchsorted(t, windows)
-    keep = at[:, 1] > at[:, 0]
+    whole_rows = np.isfinite(samples[[*ACCELERATION, *ANGULAR_RATE]]).all(axis=1)
+    known = np.concatenate([[0], np.cumsum(whole_rows)])[at]
+    count = np.diff(at, axis=1)[:, 0]
+    # a mean over missing values is none
+    keep = (count > 0) & (np.diff(known, axis=1)[:, 0] == count)
     windows, stretch, at = windows[keep], stretch[keep], at[keep]
 
     def mean(values):
@@ -160,7 +164,11 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         count = np.diff(at, axis=1).reshape(-1, *[1] * (values.ndim - 1))
         return (total[at[:, 1]] - total[at[:, 0]]) / count
 
-    logged = {name: samples[list(columns)].to_numpy() for name, columns in COLUMNS.items()}
+    # missing values would reach every later sum
+    logged = {
+        name: np.column_stack([filled(t, samples[column].to_numpy()) for column in columns])
+        for name, columns in COLUMNS.items()
+    }
     output = {name: getattr(calibration, name).output(values) for name, values in logged.items()}
     (other,) = set(COLUMNS) - {sensor}
     # a mean near zero keeps the digits of cumulative sums
