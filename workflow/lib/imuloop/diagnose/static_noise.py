@@ -8,7 +8,7 @@ from scipy.special import betainc, betaln
 from imuloop.core.noise_model import AxisNoise, Coefficient
 
 # ratio of neighbouring variances of flicker, and of walk, on the grid
-STEP = 5.0
+STEP = 6.0
 # probability, before the data, that an axis has no flicker, and that it has no walk
 ABSENT = (1 / 2, 1 / 10)
 
