@@ -99,22 +99,26 @@ def test_several_steps_are_found():
 
 def test_the_level_after_a_move_is_another_record():
     stretch = (np.arange(N) >= 70).astype(int)
-    values = noise(5)
+    values = 0.01 * noise(5) + [0.0, 0.0, 9.8]
     assert len(separated([record(values, stretch=stretch)], 16)) == 1
-    values[70:] += [0.0, 4.0, 0.0]
-    parts = separated([record(values, stretch=stretch)], 16)
+    moved = values + np.outer(stretch, [0.0, 0.04, 0.0])
+    parts = separated([record(moved, stretch=stretch)], 16)
     assert [len(p.windows) for p in parts] == [70, 50]
     assert {p.session for p in parts} == {"s"}
-    np.testing.assert_array_equal(parts[1].values, values[70:])
+    np.testing.assert_array_equal(parts[1].values, moved[70:])
     assert parts[1].channels.remembered(lambda whole: whole.t)[0] == 70.5 * LENGTH
+    # gravity that is larger afterwards is no tilt: the bias jumped; a large tilt lowers it
+    heavier = values + np.outer(stretch, [0.0, 0.0, 0.04])
+    assert len(separated([record(heavier, stretch=stretch)], 16)) == 1
+    turned = values + np.outer(stretch, [0.0, 9.8 * np.sin(0.1), 9.8 * (np.cos(0.1) - 1)])
+    assert len(separated([record(turned, stretch=stretch)], 16)) == 2
     # a drift that goes on through a disturbance is no move
-    drifting = noise(5) + np.linspace(0, 30, N)[:, None]
+    drifting = values + np.linspace(0, 0.3, N)[:, None]
     assert len(separated([record(drifting, stretch=stretch)], 16)) == 1
     # what is left of a part that is too short for blocks is left out
-    values[70:] -= [0.0, 4.0, 0.0]
-    values[110:] += [0.0, 4.0, 0.0]
     late = (np.arange(N) >= 110).astype(int)
-    assert [len(p.windows) for p in separated([record(values, stretch=late)], 16)] == [110]
+    moved = values + np.outer(late, [0.0, 0.04, 0.0])
+    assert [len(p.windows) for p in separated([record(moved, stretch=late)], 16)] == [110]
 
 
 def test_parameters_beyond_what_is_possible_are_no_effect():

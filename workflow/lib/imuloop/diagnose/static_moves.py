@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.diagnose.static_estimate import fitted
 from imuloop.diagnose.static_means import part_of
 from imuloop.diagnose.static_model import StaticModel, everything
 from imuloop.diagnose.static_scan import BESIDE
@@ -17,7 +18,8 @@ def separated(records, least):
 
     A gyroscope at rest does not see the attitude; an accelerometer does, and a tilt is no effect
     of the sensor. Where the means on either side of a disturbance differ by more than their noise,
-    slow noise and whatever else changes the record slowly included, each side has its own level.
+    slow noise and whatever else changes the record slowly included, and the magnitude of gravity
+    is the same, each side has its own level.
 
     Parameters
     ----------
@@ -44,13 +46,40 @@ def separated(records, least):
         if best is None or best.log_p >= search.threshold(len(base)):
             break
         base = (*base, best.pattern)
+    jumps = {p.effect: e for p, e in zip(base, fitted(search, base), strict=True)}
     found = []
     for record in records:
-        times = [p.effect.times[0] for p in base if p.effect.sessions == (record.session,)]
+        own = sorted(s.times[0] for s in jumps if s.sessions == (record.session,))
+        times = []
+        for t in own:
+            before = record.windows[:, 0] < t
+            before &= record.windows[:, 0] >= max((e for e in own if e < t), default=-np.inf)
+            jump = jumps[Steps((t,), (record.session,))]
+            if is_tilt(jump, record.values[before].mean(axis=0)):
+                times.append(t)
         number = np.searchsorted(np.sort(times), record.windows[:, 0], side="right")
         parts = [part_of(record, number == k) for k in np.unique(number)]
         found += [p for p in parts if len(p.windows) >= least]
     return found
+
+
+def is_tilt(jump, level):
+    """Return whether a jump of specific force may be a turn: what it leaves is as large.
+
+    ``|f + h| = |f|`` where ``u·h + |h|²/2|f|`` is zero, u the direction of f; three standard errors
+    are allowed. A bias that jumps along gravity is none.
+
+    Parameters
+    ----------
+    jump : FittedEffect
+        The step h, m/s^2.
+    level : ndarray, shape (3,)
+        Specific force f, m/s^2.
+    """
+    h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
+    size = np.linalg.norm(level)
+    along = level @ h / size + h @ h / (2 * size)
+    return bool(abs(along) <= 3 * np.linalg.norm(level / size * std))
 
 
 def _edges(record):
