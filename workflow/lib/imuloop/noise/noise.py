@@ -1,6 +1,6 @@
 """Noise of a device: coefficients, Allan curves and summary figures from its rests."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -101,15 +101,14 @@ class _Record:
 
 
 def estimate_noise(device, sessions, settings):
-    """Estimate the noise of a device from its static sessions, else from its longest rest.
+    """Estimate the noise of a device from its static sessions, else from all its rests.
 
     Parameters
     ----------
     device : str
         Name of the device.
     sessions : sequence of Session
-        All; the static ones count or, where none of them holds a rest, the longest rest of all
-        others.
+        All; the static ones count or, where none of them holds a rest, the rests of all others.
     settings : NoiseSettings
         Averaging times and level of the tests.
 
@@ -122,7 +121,7 @@ def estimate_noise(device, sessions, settings):
     notes = []
     records = _static_records(sessions, notes)
     if not records:
-        records = _longest_rest(sessions, notes)
+        records = _all_rests(sessions, notes)
     if not records:
         notes.append("no session holds a rest: no coefficient can be estimated")
         model = NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise()))
@@ -195,21 +194,19 @@ def _static_records(sessions, notes):
     return records
 
 
-def _longest_rest(sessions, notes):
-    """Return the longest rest of all sessions as the one record."""
+def _all_rests(sessions, notes):
+    """Return a record for each session that holds a rest, and note what rests cannot tell."""
     records = [_record(s) for s in sessions if s.kind != "static"]
     records = [record for record in records if record is not None]
-    if not records:
-        return []
-    best = max(records, key=lambda record: record.lengths.max() / record.rate)
-    rest = best.slices[int(np.argmax(best.lengths))]
-    seconds = (rest.stop - rest.start) / best.rate
-    notes.append(
-        f"no static record: from the longest rest, {seconds:.3g} s of session "
-        f"{best.session.name}; what changes the output over more than {seconds / 3:.2g} s "
-        "(flicker, walk, ramp) is not seen there and only limited from above"
-    )
-    return [replace(best, slices=(rest,))]
+    if records:
+        count = sum(len(record.slices) for record in records)
+        seconds = max(record.lengths.max() / record.rate for record in records)
+        notes.append(
+            f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
+            f"changes the output over more than {seconds / 3:.2g} s (flicker, walk, ramp) is not "
+            "seen there and only limited from above"
+        )
+    return records
 
 
 def _one_rate(records, notes):
