@@ -1,6 +1,6 @@
 """Diagnose a sensor at the poses."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from imuloop.diagnose.search import (
     held_out,
     ratio_interval,
 )
-from imuloop.diagnose.trial import detection_limit
+from imuloop.diagnose.trial import detection_limit, try_shapes
 from imuloop.diagnose.twins import imitated, interchangeable
 from imuloop.diagnose.verdict import NOTHING, UNTRIED, verdict
 
@@ -211,6 +211,11 @@ def _candidate(cls, whole, searches, effects, failed, settings):
             why = f"in these data it could stand in for {twin}: neither adds to the other"
     kind = whole.kind(at.solution.effects, trial)
     alone = held_out([s.errors() for s in searches], [s.errors_alone(cls) for s in searches])
+    sized = trial
+    if status != "added" and at.spread:
+        # what is not explained counts as noise
+        spread = replace(at.spread, columns=(at.spread.columns[trial.column],))
+        sized = try_shapes(spread, [trial.effect])[0].get(cls, trial)
     return {
         "name": cls.name,
         "status": status,
@@ -219,8 +224,10 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         "p_value": trial.p_value,
         "heldout_after": size(alone[kind].after) if cls in base.trials else None,
         "constants": asdict(trial.effect),
+        "parameters": dict(zip(trial.effect.parameters, sized.values.tolist(), strict=True)),
+        "std": dict(zip(trial.effect.parameters, sized.std.tolist(), strict=True)),
         "confounded_with": twin,
-        "detection_limit": detection_limit(trial, len(whole.available[cls]), settings, whole.tests),
+        "detection_limit": detection_limit(sized, len(whole.available[cls]), settings, whole.tests),
         "units": trial.effect.units(whole.model.sensor),
     }
 
@@ -244,7 +251,7 @@ def _twin(cls, whole, effects):
 
 
 def _points(recording, held, variance):
-    """Return one entry a pose or rotation, for pictures: held-out size before and after."""
+    """Return one entry a pose or rotation, for pictures: held-out errors and their size."""
     poses = recording.poses
     direction = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
     points = []
@@ -266,7 +273,8 @@ def _points(recording, held, variance):
                 "before": float(b),
                 "after": float(a),
                 "floor": float(limit),
+                "components": {"before": h.before[k].tolist(), "after": h.after[k].tolist()},
             }
-            for pose, b, a, limit in zip(of_pose, before, after, floor, strict=True)
+            for k, (pose, b, a, limit) in enumerate(zip(of_pose, before, after, floor, strict=True))
         ]
     return points
