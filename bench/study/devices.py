@@ -10,7 +10,9 @@ from imuloop.simulate.truth import Session, Thermometer, Vibration, example_trut
 
 # temperatures of the surroundings that go up and down at several speeds, and rest, so that no two
 # effects of the temperature look alike: s, degC
-HEATED_POSES = ((0, 24), (40, 24), (90, 38), (135, 38), (215, 27), (240, 27), (300, 34), (400, 34))
+HEATED_POSES = (
+    (0, 24), (70, 24), (170, 38), (260, 38), (420, 27), (470, 27), (590, 34), (900, 34)
+)  # fmt: skip
 HEATED_RECORD = (
     (0, 24), (300, 24), (900, 44), (1300, 44), (2300, 27), (2700, 27), (3300, 36), (3600, 36)
 )  # fmt: skip
@@ -22,7 +24,12 @@ def poses_device():
     """Return a device of 40 poses, the motor on at half of them, and 20 min at rest."""
     sessions = {
         "multi_position": Session(
-            "multi_position", temperature=HEATED_POSES, thermal_s=15.0, vibration=MOTOR
+            "multi_position",
+            poses=80,
+            rest_s=(4.0, 8.0),
+            temperature=HEATED_POSES,
+            thermal_s=15.0,
+            vibration=MOTOR,
         ),
         "static": Session("static", duration_s=1200.0, temperature=((0, 24), (1200, 24))),
     }
