@@ -3,6 +3,17 @@
 import numpy as np
 import pytest
 
+import imuloop.diagnose.effects  # noqa: F401  loads the library
+from imuloop.calibrate.calibrate import read_recording
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import find_effect
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.search import Search
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.trial import try_shapes
+
 GRAVITY = 9.81744
 # polynomial terms that a floor of white noise alone would find everywhere
 POLYNOMIAL = {"quadratic", "cubic", "asymmetry", "cross_coupling"}
@@ -70,6 +81,26 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
         assert np.all(np.abs(sizes(candidates(found)[name])) < 3)
     # a drift, if declared, stands the held-out test
     assert all(effect["ratio_ci95"][1] < 1 for effect in found["effects"])
+
+
+@pytest.mark.parametrize("board", [1, 2, 3])
+def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
+    folder = measured.folder / f"mpu9150_{board}"
+    settings = CalibrateSettings()
+    recording = read_recording(
+        {"poses": measured.session(f"mpu9150_{board}", "poses")}, settings.longest_rotation
+    )
+    noise = NoiseModel.from_json(folder / "noise.json")
+    multi = Calibration.from_json(folder / "multi_position.json")
+    force = AccelerometerPoses(noise, multi.gravity, multi.accelerometer.raw_unit, settings)
+    model = GyroscopePoses(force, None, (), multi.gyroscope.raw_unit)
+    keep = np.ones(len(recording.poses), dtype=bool)
+    drift, sensitivity = find_effect("bias_drift"), find_effect("g_sensitivity")
+    available = {drift: (drift(),), sensitivity: (sensitivity(),)}
+    step = Search(model, recording, keep, available, DiagnoseSettings(), 1).step((drift(),))
+    # what no effect explains counts as noise
+    trial = try_shapes(step.spread, step.linear.shapes)[0][sensitivity]
+    assert np.all(np.abs(trial.values / trial.std) < 3)
 
 
 def test_climate_chamber_is_temperature_and_its_past(measured):
