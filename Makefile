@@ -26,9 +26,9 @@ format: setup
 bench: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
 
-# undeclared effects in simulated devices: are they found? Writes docs/study.md; for a part of it
-# OPTIONS="--effects g_sensitivity,control --seeds 3"
-OPTIONS ?= --write docs/study.md
+# undeclared effects in simulated devices: are they found? Writes docs/study.md, with devices that
+# nothing was developed on; for a part of it OPTIONS="--effects g_sensitivity,control --seeds 3"
+OPTIONS ?= --first 1000 --write docs/study.md
 study: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.study --workers $(CORES) $(OPTIONS)
 

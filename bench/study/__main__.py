@@ -13,6 +13,7 @@ def main():
     """Run the study, or the part that the options choose, and print or write its document."""
     parser = argparse.ArgumentParser(prog="python -m bench.study", description=__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="devices of each case")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first device")
     parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
     parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
     parser.add_argument("--records", help="poses or static_record")
@@ -30,8 +31,8 @@ def main():
             or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
         )
     ]
-    outcomes = run(cases, options.seeds, options.controls, options.workers)
-    text = document(outcomes, "make study", commit())
+    outcomes = run(cases, options.first, options.seeds, options.controls, options.workers)
+    text = document(outcomes, "make study", commit(), options.first)
     if options.write:
         options.write.write_text(text)
     else:

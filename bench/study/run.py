@@ -10,13 +10,15 @@ from bench.study.devices import DEVICES, in_shape, with_effects
 from bench.study.score import fitted
 
 
-def run(cases, seeds, controls, workers, progress=print):
+def run(cases, first, seeds, controls, workers, progress=print):
     """Return the outcomes of cases, by case.
 
     Parameters
     ----------
     cases : sequence of Case
         Cases; controls are made for the records of the others too.
+    first : int
+        Seed of the first device.
     seeds, controls : int
         Devices of each case, and controls of each record.
     workers : int
@@ -35,7 +37,9 @@ def run(cases, seeds, controls, workers, progress=print):
         jobs = [
             (record, seed)
             for record in sorted({case.record for case in cases})
-            for seed in range(max(seeds, controls * (Case("control", record) in cases)))
+            for seed in range(
+                first, first + max(seeds, controls * (Case("control", record) in cases))
+            )
         ]
         for job, made in pool.imap(_control, jobs):
             plain[job] = made
@@ -44,10 +48,10 @@ def run(cases, seeds, controls, workers, progress=print):
             (case, seed, plain[case.record, seed])
             for case in cases
             if case.kind != "control"
-            for seed in range(seeds)
+            for seed in range(first, first + seeds)
         ]
         outcomes = {
-            case: [plain[case.record, seed] for seed in range(controls)]
+            case: [plain[case.record, first + k] for k in range(controls)]
             for case in cases
             if case.kind == "control"
         }

@@ -17,7 +17,7 @@ NOTHING = "nothing"
 RIGHT, ALARMS, INSIDE = 0.90, 0.05, 0.95
 
 
-def document(outcomes, command, commit):
+def document(outcomes, command, commit, first):
     """Return docs/study.md.
 
     Parameters
@@ -26,6 +26,8 @@ def document(outcomes, command, commit):
         Outcomes of the cases.
     command, commit : str
         What made them.
+    first : int
+        Seed of the first device.
     """
     chosen = {
         kind: {case: made for case, made in outcomes.items() if case.kind == kind}
@@ -34,7 +36,7 @@ def document(outcomes, command, commit):
     head = (
         f"Written by `{command}`, never by hand: commit {commit}, "
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}. "
-        "All devices are simulated, and their effects declared nowhere."
+        f"All devices are simulated, from seed {first} on, and their effects declared nowhere."
     )
     seconds = [made["seconds"] for all_made in outcomes.values() for made in all_made]
     parts = [

@@ -23,7 +23,7 @@ PART = (
 
 @pytest.fixture(scope="module")
 def part():
-    return run(PART, seeds=1, controls=1, workers=2, progress=lambda line: None)
+    return run(PART, first=0, seeds=1, controls=1, workers=2, progress=lambda line: None)
 
 
 def test_a_control_has_no_effect(part):
@@ -49,7 +49,7 @@ def test_what_is_outside_the_library_is_unexplained(part):
 
 
 def test_the_document_holds_every_case(part):
-    text = document(part, "make study", "0")
+    text = document(part, "make study", "0", 0)
     assert "| `quadratic`, accelerometer at the poses | 3 | 1 of 1 |" in text
     assert "| right name or twin, at 3 limits | ≥ 90% | 100% (2 of 2;" in text
     assert "| gyroscope, degree 3 of attitude | 1 `unexplained` | nothing |" in text
