@@ -22,10 +22,26 @@ def repository():
     return REPOSITORY
 
 
+class Recordings:
+    """Measured recordings of others by file name; a skip says which one is missing.
+
+    Anywhere below the folder that IMULOOP_MIRROR names, or else where a run of
+    ``config/measured.yaml`` leaves what it fetched.
+    """
+
+    def __init__(self):
+        cache = REPOSITORY / "data/cache"
+        folders = (os.environ.get("IMULOOP_MIRROR"), REPOSITORY.parent / "shared/data", cache)
+        self.folder = next((Path(f) for f in folders if f and Path(f).is_dir()), cache)
+
+    def __call__(self, name):
+        found = sorted(self.folder.rglob(name))
+        if not found:
+            pytest.skip(f"{name} is not at hand, docs/reproduce.md says how to get it")
+        return found[0]
+
+
 @pytest.fixture(scope="session")
 def recordings():
-    """Folder with the measured recordings, or a skip that says what is missing."""
-    for folder in (os.environ.get("IMULOOP_MIRROR"), REPOSITORY.parent / "shared" / "data"):
-        if folder and Path(folder).is_dir():
-            return Path(folder)
-    pytest.skip("measured recordings not at hand: set IMULOOP_MIRROR to the folder that holds them")
+    """Find a measured recording by its file name."""
+    return Recordings()

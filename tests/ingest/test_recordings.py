@@ -14,8 +14,7 @@ COUNTS = {"acceleration": "count", "angular_rate": "count"}
 
 
 def test_xsens(run, recordings):
-    folder = recordings / "imu_tk-xsens"
-    paths = [folder / "xsens_acc.mat", folder / "xsens_gyro.mat"]
+    paths = [recordings("xsens_acc.mat"), recordings("xsens_gyro.mat")]
     done = run(*paths, units=COUNTS, nominal=NOMINAL)
     assert done.quality["status"] == "ok"
     assert done.quality["rows"] == 51175
@@ -36,7 +35,7 @@ def test_xsens(run, recordings):
 
 @pytest.mark.parametrize("board", [0, 1, 2])
 def test_mpu9150(run, recordings, board):
-    path = recordings / "mikoff-mpu9150" / f"imu{board}.log"
+    path = recordings(f"imu{board}.log")
     columns = {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}
     done = run(path, columns=columns, rate=100)
     assert done.quality["status"] == "ok"
@@ -47,7 +46,7 @@ def test_mpu9150(run, recordings, board):
 
 
 def test_thermal_chamber(run, recordings):
-    path = recordings / "tofupilot-thermal" / "imu_raw_data.csv"
+    path = recordings("imu_raw_data.csv")
     done = run(path, units={"time": "us"})
     assert done.quality["rows"] == 8400
     assert done.quality["duration_s"] / 60 == pytest.approx(70.7, abs=0.05)
@@ -60,7 +59,7 @@ def test_thermal_chamber(run, recordings):
 
 
 def test_ferraris(run, recordings):
-    path = recordings / "imucal-ferraris" / "example_ferraris_session.csv"
+    path = recordings("example_ferraris_session.csv")
     done = run(path, rate=204.8, units={"angular_rate": "deg/s"})
     raw = np.loadtxt(path, delimiter=",", skiprows=1)
     assert done.quality["rows"] == len(raw) == 10376
@@ -71,7 +70,7 @@ def test_ferraris(run, recordings):
 
 
 def test_ferraris_in_counts_with_a_column_of_text(run, recordings):
-    path = recordings / "imucal-ferraris" / "annotated_session.csv"
+    path = recordings("annotated_session.csv")
     # legacy_calibration_pre_2.0.json: about 210 counts per m/s^2
     nominal = {"acceleration": {"scale": 1 / 210}, "angular_rate": {"scale": 1e-3}}
     done = run(path, rate=204.8, units=COUNTS, nominal=nominal)
@@ -80,7 +79,7 @@ def test_ferraris_in_counts_with_a_column_of_text(run, recordings):
 
 
 def test_adis16405(run, recordings):
-    path = recordings / "adis16405" / "adis_16405_imu1.parquet"
+    path = recordings("adis_16405_imu1.parquet")
     done = run(path, rate=100, units={"acceleration": "g", "angular_rate": "deg/s"})
     assert done.quality["rows"] == 1_000_000
     assert done.quality["duration_s"] / 3600 == pytest.approx(2.78, abs=0.005)

@@ -12,9 +12,8 @@ RATE = 100.0
 
 @pytest.mark.parametrize("axis", ["ax", "ay", "az", "gx", "gy", "gz"])
 def test_overlapping_deviation_agrees_with_the_published_one(recordings, axis):
-    folder = recordings / "adis16405"
-    x = pq.read_table(folder / "adis_16405_imu1.parquet", columns=[axis])[axis].to_numpy()
-    published = pd.read_csv(folder / "published_adev.csv")
+    x = pq.read_table(recordings("adis_16405_imu1.parquet"), columns=[axis])[axis].to_numpy()
+    published = pd.read_csv(recordings("published_adev.csv"))
     name = {"a": "accel_", "g": "gyro_"}[axis[0]] + axis[1]
     published = published[published["axis"] == name]
     # published in the recording's own units, deg/s and g, at tau = 0.02 s * 2^k

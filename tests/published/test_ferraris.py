@@ -16,8 +16,7 @@ FACES = {
 
 
 def test_every_listed_face_is_a_pose_and_turns_are_not(measured, recordings):
-    folder = recordings / "imucal-ferraris"
-    sections = json.loads((folder / "example_ferraris_session_list.json").read_text())
+    sections = json.loads(recordings("example_ferraris_session_list.json").read_text())
     table = pd.read_parquet(measured.session("ferraris", "faces")["segments"])
     static = table[table["kind"] == "static"]
     for name, section in sections.items():
@@ -36,10 +35,8 @@ def test_every_listed_face_is_a_pose_and_turns_are_not(measured, recordings):
 
 def test_six_faces_calibrate_the_accelerometer(measured, recordings):
     # a second method: the mean of each listed section, its largest component against gravity
-    log = pd.read_csv(recordings / "imucal-ferraris/example_ferraris_session.csv")
-    sections = json.loads(
-        (recordings / "imucal-ferraris/example_ferraris_session_list.json").read_text()
-    )
+    log = pd.read_csv(recordings("example_ferraris_session.csv"))
+    sections = json.loads(recordings("example_ferraris_session_list.json").read_text())
     columns = ["acc_x", "acc_y", "acc_z"]
     extremes = np.zeros((3, 2))
     for name, (axis, sign) in FACES.items():

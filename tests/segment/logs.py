@@ -67,36 +67,36 @@ def rotated(samples, rotation):
     return out
 
 
-def xsens(folder):
+def xsens(recordings):
     """Return the Xsens MTi log in nominal SI units (factory scales, offset 32768)."""
-    f, w = (np.loadtxt(folder / "imu_tk-xsens" / f"xsens_{s}.mat") for s in ("acc", "gyro"))
+    f, w = (np.loadtxt(recordings(f"xsens_{s}.mat")) for s in ("acc", "gyro"))
     return frame(f[:, 0], (f[:, 1:] - 32768) / 415, (w[:, 1:] - 32768) / 4768)
 
 
-def mpu9150(folder, board):
+def mpu9150(recordings, board):
     """Return the log of board 0, 1 or 2."""
-    x = np.loadtxt(folder / "mikoff-mpu9150" / f"imu{board}.log")
+    x = np.loadtxt(recordings(f"imu{board}.log"))
     return frame(np.arange(len(x)) / 100, x[:, :3], x[:, 3:])
 
 
-def ferraris(folder):
+def ferraris(recordings):
     """Return the Ferraris session and its section list."""
-    x = pd.read_csv(folder / "imucal-ferraris" / "example_ferraris_session.csv")
+    x = pd.read_csv(recordings("example_ferraris_session.csv"))
     f = x[["acc_x", "acc_y", "acc_z"]].to_numpy()
     w = np.deg2rad(x[["gyr_x", "gyr_y", "gyr_z"]].to_numpy())
-    sections = (folder / "imucal-ferraris" / "example_ferraris_session_list.json").read_text()
+    sections = recordings("example_ferraris_session_list.json").read_text()
     return frame(np.arange(len(x)) / 204.8, f, w), json.loads(sections)
 
 
-def thermal_chamber(folder):
+def thermal_chamber(recordings):
     """Return the climate-chamber log; its time column is in microseconds."""
-    x = pd.read_csv(folder / "tofupilot-thermal" / "imu_raw_data.csv", sep="\t")
+    x = pd.read_csv(recordings("imu_raw_data.csv"), sep="\t")
     f, w = (x[[f"imu.{s}.{axis}" for axis in "xyz"]].to_numpy() for s in ("acc", "gyro"))
     return frame(x["timestamp"].to_numpy() * 1e-6, f, w)
 
 
-def adis16405(folder):
+def adis16405(recordings):
     """Return the ADIS16405 log in SI units."""
-    x = pd.read_parquet(folder / "adis16405" / "adis_16405_imu1.parquet")
+    x = pd.read_parquet(recordings("adis_16405_imu1.parquet"))
     f = x[["ax", "ay", "az"]].to_numpy() * G
     return frame(np.arange(len(x)) / 100, f, np.deg2rad(x[["gx", "gy", "gz"]].to_numpy()))
