@@ -44,7 +44,9 @@ def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(seed
     model = AccelerometerPoses(
         known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
     )
-    content, _ = diagnose_poses(model, recording(truth, seed), DiagnoseSettings(folds=5), tests=20)
+    content, _, _ = diagnose_poses(
+        model, recording(truth, seed), DiagnoseSettings(folds=5), tests=20
+    )
     assert (content["verdict"], content["effects"]) == ("unexplained", [])
     first = content["correlates"][0]
     assert first["name"] == f"harmonics_{degree}"

@@ -50,7 +50,7 @@ def sensitive():
 
 def test_an_undeclared_effect_is_found_with_its_size(sensitive):
     truth, made = sensitive
-    content, solution = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
+    content, solution, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
     assert content["verdict"] == "explained"
     (effect,) = content["effects"]
     assert effect["name"] == "g_sensitivity"
@@ -69,9 +69,9 @@ def test_an_undeclared_effect_is_found_with_its_size(sensitive):
 
 def test_the_residual_after_is_that_of_a_device_without_the_effect(sensitive):
     truth, made = sensitive
-    content, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
+    content, _, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
     plain = example_truth()
-    control, _ = diagnose_poses(models(plain)[1], recording(plain, 1), DiagnoseSettings())
+    control, _, _ = diagnose_poses(models(plain)[1], recording(plain, 1), DiagnoseSettings())
     for kind in ("pose_rate", "rotation"):
         after = content["residuals"][kind]["after"]
         assert after <= 1.25 * control["residuals"][kind]["before"]
@@ -83,7 +83,7 @@ def test_controls_are_consistent():
     for seed in range(20, 26):
         made = recording(truth, seed)
         for model in models(truth):
-            content, _ = diagnose_poses(model, made, DiagnoseSettings(folds=5))
+            content, _, _ = diagnose_poses(model, made, DiagnoseSettings(folds=5))
             declared += len(content["effects"])
             verdicts.append(content["verdict"])
     assert declared == 0
@@ -110,7 +110,7 @@ def test_an_effect_outside_the_library_is_unexplained():
 
     truth = example_truth()
     truth = replace(truth, gyroscope=replace(truth.gyroscope, extra=steps))
-    content, _ = diagnose_poses(models(truth)[1], recording(truth, 5), DiagnoseSettings(folds=5))
+    content, _, _ = diagnose_poses(models(truth)[1], recording(truth, 5), DiagnoseSettings(folds=5))
     assert content["verdict"] == "unexplained"
     assert content["effects"] == []
     assert {c["status"] for c in content["candidates"]} <= {
@@ -125,7 +125,7 @@ def test_an_effect_outside_the_library_is_unexplained():
 def test_too_few_poses_are_not_testable():
     truth = example_truth()
     few = recording(truth, 3).select(np.arange(41) < 4)
-    content, solution = diagnose_poses(models(truth)[0], few, DiagnoseSettings())
+    content, solution, _ = diagnose_poses(models(truth)[0], few, DiagnoseSettings())
     assert content["verdict"] == "not_testable"
     assert "4 poses found, at least 10 needed" in content["why"]
     assert solution is None
@@ -154,6 +154,17 @@ def test_the_choice_of_effects_sees_only_the_training_poses(sensitive, monkeypat
             counts[kind] += len(errors)
     # every pose is held out once, every rotation too
     assert counts == {"pose_rate": len(made.poses), "rotation": len(made.rotations)}
+
+
+def test_a_gyroscope_fold_takes_the_accelerometer_effects_of_its_own_fold(sensitive):
+    truth, made = sensitive
+    model, quadratic = models(truth)[1], find_effect("quadratic")()
+    own = [replace(model, force_effects=(quadratic,) * (k == 2)) for k in range(4)]
+    settings = DiagnoseSettings(folds=4)
+    alike, mixed = (folds(m, made, {}, settings, 1) for m in (model, own))
+    for k, (a, b) in enumerate(zip(alike, mixed, strict=True)):
+        same = np.array_equal(a.errors()["rotation"], b.errors()["rotation"])
+        assert same == (k != 2)
 
 
 def test_a_held_out_pose_does_not_touch_its_prediction(sensitive):

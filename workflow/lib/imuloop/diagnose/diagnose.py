@@ -89,7 +89,7 @@ def diagnose_device(
         calibrate_settings,
         known["accelerometer"],
     )
-    force, force_solution = diagnose_poses(force_model, recording, settings, tests)
+    force, force_solution, force_chosen = diagnose_poses(force_model, recording, settings, tests)
     turn_model = GyroscopePoses(
         force_model,
         None if force_solution else base.accelerometer,
@@ -97,7 +97,8 @@ def diagnose_device(
         multi.gyroscope.raw_unit,
         known["gyroscope"],
     )
-    turn, turn_solution = diagnose_poses(turn_model, recording, settings, tests)
+    fold_models = [replace(turn_model, force_effects=effects) for effects in force_chosen]
+    turn, turn_solution, _ = diagnose_poses(turn_model, recording, settings, tests, fold_models)
     final = replace(
         base,
         **{

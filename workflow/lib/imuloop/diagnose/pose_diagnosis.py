@@ -32,7 +32,7 @@ def pose_candidates(sensor, recording):
     return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
 
 
-def diagnose_poses(model, recording, settings, tests=None):
+def diagnose_poses(model, recording, settings, tests=None, fold_models=None):
     """Diagnose one sensor at the poses.
 
     Parameters
@@ -45,31 +45,38 @@ def diagnose_poses(model, recording, settings, tests=None):
         Settings.
     tests : int, optional
         Number of tests that share the significance; this sensor's own by default.
+    fold_models : sequence, optional
+        How the sensor is fitted in each fold, where that too was chosen without the held-out poses.
 
     Returns
     -------
-    dict, Solution or None
-        The contract's fields, and the fit with the effects that were added.
+    dict
+        The contract's fields.
+    Solution or None
+        The fit with the effects that were added.
+    list of tuple of Effect
+        Those that each fold chose; empty if nothing was tested.
     """
     reason = model.untestable(recording)
     if reason:
-        return {"verdict": "not_testable", "why": reason, **NOTHING}, None
+        return {"verdict": "not_testable", "why": reason, **NOTHING}, None, []
     available, others = pose_candidates(model.sensor, recording)
     known = {type(effect.effect) for effect in model.known}
     available = {cls: shapes for cls, shapes in available.items() if cls not in known}
     tests = tests or len(available)
     everything = np.ones(len(recording.poses), dtype=bool)
     whole = Search(model, recording, everything, available, settings, tests)
-    searches = folds(model, recording, available, settings, tests)
+    searches = folds(fold_models or model, recording, available, settings, tests)
     if searches is None:
         reason = f"{len(recording.poses)} poses do not determine the model with a part held out"
-        return {"verdict": "not_testable", "why": reason, **NOTHING}, whole.step().solution
+        return {"verdict": "not_testable", "why": reason, **NOTHING}, whole.step().solution, []
 
     effects, entries, failed = _chosen(whole, searches)
     base, final = whole.step(), whole.step(effects)
-    before = [s.errors() for s in searches]
     # the choice of effects is made again in each fold
-    after = [s.errors(s.greedy()[0]) for s in searches] if effects else before
+    chosen = [s.greedy()[0] if effects else () for s in searches]
+    before = [s.errors() for s in searches]
+    after = [s.errors(c) for s, c in zip(searches, chosen, strict=True)]
     held = held_out(before, after)
     variance = floor_variance(base, searches)
 
@@ -117,7 +124,7 @@ def diagnose_poses(model, recording, settings, tests=None):
         "correlates": correlates(final.white, final.linear, probes(recording, model.sensor)),
         "points": _points(recording, held, variance),
     }
-    return content, final.solution
+    return content, final.solution, chosen
 
 
 def _chosen(whole, searches):

@@ -1,5 +1,6 @@
 """The search for effects: test, add the best that passes, refit; and on held-out data."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -273,6 +274,8 @@ class HeldOut:
 def folds(model, recording, available, settings, tests):
     """Return one search for each part of the poses that is held out.
 
+    `model` is one for all, or a sequence of one a part.
+
     Each part is every so-manieth pose, so that a part is predicted by poses before and after it.
     Model and choice of effects see only the other poses and the rotations between them; a rotation
     belongs to the part of the pose that it starts from.
@@ -281,10 +284,11 @@ def folds(model, recording, available, settings, tests):
     n = len(recording.poses)
     count = min(settings.folds, n)
     part = np.arange(n) % count
+    models = model if isinstance(model, Sequence) else [model] * count
     searches = [
-        Search(model, recording, part != k, available, settings, tests) for k in range(count)
+        Search(m, recording, part != k, available, settings, tests) for k, m in enumerate(models)
     ]
-    if any(model.untestable(recording.select(s.keep)) for s in searches):
+    if any(s.model.untestable(recording.select(s.keep)) for s in searches):
         return None
     return searches
 
