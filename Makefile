@@ -8,6 +8,7 @@ READY := .venv/.ready
 
 report: setup
 	$(BIN)/snakemake -c$(CORES) results/report.html
+	@echo "Open results/report.html"
 
 test: setup
 	$(BIN)/pytest
