@@ -1,18 +1,21 @@
 """Least squares of static records against plain generalised least squares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from diagnose.records import record, root, search
+from diagnose.records import LENGTH, record, root, search
 from imuloop.diagnose.effects.bias_temperature import BiasTemperature
 from imuloop.diagnose.static_estimate import covariance, estimate, fitted
 from imuloop.diagnose.static_model import (
     FITTED,
     StaticModel,
     everything,
+    fold_of,
     folds,
     one_session,
-    without_fold,
+    without,
 )
 from imuloop.diagnose.static_noise import mean_covariance, unit_noise
 from imuloop.diagnose.static_terms import Ramp, Sinusoid, Steps
@@ -50,7 +53,7 @@ def plain(parts, grid_point, columns, axis):
     return theta[-k:], np.linalg.inv(information)[-k:, -k:], square, log
 
 
-@pytest.mark.parametrize("held", [None, 3, "one"])
+@pytest.mark.parametrize("held", [None, (3,), (2, 5), "one"])
 def test_a_fit_is_that_of_generalised_least_squares(held):
     rng = np.random.default_rng(1)
     records = [
@@ -61,15 +64,15 @@ def test_a_fit_is_that_of_generalised_least_squares(held):
     effects = [Ramp(), BiasTemperature(2, 20.0)]
     patterns = model.patterns(effects)
     sights = {None: everything(model), "one": one_session(model, "b")}
-    sight = sights.get(held) or without_fold(model, held, 8)
+    sight = sights.get(held) or without(model, held, 8)
     columns = sum((p.columns[1] for p in patterns), ())
     found = sight.fit(columns, 1)
     scale = np.concatenate([model.scale(p, 1) for p in patterns])
     parts, log = [], []
-    for rec, fold in zip(records, folds(records, 8), strict=True):
+    for rec, fold in zip(records, folds(model, 8), strict=True):
         if held == "one" and rec.session == "a":
             continue
-        rows = np.flatnonzero(fold != held)
+        rows = np.flatnonzero(~np.isin(fold, held if isinstance(held, tuple) else ()))
         own = np.concatenate(
             [e.design(rec.channels)[:, 1, [1, 4][: 1 + (i > 0)]] for i, e in enumerate(effects)],
             axis=1,
@@ -131,6 +134,37 @@ def test_long_records_are_fitted_on_fewer_windows():
     model = StaticModel([record(np.random.default_rng(7).normal(size=(900, 3)))])
     assert len(model.records[0].windows) == 900
     assert len(model.fitted[0].windows) <= FITTED
+
+
+@pytest.mark.parametrize("n", [64, 900])
+def test_a_fold_of_other_windows_is_what_its_windows_of_the_fit_cover(n):
+    records = [record(np.random.default_rng(8).normal(size=(n, 3)), name) for name in "ab"]
+    model = StaticModel(records)
+    for number, (own, fold) in enumerate(zip(model.fitted, folds(model, 8), strict=True)):
+        means = fold_of(records[number], model, 8)
+        assert set(means) == set(range(8))
+        for window, at in zip(own.windows, fold, strict=True):
+            inside = records[number].windows[:, 0] >= window[0]
+            inside &= records[number].windows[:, 1] <= window[1]
+            assert inside.any() and np.all(means[inside] == at)
+        # windows across the edges of blocks belong to none
+        across = replace(records[number], windows=records[number].windows + 0.5 * LENGTH)
+        assert np.sum(fold_of(across, model, 8) == -1) == 8
+    # the start of each record is held out with another block of the other
+    assert fold_of(records[0], model, 8)[0] == 0 and fold_of(records[1], model, 8)[0] == 4
+
+
+def test_a_step_that_nobody_saw_goes_up_evenly():
+    unknown = Steps((300.0,), ("s",), (240.0,))
+    seen = np.array([[0.0, 60], [120, 180], [180, 240], [240, 300], [360, 420], [420, 480]])
+    outer = unknown.in_session("s", seen)[:, 0, 0]
+    assert list(outer[[0, 1, -1]]) == [0, 0, 1]
+    inner = seen[(seen[:, 0] >= 180) & (seen[:, 1] <= 420)]
+    # the mean over all times that the step may have
+    times = np.linspace(180, 420, 4801)[:-1] + 0.025
+    known = [Steps((t,), ("s",)).in_session("s", inner)[:, 0, 0] for t in times]
+    found = unknown.in_session("s", inner)[:, 0, 0]
+    np.testing.assert_allclose(found, np.mean(known, axis=0), atol=1e-3)
 
 
 def test_patterns_of_windows_are_means_of_their_instants():

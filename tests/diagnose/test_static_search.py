@@ -6,7 +6,9 @@ import pytest
 from diagnose.records import LENGTH, record, root, search, temperature
 from imuloop.core.effect import Channels, find_effect
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.static_estimate import output
 from imuloop.diagnose.static_find import find
+from imuloop.diagnose.static_holdout import Blocks
 from imuloop.diagnose.static_moves import separated
 from imuloop.diagnose.static_scan import frequencies
 from imuloop.diagnose.static_terms import Ramp, Sinusoid, Steps
@@ -20,13 +22,15 @@ def noise(seed, flicker=2.0, walk=5.0, n=N):
     return root(n, flicker, walk) @ np.random.default_rng(seed).standard_normal((n, 3))
 
 
-def found(values, session="s", **more):
-    records = [record(values, session, **more)]
+def found(values, **more):
+    """Return what is found in values (n, 3), or in those of several sessions by name."""
+    values = values if isinstance(values, dict) else {"s": values}
+    records = [record(v, session, **more) for session, v in values.items()]
     return find("accelerometer", records, records, SETTINGS, TESTS)
 
 
 def names(finding):
-    return [added.name for added in finding.added]
+    return finding.added
 
 
 def pattern(name, n=N):
@@ -57,16 +61,15 @@ def test_each_effect_is_found_by_its_name(name):
     add, shape = pattern(name)
     # white noise of a mean is 1/sqrt(60)
     add = add / np.abs(add - add.mean(axis=0)).max() * {"ramp": 6.0}.get(name, 3.0)
-    # a warm-up is over after the first block of time: it takes two starts to foresee one
-    sessions = "st" if name == "warm_up" else "s"
+    # a warm-up is over after the first block of time: two starts to foresee one, and without it
+    sessions = "stu" if name == "warm_up" else "s"
     records = [record(noise(k) + add, s) for k, s in enumerate(sessions)]
     finding = find("accelerometer", records, records, SETTINGS, TESTS)
     assert name in names(finding)
-    added = next(a for a in finding.added if a.name == name)
-    assert added.ratio[1] < 1
+    at = names(finding).index(name)
+    assert finding.choice.passed[at].ratio[1] < 1
     before, after = (np.mean(np.square(e)) for e in (finding.before, finding.after))
     assert after < 0.5 * before
-    at = names(finding).index(name)
     if name == "steps":
         assert abs(finding.base[at].effect.times[0] - shape.times[0]) <= LENGTH
     if name == "sinusoid":
@@ -142,6 +145,64 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
         if name.startswith("c1"):
             assert abs(value - 1) < 4 * finding.effects[0].std[name]
     assert all(np.isfinite(e).all() for e in finding.after)
+
+
+@pytest.mark.parametrize("kind", ["drift", "steps", "line", "two records"])
+def test_what_a_held_out_block_holds_touches_nothing_that_predicts_it(kind):
+    """Whatever the values of a block, what the others choose, estimate and predict stays."""
+    rng, sessions = np.random.default_rng(11), "ab" if kind == "two records" else "a"
+    add = {"drift": pattern("bias_temperature")[0], "steps": 3 * pattern("steps")[0]}
+    add = add.get(kind, pattern("sinusoid")[0])
+    values = {s: noise(30 + k) + add for k, s in enumerate(sessions)}
+    blocks = found(values).blocks
+    assert blocks.choice().base
+    for block in (0, 4):
+        changed = {s: v.copy() for s, v in values.items()}
+        for fold, v in zip(blocks.folds, changed.values(), strict=True):
+            v[fold == block] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
+        out, others = frozenset({block}), found(changed).blocks
+        choices = [b.choice(out) for b in (blocks, others)]
+        effects = [[p.effect for p in choice.base] for choice in choices]
+        assert effects[0] == effects[1] and effects[0]
+        ratios = [[p.ratio for p in choice.passed] for choice in choices]
+        np.testing.assert_allclose(*ratios, rtol=1e-6)
+        foreseen = [
+            [
+                output(b.search(out), choice.base, [p.means[i] for p in choice.base])
+                for i in range(len(sessions))
+            ]
+            for b, choice in zip((blocks, others), choices, strict=True)
+        ]
+        np.testing.assert_allclose(*foreseen, rtol=1e-5, atol=1e-7)
+        # and nobody is judged by it
+        errors = blocks.following((), out)
+        for error, fold in zip(errors, blocks.folds, strict=True):
+            assert np.isnan(error[fold == block]).all()
+            assert np.isfinite(error[fold != block]).all()
+
+
+def test_inner_blocks_are_shared():
+    known = found(noise(12) + pattern("bias_temperature")[0]).blocks
+    blocks = Blocks(known.model, known.shapes, SETTINGS, TESTS)
+    blocks.choice()
+    blocks.nested()
+    kinds = [len(out) for out in blocks.searches]
+    assert [kinds.count(n) for n in (0, 1, 2)] == [1, 8, 28]
+
+
+def test_a_step_within_a_held_out_block_has_no_time():
+    finding = found(noise(13) + 3 * pattern("steps")[0])
+    blocks, (time,) = finding.blocks, pattern("steps")[1].times
+    assert names(finding) == ["steps"]
+    (block,) = {f for f in range(8) if blocks.folds[0][70] == f}
+    (unseen,) = (p.effect for p in blocks.choice(frozenset({block})).base)
+    # evenly over all of the block
+    assert unseen.spans == (15 * LENGTH,)
+    assert abs(unseen.times[0] - time) < 7.5 * LENGTH
+    # a tenth and more of the step's square is left in the block, nothing beside it
+    squares = [np.mean(finding.after[0][blocks.folds[0] == f] ** 2) for f in range(8)]
+    assert np.argmax(squares) == block and 0.1 * 9 < squares[block] < 0.5 * 9
+    assert np.delete(squares, block).max() < 0.1 * 9
 
 
 def test_without_a_temperature_its_effects_cannot_be_tried():

@@ -104,9 +104,10 @@ def test_a_process_of_its_detection_limit_is_found_and_three_of_it_measured():
 def test_held_out_blocks_tell_a_process_from_none():
     settings = DiagnoseSettings()
 
-    def ratio(values, tc=30.0):
-        blocks = [[coefficients(b)] for b in np.array_split(values, 8)]
-        return held_out_ratio(blocks, tc / LENGTH, settings)
+    def ratio(values):
+        blocks = [coefficients(b) for b in np.array_split(values, 8)]
+        folds = [(blocks[:k] + blocks[k + 1 :], blocks[k : k + 1]) for k in range(8)]
+        return held_out_ratio(folds, LENGTH, settings)
 
     value, (low, high) = ratio(means(3, q=2.0, tc=30.0))
     assert low <= value <= high < 1

@@ -111,7 +111,7 @@ def with_found_noise(model, findings, lines=True):
                     axes[name] = _with_line(axes[name], effect, place)
         if finding.has_process:
             for place, name in enumerate(COLUMNS[sensor]):
-                axes[name] = _with_process(axes[name], finding.coloured, place)
+                axes[name] = _with_process(axes[name], finding.process.test, place)
     return NoiseModel(model.device, axes)
 
 

@@ -31,14 +31,26 @@ def _scales(search, base, axis):
     return np.concatenate([np.zeros(0), *scales])
 
 
-def output(search, base, record):
-    """Return what patterns, fitted to what is seen, add to all means of a record, shape (n, 3)."""
-    total = np.zeros_like(search.sight.model.records[record].values)
+def output(search, base, derivatives):
+    """Return what patterns, fitted to what is seen, add to the means of a record, shape (n, 3).
+
+    Parameters
+    ----------
+    search : StaticSearch
+        What is seen.
+    base : tuple of Pattern
+        Patterns.
+    derivatives : sequence of ndarray, shape (n, 3, p)
+        Of each pattern in the record.
+    """
+    total = 0.0
     for axis in AXES:
         values = estimate(search, base, axis) if base else None
         if values is not None:
-            columns = [p.means[record][:, axis, list(p.parameters[axis])] for p in base]
-            total[:, axis] = np.concatenate(columns, axis=1) @ values
+            columns = [
+                d[:, axis, list(p.parameters[axis])] for p, d in zip(base, derivatives, strict=True)
+            ]
+            total = total + np.outer(np.concatenate(columns, axis=1) @ values, np.eye(3)[axis])
     return total
 
 
@@ -61,7 +73,7 @@ def covariance(search, base, axis):
             continue
         precision = model.noise[i].precision[point]
         level = precision.sum(axis=1)
-        z = model.columns[i][:, columns]
+        z = model.of(i, columns)
         weighted = precision @ z - np.outer(level, level @ z) / level.sum()
         windows = model.fitted[i].windows
         noise = sum(

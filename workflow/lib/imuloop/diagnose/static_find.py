@@ -6,16 +6,9 @@ import numpy as np
 
 from imuloop.core.effect import Channels, FittedEffect
 from imuloop.diagnose.search import candidates
-from imuloop.diagnose.static_estimate import fitted
-from imuloop.diagnose.static_holdout import Blocks
-from imuloop.diagnose.static_model import (
-    StaticModel,
-    block_of,
-    derivative,
-    everything,
-    without_fold,
-)
-from imuloop.diagnose.static_search import StaticSearch, StaticTrial
+from imuloop.diagnose.static_estimate import fitted, output
+from imuloop.diagnose.static_holdout import Blocks, Choice
+from imuloop.diagnose.static_model import StaticModel, derivative, fold_of
 from imuloop.diagnose.static_spectrum import (
     Coloured,
     coefficients,
@@ -23,36 +16,34 @@ from imuloop.diagnose.static_spectrum import (
     held_out_ratio,
     spectra,
 )
-from imuloop.diagnose.static_terms import GaussMarkov, Steps
+from imuloop.diagnose.static_terms import GaussMarkov
 
 # means without a gap between them that a spectrum needs
 LEAST_IN_SPECTRUM = 16
 
 
 @dataclass(frozen=True)
-class Added:
-    """An effect that was added.
+class Process:
+    """What the spectra say of noise with a correlation time.
 
     Attributes
     ----------
-    name : str
-        Its name.
-    trial : StaticTrial or None
-        Its trial beside those before it; None for noise.
-    p_value : float
-        Of the trial.
-    before, after : list of ndarray, shape (n, k)
-        Held-out errors without and with it, each record's: on the axis where it shows most, for
-        the noise of the others says nothing of it; on all three for noise.
+    test : Coloured
+        Test.
+    spectra : list of Spectrum
+        Of the three axes, effects taken out.
+    window : float
+        Length of the windows of the spectra, s.
+    share : float
+        By how much it shrinks the error that held-out means are expected to have.
     ratio : list of float
-        95 % interval of the ratio of these errors.
+        95 % interval of this share.
     """
 
-    name: str
-    trial: StaticTrial | None
-    p_value: float
-    before: list
-    after: list
+    test: Coloured
+    spectra: list
+    window: float
+    share: float
     ratio: list
 
 
@@ -62,50 +53,51 @@ class Finding:
 
     Attributes
     ----------
-    model : StaticModel
-        Means and noise.
-    search : StaticSearch
-        Of all windows.
     blocks : Blocks
-        Held-out blocks.
+        Held-out blocks; their model holds means and noise.
     others : dict of type to (str, str)
         Effects that cannot be tried: status and reason.
-    base : tuple of Pattern
-        Patterns that were added.
+    choice : Choice
+        What was added.
     effects : tuple of FittedEffect
-        They with their parameters.
-    added : tuple of Added
-        All that was added, noise with a correlation time last.
-    failed : dict of type to list of float
-        Interval of the ratio of those that passed the test alone.
-    coloured : Coloured or None
+        The same with their parameters.
+    process : Process or None
         Test for noise with a correlation time; None without enough means in a row.
-    spectra : list of Spectrum
-        Of the three axes, effects taken out.
-    window : float
-        Length of the windows of the spectra, s.
+    has_process : bool
+        Whether such noise was added.
     before, after : list of ndarray, shape (n, 3)
-        Held-out errors of each record; the choice of effects is made again without each block.
+        Held-out errors of each record: the whole search is made again without each block.
     """
 
-    model: StaticModel
-    search: StaticSearch
     blocks: Blocks
     others: dict
-    base: tuple
+    choice: Choice
     effects: tuple[FittedEffect, ...]
-    added: tuple[Added, ...]
-    failed: dict
-    coloured: Coloured | None
-    spectra: list
-    window: float
+    process: Process | None
+    has_process: bool
     before: list
     after: list
 
     @property
-    def has_process(self):
-        """Whether noise with a correlation time was added."""
-        return any(a.name == GaussMarkov.name for a in self.added)
+    def model(self):
+        """Means and noise."""
+        return self.blocks.model
+
+    @property
+    def search(self):
+        """The search of all windows."""
+        return self.blocks.search()
+
+    @property
+    def base(self):
+        """Patterns that were added."""
+        return self.choice.base
+
+    @property
+    def added(self):
+        """Names of all that was added, noise with a correlation time last."""
+        names = [p.trial.pattern.name for p in self.choice.passed]
+        return names + [GaussMarkov.name] * self.has_process
 
 
 def static_candidates(sensor, records):
@@ -138,80 +130,57 @@ def find(sensor, records, fine, settings, tests, noise=None):
     model = StaticModel(records, noise)
     available, others = static_candidates(sensor, records)
     shapes = {cls: model.patterns(s) for cls, s in available.items() if s}
-    arguments = shapes, settings.significance, tests
-    search = StaticSearch(everything(model), *arguments)
-    blocks = Blocks(
-        model,
-        [
-            StaticSearch(without_fold(model, k, settings.blocks), *arguments)
-            for k in range(settings.blocks)
-        ],
+    blocks = Blocks(model, shapes, settings, tests)
+    choice = blocks.choice()
+    before = blocks.following(())
+    # a model without effects has their errors, whatever a part of the data would add
+    nested = (lambda out: blocks.choice(out).base) if choice.base else (lambda out: ())
+    after = blocks.errors(nested)
+    process = _process(fine, blocks, nested, settings)
+    has_process = bool(
+        process is not None
+        and process.test.log_p < blocks.search().threshold(len(choice.base))
+        and process.ratio[1] < 1
     )
-    base, added, failed = _greedy(search, blocks, settings)
-    after = before = blocks.errors([()] * settings.blocks)
-    if base:
-        # as many effects as were added; which ones is chosen again without each block
-        after = blocks.errors([s.greedy(len(base), failed) for s in blocks.searches])
-    effects = fitted(search, base)
-    axes, in_blocks, window = _spectra(fine, base, effects, settings.blocks)
-    test = coloured(axes, window) if axes else None
-    if test and test.log_p < search.threshold(len(base)):
-        shrunk, ratio = held_out_ratio(in_blocks, test.tc / window, settings)
-        if ratio[1] < 1:
-            # the error itself does not fall: what is foreseen of it does
-            foreseen = [shrunk * e for e in after]
-            added = (*added, Added(GaussMarkov.name, None, test.p_value, after, foreseen, ratio))
-        else:
-            failed = failed | {GaussMarkov: ratio}
-    return Finding(
-        model, search, blocks, others, base, effects, added, failed, test, axes, window,
-        before, after,
-    )  # fmt: skip
+    blocks.forget()
+    effects = fitted(blocks.search(), choice.base)
+    return Finding(blocks, others, choice, effects, process, has_process, before, after)
 
 
-def _greedy(search, blocks, settings):
-    """Return the patterns that pass test and held-out data, what was added, and what failed."""
-    base, added, failed = (), (), {}
-    classes, before = (), blocks.errors([()] * len(blocks.searches))
-    while best := search.best(base, failed):
-        cls = type(best.pattern.effect)
-        if cls is Steps:
-            blocks.know(best)
-        after = blocks.errors([s.following((*classes, cls)) for s in blocks.searches])
-        own = [[e[:, [best.axis]] for e in errors] for errors in (before, after)]
-        ratio = blocks.ratio_interval(*own, settings)
-        if ratio[1] >= 1:
-            failed[cls] = ratio
-            if cls is Steps:
-                blocks.know(None)
-            continue
-        added = (*added, Added(cls.name, best, best.p_value, *own, ratio))
-        # what did not stand beside this effect's own pattern may stand without it
-        failed = {}
-        base, classes, before = search.reshaped((*base, best.pattern)), (*classes, cls), after
-    return base, added, failed
+def _process(fine, blocks, nested, settings):
+    """Return the Process of the means over the shortest windows, or None."""
+    derivatives = {}
 
+    def left(out):
+        """Return the coefficients of all runs, and of their parts in each block, effects out."""
+        search, base = blocks.search(out), nested(out) if out else blocks.choice().base
+        whole, parts = [], [[] for _ in range(blocks.count)]
+        for i, record in enumerate(fine):
+            for p in base:
+                if (i, p) not in derivatives:
+                    derivatives[i, p] = derivative(p.effect, record)
+            values = record.values - output(search, base, [derivatives[i, p] for p in base])
+            fold = fold_of(record, blocks.model, blocks.count)
+            # a number for each run of windows that touch
+            gap = np.diff(record.windows[:, 0], prepend=-np.inf) > 1.5 * record.length
+            run = np.cumsum(gap | (np.diff(record.stretch, prepend=-1) != 0))
+            for number in np.unique(run):
+                rows = run == number
+                if rows.sum() >= LEAST_IN_SPECTRUM:
+                    whole.append(coefficients(values[rows]))
+                for k in range(blocks.count):
+                    if (rows & (fold == k)).sum() >= LEAST_IN_SPECTRUM:
+                        parts[k].append(coefficients(values[rows & (fold == k)]))
+        return whole, parts
 
-def _spectra(fine, base, effects, count):
-    """Return the spectra of all axes, the coefficients of each block, and the window, s."""
-    parts, in_blocks = [], [[] for _ in range(count)]
-    for record in fine:
-        left = record.values - sum(
-            derivative(p.effect, record) @ np.array([e.values[n] for n in e.effect.parameters])
-            for p, e in zip(base, effects, strict=True)
-        )
-        blocks = block_of(record, count)
-        # a number for each run of windows that touch
-        gap = np.diff(record.windows[:, 0], prepend=-np.inf) > 1.5 * record.length
-        run = np.cumsum(gap | (np.diff(record.stretch, prepend=-1) != 0))
-        for number in np.unique(run):
-            rows = run == number
-            if rows.sum() >= LEAST_IN_SPECTRUM:
-                parts.append(coefficients(left[rows]))
-            for k in range(count):
-                if (rows & (blocks == k)).sum() >= LEAST_IN_SPECTRUM:
-                    in_blocks[k].append(coefficients(left[rows & (blocks == k)]))
+    whole, parts = left(frozenset())
+    if not whole or not all(parts):
+        return None
     window = float(np.median(fine[0].length))
-    if not parts or not all(in_blocks):
-        return [], [], window
-    return spectra(parts), in_blocks, window
+    axes = spectra(whole)
+    pairs = []
+    for k in range(blocks.count):
+        _, parts = left(frozenset({k}))
+        others = [c for j, own in enumerate(parts) if j != k for c in own]
+        pairs.append((others, parts[k]))
+    return Process(coloured(axes, window), axes, window, *held_out_ratio(pairs, window, settings))

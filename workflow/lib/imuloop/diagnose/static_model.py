@@ -1,6 +1,7 @@
 """Least squares on static records: levels, effects, and noise that the same data tell."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -69,13 +70,22 @@ class StaticModel:
         length = min(np.median(r.length) for r in self.fitted)
         self.grid, self.prior = ratios(span, length)
         self.noise = noise or tuple(GridNoise.of(r.windows, self.grid) for r in self.fitted)
-        # the level, the three axes, then what patterns enter
-        self.columns = [
-            np.column_stack([np.ones(len(f.values)), f.values - f.values.mean(axis=0)])
-            for f in self.fitted
-        ]
-        self.weighted = [n.precision @ c for n, c in zip(self.noise, self.columns, strict=True)]
+        # of each record: the level, the three axes, then what patterns enter, and products of all
+        # these with the precision, (g, n)
+        self.columns, self.weighted = [[] for _ in self.fitted], [[] for _ in self.fitted]
+        for i, f in enumerate(self.fitted):
+            self._append(i, [np.ones(len(f.values)), *(f.values - f.values.mean(axis=0)).T])
         self._known, self._patterns = {}, {}
+
+    def _append(self, i, new):
+        """Add columns to a record, with their products."""
+        self.columns[i] += list(new)
+        self.weighted[i] += list(np.moveaxis(self.noise[i].precision @ np.column_stack(new), 2, 0))
+
+    def of(self, i, columns):
+        """Return columns of a record, shape (n, k)."""
+        stacked = [self.columns[i][c] for c in columns]
+        return np.column_stack(stacked) if stacked else np.zeros((len(self.columns[i][0]), 0))
 
     def patterns(self, effects):
         """Return the patterns of effects, their columns entered into the model."""
@@ -94,12 +104,8 @@ class StaticModel:
             )
         if new:
             ends = np.cumsum([len(f.windows) for f in self.fitted])[:-1]
-            parts = np.split(np.column_stack(new), ends)
-            for i, part in enumerate(parts):
-                self.columns[i] = np.column_stack([self.columns[i], part])
-                self.weighted[i] = np.concatenate(
-                    [self.weighted[i], self.noise[i].precision @ part], axis=2
-                )
+            for i, part in enumerate(np.split(np.array(new), ends, axis=1)):
+                self._append(i, part)
         return tuple(self._patterns[effect] for effect in effects)
 
     def _enter(self, column, new):
@@ -135,51 +141,97 @@ class Sight:
 
     model: StaticModel
     held: tuple
-    _parts: dict = field(default_factory=dict)
-    _gram: tuple = None
+    _place: dict = field(default_factory=dict)
+    _levels: dict = field(default_factory=dict)
+    _gram: np.ndarray | None = None
+    _precisions: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
 
-    def gram(self):
-        """Return products of all columns, levels taken out, and what goes with them.
+    @cached_property
+    def _seen(self):
+        """The records that are seen, each with what its held windows know of each other."""
+        return {
+            i: np.linalg.inv(self.model.noise[i].precision[:, held][:, :, held])
+            for i, held in enumerate(self.held)
+            if held is not None
+        }
+
+    @cached_property
+    def windows(self):
+        """Number of windows less levels."""
+        return sum(len(self.model.columns[i][0]) - len(self.held[i]) - 1 for i in self._seen)
+
+    @cached_property
+    def log_det(self):
+        """``log det`` of the covariance and of the levels' information, shape (g,)."""
+        self.gram(())
+        return sum(
+            self.model.noise[i].log_det + np.log(self._levels[i][:, 0]) - np.linalg.slogdet(c)[1]
+            for i, c in self._seen.items()
+        )
+
+    def gram(self, columns):
+        """Return products of columns, levels taken out, summed over the records, shape (g, k, k).
 
         Seen windows alone have the precision ``P_ss - P_sh P_hh⁻¹ P_hs``, so the products of the
         columns Z are ``Zᵀ P Z - (P Z)_hᵀ P_hh⁻¹ (P Z)_h``. The level is taken out likewise.
 
-        Returns
-        -------
-        ndarray, shape (g, c, c)
-            Sum over the records.
-        ndarray, shape (g,)
-            ``log det`` of the covariance and of the levels' information.
-        int
-            Windows less levels.
+        Parameters
+        ----------
+        columns : sequence of int
+            Columns of the model.
         """
-        count = self.model.columns[0].shape[1]
-        if self._gram is None or self._gram[0].shape[1] < count:
-            parts = [self._part(i) for i, h in enumerate(self.held) if h is not None]
-            self._gram = tuple(sum(p) for p in zip(*parts, strict=True))
-        return self._gram
+        new = [c for c in dict.fromkeys((0, *columns)) if c not in self._place]
+        if new:
+            self._enter(new)
+        place = [self._place[c] for c in columns]
+        return self._gram[:, place][:, :, place]
 
-    def _part(self, i):
-        z, weighted = self.model.columns[i], self.model.weighted[i]
-        noise, held = self.model.noise[i], self.held[i]
-        block = noise.precision[:, held][:, :, held]
-        # only what came since the last time
-        before = self._parts.get(i, np.zeros((len(weighted), 0, 0)))
-        known, count = before.shape[1], z.shape[1]
-        new = slice(known, count)
-        cross = z.T @ weighted[:, :, new]
-        if len(held):
-            ahead = np.swapaxes(weighted[:, held], 1, 2)
-            cross = cross - ahead @ np.linalg.solve(block, weighted[:, held, new])
-        gram = np.empty((len(weighted), count, count))
-        gram[:, :known, :known] = before
-        gram[:, :, new], gram[:, new] = cross, np.swapaxes(cross, 1, 2)
-        self._parts[i] = gram
-        level = gram[:, 0, 0]
-        log_det = noise.log_det + np.log(level) + np.linalg.slogdet(block)[1]
-        left = gram - gram[:, :, :1] * gram[:, :1] / level[:, None, None]
-        return left, log_det, len(z) - len(held) - 1
+    def _enter(self, new):
+        """Add the products of columns that nobody asked for before."""
+        first = len(self._place)
+        self._place |= {c: first + k for k, c in enumerate(new)}
+        known, total = list(self._place), len(self._place)
+        if self._gram is None or self._gram.shape[1] < total:
+            points, old, size = len(self.model.grid), self._gram, total + total // 3
+            self._gram = np.zeros((points, size, size))
+            if old is not None:
+                self._gram[:, :first, :first] = old[:, :first, :first]
+        added = 0.0
+        for i, covariance in self._seen.items():
+            held, weighted = self.held[i], self.model.weighted[i]
+            z = self.model.of(i, known)
+            # (g, new, known)
+            cross = np.stack([weighted[c] for c in new], axis=1) @ z
+            if len(held):
+                ahead = np.stack([weighted[c][:, held] for c in known], axis=1)
+                cross -= ahead[:, first:] @ covariance @ np.swapaxes(ahead, 1, 2)
+            level = cross[:, :, 0]
+            if first:
+                level = np.concatenate([self._levels[i], level], axis=1)
+            self._levels[i] = level
+            added += cross - level[:, first:, None] * level[:, None] / level[:, :1, None]
+        self._gram[:, first:total, :total] = added
+        self._gram[:, :total, first:total] = np.swapaxes(added, 1, 2)
+
+    def precision(self, i, point):
+        """Return the precision of the windows that are seen of a record, its level taken out.
+
+        Parameters
+        ----------
+        i : int
+            Record.
+        point : int
+            Point of the grid.
+        """
+        if (i, point) not in self._precisions:
+            whole, held = self.model.noise[i].precision[point], self.held[i]
+            seen = np.delete(np.arange(len(whole)), held)
+            cross = whole[np.ix_(held, seen)]
+            found = whole[np.ix_(seen, seen)] - cross.T @ self._seen[i][point] @ cross
+            level = found.sum(axis=1)
+            self._precisions[i, point] = found - np.outer(level, level) / level.sum()
+        return self._precisions[i, point]
 
     def fit(self, columns, axis):
         """Return the Fit of an axis to columns of the model; None where they are not independent.
@@ -197,16 +249,14 @@ class Sight:
         return self._fits[key]
 
     def _fit(self, columns, axis):
-        gram, log_det, windows = self.gram()
-        dof = windows - len(columns)
+        dof = self.windows - len(columns)
         if dof < 2:
             return None
-        square = gram[:, 1 + axis, 1 + axis]
+        gram = self.gram([1 + axis, *columns])
+        square, product, own = gram[:, 0, 0], gram[:, 1:, 0], gram[:, 1:, 1:]
         if not columns:
-            nothing = np.zeros((len(gram), 0))
-            log_weight = self.model.prior - (dof * np.log(square) + log_det) / 2
-            return Fit(nothing, nothing[:, :, None], square, log_weight, dof)
-        own = gram[:, columns][:, :, columns]
+            log_weight = self.model.prior - (dof * np.log(square) + self.log_det) / 2
+            return Fit(product, own, square, log_weight, dof)
         size = np.sqrt(np.maximum(np.einsum("gpp->gp", own), 0.0))
         # the columns have norm 1 before the levels are taken out, and noise of N = 1
         if not np.all(size[0] ** 2 > ABSORBED * self.model.fitted[0].length.min()):
@@ -215,11 +265,11 @@ class Sight:
         if np.linalg.eigvalsh(own[0])[0] < ABSORBED:
             return None
         inverse = np.linalg.inv(own)
-        product = gram[:, columns, 1 + axis] / size
+        product = product / size
         theta = np.einsum("gpq,gq->gp", inverse, product)
         square = square - np.einsum("gp,gp->g", theta, product)
-        square = np.maximum(square, 1e-12 * gram[:, 1 + axis, 1 + axis])
-        log_det = log_det + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=1)
+        square = np.maximum(square, 1e-12 * gram[:, 0, 0])
+        log_det = self.log_det + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=1)
         log_weight = self.model.prior - (dof * np.log(square) + log_det) / 2
         covariance = inverse / size[:, :, None] / size[:, None, :]
         return Fit(
@@ -244,16 +294,31 @@ def block_of(record, blocks):
     return np.minimum((middle / record.length.sum() * blocks).astype(int), blocks - 1)
 
 
-def folds(records, blocks):
-    """Return in which fold each window of each record is held out, one array a record.
+def folds(model, blocks):
+    """Return in which fold each window of the fit is held out, one array a record.
 
     One block of time of every record, but not the same one: what happens at the start of each is
     predicted from the starts of the others.
     """
-    shift = [i * blocks // len(records) for i in range(len(records))]
-    return [(block_of(r, blocks) + s) % blocks for r, s in zip(records, shift, strict=True)]
+    shift = [i * blocks // len(model.fitted) for i in range(len(model.fitted))]
+    return [(block_of(r, blocks) + s) % blocks for r, s in zip(model.fitted, shift, strict=True)]
 
 
-def without_fold(model, fold, blocks):
-    """Return the sight that lacks one block of time in every record."""
-    return Sight(model, tuple(np.flatnonzero(f == fold) for f in folds(model.fitted, blocks)))
+def fold_of(record, model, blocks):
+    """Return in which fold other windows of a session are held out, shape (n,), -1 in none.
+
+    A fold is what its windows of the fit cover: what they saw no other window may share.
+    """
+    found = np.full(len(record.windows), -1)
+    for own, fold in zip(model.fitted, folds(model, blocks), strict=True):
+        for k in np.unique(fold) if own.session == record.session else ():
+            covered = own.windows[fold == k]
+            start, end = covered[0, 0], covered[-1, 1]
+            found[(record.windows[:, 0] >= start) & (record.windows[:, 1] <= end)] = k
+    return found
+
+
+def without(model, out, blocks):
+    """Return the sight that lacks some folds: one block of time each in every record."""
+    held = [np.flatnonzero(np.isin(f, list(out))) for f in folds(model, blocks)]
+    return Sight(model, tuple(held))

@@ -43,9 +43,8 @@ def static_content(sensor, finding, noise, change, settings):
     floor = finding.blocks.floor(axes)
     share = settings.significance / 2
     judged = [_judge(finding, axes, base) for base in ((), finding.base)]
-    added = [a.name for a in finding.added]
     return {
-        "verdict": verdict(*(j.above_floor(share) for j in judged), added),
+        "verdict": verdict(*(j.above_floor(share) for j in judged), finding.added),
         "residuals": {
             RESIDUAL: {
                 "unit": UNITS[sensor],
@@ -120,23 +119,34 @@ def _effects(sensor, finding):
     """Return the entries of the added effects, several steps as one."""
     by_name = {e.name: e for e in finding.effects}
     found = []
-    for added in finding.added:
-        name = added.name
-        if name == GaussMarkov.name:
-            told = {"name": name, **process_effect(finding.coloured)}
-            units = GaussMarkov().units(sensor)
-        else:
-            told, units = by_name[name].to_dict(), by_name[name].effect.units(sensor)
+    for passed in finding.choice.passed:
+        effect = by_name[passed.trial.pattern.name]
         found.append(
             {
-                **told,
-                "units": units,
-                "p_value": added.p_value,
+                **effect.to_dict(),
+                "units": effect.effect.units(sensor),
+                "p_value": passed.trial.p_value,
                 "residual": RESIDUAL,
-                "axis": COLUMNS[sensor][added.trial.axis] if added.trial else None,
-                "heldout_before": size(np.concatenate(added.before)),
-                "heldout_after": size(np.concatenate(added.after)),
-                "ratio_ci95": added.ratio,
+                "axis": COLUMNS[sensor][passed.trial.axis],
+                "heldout_before": size(np.concatenate(passed.before)),
+                "heldout_after": size(np.concatenate(passed.after)),
+                "ratio_ci95": passed.ratio,
+            }
+        )
+    if finding.has_process:
+        process, before = finding.process, size(np.concatenate(finding.after))
+        found.append(
+            {
+                "name": GaussMarkov.name,
+                **process_effect(process.test),
+                "units": GaussMarkov().units(sensor),
+                "p_value": process.test.p_value,
+                "residual": RESIDUAL,
+                "axis": None,
+                # the error itself does not fall: what is foreseen of it does
+                "heldout_before": before,
+                "heldout_after": process.share * before,
+                "ratio_ci95": process.ratio,
             }
         )
     return found
@@ -170,9 +180,8 @@ def _candidate(sensor, finding, cls, settings):
     search, base = finding.search, finding.base
     kinds = [type(p.effect) for p in base]
     if cls in kinds:
-        added = next(a for a in finding.added if a.name == cls.name)
         before = base[: kinds.index(cls)]
-        trial = added.trial
+        trial = finding.choice.passed[kinds.index(cls)].trial
         status, why = "added", "lowers the residual in the fit and in held-out blocks of time"
     else:
         before, trial = base, search.trial(base, cls)
@@ -187,8 +196,8 @@ def _candidate(sensor, finding, cls, settings):
         status, why = "confounded", f"{twin} adds all that it would: they are one in these data"
     else:
         twin = None if status == "added" else _twin(search, base, cls)
-        if status != "added" and cls in finding.failed:
-            low, high = finding.failed[cls]
+        if status != "added" and cls in finding.choice.failed:
+            low, high = finding.choice.failed[cls]
             why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
         elif trial.impossible:
             why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
@@ -196,19 +205,13 @@ def _candidate(sensor, finding, cls, settings):
             status = "confounded"
             why = f"in these data it could stand in for {twin}: neither adds to the other"
         twin = twin if status == "confounded" else None
-    if cls in SCANS and status != "added":
-        # by the line or step of all data: a scan in every block is only worth it for a choice
-        first = search.trial((), cls)
-        alone = [(first.pattern,)] * settings.blocks
-    else:
-        alone = [s.following((cls,)) for s in finding.blocks.searches]
     return {
         "name": cls.name,
         "status": status,
         "why": why,
         "residual": RESIDUAL,
         "p_value": trial.p_value,
-        "heldout_after": size(np.concatenate(finding.blocks.errors(alone))),
+        "heldout_after": size(np.concatenate(finding.blocks.following((cls,)))),
         "constants": asdict(trial.pattern.effect),
         "confounded_with": twin,
         "detection_limit": detection_limits(search, before, trial, settings.power),
@@ -243,14 +246,14 @@ def _twin(search, base, cls):
 
 def _process(sensor, finding, settings):
     """Return the entry of noise with a correlation time."""
-    test, name = finding.coloured, GaussMarkov.name
-    if test is None:
+    process, name = finding.process, GaussMarkov.name
+    if process is None:
         why = "too few means without a gap for a spectrum"
         return {"name": name, "status": "not_observable", "why": why, **UNTRIED}
-    threshold = finding.search.threshold(len(finding.base))
-    tc, found = limits(test, finding.spectra, finding.window, threshold, settings.power)
+    test, threshold = process.test, finding.search.threshold(len(finding.base))
+    tc, found = limits(test, process.spectra, process.window, threshold, settings.power)
     if finding.has_process:
-        status = "added"
+        status, tc = "added", test.tc
         why = (
             "the spectrum is likelier with it; held-out error is what is foreseen of it, by the "
             "predictive likelihood, for noise cannot be subtracted"
@@ -260,18 +263,17 @@ def _process(sensor, finding, settings):
         return {"name": name, "status": "not_observable", "why": why, **UNTRIED}
     else:
         status, why = "rejected", "the spectrum is not likelier with it by more than chance"
-        if GaussMarkov in finding.failed:
-            low, high = finding.failed[GaussMarkov]
+        if test.log_p < threshold:
+            low, high = process.ratio
             why = f"held-out blocks are not likelier for certain: ratio {low:.3f} to {high:.3f}"
-    last = finding.added[-1].after if finding.has_process else finding.after
     return {
         "name": name,
         "status": status,
         "why": why,
         "residual": RESIDUAL,
         "p_value": test.p_value,
-        "heldout_after": size(np.concatenate(last)),
-        "constants": {"tc": test.tc if finding.has_process else tc},
+        "heldout_after": process.share * size(np.concatenate(finding.after)),
+        "constants": {"tc": tc},
         "confounded_with": None,
         "detection_limit": {
             p: q for p, q in zip(GaussMarkov.parameters, found, strict=True) if q is not None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.diagnose.static_noise import log_f_tail
-from imuloop.diagnose.static_terms import Sinusoid, Steps
+from imuloop.diagnose.static_terms import Sinusoid, Steps, share_after
 
 # periods of a line that a record must hold, and frequencies that are tried in a period's width
 LEAST_PERIODS, FINENESS = 2, 2
@@ -43,17 +43,10 @@ def whitened(sight, base, axis):
         if held is None:
             found.append(None)
             continue
-        z = model.columns[i]
+        values, z = model.columns[i][1 + axis], model.of(i, columns)
         seen = np.delete(np.arange(len(z)), held)
-        whole = model.noise[i].precision[point]
-        p = whole[np.ix_(seen, seen)]
-        if len(held):
-            cross = whole[np.ix_(held, seen)]
-            p = p - cross.T @ np.linalg.solve(whole[np.ix_(held, held)], cross)
-        level = p.sum(axis=1)
-        p = p - np.outer(level, level) / level.sum()
-        residual = (z[seen, 1 + axis] - z[np.ix_(seen, columns)] @ fit.theta[point]) / noise
-        found.append(Whitened(seen, p, residual))
+        residual = (values[seen] - z[seen] @ fit.theta[point]) / noise
+        found.append(Whitened(seen, sight.precision(i, point), residual))
     return found, fit.dof
 
 
@@ -112,9 +105,11 @@ def step_scan(sight, base, taken=()):
                 continue
             windows, length = record.windows[part.seen], np.median(record.length)
             starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
-            near = [s.times for s in taken if s.sessions == (record.session,)]
-            apart = np.abs(starts[:, None] - np.ravel(near))
-            starts = starts[np.all(apart > (BESIDE - 0.5) * length, axis=1)]
+            for one in taken:
+                apart = np.abs(starts - one.times[0]) - one.spans[0] / 2
+                starts = starts[
+                    (apart > (BESIDE - 0.5) * length) | (one.sessions != (record.session,))
+                ]
             if not len(starts):
                 continue
             gain = _gain(part, windows, starts)
@@ -122,17 +117,29 @@ def step_scan(sight, base, taken=()):
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
             gains = _gain(part, windows, within)
             count += WITHIN * len(starts)
-            step = Steps((float(within[np.argmax(gains)]),), (record.session,))
+            time, span = unseen(within[np.argmax(gains)], windows)
+            step = Steps((time,), (record.session,), (span,))
             found.append((log_f_tail(gains.max(), 1, dof - 1), step))
         if found:
             best.append(min(found, key=lambda f: f[0]))
     return _distinct(best), count
 
 
+def unseen(time, windows):
+    """Return the middle and the length of the span between windows that a time lies in.
+
+    Nothing that is seen tells times in it apart; a time within a window is itself, its span 0.
+    """
+    after = np.searchsorted(windows[:, 1], time, side="right")
+    if 0 < after < len(windows) and time <= windows[after, 0]:
+        start, end = windows[after - 1, 1], windows[after, 0]
+        return float(start + end) / 2, float(end - start)
+    return float(time), 0.0
+
+
 def _gain(part, windows, times):
     """Return by how much χ² falls with a step at each time."""
-    start, end = windows.T
-    after = np.clip((end[:, None] - times) / (end - start)[:, None], 0, 1)
+    after = share_after(windows, times)
     weighted = part.precision @ after
     information = np.einsum("mk,mk->k", after, weighted)
     known = information > 1e-9 * information.max()

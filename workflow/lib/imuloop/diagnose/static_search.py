@@ -76,18 +76,14 @@ class StaticSearch:
         Probability of a false alarm of the family.
     tests : int
         Number of tests of the family.
-    steps : StaticTrial or None
-        Steps that may be added; those found here if not given. Where a block is held out, no other
-        block can say when in it a step happened: the times are those of all data, to take the
-        steps or not, and their heights, is for the others to say.
     """
 
     sight: Sight
     shapes: dict
     significance: float
     tests: int
-    steps: StaticTrial | None = None
     _trials: dict = field(default_factory=dict)
+    _following: dict = field(default_factory=dict)
 
     def threshold(self, count):
         """Return the logarithm of the largest p-value that passes beside `count` effects: Holm."""
@@ -125,8 +121,6 @@ class StaticSearch:
         """
         if cls in [type(p.effect) for p in base]:
             return None
-        if cls is Steps and self.steps:
-            return self._known_steps(base)
         key = base, cls, hopeful and cls in SCANS
         if key not in self._trials:
             self._trials[key] = self._trial(*key)
@@ -166,26 +160,6 @@ class StaticSearch:
                 break
             best = trial or best
         return best
-
-    def _known_steps(self, base):
-        """Return the trial of the steps that are given, as far as what is seen tells them apart."""
-        known = self.steps.pattern.effect
-        times = sorted(zip(known.sessions, known.times, strict=True))
-        kept = []
-        for record, held in zip(self.sight.model.fitted, self.sight.held, strict=True):
-            if held is None:
-                continue
-            middle = np.delete(record.channels.t, held)
-            last = -np.inf
-            for session, t in times:
-                before, after = (middle > last) & (middle < t), middle > t
-                if session == record.session and before.any() and after.any():
-                    kept.append(Steps((t,), (session,)))
-                    last = t
-        if not kept:
-            return None
-        patterns = self.sight.model.patterns([joined(dict.fromkeys(kept))])
-        return self._best(base, patterns, self.steps.tries)
 
     def _best(self, base, patterns, tries):
         """Return the best trial of patterns, `tries` the logarithm of how many were looked at."""
@@ -242,13 +216,6 @@ class StaticSearch:
         ]
         return min(passing, key=lambda t: round(t.log_p, 6), default=None)
 
-    def greedy(self, most, banned=()):
-        """Return at most so many patterns, the best first, shapes chosen again after each."""
-        base, banned = (), {*banned, *(() if self.steps else (Steps,))}
-        while len(base) < most and (best := self.best(base, banned)):
-            base = self.reshaped((*base, best.pattern))
-        return base
-
     def reshaped(self, base):
         """Return the same effects, all but the last in the shape that is best beside the others."""
         for i, pattern in enumerate(base[:-1]):
@@ -261,9 +228,8 @@ class StaticSearch:
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""
-        base = ()
-        for cls in classes:
-            trial = self.trial(base, cls)
-            if trial:
-                base = self.reshaped((*base, trial.pattern))
-        return base
+        if classes and classes not in self._following:
+            base = self.following(classes[:-1])
+            trial = self.trial(base, classes[-1])
+            self._following[classes] = self.reshaped((*base, trial.pattern)) if trial else base
+        return self._following.get(classes, ())

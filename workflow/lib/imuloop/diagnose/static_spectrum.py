@@ -232,18 +232,18 @@ def _limit(axis, tc, needed):
     return None
 
 
-def held_out_ratio(blocks, tc, settings):
+def held_out_ratio(folds, length, settings):
     """Return by how much a process shrinks the error that held-out means are expected to have.
 
     ``exp(-gain)`` with the gain in log-likelihood a coefficient: a normal error that is smaller by
-    this ratio gains as much. The noise is fitted to the spectra of the other blocks of time.
+    this ratio gains as much. The noise, its correlation time too, is that of the other blocks.
 
     Parameters
     ----------
-    blocks : list of list of (θ, squares)
-        Coefficients of the parts of each block.
-    tc : float
-        Correlation time in lengths of a window.
+    folds : list of (list of (θ, squares), list of (θ, squares))
+        Coefficients of the parts of the other blocks, and of each block.
+    length : float
+        Length of the windows, s.
     settings : DiagnoseSettings
         Draws and seed.
 
@@ -255,10 +255,10 @@ def held_out_ratio(blocks, tc, settings):
         Its 95 % interval, whole blocks drawn again.
     """
     gains, number = [], 0
-    for k, own in enumerate(blocks):
-        others = [part for j, parts in enumerate(blocks) if j != k for part in parts]
-        gain = 0.0
-        for rest, held in zip(spectra(others), spectra(own), strict=True):
+    for others, own in folds:
+        gain, seen = 0.0, spectra(others)
+        tc = coloured(seen, length).tc / length
+        for rest, held in zip(seen, spectra(own), strict=True):
             plain, wide = (_units(rest.theta, tc, w) for w in (False, True))
             at, at_wide = (_units(held.theta, tc, w) for w in (False, True))
             gain += held.log_likelihood(at_wide @ rest.fit(wide))

@@ -45,10 +45,14 @@ class Steps(Effect):
         t_k, s from the start of the log.
     sessions : tuple of str
         The session of each.
+    spans : tuple of float
+        Length of the span, s, about each time in which nobody looked. The step may lie anywhere in
+        it: there the expected value counts, which goes up evenly.
     """
 
     times: tuple[float, ...] = (0.0,)
     sessions: tuple[str, ...] = ("",)
+    spans: tuple[float, ...] = (0.0,)
 
     name = "steps"
     sensors = ("accelerometer", "gyroscope")
@@ -68,20 +72,31 @@ class Steps(Effect):
 
     def in_session(self, session, windows):
         """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""
-        start, end = windows.T
-        # an instant is after the step or not
-        length = np.maximum(end - start, 1e-12)
         after = [
-            np.clip((end - t) / length, 0, 1) * (s == session)
-            for t, s in zip(self.times, self.sessions, strict=True)
+            share_after(windows, t, span) * (s == session)
+            for t, s, span in zip(self.times, self.sessions, self.spans, strict=True)
         ]
         return on_each_axis(*after)
 
 
+def share_after(windows, t, span=0.0):
+    """Return the share of windows, shape (n, 2), after times t: shape (n,), or (n, k) for k times.
+
+    Where a time is known to a span only, the mean of the share over the span, for windows that lie
+    whole in it or out of it.
+    """
+    start, end = windows.T
+    length = np.maximum(np.maximum(end - start, span), 1e-12)
+    return np.clip((np.subtract.outer((start + end) / 2, t).T / length + 0.5).T, 0, 1)
+
+
 def joined(steps):
     """Return several steps as one effect, in order of session and time."""
-    pairs = sorted((s, t) for one in steps for s, t in zip(one.sessions, one.times, strict=True))
-    return Steps(tuple(t for _, t in pairs), tuple(s for s, _ in pairs))
+    parts = sorted(
+        part for one in steps for part in zip(one.sessions, one.times, one.spans, strict=True)
+    )
+    sessions, times, spans = zip(*parts, strict=True)
+    return Steps(times, sessions, spans)
 
 
 @dataclass(frozen=True)
