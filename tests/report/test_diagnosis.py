@@ -185,7 +185,7 @@ def test_temperatures_are_those_of_the_windows(devices):
 
 
 def test_steps_are_named_by_their_time_and_session():
-    constants = {"times": [30.0, 7200.0], "sessions": ["night", "day"]}
+    constants = {"times": [30.0, 7200.0], "sessions": ["night", "day"], "spans": [0.0, 9.0]}
     effect = {
         "name": "steps",
         "constants": constants,

@@ -149,7 +149,7 @@ def constants_text(constants):
         if name == "times":
             parts.append(f"{plural(len(value), 'step')}, {', '.join(map(duration, value[:3]))}")
             parts[-1] += ", …" * (len(value) > 3)
-        elif name != "sessions":
+        elif name not in ("sessions", "spans"):
             symbol, unit = CONSTANTS.get(name, (name.replace("_", " "), ""))
             text = str(value) if isinstance(value, int) else text_of(value)
             parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
