@@ -38,9 +38,9 @@ class C:
 SHAPES = (A(), B(), C())
 
 
-def white(values):
+def white(values, columns=COLUMNS):
     kinds = {"kind": np.arange(N)[:, None].repeat(2, axis=1)}
-    jacobian, columns = np.column_stack([np.ones(N), T]), tuple(c[:, None] for c in COLUMNS)
+    jacobian, columns = np.column_stack([np.ones(N), T]), tuple(c[:, None] for c in columns)
     linear = Linear(values, jacobian, SHAPES, columns, kinds, {"kind": 1})
     return White.of(linear, np.ones(N, dtype=bool), np.eye(N))
 
@@ -70,6 +70,15 @@ def test_no_pair_where_one_of_the_two_adds_nothing():
     rng = np.random.default_rng(1)
     values = 6 * COLUMNS[0] + rng.normal(size=N)
     assert best_pair(white(values), None, SHAPES, (), np.log(1e-3)) is None
+
+
+@pytest.mark.parametrize(("step", "made"), [(0.1, False), (0.7, True)])
+def test_twins_are_no_pair_for_what_tells_them_apart(step, made):
+    twins = COLUMNS[0], COLUMNS[0] + step * COLUMNS[1], COLUMNS[2]
+    rng = np.random.default_rng(3)
+    values = 12 * COLUMNS[1] + rng.normal(size=N)
+    pair = best_pair(white(values, twins), None, SHAPES, (), np.log(1e-3))
+    assert (pair is not None) == made
 
 
 def test_noise_alone_makes_no_pair():

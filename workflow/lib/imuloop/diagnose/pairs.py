@@ -7,6 +7,7 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.diagnose.trial import log_p_value
+from imuloop.diagnose.twins import SHARE, imitated_share
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ def best_pair(white, spread, shapes, banned, log_threshold):
     """Return the pair of effects that passes with the smallest p-value, or None.
 
     Both together have to pass, and each beside the other, by the test that single effects have.
+    Twins are no pair: what both fit where neither fits alone is the little that tells them apart.
     Effects whose size physics limits are tried alone only.
 
     Parameters
@@ -110,6 +112,8 @@ class _Left:
         if a is None or b is None:
             return None
         q, dof = (a.shape[1], b.shape[1]), self.dof - a.shape[1] - b.shape[1]
+        if max(imitated_share(a, b), imitated_share(b, a)) >= SHARE:
+            return None
         rest = b - a @ (a.T @ b)
         if dof < 1 or np.linalg.svd(rest, compute_uv=False)[-1] < 1e-3:
             return None

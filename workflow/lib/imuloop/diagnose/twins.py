@@ -34,7 +34,7 @@ def imitated(patterns):
             if other == name:
                 continue
             # the middle one of the effect's shapes, the nearest one of the other's
-            shares = [max(_share(a, b) for b in theirs) for a in own]
+            shares = [max(imitated_share(a, b) for b in theirs) for a in own]
             share = float(np.median(shares))
             if share >= SHARE:
                 found.append({"effect": name, "with": other, "share": share})
@@ -45,7 +45,8 @@ def _space(pattern):
     return qr(pattern / np.linalg.norm(pattern, axis=0), mode="economic")[0]
 
 
-def _share(a, b):
+def imitated_share(a, b):
+    """Return the share of any pattern in the space of `a` that `b` takes, columns orthonormal."""
     if a.shape[1] > b.shape[1]:
         return 0.0
     return float(np.linalg.svd(b.T @ a, compute_uv=False)[-1] ** 2)
