@@ -160,6 +160,8 @@ def _injected(sensor, name, candidate, alike, rng):
     values = {key: float(value * size / LIMITS) for key, value in values.items()}
     if name in PROCESSES:
         noise = PROCESSES[name](values, constants, rng)
+        if name == "steps":
+            constants = {"times": noise["steps"][0].times}
         return Injected(sensor, name, values, constants, size, noise=noise)
     extra = getattr(physics, name)(values, constants)
     return Injected(sensor, name, values, constants, size, extra)

@@ -37,9 +37,13 @@ def poses_device():
 
 
 def record_device():
-    """Return a device that rests for an hour in each of two attitudes while it is heated."""
+    """Return a device that rests for an hour in each of three attitudes while it is heated."""
     rest = Session("static", duration_s=3600.0, temperature=HEATED_RECORD, thermal_s=60.0)
-    sessions = {"level": rest, "oblique": replace(rest, up=(0.8, 0.5, -0.33))}
+    sessions = {
+        "level": rest,
+        "oblique": replace(rest, up=(0.8, 0.5, -0.33)),
+        "turned": replace(rest, up=(-0.5, 0.7, 0.4)),
+    }
     return example_truth(name="study", rate=10.0, sessions=sessions, thermometer=THERMOMETER)
 
 

@@ -98,6 +98,5 @@ def _device(job):
 def _small(diagnosis):
     """Return a diagnosis without what is for pictures."""
     for parts in diagnosis["sensors"].values():
-        for part in parts.values():
-            part.pop("points", None)
+        parts["poses"].pop("points", None)
     return diagnosis

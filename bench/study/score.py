@@ -2,8 +2,12 @@
 
 import numpy as np
 
+from imuloop.diagnose.settings import DiagnoseSettings
+
 # what a record at rest calls an effect that the poses know by another name
 SAME = {"bias_drift": "ramp"}
+# a device and the one without the effect, in an outcome
+RUNS = ("diagnosis", "control")
 # noise: its own part of the error stays, whatever its name
 STAYS = {"gauss_markov"}
 # largest ratio of the held-out error to that of the device without the effect
@@ -96,11 +100,34 @@ def judge(case, outcome):
 def ratio(case, outcome):
     """Return the held-out error after over that of the control, the largest of the residuals.
 
-    None for noise, which has a name but cannot be subtracted.
+    None for noise, which has a name but cannot be subtracted. For steps only the blocks of time
+    count in which none happened: no other block tells when, see `whole_ratio`.
     """
     if STAYS & {*case.names}:
         return None
-    parts = [outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")]
+    if "steps" in case.names:
+        times = outcome["injected"][0]["constants"]["times"]
+        parts = [outcome[who]["sensors"][case.sensor][case.record] for who in RUNS]
+        after, before = (
+            [p[when] ** 2 for p in part["points"] if p["start_s"] not in held]
+            for part, when in zip(parts, ("after", "before"), strict=True)
+            for held in [unforetold(part["points"], times)]
+        )
+        return float(np.sqrt(np.mean(after) / np.mean(before)))
+    return whole_ratio(case, outcome)
+
+
+def unforetold(points, times):
+    """Return the starts of the means in those blocks of a session in which a step happens, s."""
+    starts = np.unique([p["start_s"] for p in points])
+    block = np.arange(len(starts)) * DiagnoseSettings().blocks // len(starts)
+    happens = [block[np.searchsorted(starts, t, side="right") - 1] for t in times]
+    return set(starts[np.isin(block, happens)].tolist())
+
+
+def whole_ratio(case, outcome):
+    """Return the held-out error after over that of the control, all blocks of time taken."""
+    parts = [outcome[who]["sensors"][case.sensor][case.record] for who in RUNS]
     found, control = (part["residuals"] for part in parts)
     return max(found[kind]["after"] / control[kind]["before"] for kind in found)
 

@@ -9,7 +9,7 @@ import scipy
 from scipy.stats import beta
 
 from bench.study.cases import LIMITS, OUTSIDE
-from bench.study.score import RATIO, SIGMAS, judge, pulls, ratio
+from bench.study.score import RATIO, SIGMAS, judge, pulls, ratio, whole_ratio
 
 RECORDS = {"poses": "at the poses", "static_record": "in static records"}
 NOTHING = "nothing"
@@ -86,6 +86,7 @@ def bounds(chosen):
     right = sum(not j["missed"] for _, _, j in one)
     found = [(case, made) for case, made, j in one if j["right"]]
     ratios = [r for case, made in found if (r := ratio(case, made)) is not None]
+    steps = [whole_ratio(case, made) for case, made in found if "steps" in case.names]
     errors = np.concatenate([[], *(pulls(made) for _, made in found)])
     alarms = [bool(j["more"]) for _, _, j in judged(chosen["control"])]
     pairs = [not j["missed"] for _, _, j in judged(chosen["two"])]
@@ -96,6 +97,8 @@ def bounds(chosen):
         (f"right name or twin, at {LIMITS:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
         (f"held-out error after ≤ {RATIO} × without the effect", "all",
          sum(r <= RATIO for r in ratios), len(ratios), 1.0),
+        ("the same, steps, with the block of time that each happens in", "all",
+         sum(r <= RATIO for r in steps), len(steps), 1.0),
         (f"parameters within {SIGMAS:g} σ", f"≥ {INSIDE:.0%}", inside.sum(), len(inside), INSIDE),
         ("controls with any effect", f"≤ {ALARMS:.0%}", sum(alarms), len(alarms), None),
         ("both of two effects", "all", sum(pairs), len(pairs), 1.0),

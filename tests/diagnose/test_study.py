@@ -9,7 +9,7 @@ from bench.study import physics
 from bench.study.cases import AT_REST, Case, all_cases, injected
 from bench.study.devices import DEVICES, in_shape, with_effects
 from bench.study.run import run
-from bench.study.score import judge, pulls, ratio
+from bench.study.score import judge, pulls, ratio, whole_ratio
 from bench.study.tables import document
 from imuloop.core.effect import Channels, Effect, find_effect
 
@@ -53,6 +53,21 @@ def test_the_document_holds_every_case(part):
     assert "| `quadratic`, accelerometer at the poses | 3 | 1 of 1 |" in text
     assert "| right name or twin, at 3 limits | ≥ 90% | 100% (2 of 2;" in text
     assert "| gyroscope, degree 3 of attitude | 1 `unexplained` | nothing |" in text
+
+
+def test_a_step_is_judged_by_the_blocks_without_it():
+    case = Case("effect", "static_record", "gyroscope", ("steps",))
+    points = [
+        {"start_s": 60.0 * (k % 40), "before": 1.0, "after": 9.0 if 10 <= k % 40 < 15 else 1.2}
+        for k in range(80)
+    ]
+    part = {"points": points, "residuals": {"bias": {"before": 1.0, "after": 3.0}}}
+    run_of = {"sensors": {"gyroscope": {"static_record": part}}}
+    # in the third of eight blocks of five minutes
+    injected_step = [{"constants": {"times": (700.0,)}}]
+    made = {"diagnosis": run_of, "control": run_of, "injected": injected_step}
+    assert ratio(case, made) == pytest.approx(1.2)
+    assert whole_ratio(case, made) == pytest.approx(3.0)
 
 
 def made_up_log():
