@@ -151,37 +151,36 @@ def _process(fine, blocks, nested, settings):
     """Return the Process of the means over the shortest windows, or None."""
     derivatives = {}
 
-    def left(block=None):
-        """Return the coefficients of what is seen without a block, and of it, effects out."""
-        out = frozenset() if block is None else frozenset({block})
-        search, base = blocks.search(out), nested(out)
-        seen, held = [], []
+    def left(out):
+        """Return the coefficients of all runs, and of their parts in each block, effects out."""
+        search, base = blocks.search(out), nested(out) if out else blocks.choice().base
+        whole, parts = [], [[] for _ in range(blocks.count)]
         for i, record in enumerate(fine):
             for p in base:
                 if (i, p) not in derivatives:
                     derivatives[i, p] = derivative(p.effect, record)
             values = record.values - output(search, base, [derivatives[i, p] for p in base])
             fold = fold_of(record, blocks.model, blocks.count)
-            own = fold == block
-            # a window across the edge of the block is in neither
-            across = (fold == -1) & np.convolve(own, np.ones(3), "same").astype(bool)
-            for parts, rows in ((seen, ~own & ~across), (held, own)):
-                parts += [coefficients(values[run]) for run in _runs(record, rows)]
-        return seen, held
+            # a number for each run of windows that touch
+            gap = np.diff(record.windows[:, 0], prepend=-np.inf) > 1.5 * record.length
+            run = np.cumsum(gap | (np.diff(record.stretch, prepend=-1) != 0))
+            for number in np.unique(run):
+                rows = run == number
+                if rows.sum() >= LEAST_IN_SPECTRUM:
+                    whole.append(coefficients(values[rows]))
+                for k in range(blocks.count):
+                    if (rows & (fold == k)).sum() >= LEAST_IN_SPECTRUM:
+                        parts[k].append(coefficients(values[rows & (fold == k)]))
+        return whole, parts
 
-    whole, _ = left()
-    pairs = [left(k) for k in range(blocks.count)]
-    if not whole or not all(seen and held for seen, held in pairs):
+    whole, parts = left(frozenset())
+    if not whole or not all(parts):
         return None
     window = float(np.median(fine[0].length))
     axes = spectra(whole)
+    pairs = []
+    for k in range(blocks.count):
+        _, parts = left(frozenset({k}))
+        others = [c for j, own in enumerate(parts) if j != k for c in own]
+        pairs.append((others, parts[k]))
     return Process(coloured(axes, window), axes, window, *held_out_ratio(pairs, window, settings))
-
-
-def _runs(record, rows):
-    """Return the runs of windows that touch, of some rows (n,), long enough for a spectrum."""
-    apart = np.diff(record.windows[:, 0], prepend=-np.inf) > 1.5 * record.length
-    apart |= (np.diff(record.stretch, prepend=-1) != 0) | np.diff(rows, prepend=rows[0])
-    number = np.where(rows, np.cumsum(apart), -1)
-    runs = [np.flatnonzero(number == n) for n in np.unique(number[rows])]
-    return [run for run in runs if len(run) >= LEAST_IN_SPECTRUM]

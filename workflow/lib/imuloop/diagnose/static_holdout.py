@@ -10,9 +10,6 @@ from imuloop.diagnose.static_model import block_of, fold_of, without
 from imuloop.diagnose.static_noise import mean_covariance
 from imuloop.diagnose.static_search import StaticSearch, StaticTrial
 
-# largest share of what an effect changes that one part of a bootstrap may hold
-LARGEST = 1 / 4
-
 
 @dataclass(frozen=True)
 class Passed:
@@ -189,26 +186,22 @@ class Blocks:
     def ratio_interval(self, before, after):
         """Return the 95 % interval of held-out error after over before, blocks drawn again.
 
-        Where a few blocks hold all that changes, as the first ones do with a warm-up, most draws
-        lack one of them and say nothing. So a block is cut into parts that hold at most the share
-        `LARGEST` of the change: four parts are all missed in 2 % of the draws.
+        A block in which the prediction changes several times as much as in others, as the first
+        one does with a warm-up, is cut into as many parts: a draw without it would tell nothing.
 
         Parameters
         ----------
         before, after : list of ndarray, shape (n, k)
             Errors of each record, nan where there is none.
         """
-        changes = [
-            np.nan_to_num(((b - a) ** 2).sum(axis=1)) for b, a in zip(before, after, strict=True)
-        ]
-        total = max(sum(change.sum() for change in changes), 1e-300)
         number, last = [], 0
-        for fold, change in zip(self.folds, changes, strict=True):
+        for fold, b, a in zip(self.folds, before, after, strict=True):
+            change = np.nan_to_num(((b - a) ** 2).sum(axis=1))
             part = np.empty(len(fold))
             for k in range(self.count):
                 own = change[fold == k]
                 # rounding shall not decide
-                parts = max(1, int(np.ceil(own.sum() / total / LARGEST - 1e-6)))
+                parts = max(1, int(self.count * own.sum() / max(change.sum(), 1e-300) + 1e-6))
                 share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
                 part[fold == k] = last + np.minimum((parts * share + 1e-6).astype(int), parts - 1)
                 last += parts
