@@ -148,11 +148,21 @@ def results(tmp_path, monkeypatch):
         SensorCalibration(RawUnit("m/s^2", 1.0), **found),
         SensorCalibration(RawUnit("rad/s", 1.0), **found),
     )
-    errors = dict.fromkeys(("in_sample_before", "in_sample_after", "before", "after"), 0.01)
+    figures = ("in_sample_before", "in_sample_after", "before", "after", "chi2_after")
+    errors = dict.fromkeys(figures, 0.01)
     residuals = {"gravity_norm": errors, "pose_rate": errors, "rotation": errors}
     residuals["bias"] = errors | {"sessions": {"static": {"az": errors}}}
     effect = {"name": "sinusoid", "p_value": 0.5, "constants": {"frequency": 0.1}}
-    block = {"verdict": "consistent", "residuals": residuals, "effects": [effect]}
+    components = {"before": [0.2, 0.1, 0.1], "after": [0.1, 0.1, 0.0]}
+    block = {
+        "verdict": "consistent",
+        "residuals": residuals,
+        "effects": [effect],
+        "candidates": [
+            {"name": "g_sensitivity", "parameters": {"G00": 1e-3}, "std": {"G00": 1e-3}}
+        ],
+        "points": [{"residual": "pose_rate", "components": components}],
+    }
     sensor = {"poses": block, "static_record": block}
     boards = [f"mpu9150_{number}" for number in (1, 2, 3)]
     for device in ("my_imu", "xsens_mti", "ferraris", "thermal_chamber", *boards):
