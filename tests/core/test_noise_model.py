@@ -18,14 +18,14 @@ PROCESSES = {
     "flicker": AxisNoise(B=known(0.05)),
     "walk": AxisNoise(K=known(0.02)),
     "gauss_markov": AxisNoise(gauss_markov=(GaussMarkov(known(0.1), known(4.0)),)),
-    "sinusoid": AxisNoise(sinusoid=(Sinusoid(known(0.3), known(0.07)),)),
+    "sinusoid": AxisNoise(sinusoid=(Sinusoid(known(0.3), known(0.07), "50 Hz mains, alias"),)),
 }
 PROCESSES["all"] = AxisNoise(
     known(0.3),
     known(0.2),
     known(0.05),
     known(0.02),
-    Coefficient(upper95=1e-3),
+    Coefficient(upper95=1e-3, needed_s=4e4),
     PROCESSES["gauss_markov"].gauss_markov,
     PROCESSES["sinusoid"].sinusoid,
 )
@@ -155,4 +155,17 @@ def test_json_has_the_contract_shape():
         "ci95": None,
         "upper95": 1e-3,
         "identifiable": False,
+        "needed_s": 4e4,
     }
+    (line,) = content["axes"]["ax"]["sinusoid"]
+    assert (list(line), line["origin"]) == (
+        ["amplitude", "frequency", "origin"],
+        "50 Hz mains, alias",
+    )
+
+
+def test_json_of_before_needed_length_and_origin_is_read():
+    content = model(PROCESSES["all"]).to_dict()
+    del content["axes"]["ax"]["R"]["needed_s"], content["axes"]["ax"]["sinusoid"][0]["origin"]
+    noise = NoiseModel.from_dict(content).axes["ax"]
+    assert (noise.R.needed_s, noise.sinusoid[0].origin) == (None, None)

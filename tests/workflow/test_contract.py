@@ -115,8 +115,11 @@ def check_allan(path):
 
 
 def check_coefficient(content, measured):
-    assert set(content) == {"value", "ci95", "upper95", "identifiable"}
+    assert set(content) == {"value", "ci95", "upper95", "identifiable", "needed_s"}
     assert isinstance(content["identifiable"], bool)
+    assert content["needed_s"] is None or (
+        not content["identifiable"] and is_number(content["needed_s"])
+    )
     assert is_number(content["upper95"]) or not measured
     assert (content["value"] is not None) == content["identifiable"]
     if content["identifiable"]:
@@ -133,6 +136,8 @@ def check_noise(path, device):
         measured = any(axis[term]["upper95"] is not None for term in COEFFICIENTS)
         for term in COEFFICIENTS:
             check_coefficient(axis[term], measured)
+        for line in axis["sinusoid"]:
+            assert isinstance(line.pop("origin"), str | None), name
         for parts, keys in (("gauss_markov", "q tc"), ("sinusoid", "amplitude frequency")):
             for part in axis[parts]:
                 assert set(part) == set(keys.split()), name

@@ -25,12 +25,16 @@ class Coefficient:
         One-sided 95 % upper limit; given also where `value` is None.
     identifiable : bool
         Whether the data support the term.
+    needed_s : float or None
+        Length of an undisturbed record, s, in which a term of the size of `upper95` would be found
+        nine times in ten; None where identifiable or not known.
     """
 
     value: float | None = None
     ci95: tuple[float, float] | None = None
     upper95: float | None = None
     identifiable: bool = False
+    needed_s: float | None = None
 
     @property
     def square(self):
@@ -46,6 +50,7 @@ class Coefficient:
             None if interval is None else (interval[0], interval[1]),
             content["upper95"],
             content["identifiable"],
+            content.get("needed_s"),
         )
 
 
@@ -59,10 +64,14 @@ class GaussMarkov:
 
 @dataclass(frozen=True)
 class Sinusoid:
-    """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown."""
+    """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown.
+
+    `origin` says what the line is likely to be, e.g. an alias of mains; None where not known.
+    """
 
     amplitude: Coefficient
     frequency: Coefficient
+    origin: str | None = None
 
 
 @dataclass(frozen=True)
@@ -115,7 +124,9 @@ class AxisNoise:
             ),
             sinusoid=tuple(
                 Sinusoid(
-                    Coefficient.from_dict(p["amplitude"]), Coefficient.from_dict(p["frequency"])
+                    Coefficient.from_dict(p["amplitude"]),
+                    Coefficient.from_dict(p["frequency"]),
+                    p.get("origin"),
                 )
                 for p in content["sinusoid"]
             ),
