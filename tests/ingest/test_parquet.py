@@ -93,3 +93,12 @@ def test_wrong_files_and_columns(log, run, tmp_path):
     log.to_parquet(path, index=False)
     with pytest.raises(ImuloopError, match=r"column 'ax' holds .*string, not numbers"):
         run(path)
+
+
+@pytest.mark.parametrize(("column", "words"), [("ax", "numbers"), ("t", "stamps")])
+def test_types_that_no_cast_knows(log, run, tmp_path, column, words):
+    path = tmp_path / "log.parquet"
+    log[column] = [[0.0]] * len(log)
+    log.to_parquet(path, index=False)
+    with pytest.raises(ImuloopError, match=rf": column '{column}' holds list<.*>, not {words}$"):
+        run(path)

@@ -75,12 +75,12 @@ def read(paths, columns=None, batch_rows=1 << 16):
 def _numbers(column, name):
     try:
         return pc.fill_null(pc.cast(column, pa.float64()), float("nan"))
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+    except pa.ArrowException as error:
         raise ImuloopError(f"column '{name}' holds {column.type}, not numbers") from error
 
 
 def _stamps(table, name):
     try:
         return stamp_array(table[name])
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+    except pa.ArrowException as error:
         raise ImuloopError(f"column '{name}' holds {table[name].type}, not stamps") from error
