@@ -44,6 +44,32 @@ def test_adjacent_means_have_the_allan_variance(name, tau):
     assert half_variance == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-9)
 
 
+@pytest.mark.parametrize("name", ["white", "flicker", "walk", "gauss_markov"])
+@pytest.mark.parametrize("tau", [0.1, 5.0, 300.0])
+def test_density_filtered_by_the_allan_window_is_the_allan_variance(name, tau):
+    # 4 int S2(f) sin^4(u)/u^2 df, u = pi f tau, S2 two-sided
+    u = np.r_[np.geomspace(1e-6, 0.01, 2000), np.linspace(0.01, 2000, 400_000)[1:]]
+    f = u / (np.pi * tau)
+    window = 2 * PROCESSES[name].density(f, RATE) * np.sin(u) ** 4 / u**2
+    assert np.trapezoid(window, f) == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-3)
+
+
+@pytest.mark.parametrize("n", [1, 7, 100])
+def test_density_of_quantisation_is_that_of_the_samples(n):
+    # the means are sums of n samples: sin(pi f/rate) n in place of pi f tau
+    f = np.linspace(0, RATE / 2, 20_001)[1:]
+    window = np.sin(np.pi * f * n / RATE) ** 4 / (n * np.sin(np.pi * f / RATE)) ** 2
+    variance = np.trapezoid(2 * PROCESSES["quantisation"].density(f, RATE) * window, f)
+    assert variance == pytest.approx(PROCESSES["quantisation"].allan_variance(n / RATE), rel=1e-3)
+
+
+def test_density_of_all_is_the_sum_and_a_line_has_none():
+    f = np.geomspace(1e-4, RATE / 2, 50)
+    parts = {name: axis.density(f, RATE) for name, axis in PROCESSES.items()}
+    assert not parts["sinusoid"].any()
+    assert parts.pop("all") == pytest.approx(sum(parts.values()), rel=1e-12)
+
+
 @process
 def test_covariance_is_symmetric_and_positive_semidefinite(name):
     rng = np.random.default_rng(3)

@@ -151,6 +151,44 @@ class AxisNoise:
             variance = variance + line.amplitude.square * (np.sin(u) ** 2 / u) ** 2
         return variance
 
+    def density(self, f, rate):
+        r"""Return the one-sided power spectral density of the output sampled at `rate`.
+
+        .. math::
+            S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
+            + 2 q^2/(1/T^2 + (2 \pi f)^2)
+
+        Sinusoids have no density: each has the power :math:`\Omega^2/2` at its frequency. The ramp
+        is deterministic and adds nothing.
+
+        Parameters
+        ----------
+        f : array_like
+            Frequencies in Hz, above 0, up to `rate`/2.
+        rate : float
+            Sampling rate r in Hz; only quantisation depends on it.
+
+        Returns
+        -------
+        ndarray
+            Unit of the axis squared per Hz, twice the two-sided density; shape of `f`.
+
+        References
+        ----------
+        IEEE Std 952-1997 (R2008), annex C, which gives the two-sided densities.
+        """
+        f = np.asarray(f, float)
+        omega = 2 * np.pi * f
+        density = (
+            8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
+            + 2 * self.N.square
+            + self.B.square / (np.pi * f)
+            + 2 * self.K.square / omega**2
+        )
+        for process in self.gauss_markov:
+            density = density + 2 * process.q.square / (process.tc.value**-2 + omega**2)
+        return density
+
     def kernel(self, t, span):
         r"""Return the covariance of the integral X of the output between all pairs of times.
 
