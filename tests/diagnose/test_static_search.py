@@ -184,8 +184,7 @@ def test_what_a_held_out_block_holds_touches_nothing_that_predicts_it(kind):
 def test_inner_blocks_are_shared():
     known = found(noise(12) + pattern("bias_temperature")[0]).blocks
     blocks = Blocks(known.model, known.shapes, SETTINGS, TESTS)
-    blocks.choice()
-    blocks.nested()
+    blocks.errors(blocks.nested)
     kinds = [len(out) for out in blocks.searches]
     assert [kinds.count(n) for n in (0, 1, 2)] == [1, 8, 28]
 

@@ -133,10 +133,8 @@ def find(sensor, records, fine, settings, tests, noise=None):
     blocks = Blocks(model, shapes, settings, tests)
     choice = blocks.choice()
     before = blocks.following(())
-    # a model without effects has their errors, whatever a part of the data would add
-    nested = (lambda out: blocks.choice(out).base) if choice.base else (lambda out: ())
-    after = blocks.errors(nested)
-    process = _process(fine, blocks, nested, settings)
+    after = blocks.errors(blocks.nested)
+    process = _process(fine, blocks, settings)
     has_process = bool(
         process is not None
         and process.test.log_p < blocks.search().threshold(len(choice.base))
@@ -147,13 +145,13 @@ def find(sensor, records, fine, settings, tests, noise=None):
     return Finding(blocks, others, choice, effects, process, has_process, before, after)
 
 
-def _process(fine, blocks, nested, settings):
+def _process(fine, blocks, settings):
     """Return the Process of the means over the shortest windows, or None."""
     derivatives = {}
 
     def left(out):
         """Return the coefficients of all runs, and of their parts in each block, effects out."""
-        search, base = blocks.search(out), nested(out) if out else blocks.choice().base
+        search, base = blocks.search(out), blocks.nested(out)
         whole, parts = [], [[] for _ in range(blocks.count)]
         for i, record in enumerate(fine):
             for p in base:

@@ -138,9 +138,13 @@ class Blocks:
             base = search.reshaped((*base, best.pattern))
         return Choice(base, passed, failed)
 
-    def nested(self):
-        """Return the errors with what the search of the other blocks adds, each for itself."""
-        return self.errors(lambda unseen: self.choice(unseen).base)
+    def nested(self, out):
+        """Return the patterns that the search without some blocks adds.
+
+        None where the whole search adds none: a model without effects has the errors without
+        effects, whatever a part of the data would add.
+        """
+        return self.choice(out).base if self.choice().base else ()
 
     def forget(self):
         """Let go of the searches that lack two blocks: they have judged, and they are large."""
