@@ -68,7 +68,7 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         for model in (force, turn):
             everything = np.ones(len(made.poses), dtype=bool)
             whole = Search(model, made, everything, {}, settings, 1).step()
-            parts = folds(model, made, {}, settings, 1)
+            parts = folds([model] * settings.folds, made, {}, settings, 1)
             errors = [part.errors() for part in parts]
             variance = floor_variance(whole, parts)
             for kind, h in held_out(errors, errors).items():

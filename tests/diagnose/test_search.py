@@ -142,7 +142,7 @@ def test_the_choice_of_effects_sees_only_the_training_poses(sensitive, monkeypat
 
     monkeypatch.setattr(GyroscopePoses, "fit", spy)
     available = {GSensitivity: (G_SENSITIVITY,)}
-    searches = folds(model, made, available, DiagnoseSettings(folds=4), 1)
+    searches = folds([model] * 4, made, available, DiagnoseSettings(folds=4), 1)
     part = np.arange(len(made.poses)) % 4
     counts = {"pose_rate": 0, "rotation": 0}
     for k, search in enumerate(searches):
@@ -161,7 +161,7 @@ def test_a_gyroscope_fold_takes_the_accelerometer_effects_of_its_own_fold(sensit
     model, quadratic = models(truth)[1], find_effect("quadratic")()
     own = [replace(model, force_effects=(quadratic,) * (k == 2)) for k in range(4)]
     settings = DiagnoseSettings(folds=4)
-    alike, mixed = (folds(m, made, {}, settings, 1) for m in (model, own))
+    alike, mixed = (folds(m, made, {}, settings, 1) for m in ([model] * 4, own))
     for k, (a, b) in enumerate(zip(alike, mixed, strict=True)):
         same = np.array_equal(a.errors()["rotation"], b.errors()["rotation"])
         assert same == (k != 2)
@@ -175,7 +175,7 @@ def test_a_held_out_pose_does_not_touch_its_prediction(sensitive):
     spoiled[0] += 1e-3
     changed = replace(made, poses=replace(made.poses, w=spoiled))
     first, again = (
-        folds(model, r, available, DiagnoseSettings(folds=4), 1)[0] for r in (made, changed)
+        folds([model] * 4, r, available, DiagnoseSettings(folds=4), 1)[0] for r in (made, changed)
     )
     # the other poses of its part were predicted by the same training set
     for effects in ((), first.greedy()[0]):

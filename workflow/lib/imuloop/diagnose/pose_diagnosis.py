@@ -66,7 +66,8 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None):
     tests = tests or len(available)
     everything = np.ones(len(recording.poses), dtype=bool)
     whole = Search(model, recording, everything, available, settings, tests)
-    searches = folds(fold_models or model, recording, available, settings, tests)
+    fold_models = fold_models or [model] * min(settings.folds, len(recording.poses))
+    searches = folds(fold_models, recording, available, settings, tests)
     if searches is None:
         reason = f"{len(recording.poses)} poses do not determine the model with a part held out"
         return {"verdict": "not_testable", "why": reason, **NOTHING}, whole.step().solution, []

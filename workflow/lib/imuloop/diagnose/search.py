@@ -1,6 +1,5 @@
 """The search for effects: test, add the best that passes, refit; and on held-out data."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -271,20 +270,15 @@ class HeldOut:
     after: np.ndarray
 
 
-def folds(model, recording, available, settings, tests):
-    """Return one search for each part of the poses that is held out.
-
-    `model` is one for all, or a sequence of one a part.
+def folds(models, recording, available, settings, tests):
+    """Return one search for each part of the poses that is held out, with a model of its own.
 
     Each part is every so-manieth pose, so that a part is predicted by poses before and after it.
     Model and choice of effects see only the other poses and the rotations between them; a rotation
     belongs to the part of the pose that it starts from.
     None where the other parts alone do not determine a calibration.
     """
-    n = len(recording.poses)
-    count = min(settings.folds, n)
-    part = np.arange(n) % count
-    models = model if isinstance(model, Sequence) else [model] * count
+    part = np.arange(len(recording.poses)) % len(models)
     searches = [
         Search(m, recording, part != k, available, settings, tests) for k, m in enumerate(models)
     ]
