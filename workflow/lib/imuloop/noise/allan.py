@@ -1,12 +1,13 @@
 """Overlapping Allan deviation of records that may be cut into stretches."""
 
-import allantools
 import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
 # columns of allan.parquet
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
+# terms that are summed at a time: fits the cache
+CHUNK = 32768
 
 
 def averaging_factors(length, settings):
@@ -31,17 +32,21 @@ def averaging_factors(length, settings):
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(int))
 
 
-def terms(factors, length):
-    """Return the number of overlapping terms n + 1 - 2m, 0 where it is below 2."""
-    count = np.asarray(length) + 1 - 2 * np.asarray(factors)
+def terms(factors, length, span=2):
+    """Return the number of overlapping terms, each over `span` averages; 0 where it is below 2."""
+    count = np.asarray(length) + 1 - span * np.asarray(factors)
     return np.where(count < 2, 0, count)
 
 
-def allan_variance(stretches, factors):
-    r"""Return the overlapping Allan variance, pooled over stretches.
+def integral(x):
+    """Return the cumulative sum of x without its mean, from 0 on; without it no digits are lost."""
+    total = np.zeros(len(x) + 1)
+    np.subtract(x, np.mean(x), out=total[1:])
+    return np.cumsum(total, out=total)
 
-    .. math::
-        \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
+
+def pooled_mean_square(stretches, factors, span, squares):
+    r"""Return a mean over all overlapping terms of all stretches.
 
     No term reaches over the end of a stretch, so that what lies between two stretches, be it a
     gap, a knock or a lasting change of level, does not enter.
@@ -50,6 +55,44 @@ def allan_variance(stretches, factors):
     ----------
     stretches : sequence of array_like, shape (n_s,)
         Evenly sampled output, any unit.
+    factors : array_like of int, shape (k,)
+        Averaging factors m.
+    span : int
+        Averages of m samples that a term covers: M_s = n_s + 1 - span m terms in a stretch.
+    squares : callable
+        squares(integral, m, i, j) gives the sum over the terms that start at samples i to j - 1.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Not-a-number where no stretch is long enough.
+    """
+    factors = np.asarray(factors)
+    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
+    for x in stretches:
+        count = terms(factors, len(x), span)
+        weight += count
+        if not count.any():
+            continue
+        summed = integral(x)
+        # chunk by chunk, so that the short averages of all factors find their samples in the cache
+        for start in range(0, count.max(), CHUNK):
+            for k in np.flatnonzero(count > start):
+                end = min(start + CHUNK, count[k])
+                total[k] += squares(summed, factors[k], start, end)
+    return np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
+
+
+def allan_variance(stretches, factors):
+    r"""Return the overlapping Allan variance, pooled over stretches.
+
+    .. math::
+        \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
+
+    Parameters
+    ----------
+    stretches : sequence of array_like, shape (n_s,)
+        Evenly sampled output, any unit; no term reaches over the end of a stretch.
     factors : array_like of int, shape (k,)
         Averaging factors m.
 
@@ -63,19 +106,17 @@ def allan_variance(stretches, factors):
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
     factors = np.asarray(factors)
-    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    for x in stretches:
-        count = terms(factors, len(x))
-        used = count > 0
-        if not used.any():
-            continue
-        # without its mean the integral keeps its digits; a rate of 1 makes tau the factor itself
-        _, deviation, _, _ = allantools.oadev(
-            np.asarray(x) - np.mean(x), rate=1.0, data_type="freq", taus=factors[used]
-        )
-        total[used] += count[used] * deviation**2
-        weight += count
-    return np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
+    mean_square = pooled_mean_square(stretches, factors, 2, _second_differences)
+    return mean_square / (2.0 * factors**2.0)
+
+
+def _second_differences(x, m, i, j):
+    """Return the sum of squares of the second differences over m samples from i to j - 1."""
+    middle = x[i + m : j + m]
+    second = x[i + 2 * m : j + 2 * m] - middle
+    second -= middle
+    second += x[i:j]
+    return second @ second
 
 
 def allan_table(axis, tau, variance, edf, stage="raw"):
