@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
@@ -30,6 +29,9 @@ PROCESSES["all"] = AxisNoise(
     PROCESSES["sinusoid"].sinusoid,
 )
 process = pytest.mark.parametrize("name", PROCESSES)
+# Hz; s
+RATE = 10.0
+WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [150, 290], [310, 400]])
 
 
 def model(axis):
@@ -89,54 +91,6 @@ def test_shifted_clock_changes_nothing(name):
     a = model(PROCESSES[name]).pose_mean_covariance(windows)
     b = model(PROCESSES[name]).pose_mean_covariance(windows + 4096)
     assert b == pytest.approx(a, rel=1e-9)
-
-
-# output sampled at 10 Hz, 400 s: (n, rate), windows in s
-N, RATE = 4000, 10.0
-WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [150, 290], [310, 400]])
-
-
-def sample(name, rng):
-    """One record of increments of X (output integrated over each sample interval)."""
-    dt = 1 / RATE
-    if name == "quantisation":
-        return 0.3 * np.diff(rng.standard_normal(N + 1))
-    if name == "white":
-        return 0.2 * np.sqrt(dt) * rng.standard_normal(N)
-    if name == "walk":
-        return 0.02 * np.sqrt(dt) * np.cumsum(rng.standard_normal(N)) * dt
-    if name == "gauss_markov":
-        q, tc = 0.1, 4.0
-        rho = np.exp(-dt / tc)
-        std = q * np.sqrt(tc / 2)
-        drive = std * np.sqrt(1 - rho**2) * rng.standard_normal(N)
-        drive[0] = std * rng.standard_normal()
-        return lfilter([1], [1, -rho], drive) * dt
-    if name == "sinusoid":
-        t = (np.arange(N) + 0.5) * dt
-        return 0.3 * np.sin(2 * np.pi * 0.07 * t + rng.uniform(0, 2 * np.pi)) * dt
-    # flicker of one-sided density B^2/(pi f), over 16 record lengths so that the ring is not seen
-    f = np.fft.rfftfreq(16 * N, dt)[1:]
-    std = 0.05 * np.sqrt(1 / (np.pi * f) * (16 * N) * RATE / 4)
-    spectrum = std * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
-    return np.fft.irfft(np.r_[0, spectrum])[:N] * dt
-
-
-@pytest.mark.parametrize("name", [name for name in PROCESSES if name != "all"])
-def test_covariance_of_window_means_agrees_with_simulation(name):
-    rng = np.random.default_rng(11)
-    count = 2000 if name != "flicker" else 1000
-    starts, ends = (WINDOWS * RATE).astype(int).T
-    means = []
-    for _ in range(count):
-        x = np.r_[0, np.cumsum(sample(name, rng))]
-        means.append((x[ends] - x[starts]) / np.diff(WINDOWS)[:, 0])
-    # a common level is what a bias absorbs: compare contrasts
-    contrast = np.eye(5) - 0.2
-    expected = contrast @ model(PROCESSES[name]).pose_mean_covariance(WINDOWS)[2] @ contrast
-    found = contrast @ np.cov(np.array(means).T) @ contrast
-    scale = np.sqrt(np.diag(expected))
-    assert np.max(np.abs(found - expected) / (scale[:, None] * scale)) < 0.1
 
 
 def test_angles_are_means_times_length():
