@@ -6,6 +6,7 @@ A pandas DataFrame of float64 columns: `t` (s from the first sample), specific f
 
 import json
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -42,6 +43,43 @@ def schema(temperature, metadata):
 def read_samples(path, columns=None):
     """Return samples of a Parquet file as a DataFrame, all columns or only those named."""
     return pq.read_table(path, columns=columns and list(columns)).to_pandas()
+
+
+class Columns:
+    """Columns of a samples file by name, each read when it is asked for, none kept.
+
+    Serves as a DataFrame does where one column at a time is enough: ``np.asarray(samples[name])``,
+    ``name in samples`` and ``len(samples)``, the number of rows.
+
+    Parameters
+    ----------
+    path : path-like
+        Samples, Parquet.
+    """
+
+    def __init__(self, path):
+        self.path = path
+        metadata = pq.read_metadata(path)
+        self.names = tuple(metadata.schema.names)
+        self.rows = metadata.num_rows
+
+    def __getitem__(self, name):
+        """Return a column, shape (rows,), not-a-number where a value is missing."""
+        if name not in self.names:
+            raise KeyError(name)
+        column, first = np.empty(self.rows), 0
+        with pq.ParquetFile(self.path) as file:
+            for batch in file.iter_batches(columns=[name]):
+                last = first + len(batch)
+                column[first:last] = batch.column(0).to_numpy(zero_copy_only=False)
+                first = last
+        return column
+
+    def __contains__(self, name):
+        return name in self.names
+
+    def __len__(self):
+        return self.rows
 
 
 def read_metadata(path):
