@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from imuloop.noise.statistics import consecutive_means, summary
+from imuloop.core.samples import ACCELERATION, CHANNELS
+from imuloop.noise.statistics import consecutive_means, repeatability, summary
 
 
 def test_figures_of_a_known_sequence():
@@ -24,3 +25,48 @@ def test_white_noise_means_have_the_expected_scatter():
     figures = summary([rng.standard_normal(400_000)], rate=10.0)
     assert figures["std_10s"] == pytest.approx(0.1, rel=0.05)
     assert figures["std_100s"] == pytest.approx(0.1 / np.sqrt(10), rel=0.15)
+
+
+def test_figures_are_those_of_numpy_and_leave_the_samples_as_they_are():
+    x = 9.8 + 1e-3 * np.random.default_rng(1).standard_normal(10_001)
+    before = x.copy()
+    figures = summary([x[:4000], x[4000:]], rate=10.0)
+    assert figures["std"] == pytest.approx(np.std(x, ddof=1), rel=1e-12)
+    assert figures["mean"] == pytest.approx(np.mean(x), rel=1e-15)
+    assert figures["q25"] == np.percentile(x, 25)
+    np.testing.assert_array_equal(x, before)
+
+
+def runs(tilts, rates=(1e-3, 3e-3, 5e-3)):
+    """Means of sessions tilted about x by these angles, degrees, with these rates about z."""
+    return {
+        str(i): {"ax": 0.0, "ay": 9.8 * np.sin(a), "az": 9.8 * np.cos(a)}
+        | {"gx": 0.0, "gy": 0.0, "gz": rate}
+        for i, (a, rate) in enumerate(zip(np.radians(tilts), rates, strict=False))
+    }
+
+
+def test_runs_in_one_attitude_give_all_axes():
+    found = repeatability(runs([0.0, 0.3, 0.9]))
+    assert list(found) == list(CHANNELS)
+    assert found["gz"] == {"std": pytest.approx(2e-3), "sessions": 3}
+    expected = 9.8 * np.std(np.sin(np.radians([0.0, 0.3, 0.9])), ddof=1)
+    assert found["ay"] == {"std": pytest.approx(expected), "sessions": 3}
+    assert found["ax"]["std"] == 0
+
+
+@pytest.mark.parametrize("tilts", [[0.0, 1.1], [0.0, 0.9, -0.9], [0.0, 180.0]])
+def test_gravity_in_another_attitude_is_no_run_to_run_change(tilts):
+    found = repeatability(runs(tilts))
+    assert all(found[axis] is None for axis in ACCELERATION)
+    assert found["gz"]["sessions"] == len(tilts)
+
+
+def test_one_run_has_no_repeatability():
+    assert repeatability(runs([0.0])) is None
+    assert repeatability({}) is None
+
+
+def test_free_fall_has_no_attitude():
+    floating = dict.fromkeys(CHANNELS, 0.0)
+    assert repeatability({"a": floating, "b": floating})["az"] is None

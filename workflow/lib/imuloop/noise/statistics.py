@@ -2,6 +2,10 @@
 
 import numpy as np
 
+from imuloop.core.samples import ACCELERATION
+
+# attitudes of sessions whose mean specific force may be compared, rad
+SAME_ATTITUDE = np.radians(1.0)
 # lengths of the consecutive means, s
 MEANS = {"std_10s": 10.0, "std_100s": 100.0}
 
@@ -23,11 +27,14 @@ def summary(stretches, rate):
         std_100s, the standard deviation of consecutive 10 s and 100 s means. Unit of the output;
         None where a figure needs more data.
     """
+    # the one copy: sorted in part, then freed of its mean, both in place
     x = np.concatenate([np.asarray(s, dtype=float) for s in stretches])
-    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1])
+    mean = x.mean()
+    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1], overwrite_input=True)
+    x -= mean
     figures = {
-        "mean": x.mean(),
-        "std": x.std(ddof=1) if len(x) > 1 else None,
+        "mean": mean,
+        "std": np.sqrt(x @ x / (len(x) - 1)) if len(x) > 1 else None,
         "min": low,
         "q25": q25,
         "median": median,
@@ -45,5 +52,45 @@ def consecutive_means(stretches, count):
     """Return means over `count` samples, one after the other, none over a stretch's end."""
     if count < 1:
         return np.empty(0)
-    whole = [np.asarray(s)[: len(s) // count * count].reshape(-1, count) for s in stretches]
-    return np.concatenate(whole).mean(axis=1) if sum(map(len, whole)) else np.empty(0)
+    means = [
+        np.asarray(s)[: len(s) // count * count].reshape(-1, count).mean(axis=1) for s in stretches
+    ]
+    return np.concatenate(means)
+
+
+def repeatability(means):
+    """Return how far the mean output differs from run to run.
+
+    The sample standard deviation of the means of the static sessions. Gravity enters the accelerometer's mean
+    with the attitude, so its axes count only where all sessions point the same way within 1
+    degree; what is left of that, g times the difference in angle, is part of the figure. Earth's
+    rate enters the gyroscope's mean likewise, with 7.3e-5 rad/s at most.
+
+    Parameters
+    ----------
+    means : dict of str to dict
+        For each static session the mean of each axis, m/s^2 or rad/s.
+
+    Returns
+    -------
+    dict or None
+        For each axis `std`, m/s^2 or rad/s, and the number of `sessions`; None for the axes of
+        the accelerometer where the attitudes differ. None as a whole with fewer than two sessions.
+    """
+    if len(means) < 2:
+        return None
+    comparable = same_attitude([[each[axis] for axis in ACCELERATION] for each in means.values()])
+    figures = {}
+    for axis in next(iter(means.values())):
+        runs = np.array([each[axis] for each in means.values()], dtype=float)
+        known = comparable or axis not in ACCELERATION
+        figures[axis] = {"std": float(runs.std(ddof=1)), "sessions": len(runs)} if known else None
+    return figures
+
+
+def same_attitude(forces):
+    """Return whether mean specific forces, shape (n, 3), all point the same way within 1 degree."""
+    f = np.asarray(forces, dtype=float)
+    # not from the cosine, whose digits end at 1e-8 rad; a force of zero points nowhere
+    angle = np.arctan2(np.linalg.norm(np.cross(f[:, None], f), axis=-1), f @ f.T)
+    return bool(np.linalg.norm(f, axis=1).all() and np.all(angle <= SAME_ATTITUDE))
