@@ -19,6 +19,7 @@ from imuloop.core.segments import segment_table, write_segments
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.effects.g_sensitivity import GSensitivity
 from report.plausible_diagnosis import pose_diagnosis, static_diagnosis
+from report.plausible_noise import plausible_noise, plausible_views, statistics
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
 DEVICES = {
@@ -107,7 +108,10 @@ def _session(folder, device, session, kind, rng):
         },
     )
     if kind == "static" and not rejected:
-        _allan(list(DEVICES).index(device)).to_parquet(path / "allan.parquet")
+        allan = _allan(list(DEVICES).index(device))
+        allan.to_parquet(path / "allan.parquet")
+        if device == "board":
+            plausible_views(samples, RATE, allan).to_parquet(path / "views.parquet")
 
 
 def _signal(t, kind, rng):
@@ -189,14 +193,17 @@ def _noise(device, known):
         }
         for axis in CHANNELS
     }
-    keys = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
     session = next(iter(DEVICES[device][1]))
-    statistics = {axis: dict.fromkeys(keys, 0.0123456) for axis in CHANNELS}
+    if device == "board":
+        return plausible_noise(device, session, RATE, axes)
+    # what a noise stage may leave without an answer: null in one device, absent in the others
+    unknown = "rate_hz curve_fit spectrum uncut repeatability".split()
     return {
+        **(dict.fromkeys(unknown) if device == "still" else {}),
         "format": 1,
         "device": device,
         "axes": axes,
-        "statistics": {session: statistics} if known else {},
+        "statistics": {session: statistics()} if known else {},
         "sessions": [session] if known else [],
         "notes": ["K would need a record of 40 h"] if known else ["no rest is long enough"],
     }

@@ -143,7 +143,7 @@ def _finding(sensor, channels, axes):
     """Return white noise and bias instability of the three axes in words."""
     parts = []
     for key, words in (("N", "white noise"), ("B", "bias instability")):
-        unit = NOISE_UNITS[sensor][key][-1 if key == "B" or sensor == "gyroscope" else 1]
+        unit = NOISE_UNITS[sensor][key][1]
         found = [axes.get(c, {}).get(key) or {} for c in channels]
         values = [coefficient_text(c, unit.factor) for c in found]
         if all(missing(c.get("value")) and missing(c.get("upper95")) for c in found):

@@ -51,8 +51,8 @@ COLUMNS = {
         Column("gyroscope_residual", "Held-out residual", DEGREES),
         Column("gyroscope_bias", "Bias", DEGREE_PER_SECOND),
         Column("gyroscope_scale", "Scale factor error", PERCENT),
-        Column("gyroscope_N", "White noise", _G["N"][-1]),
-        Column("gyroscope_B", "Bias instability", _G["B"][-1]),
+        Column("gyroscope_N", "White noise", _G["N"][1]),
+        Column("gyroscope_B", "Bias instability", _G["B"][1]),
     ),
 }
 

@@ -1,98 +1,212 @@
-"""Noise coefficients in SI and data-sheet units, and the summary statistics of a record."""
+"""Noise coefficients: in three systems of units, beside the curve fit, with and without a cut."""
 
-from imuloop.report.numbers import NO_NUMBER, NOISE_UNITS, coefficient_text, number
-from imuloop.report.results import SENSORS, UNITS, XYZ
+from math import log, sqrt
+
+from imuloop.report.noise_units import COEFFICIENTS, quantities
+from imuloop.report.numbers import (
+    NO_NUMBER,
+    coefficient_text,
+    duration,
+    interval_text,
+    joined,
+    missing,
+    number,
+    with_unit,
+)
+from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.table import Table
 
-WORDS = {
-    "accelerometer": {
-        "Q": "Q, quantisation",
-        "N": "N, white noise (velocity random walk)",
-        "B": "B, bias instability",
-        "K": "K, acceleration random walk",
-        "R": "R, ramp",
-    },
-    "gyroscope": {
-        "Q": "Q, quantisation",
-        "N": "N, white noise (angle random walk)",
-        "B": "B, bias instability",
-        "K": "K, rate random walk",
-        "R": "R, ramp",
-    },
-}
-STATISTICS = {
-    "mean": "Mean",
-    "std": "Standard deviation",
-    "min": "Least",
-    "q25": "Quartile 25 %",
-    "median": "Median",
-    "q75": "Quartile 75 %",
-    "max": "Greatest",
-    "peak_to_peak": "Peak to peak",
-    "std_10s": "Std of 10 s means",
-    "std_100s": "Std of 100 s means",
-}
+NOTE = (
+    "“<”: the record does not show this term; with 95 % confidence it is below this number, and "
+    "the remark says how long a record would show it nine times in ten, were it that large. B is "
+    "the flat part of the Allan curve divided by 0.664, not the scatter of means, which is below."
+)
+SAMPLE_NOTE = (
+    "Per sample: what a filter needs that runs at the logged {rate} Hz. N·√rate is the standard "
+    "deviation of a sample only if the sensor passes the whole band up to {half} Hz; quantisation "
+    "adds √2·Q·rate; K/√rate is the step of the walk from sample to sample; R/rate the change; "
+    "B has no rate and stays. None of these is a density of a data sheet."
+)
+# process of several parameters in noise.json: its kind and the names of its parameters
+PROCESSES = {"gauss_markov": ("q", "tc"), "sinusoid": ("amplitude", "frequency")}
 
 
 def coefficient_table(device, sensor):
-    """Return a sensor's noise coefficients, a row a coefficient and unit, a column an axis."""
-    axes = device.noise.get("axes", {})
-    rows = []
-    for key, words in WORDS[sensor].items():
-        for unit in NOISE_UNITS[sensor][key]:
-            found = (axes.get(c, {}).get(key) for c in SENSORS[sensor])
-            rows.append((words, unit.unit, *(coefficient_text(c, unit.factor) for c in found)))
-    rows += _processes(axes, sensor)
+    """Return a sensor's noise coefficients, a group a coefficient, a row an axis."""
+    rate, fits = device.noise.get("rate_hz"), device.noise.get("curve_fit") or {}
+    known = quantities(sensor, rate)
+    rows, heads = [], []
+    for key, found in _groups(device, sensor):
+        quantity = known[key]
+        heads.append(len(rows))
+        # a plain fit has the five coefficients only
+        fitted = (quantity.sheet[0].unit if key in COEFFICIENTS else "",) if fits else ()
+        rows.append((quantity.words, *_units(quantity), *fitted, ""))
+        for axis, channel, coefficient, remark in found:
+            fit = (fits.get(channel) or {}).get(key)
+            fitted = (_fit_text(fit, quantity.sheet[0].factor),) if fits else ()
+            label = f"{quantity.words.partition(',')[0]}, {axis}"
+            rows.append((label, *_cells(quantity, coefficient), *fitted, remark))
+    note = [NOTE]
+    if rate:
+        note.append(SAMPLE_NOTE.format(rate=number(rate), half=number(rate / 2)))
+    if fits:
+        note.append(_check(device, sensor, fits))
     return Table(
-        f"{sensor.capitalize()}: noise coefficients, value ± 1 σ",
-        ("Coefficient", "Unit", *XYZ),
+        f"{sensor.capitalize()}: noise coefficients, value ± 1 σ, in three systems of units",
+        (
+            "Coefficient, axis",
+            "SI",
+            "Data sheet",
+            f"Per sample at {number(rate)} Hz" if rate else "Per sample, rate not known",
+            "95 % interval",
+            *(("Allan-curve fit, a check only",) if fits else ()),
+            "Remark",
+        ),
         tuple(rows),
-        "“<”: the record does not show this term; with 95 % confidence it is below this number. "
-        "B is the flat part of the Allan curve divided by 0.664, not the scatter of means, "
-        "which is below.",
+        " ".join(note),
+        heads=tuple(heads),
     )
 
 
-def _processes(axes, sensor):
-    """Return rows for the Gauss–Markov processes and sinusoids that were found."""
-    si = UNITS[sensor]
-    layout = {
-        "gauss_markov": (
-            ("q", "Gauss–Markov drive q", f"{si}/√s"),
-            ("tc", "Gauss–Markov time T", "s"),
-        ),
-        "sinusoid": (
-            ("amplitude", "Sinusoid amplitude", si),
-            ("frequency", "Sinusoid frequency", "Hz"),
-        ),
-    }
-    rows = []
-    for kind, parts in layout.items():
-        found = [axes.get(c, {}).get(kind) or [] for c in SENSORS[sensor]]
-        for index in range(max(map(len, found), default=0)):
-            for key, words, unit in parts:
-                cells = (coefficient_text(f[index][key]) if index < len(f) else "" for f in found)
-                rows.append((words, unit, *(cell or NO_NUMBER for cell in cells)))
-    return rows
-
-
-def statistics_tables(device):
-    """Return the summary statistics of every record at rest, a table a session and sensor."""
-    tables = []
-    for session, axes in (device.noise.get("statistics") or {}).items():
-        for sensor, channels in SENSORS.items():
-            rows = []
-            for axis, channel in zip(XYZ, channels, strict=True):
-                figures = axes.get(channel, {})
-                rows.append((axis, *(number(figures.get(key), 5) for key in STATISTICS)))
-            tables.append(
-                Table(
-                    f"{sensor.capitalize()}, session {session}: summary statistics, "
-                    f"{UNITS[sensor]}, of the log in SI units before calibration",
-                    ("Axis", *(f"{words}, {UNITS[sensor]}" for words in STATISTICS.values())),
-                    tuple(rows),
-                    "Std of 10 s means is what many comparisons call bias stability; it is not "
-                    "the Allan bias instability B and is usually larger.",
-                )
+def _groups(device, sensor):
+    """Return key and rows (axis, channel, coefficient, remark) of each group of the table."""
+    axes = device.noise.get("axes") or {}
+    channels = [(a, c, axes.get(c) or {}) for a, c in zip(XYZ, SENSORS[sensor], strict=True)]
+    groups = [
+        (key, [(a, c, content.get(key), _needed(content.get(key))) for a, c, content in channels])
+        for key in COEFFICIENTS
+    ]
+    for kind, keys in PROCESSES.items():
+        found = [(a, c, p) for a, c, content in channels for p in content.get(kind) or []]
+        groups += [
+            (
+                key,
+                [
+                    (a, c, p[key], _told(sensor, kind, p) if key == keys[0] else "")
+                    for a, c, p in found
+                ],
             )
-    return tables
+            for key in keys
+            if found
+        ]
+    return groups
+
+
+def _needed(coefficient):
+    """Return in words how long a record would show the term."""
+    seconds = (coefficient or {}).get("needed_s")
+    if missing(seconds) or coefficient.get("identifiable"):
+        return ""
+    return f"needs a record of about {duration(seconds, 2)}"
+
+
+def _told(sensor, kind, process):
+    """Return where a line comes from, or how large a Gauss-Markov process is."""
+    if kind == "sinusoid":
+        return process.get("origin") or ""
+    q, tc = process["q"].get("value"), process["tc"].get("value")
+    if missing(q) or missing(tc):
+        return ""
+    unit = quantities(sensor)["amplitude"].sheet[0]
+    level = with_unit(number(q * sqrt(tc / 2) * unit.factor), unit.unit)
+    return f"σ of the process, q·√(T/2): {level}"
+
+
+def _units(quantity):
+    """Return the units of the columns that `_cells` fills."""
+    return (
+        quantity.si.unit,
+        "\n".join(u.unit for u in quantity.sheet),
+        quantity.sample.unit if quantity.sample else "",
+        quantity.sheet[0].unit,
+    )
+
+
+def _cells(quantity, coefficient):
+    """Return a coefficient in SI, data-sheet units and per sample, and its interval."""
+    sample = quantity.sample
+    return (
+        coefficient_text(coefficient, quantity.si.factor),
+        "\n".join(coefficient_text(coefficient, u.factor) for u in quantity.sheet),
+        coefficient_text(coefficient, sample.factor) if sample else NO_NUMBER,
+        interval_text((coefficient or {}).get("ci95"), quantity.sheet[0].factor),
+    )
+
+
+def _fit_text(value, factor):
+    """Return a coefficient of the plain fit, which gives zero for a term that it leaves out."""
+    if missing(value):
+        return NO_NUMBER
+    return number(value * factor) if value else "not in the fit"
+
+
+def _check(device, sensor, fits):
+    """Return which estimate to use, and where the plain fit leaves the interval of the other."""
+    outside = []
+    for key in COEFFICIENTS:
+        for axis, channel in zip(XYZ, SENSORS[sensor], strict=True):
+            coefficient = device.noise["axes"][channel].get(key) or {}
+            value = (fits.get(channel) or {}).get(key)
+            low, high = coefficient.get("ci95") or (0.0, coefficient.get("upper95"))
+            if not any(missing(v) for v in (value, low, high)) and not low <= value <= high:
+                outside.append(f"{key} of {axis}")
+    found = (
+        f"it leaves their interval or limit at {joined(outside)}"
+        if outside
+        else "here it keeps within their intervals and limits"
+    )
+    return (
+        "Use the estimates by likelihood, in the columns before it. The plain non-negative fit to "
+        f"the points of the Allan curve is less exact and only a check on them: {found}."
+    )
+
+
+def uncut_table(device):
+    """Return the coefficients with the disturbed stretches and without; None where none was cut."""
+    uncut = device.noise.get("uncut") or {}
+    if not uncut.get("axes"):
+        return None
+    rows, changes = [], []
+    for sensor, channels in SENSORS.items():
+        for key, quantity in list(quantities(sensor).items())[: len(COEFFICIENTS)]:
+            unit = quantity.sheet[0]
+            for axis, channel in zip(XYZ, channels, strict=True):
+                left, cut = (
+                    (axes.get(channel) or {}).get(key) or {}
+                    for axes in (uncut["axes"], device.noise["axes"])
+                )
+                if not left.get("identifiable") and not cut.get("identifiable"):
+                    continue
+                cells = [coefficient_text(c, unit.factor) for c in (left, cut)]
+                change = _change(left, cut)
+                rows.append((f"{sensor.capitalize()}, {key}, {axis}", unit.unit, *cells, change[1]))
+                if change[0]:
+                    words = f"{key} of the {sensor} {axis} would be read as {cells[0]} {unit.unit}"
+                    changes.append((abs(log(change[0])), f"{words}, not {cells[1]} ({change[1]})"))
+    if not rows:
+        return None
+    size, most = max(changes, default=(0.0, ""))
+    if size < log(1.25):
+        most = "they would change no coefficient by more than a quarter"
+    seconds = with_unit(number(uncut.get("seconds")), "s")
+    return Table(
+        "Coefficients with the disturbed stretches left in, and with them cut, value ± 1 σ",
+        ("Sensor, coefficient, axis", "Unit", "With the disturbance", "Cut (used)", "Changed by"),
+        tuple(rows),
+        f"{seconds} of disturbed record were cut; what was cut keeps its place in time. Left in, "
+        f"{most}. “<”: not seen, below this number with 95 % confidence.",
+    )
+
+
+def _change(left, cut):
+    """Return the ratio that a disturbance makes, None where unknown, and its words."""
+    value, limit = left.get("value"), cut.get("value")
+    bound = missing(limit)
+    if missing(value):
+        return None, "hidden by it"
+    limit = cut.get("upper95") if bound else limit
+    if missing(limit) or limit <= 0 or value <= 0:
+        return None, NO_NUMBER
+    ratio = value / limit
+    return ratio, f"{'> ' * (bound and ratio > 1)}{number(ratio, 2)} ×"

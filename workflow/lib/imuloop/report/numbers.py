@@ -34,7 +34,7 @@ MILLIRADIAN = Display("mrad", 1e3)
 # the unit that people think in, for each SI unit of a residual
 RESIDUAL = {"m/s^2": MILLI_G, "rad/s": DEGREE_PER_SECOND, "rad": DEGREES}
 
-# units of the noise coefficients: SI first, then those of data sheets
+# units of the noise coefficients: SI, then those of data sheets, the usual one first
 _MICRO_G = 1e6 / STANDARD_GRAVITY
 _DEGREE_PER_HOUR = HOUR / DEGREE
 NOISE_UNITS = {
@@ -53,8 +53,8 @@ NOISE_UNITS = {
         "Q": (Display("rad", 1.0), Display("arcsec", HOUR / DEGREE)),
         "N": (
             Display("rad/s/√Hz", 1.0),
-            Display("°/s/√Hz", 1 / DEGREE),
             Display("°/√h", HOUR**0.5 / DEGREE),
+            Display("°/s/√Hz", 1 / DEGREE),
         ),
         "B": (Display("rad/s", 1.0), Display("°/h", _DEGREE_PER_HOUR)),
         "K": (Display("rad/s²/√Hz", 1.0), Display("°/h/√h", _DEGREE_PER_HOUR * HOUR**0.5)),
@@ -154,14 +154,14 @@ def percent(share):
     return with_unit("> 99" if share < 1 and float(f"{share:.2g}") >= 1 else text, "%")
 
 
-def duration(seconds):
+def duration(seconds, digits=3):
     """Return a duration in s, min or h."""
     if missing(seconds):
         return NO_NUMBER
     for unit, size in (("h", HOUR), ("min", 60.0)):
         if seconds >= 2 * size:
-            return f"{number(seconds / size)}\u202f{unit}"
-    return f"{number(seconds)}\u202fs"
+            return f"{number(seconds / size, digits)}\u202f{unit}"
+    return f"{number(seconds, digits)}\u202fs"
 
 
 def sigma_of(coefficient):
@@ -179,6 +179,15 @@ def coefficient_text(coefficient, factor=1.0):
         sigma = sigma_of(coefficient)
         return with_sigma(value * factor, None if sigma is None else sigma * factor)
     return NO_NUMBER if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
+
+
+def interval_text(interval, factor=1.0):
+    """Return an interval as ``low to high``, its width to two digits."""
+    if not interval or any(missing(end) for end in interval):
+        return NO_NUMBER
+    low, high = (end * factor for end in interval)
+    digits = max(2, _exponent(high) - _exponent(high - low) + 2)
+    return f"{number(low, digits)} to {number(high, digits)}"
 
 
 def joined(words):

@@ -46,6 +46,8 @@ class Session:
         What the segmentation chose.
     allan : DataFrame or None
         Allan deviation, where it was computed.
+    views : DataFrame or None
+        Power spectral density, autocorrelation and other deviations, where they were computed.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Session:
     segments: pd.DataFrame
     segmentation: dict
     allan: pd.DataFrame | None
+    views: pd.DataFrame | None = None
 
     @property
     def rejected(self):
@@ -125,8 +128,8 @@ class Device:
 
 def _session(folder, name, kind):
     path = folder / name
-    samples, segments, allan = (
-        path / f"{stem}.parquet" for stem in ("samples", "segments", "allan")
+    samples, segments, allan, views = (
+        path / f"{stem}.parquet" for stem in ("samples", "segments", "allan", "views")
     )
     return Session(
         name,
@@ -137,6 +140,7 @@ def _session(folder, name, kind):
         read_segments(segments),
         read_metadata(segments),
         pd.read_parquet(allan) if allan.exists() else None,
+        pd.read_parquet(views) if views.exists() else None,
     )
 
 

@@ -19,12 +19,15 @@ from imuloop.report.calibration_tables import (
     strongest_correlation,
 )
 from imuloop.report.data_tables import data_table, segment_table, source_table, warnings
+from imuloop.report.deviation_plot import deviation_pictures
 from imuloop.report.diagnosis_parts import diagnosis_parts
 from imuloop.report.diagnosis_tables import heldout_table
-from imuloop.report.noise_tables import coefficient_table, statistics_tables
+from imuloop.report.noise_statistics import stability_table, statistics_tables
+from imuloop.report.noise_tables import coefficient_table, uncut_table
 from imuloop.report.numbers import number
 from imuloop.report.pose_plot import pose_picture
 from imuloop.report.results import SENSORS, read_device
+from imuloop.report.spectrum_plot import correlation_pictures, density_pictures
 from imuloop.report.summary import summarise
 from imuloop.report.time_series import session_pictures
 
@@ -110,7 +113,14 @@ def content(device, figures):
             if s.allan is not None and len(s.allan)
             for p in allan_pictures(device, s, figures)
         ],
+        "spectra": [p for s in device.used for p in density_pictures(device, s, figures)],
+        "autocorrelations": [
+            p for s in device.used for p in correlation_pictures(device, s, figures)
+        ],
+        "deviations": [p for s in device.used for p in deviation_pictures(device, s, figures)],
         "coefficients": [coefficient_table(device, s) for s in SENSORS if device.noise],
+        "uncut": uncut_table(device) if device.noise else None,
+        "stability": [stability_table(device, s) for s in SENSORS if device.noise],
         "statistics": statistics_tables(device),
         "heldout": heldout_table(device),
     }

@@ -4,10 +4,9 @@ import numpy as np
 
 from imuloop.core.samples import ACCELERATION
 from imuloop.report.effect_units import data_sheet
-from imuloop.report.noise_tables import WORDS
+from imuloop.report.noise_units import COEFFICIENTS, quantities
 from imuloop.report.numbers import (
     NO_NUMBER,
-    NOISE_UNITS,
     RESIDUAL,
     coefficient_text,
     missing,
@@ -156,11 +155,12 @@ def noise_change_table(sensor, block):
     if not any(axes):
         return None
     rows = []
-    for key, words in WORDS[sensor].items():
-        unit = NOISE_UNITS[sensor][key][-1 if sensor == "gyroscope" or key != "N" else 1]
+    known = quantities(sensor)
+    for key in COEFFICIENTS:
+        unit = known[key].sheet[0]
         rows.append(
             (
-                words,
+                known[key].words,
                 unit.unit,
                 *(
                     " → ".join(

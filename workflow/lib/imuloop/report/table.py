@@ -19,6 +19,8 @@ class Table:
         One line for who meets these numbers for the first time.
     dense : bool
         Whether the cells are many and may break into lines.
+    heads : tuple of int
+        Rows that open a group: its name, then the unit of each column in this group.
     """
 
     caption: str
@@ -26,3 +28,4 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     dense: bool = False
+    heads: tuple[int, ...] = ()

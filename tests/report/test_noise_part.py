@@ -1,0 +1,262 @@
+"""The noise part: units, limits, the check by the curve fit, spectrum and other definitions."""
+
+import copy
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.noise_model import AxisNoise
+from imuloop.report.deviation_plot import deviation_pictures
+from imuloop.report.noise_statistics import stability_table, statistics_tables
+from imuloop.report.noise_tables import coefficient_table, uncut_table
+from imuloop.report.noise_units import COEFFICIENTS, quantities
+from imuloop.report.numbers import interval_text
+from imuloop.report.results import SENSORS, read_device
+from imuloop.report.section import content, render
+from imuloop.report.spectrum_plot import correlation_pictures, density_pictures
+from report.plausible_noise import DISTURBED, HUMP, LINE
+from report.plausible_results import DEVICES, RATE, N, write_results
+
+THIN = "\u202f"
+
+
+@pytest.fixture(scope="module")
+def devices(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("noise")
+    write_results(folder)
+    return {n: read_device(n, label, folder / n, kinds) for n, (label, kinds) in DEVICES.items()}
+
+
+@pytest.fixture
+def board(devices):
+    return devices["board"]
+
+
+@pytest.fixture
+def record(board):
+    return board.sessions[0]
+
+
+def row_of(table, start):
+    """Return a row as a mapping of its columns."""
+    (row,) = [r for r in table.rows if r[0].startswith(start)]
+    cells = [cell.replace(THIN, " ") for cell in row]
+    return dict(zip(table.columns, cells, strict=True))
+
+
+def with_noise(device, **changes):
+    return replace(device, noise={**copy.deepcopy(device.noise), **changes})
+
+
+@pytest.mark.parametrize("rate", [50.0, 400.0])
+def test_units_per_sample_are_those_of_simulated_samples(rate):
+    rng = np.random.default_rng(5)
+    count, factor = 200_000, {k: q.sample.factor for k, q in quantities("gyroscope", rate).items()}
+    quantised = np.diff(0.3 * rng.standard_normal(count)) * rate
+    assert quantised.std() == pytest.approx(0.3 * factor["Q"], rel=0.01)
+    # N: the mean over 10 s scatters by N / sqrt(10 s)
+    white = factor["N"] * rng.standard_normal(count)
+    means = white[: count // int(10 * rate) * int(10 * rate)].reshape(-1, int(10 * rate)).mean(1)
+    assert means.std() == pytest.approx(1 / np.sqrt(10), rel=4 / np.sqrt(2 * len(means)))
+    # K: over 10 s a walk goes K sqrt(10 s) far
+    steps = factor["K"] * rng.standard_normal(count)
+    ways = steps[: count // int(10 * rate) * int(10 * rate)].reshape(-1, int(10 * rate)).sum(1)
+    assert ways.std() == pytest.approx(np.sqrt(10), rel=4 / np.sqrt(2 * len(ways)))
+    # R: after a second of such steps the output has moved by R; B and an amplitude stay
+    assert factor["R"] * rate == pytest.approx(1)
+    assert factor["B"] == factor["amplitude"] == 1
+    assert factor["frequency"] == pytest.approx(1 / rate) and factor["tc"] == rate
+
+
+def test_every_coefficient_stands_in_three_systems_with_their_units(board):
+    table = coefficient_table(board, "accelerometer")
+    sample = f"Per sample at {RATE:.1f} Hz"
+    assert table.columns[:4] == ("Coefficient, axis", "SI", "Data sheet", sample)
+    units = row_of(table, "N, white")
+    assert (units["SI"], units["Data sheet"]) == ("m/s²/√Hz", "µg/√Hz\nm/s/√h")
+    assert units[sample] == "m/s², σ of a sample"
+    found = row_of(table, "N, x")
+    white = N["a"]
+    for text, value in (
+        (found["SI"], white * 1e4),
+        (found["Data sheet"].split("\n")[0], white / 9.80665e-6),
+        (found["Data sheet"].split("\n")[1], white * 60),
+        (found[sample], white * RATE**0.5 * 1e3),
+        (found["95 % interval"], 0.95 * white / 9.80665e-6),
+    ):
+        number = float(re.search(r"[\d.]+", text)[0])
+        # shown as 0.00358 or as 3.58 × 10⁻³
+        assert value / number == pytest.approx(10 ** round(np.log10(value / number)), rel=2e-2)
+    heads = [table.rows[i][0] for i in table.heads]
+    assert [h[0] for h in heads] == [*COEFFICIENTS, "Ω", "f"]
+    assert all(cell for i in table.heads[:5] for cell in table.rows[i][:6])
+
+
+def test_what_the_record_does_not_show_has_a_limit_and_the_record_it_would_take(board):
+    for sensor in SENSORS:
+        found = row_of(coefficient_table(board, sensor), "K, z")
+        values = [found[c] for c in list(found)[1:4]]
+        assert all(v.startswith("< ") for v in values)
+        assert found["95 % interval"] == "—"
+        assert found["Remark"] == "needs a record of about 40 h"
+    assert row_of(coefficient_table(board, "gyroscope"), "N, z")["Remark"] == ""
+
+
+def test_the_curve_fit_stands_beside_as_a_check_and_its_departure_is_named(board):
+    table = coefficient_table(board, "accelerometer")
+    column = "Allan-curve fit, a check only"
+    assert row_of(table, "K, x")[column] == "not in the fit"
+    assert float(row_of(table, "N, y")[column]) == pytest.approx(
+        1.3 * N["a"] / 9.80665e-6, rel=5e-3
+    )
+    assert "Use the estimates by likelihood" in table.note
+    assert table.note.endswith("it leaves their interval or limit at N of y.")
+    assert coefficient_table(board, "gyroscope").note.endswith(
+        "keeps within their intervals and limits."
+    )
+
+
+def test_humps_and_lines_have_intervals_and_the_lines_their_origin(board):
+    table = coefficient_table(board, "accelerometer")
+    amplitude, frequency = row_of(table, "Ω, z"), row_of(table, "f, z")
+    assert amplitude["Remark"] == "50 Hz mains, alias of its 2nd harmonic"
+    assert amplitude["Data sheet"].startswith("0.204 ±")
+    assert LINE["amplitude"] / 9.80665e-3 == pytest.approx(0.204, abs=5e-4)
+    assert frequency["95 % interval"] == "0.072 to 0.096"
+    assert frequency[table.columns[3]].startswith("0.00400")
+    hump = coefficient_table(board, "gyroscope")
+    assert row_of(hump, "T, x")["95 % interval"] == "27.0 to 36.0"
+    # q sqrt(T/2) = 2e-5 sqrt(15) rad/s = 16.0 deg/h
+    assert row_of(hump, "q, x")["Remark"].endswith("16.0 °/h")
+    assert HUMP["q"] * 15**0.5 * 206264.8 == pytest.approx(16.0, abs=0.05)
+
+
+def test_what_a_disturbance_would_have_done_is_said(board):
+    table = uncut_table(board)
+    axis, _, value = DISTURBED
+    found = row_of(table, f"Gyroscope, K, {axis[1]}")
+    assert found["Cut (used)"].startswith("<")
+    assert found["Changed by"] == f"> {value / 3e-6:.0f} ×"
+    assert "6.00 s of disturbed record were cut" in table.note.replace(THIN, " ")
+    assert "Left in, K of the gyroscope y would be read as" in table.note
+    # what neither shows is no finding
+    assert not [r for r in table.rows if r[0].startswith("Accelerometer, K")]
+
+
+def test_a_disturbance_that_changes_little_is_said_too(board):
+    axes = copy.deepcopy(board.noise["axes"])
+    axes["ax"]["N"]["value"] *= 1.05
+    device = with_noise(board, uncut={"seconds": 3.0, "axes": axes})
+    assert "no coefficient by more than a quarter" in uncut_table(device).note
+
+
+def test_a_disturbance_that_hides_a_term_gives_no_ratio(board):
+    axes = copy.deepcopy(board.noise["axes"])
+    axes["ax"]["B"] = {"value": None, "ci95": None, "upper95": 1.0, "identifiable": False}
+    device = with_noise(board, uncut={"seconds": 3.0, "axes": axes})
+    assert row_of(uncut_table(device), "Accelerometer, B, x")["Changed by"] == "hidden by it"
+
+
+def test_four_definitions_of_bias_stability_are_told_apart(board):
+    table = stability_table(board, "gyroscope")
+    names = [r[0] for r in table.rows]
+    assert [n[0] for n in names] == ["1", "2", "2", "3", "4"]
+    run = row_of(table, "3. Run")
+    assert "3 sessions" in run["Definition"]
+    # 2e-4 rad/s in deg/h
+    assert run["x"].split("\n") == ["2.00 × 10⁻⁴", "41.3"]
+    # no accelerometer figure: the attitudes differ
+    run = row_of(stability_table(board, "accelerometer"), "3. Run")
+    assert run["x"] == "—" and "same attitude" in run["Definition"]
+    heads = statistics_tables(board)[0].columns
+    assert [c for c in heads if "10 s" in c or "100 s" in c] == [
+        "Bias stability 2: std of 10 s means, m/s²",
+        "Bias stability 2: std of 100 s means, m/s²",
+    ]
+
+
+def test_density_carries_the_model_and_says_where_the_record_leaves_it(board, record, tmp_path):
+    pictures = density_pictures(board, record, tmp_path)
+    assert len(pictures) == 2
+    rows = pd.read_csv(tmp_path / "long_psd.csv")
+    rows = rows[rows["axis"] == "gy"]
+    model = AxisNoise.from_dict(board.noise["axes"]["gy"])
+    assert rows["model"].to_numpy() == pytest.approx(model.density(rows["frequency_hz"], RATE))
+    accelerometer = pictures[0]
+    assert "lines at 0.0800 Hz (z: 50 Hz mains, alias of its 2nd harmonic)" in (
+        accelerometer.caption.replace(THIN, " ")
+    )
+    assert "leaves the model most at" in accelerometer.caption
+
+
+def test_a_model_that_holds_is_said_to_hold(board, record, tmp_path):
+    model = AxisNoise.from_dict(board.noise["axes"]["gz"])
+    f = np.geomspace(0.01, RATE / 2, 50)
+    rows = [
+        ("psd", axis, x, s, 0.8 * s, 1.2 * s)
+        for axis in SENSORS["gyroscope"]
+        for x, s in zip(f, model.density(f, RATE), strict=True)
+    ]
+    views = pd.DataFrame(rows, columns=["view", "axis", "x", "value", "ci_low", "ci_high"])
+    axes = {a: board.noise["axes"]["gz"] for a in board.noise["axes"]}
+    device = with_noise(board, axes=axes)
+    (picture,) = density_pictures(device, replace(record, views=views), tmp_path)
+    assert "keeps within 25 % of the 95 % bands" in picture.caption
+
+
+def test_autocorrelation_begins_after_lag_zero_and_ends_where_chance_does(board, record, tmp_path):
+    pictures = correlation_pictures(board, record, tmp_path)
+    rows = pd.read_csv(tmp_path / "long_autocorrelation.csv")
+    assert rows["lag_s"].min() == pytest.approx(1 / RATE)
+    # 0.5**lag stays above 0.03 for five lags
+    assert "0.50, 0.50, 0.50 from a sample" in pictures[0].caption
+    assert "farther than chance up to 0.250 s" in pictures[0].caption.replace(THIN, " ")
+
+
+def test_each_deviation_has_its_own_name(board, record, tmp_path):
+    pictures = deviation_pictures(board, record, tmp_path)
+    assert len(pictures) == 2
+    for words in ("Allan", "total", "modified Allan", "Hadamard", "3-sample"):
+        assert words in pictures[0].caption and words in pictures[0].svg
+    written = pd.read_csv(tmp_path / "long_deviations.csv")["definition"].unique()
+    assert list(written) == ["total", "modified", "hadamard", "m_sample_3"]
+
+
+@pytest.mark.parametrize("name", ["still", "partly"])
+def test_without_the_new_fields_the_part_is_as_complete_as_it_can_be(devices, name, tmp_path):
+    device = devices[name]
+    assert (device.noise.get("rate_hz", "absent") is None) == (name == "still")
+    table = coefficient_table(device, "accelerometer")
+    assert "Per sample, rate not known" in table.columns
+    assert not [c for c in table.columns if "fit" in c]
+    assert uncut_table(device) is None
+    assert not density_pictures(device, device.sessions[0], tmp_path)
+    assert not deviation_pictures(device, device.sessions[0], tmp_path)
+
+
+def test_notes_stand_at_the_head_of_the_noise_part(board, repository, tmp_path):
+    figures = tmp_path / "board" / "figures"
+    figures.mkdir(parents=True)
+    template = repository / "workflow" / "templates" / "section.html.j2"
+    html = render(template, device=board, sensors=tuple(SENSORS), **content(board, figures))
+    noise = html[html.index('id="board.noise"') : html.index('id="board.diagnosis"')]
+    assert noise.index("K would need a record of 40 h") < noise.index("<figure")
+    for words in ("Spectrum and correlation", "Other deviations", "never to be compared"):
+        assert words in noise
+
+
+@pytest.mark.parametrize(
+    ("interval", "text"),
+    [
+        ((84.161, 84.742), "84.16 to 84.74"),
+        ((3.5, 6.21), "3.5 to 6.2"),
+        ((0.0, 12.0), "0 to 12"),
+        (None, "—"),
+        ((1.0, None), "—"),
+    ],
+)
+def test_interval_has_digits_enough_for_its_width(interval, text):
+    assert interval_text(interval).replace(THIN, " ") == text

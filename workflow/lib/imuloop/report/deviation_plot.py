@@ -1,0 +1,104 @@
+"""The deviations that were asked for beside Allan's, each by its name, a panel an axis."""
+
+from itertools import cycle
+
+import pandas as pd
+
+from imuloop.report.allan_plot import curve
+from imuloop.report.numbers import missing, number, with_unit
+from imuloop.report.results import SENSORS, UNITS, XYZ
+from imuloop.report.spectrum_plot import view
+from imuloop.report.svg import INK, PALETTE, Picture, decades, draw, write_csv
+
+WORDS = {"total": "total", "modified": "modified Allan", "hadamard": "Hadamard"}
+NOTE = (
+    "Different definitions: never compare one with another, nor its lowest part with B. Total: "
+    "Allan's with less scatter at the longest τ. Modified: tells white noise from quantisation. "
+    "Hadamard: blind to a ramp. M-sample: of M neighbouring means, grows with M for flicker and "
+    "walk; Allan is M = 2."
+)
+
+
+def deviation_pictures(device, session, folder):
+    """Return the deviations of a session that were asked for, a picture a sensor.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    session : Session
+        A session; no picture where its views hold no such deviation.
+    folder : Path
+        Where the CSV files go.
+    """
+    names = [] if session.views is None else list(dict.fromkeys(session.views["view"]))
+    found = {n: view(session, n) for n in names if n in WORDS or n.startswith("m_sample_")}
+    if not found:
+        return []
+    rows = pd.concat(found.values())
+    csv = write_csv(
+        folder,
+        f"{session.name}_deviations",
+        rows.rename(columns={"view": "definition", "x": "tau_s", "value": "deviation"}),
+    )
+    return [_picture(device, session, sensor, found, csv) for sensor in SENSORS]
+
+
+def words(name):
+    """Return how a deviation is called."""
+    return WORDS.get(name) or f"{name.removeprefix('m_sample_')}-sample"
+
+
+def _picture(device, session, sensor, found, csv):
+    def plot(panels):
+        for ax, axis, channel in zip(panels, XYZ, SENSORS[sensor], strict=True):
+            handles, labels = [], []
+            if session.allan is not None:
+                rows = curve(session.allan, channel, "raw")
+                handles += ax.loglog(rows["tau_s"], rows["adev"], color=INK, lw=1)
+                labels.append("Allan")
+            for colour, (name, rows) in zip(cycle(PALETTE), found.items(), strict=False):
+                rows = rows[rows["axis"] == channel]
+                handles += ax.loglog(rows["x"], rows["value"], color=colour)
+                ax.fill_between(
+                    rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.1, lw=0
+                )
+                labels.append(words(name))
+            decades(ax.xaxis)
+            ax.set_xlabel(f"{axis}: averaging time τ, s")
+        decades(panels[0].yaxis)
+        panels[0].set_ylabel(f"deviation, {UNITS[sensor]}")
+        panels[-1].legend(handles, labels, loc="upper left", bbox_to_anchor=(1.02, 1))
+
+    caption = f"{session.name}, {sensor}: {_finding(session, sensor, found)}."
+    name = f"{device.name}.{session.name}.deviations_{sensor}"
+    svg = draw(
+        name,
+        f"Deviations of several definitions, {caption}",
+        1000,
+        300,
+        plot,
+        margins=(58, 130, 12, 40),
+        columns=3,
+        sharey=True,
+    )
+    return Picture(name, svg, caption, NOTE, (csv,), wide=True)
+
+
+def _finding(session, sensor, found):
+    """Return the lowest value of each definition, of the worst axis."""
+    told = []
+    if session.allan is not None:
+        lows = [(curve(session.allan, c, "raw")["adev"].min(), c[-1]) for c in SENSORS[sensor]]
+        lows = [low for low in lows if not missing(low[0])]
+        if lows:
+            told.append(f"Allan {_low(max(lows), sensor)}")
+    for name, rows in found.items():
+        lows = rows[rows["axis"].isin(SENSORS[sensor])].groupby("axis")["value"].min()
+        if len(lows):
+            told.append(f"{words(name)} {_low((lows.max(), lows.idxmax()[-1]), sensor)}")
+    return f"lowest part, by definition, of the axis where it is highest: {'; '.join(told)}"
+
+
+def _low(low, sensor):
+    return f"{with_unit(number(low[0]), UNITS[sensor])} ({low[1]})"

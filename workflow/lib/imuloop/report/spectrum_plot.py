@@ -1,0 +1,213 @@
+"""Power spectral density with the model over it, and autocorrelation, of a record at rest."""
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.noise_model import AxisNoise
+from imuloop.report.noise_units import quantities
+from imuloop.report.numbers import coefficient_text, joined, number, with_unit
+from imuloop.report.results import SENSORS, UNITS, XYZ
+from imuloop.report.svg import AXES, GRID, INK, Picture, decades, draw, write_csv
+
+DENSITY_NOTE = (
+    "How much power there is at each frequency (one-sided; Welch's estimate, band: its 95 % "
+    "interval; dashed: the model, fitted to the record and not to this curve). Flat: white noise, "
+    "at 2N². Rising to the left: flicker, −1, and random walk, −2; to the right: quantisation. "
+    "Bend: a Gauss–Markov process. "
+    "Triangle: a line of the model. Grey: frequencies that the fit leaves out."
+)
+CORRELATION_NOTE = (
+    "How much a sample tells about the one that comes a lag later, band: 95 % interval. White "
+    "noise: zero at every lag; quantisation: −½ at the first; a slow fall: flicker, walk or a "
+    "Gauss–Markov process; a wave: a line."
+)
+# departure of the measured density from the model that is worth a word, beyond its interval
+DEPARTURE = 1.25
+
+
+def density_pictures(device, session, folder):
+    """Return the power spectral density of a session's accelerometer and gyroscope.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    session : Session
+        A session; no picture where its views hold no density.
+    folder : Path
+        Where the CSV files go.
+    """
+    rows = view(session, "psd")
+    if not len(rows):
+        return []
+    rate = device.noise.get("rate_hz") or session.quality["rate_hz"]
+    rows = rows.assign(model=np.nan)
+    for channel, content in (device.noise.get("axes") or {}).items():
+        at = rows["axis"] == channel
+        rows.loc[at, "model"] = AxisNoise.from_dict(content).density(rows.loc[at, "x"], rate)
+    csv = write_csv(
+        folder,
+        f"{session.name}_psd",
+        rows.rename(columns={"x": "frequency_hz", "value": "psd"}).drop(columns="view"),
+    )
+    return [
+        _density(device, session, sensor, _by_axis(rows, channels), csv)
+        for sensor, channels in SENSORS.items()
+        if rows["axis"].isin(channels).any()
+    ]
+
+
+def correlation_pictures(device, session, folder):
+    """Return the autocorrelation of a session's accelerometer and gyroscope; as above."""
+    rows = view(session, "autocorrelation")
+    rows = rows[rows["x"] > 0]
+    if not len(rows):
+        return []
+    csv = write_csv(
+        folder,
+        f"{session.name}_autocorrelation",
+        rows.rename(columns={"x": "lag_s", "value": "autocorrelation"}).drop(columns="view"),
+    )
+    return [
+        _correlation(device, session, sensor, _by_axis(rows, channels), csv)
+        for sensor, channels in SENSORS.items()
+        if rows["axis"].isin(channels).any()
+    ]
+
+
+def view(session, name):
+    """Return the rows of one view of a session, in order; none where it was not computed."""
+    if session.views is None:
+        return pd.DataFrame(columns=["view", "axis", "x", "value", "ci_low", "ci_high"])
+    rows = session.views[session.views["view"] == name]
+    return rows[np.isfinite(rows["value"])].sort_values(["axis", "x"], kind="stable")
+
+
+def _by_axis(rows, channels):
+    return {a: rows[rows["axis"] == c] for a, c in zip(XYZ, channels, strict=True)}
+
+
+def _density(device, session, sensor, curves, csv):
+    lines = _lines(device, sensor)
+    band = _band(device, sensor)
+
+    def plot(ax):
+        handles = []
+        for colour, (axis, rows) in zip(AXES, curves.items(), strict=True):
+            handles += ax.loglog(rows["x"], rows["value"], color=colour)
+            ax.fill_between(
+                rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.2, lw=0
+            )
+            if (rows["model"] > 0).all():
+                ax.loglog(rows["x"], rows["model"], color=colour, ls="--", lw=1)
+            for f in (f for f, a, _ in lines if a == axis):
+                ax.plot(f, 0.97, "v", color=colour, ms=6, transform=ax.get_xaxis_transform())
+        highest = max(rows["x"].max() for rows in curves.values() if len(rows))
+        if band and band < 0.95 * highest:
+            ax.axvspan(band, highest, color=GRID, alpha=0.35, lw=0)
+        decades(ax.xaxis)
+        decades(ax.yaxis)
+        ax.set_xlabel("frequency, Hz")
+        ax.set_ylabel(f"power spectral density, ({UNITS[sensor]})²/Hz")
+        ax.legend(handles, XYZ, loc="best", ncols=3)
+
+    unit = quantities(sensor)["N"].sheet[0]
+    axes = device.noise.get("axes") or {}
+    white = [coefficient_text((axes.get(c) or {}).get("N"), unit.factor) for c in SENSORS[sensor]]
+    named = [
+        f"{with_unit(number(f), 'Hz')} ({axis}{f': {origin}' if origin else ''})"
+        for f, axis, origin in lines
+    ]
+    caption = (
+        f"{session.name}, {sensor}: N {', '.join(white)} {unit.unit} (x, y, z); "
+        f"{'lines at ' + joined(named) + '; ' if named else ''}{_departure(curves)}."
+    )
+    lowest = "; ".join(
+        f"{axis} {rows['value'].iloc[0]:.3g} at {rows['x'].iloc[0]:.3g} Hz, "
+        f"{rows['value'].iloc[-1]:.3g} at {rows['x'].iloc[-1]:.3g} Hz"
+        for axis, rows in curves.items()
+        if len(rows)
+    )
+    name = f"{device.name}.{session.name}.psd_{sensor}"
+    alt = (
+        f"Power spectral density in ({UNITS[sensor]})²/Hz, {sensor}, session {session.name}: "
+        f"{lowest}; {_departure(curves)}"
+    )
+    svg = draw(name, alt, 440, 300, plot)
+    return Picture(name, svg, caption, DENSITY_NOTE, (csv,))
+
+
+def _lines(device, sensor):
+    """Return frequency, axis and origin of each line of the model."""
+    axes = device.noise.get("axes") or {}
+    return [
+        (line["frequency"]["value"], axis, line.get("origin"))
+        for axis, channel in zip(XYZ, SENSORS[sensor], strict=True)
+        for line in (axes.get(channel) or {}).get("sinusoid") or []
+        if line["frequency"].get("value")
+    ]
+
+
+def _band(device, sensor):
+    """Return the highest frequency that the fit of any axis used, None where not told."""
+    spectrum = device.noise.get("spectrum") or {}
+    bands = [(spectrum.get(c) or {}).get("band_hz") for c in SENSORS[sensor]]
+    return max((b for b in bands if b), default=None)
+
+
+def _departure(curves):
+    """Return where the measured density leaves the model most, its interval taken into account."""
+    worst = (1.0, "")
+    for axis, rows in curves.items():
+        rows = rows[rows["model"] > 0]
+        beyond = np.maximum(rows["ci_low"] / rows["model"], rows["model"] / rows["ci_high"])
+        if len(rows) and beyond.max() > worst[0]:
+            at = rows.loc[beyond.idxmax()]
+            words = (
+                f"the record leaves the model most at {with_unit(number(at['x']), 'Hz')} ({axis}), "
+                f"with {number(at['value'] / at['model'], 2)} times its power"
+            )
+            worst = (beyond.max(), words)
+    if not any((rows["model"] > 0).any() for rows in curves.values()):
+        return "no model to compare it with"
+    close = f"the model keeps within {DEPARTURE - 1:.0%} of the 95 % bands at every frequency"
+    return worst[1] if worst[0] > DEPARTURE else close.replace("%", " %", 1)
+
+
+def _correlation(device, session, sensor, curves, csv):
+    def plot(ax):
+        ax.axhline(0, color=INK, lw=0.8)
+        for colour, rows in zip(AXES, curves.values(), strict=True):
+            ax.semilogx(rows["x"], rows["value"], color=colour)
+            ax.fill_between(
+                rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.2, lw=0
+            )
+        decades(ax.xaxis)
+        ax.set_xlabel("lag, s")
+        ax.set_ylabel("autocorrelation, 1")
+        ax.legend(ax.lines[1:], XYZ, loc="best", ncols=3)
+
+    known = {axis: rows for axis, rows in curves.items() if len(rows)}
+    first = ", ".join(number(rows["value"].iloc[0], 2) for rows in known.values())
+    lag = next(iter(known.values()))["x"].iloc[0]
+    farthest = {axis: _farthest(rows) for axis, rows in known.items()}
+    axis = max(farthest, key=farthest.get)
+    reach = (
+        f"farther than chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
+        if farthest[axis]
+        else "no lag beyond chance"
+    )
+    caption = (
+        f"{session.name}, {sensor}: {first} from a sample to that {with_unit(number(lag), 's')} "
+        f"later ({', '.join(known)}); {reach}."
+    )
+    name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
+    svg = draw(name, f"Autocorrelation, {caption}", 440, 300, plot)
+    return Picture(name, svg, caption, CORRELATION_NOTE, (csv,))
+
+
+def _farthest(rows):
+    """Return the lag up to which every interval leaves zero out, 0 where the first one holds it."""
+    inside = ((rows["ci_low"] <= 0) & (rows["ci_high"] >= 0)).to_numpy()
+    count = int(inside.argmax()) if inside.any() else len(inside)
+    return rows["x"].iloc[count - 1] if count else 0.0
