@@ -149,7 +149,7 @@ def sine_taper(n):
 def wavelet(n, rate):
     """Generalised method of wavelet moments: Haar variances at dyadic scales, full covariance."""
     factors = 2 ** np.arange(int(np.log2(n / 2)) + 1)
-    covariance = curve_covariance(factors, [n], rate, reach=np.inf)
+    covariance = curve_covariance(factors, [n], rate)
     return Method(
         lambda x: allan_variance([x], factors),
         _curve(factors, rate),
