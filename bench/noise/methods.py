@@ -215,7 +215,12 @@ def main():
     options = parser.parse_args()
     print_row(HEADER)
     print_row(["---"] + ["---:"] * 8 + ["---"] * 3)
-    for name, make in (("Cramér–Rao bound", cosine), ("GMWM, by its own covariance", wavelet)):
+    expected = {
+        "Cramér–Rao bound": cosine,
+        "cosines in blocks, expected": blocks,
+        "GMWM, expected": wavelet,
+    }
+    for name, make in expected.items():
         print_row([name, *(number(v, 3) for v in bounds(make(LENGTH, RATE))), *[""] * 7])
     for contestant in CONTESTANTS:
         row = score(contestant, options.seeds)
