@@ -68,7 +68,7 @@ def plausible_views(samples, rate, allan):
             rows.append(("psd", axis, f, density, density * (1 - share), density * (1 + share)))
         for lag in range(40):
             rho = 0.5**lag
-            rows.append(("autocorrelation", axis, lag / rate, rho, rho - 0.03, rho + 0.03))
+            rows.append(("autocorrelation", axis, lag / rate, rho, -0.03, 0.03))
         curve = allan[(allan["axis"] == axis) & (allan["stage"] == "raw")]
         for k, view in enumerate(("total", "modified", "hadamard", "m_sample_3")):
             for tau, *values in curve[["tau_s", "adev", "ci_low", "ci_high"]].to_numpy():

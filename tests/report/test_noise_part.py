@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from imuloop.core.noise_model import AxisNoise
+from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.deviation_plot import deviation_pictures
 from imuloop.report.noise_statistics import stability_table, statistics_tables
 from imuloop.report.noise_tables import coefficient_table, uncut_table
@@ -192,6 +193,12 @@ def test_density_carries_the_model_and_says_where_the_record_leaves_it(board, re
     assert "leaves the model most at" in accelerometer.caption
 
 
+def test_humps_are_told_where_they_are_seen(board, record, tmp_path):
+    accelerometer, gyroscope = allan_pictures(board, record, tmp_path)
+    assert "hump of a line of 0.0800 Hz (z)." in accelerometer.caption
+    assert "hump of a Gauss–Markov process, T = 30.0 s (x)." in gyroscope.caption
+
+
 def test_a_model_that_holds_is_said_to_hold(board, record, tmp_path):
     model = AxisNoise.from_dict(board.noise["axes"]["gz"])
     f = np.geomspace(0.01, RATE / 2, 50)
@@ -213,7 +220,7 @@ def test_autocorrelation_begins_after_lag_zero_and_ends_where_chance_does(board,
     assert rows["lag_s"].min() == pytest.approx(1 / RATE)
     # 0.5**lag stays above 0.03 for five lags
     assert "0.50, 0.50, 0.50 from a sample" in pictures[0].caption
-    assert "farther than chance up to 0.250 s" in pictures[0].caption.replace(THIN, " ")
+    assert "beyond chance up to 0.250 s" in pictures[0].caption.replace(THIN, " ")
 
 
 def test_each_deviation_has_its_own_name(board, record, tmp_path):

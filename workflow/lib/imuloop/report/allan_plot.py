@@ -149,4 +149,13 @@ def _finding(sensor, channels, axes):
         if all(missing(c.get("value")) and missing(c.get("upper95")) for c in found):
             continue
         parts.append(f"{words} {', '.join(values)} {unit.unit} (x, y, z)")
+    for kind, key, words in (
+        ("gauss_markov", "tc", "hump of a Gauss–Markov process, T = {} s ({})"),
+        ("sinusoid", "frequency", "hump of a line of {} Hz ({})"),
+    ):
+        parts += [
+            words.format(number(process[key].get("value")), axis)
+            for axis, channel in zip(XYZ, channels, strict=True)
+            for process in (axes.get(channel) or {}).get(kind) or []
+        ]
     return "; ".join(parts) + "." if parts else "no noise model could be fitted."

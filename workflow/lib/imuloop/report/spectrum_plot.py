@@ -17,8 +17,8 @@ DENSITY_NOTE = (
     "Triangle: a line of the model. Grey: frequencies that the fit leaves out."
 )
 CORRELATION_NOTE = (
-    "How much a sample tells about the one that comes a lag later, band: 95 % interval. White "
-    "noise: zero at every lag; quantisation: −½ at the first; a slow fall: flicker, walk or a "
+    "How much a sample tells about the one that comes a lag later. Grey: where 95 % of the values "
+    "of white noise would lie. Quantisation: −½ at the first lag; a slow fall: flicker, walk or a "
     "Gauss–Markov process; a wave: a line."
 )
 # departure of the measured density from the model that is worth a word, beyond its interval
@@ -175,25 +175,26 @@ def _departure(curves):
 
 
 def _correlation(device, session, sensor, curves, csv):
+    known = {axis: rows for axis, rows in curves.items() if len(rows)}
+    # that of white noise depends on the number of samples only
+    band = next(iter(known.values()))
+
     def plot(ax):
         ax.axhline(0, color=INK, lw=0.8)
+        ax.fill_between(*(band[c] for c in ("x", "ci_low", "ci_high")), color=GRID, alpha=0.6, lw=0)
         for colour, rows in zip(AXES, curves.values(), strict=True):
             ax.semilogx(rows["x"], rows["value"], color=colour)
-            ax.fill_between(
-                rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.2, lw=0
-            )
         decades(ax.xaxis)
         ax.set_xlabel("lag, s")
         ax.set_ylabel("autocorrelation, 1")
         ax.legend(ax.lines[1:], XYZ, loc="best", ncols=3)
 
-    known = {axis: rows for axis, rows in curves.items() if len(rows)}
     first = ", ".join(number(rows["value"].iloc[0], 2) for rows in known.values())
-    lag = next(iter(known.values()))["x"].iloc[0]
+    lag = band["x"].iloc[0]
     farthest = {axis: _farthest(rows) for axis, rows in known.items()}
     axis = max(farthest, key=farthest.get)
     reach = (
-        f"farther than chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
+        f"beyond chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
         if farthest[axis]
         else "no lag beyond chance"
     )
@@ -207,7 +208,7 @@ def _correlation(device, session, sensor, curves, csv):
 
 
 def _farthest(rows):
-    """Return the lag up to which every interval leaves zero out, 0 where the first one holds it."""
-    inside = ((rows["ci_low"] <= 0) & (rows["ci_high"] >= 0)).to_numpy()
+    """Return the lag up to which every value leaves the band of white noise, 0 without any."""
+    inside = rows["value"].between(rows["ci_low"], rows["ci_high"]).to_numpy()
     count = int(inside.argmax()) if inside.any() else len(inside)
     return rows["x"].iloc[count - 1] if count else 0.0
