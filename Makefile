@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report test lint format bench study coverage setup lock clean
+.PHONY: report test lint format bench bench-noise study coverage setup lock clean
 
 report: setup
 	$(BIN)/snakemake -c$(CORES) results/report.html
@@ -26,6 +26,12 @@ format: setup
 
 bench: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
+
+# noise coefficients beside truth, bound and common tools. Writes docs/noise_figures.md, half an hour
+# on two cores; for a part of it NOISE_OPTIONS="--short" or "--parts accuracy --seeds 10"
+NOISE_OPTIONS ?= --write docs/noise_figures.md
+bench-noise: setup
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.noise --workers $(CORES) $(NOISE_OPTIONS)
 
 # undeclared effects in simulated devices: are they found? Writes docs/study.md, with devices that
 # nothing was developed on; for a part of it OPTIONS="--effects g_sensitivity,control --seeds 3"

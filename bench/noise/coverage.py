@@ -1,0 +1,124 @@
+"""How often the intervals hold the truth: of coefficients, limits and points of the Allan curve."""
+
+import numpy as np
+from scipy.stats import binom
+
+from bench.noise.product import TERMS, estimate
+from bench.noise.records import RATE, Scenario, record
+from bench.study.tables import share, table
+
+# 10,000 s
+LENGTH = 100_000
+SCENARIOS = (
+    Scenario("N", {"N": 0.01}),
+    Scenario("N, K = 1e-4", {"N": 0.01, "K": 1e-4}),
+    Scenario("N, K = 3e-5", {"N": 0.01, "K": 3e-5}),
+    Scenario("N, B = 2e-3, K = 1e-5", {"N": 0.01, "B": 2e-3, "K": 1e-5}),
+    Scenario("Q, N", {"Q": 5e-3, "N": 0.01}),
+    Scenario("N, B, K strong", {"N": 0.01, "B": 5e-3, "K": 5e-4}),
+    Scenario("N, weak R", {"N": 0.01, "R": 3.5e-7}),
+    Scenario("N, R", {"N": 0.01, "R": 1e-6}),
+    Scenario("N, Gauss–Markov", {"N": 0.01}, gauss_markov=((2e-3, 20.0),)),
+    Scenario("N, line", {"N": 0.01}, sinusoid=((3e-3, 0.08),)),
+)
+LOW, HIGH = 0.92, 0.98
+# a term counts as identifiable in a scenario where it is in this share of its records
+MOSTLY = 0.5
+# fewer intervals cannot tell whether the coverage is in its bounds
+FEW = 100
+
+
+def run(seeds, each, length=LENGTH):
+    """Return the AxisNoise of every record of every scenario."""
+    jobs = [(scenario, seed, length) for scenario in SCENARIOS for seed in range(seeds)]
+    made = list(each(one, jobs))
+    return {s: [m for job, m in zip(jobs, made, strict=True) if job[0] is s] for s in SCENARIOS}
+
+
+def one(job):
+    """Return the AxisNoise of one record."""
+    scenario, seed, length = job
+    return estimate(record(scenario, length, RATE, seed), RATE)
+
+
+def coefficients(scenario, noise):
+    """Yield name, truth and Coefficient of what the scenario holds; None where not found.
+
+    A hump or a line stands for the injected one if it is the only one of its kind.
+    """
+    for name in TERMS:
+        if name in scenario.terms:
+            yield name, scenario.terms[name], getattr(noise, name)
+    for truth, found, names in (
+        (scenario.gauss_markov, noise.gauss_markov, ("q", "tc")),
+        (scenario.sinusoid, noise.sinusoid, ("amplitude", "frequency")),
+    ):
+        for pair in truth:
+            for name, value in zip(names, pair, strict=True):
+                yield name, value, getattr(found[0], name) if len(found) == 1 else None
+
+
+def counts(scenario, made):
+    """Return for each coefficient its truth and counts of records.
+
+    The counts: identifiable, interval holds it; not identifiable, limit holds it then; limit holds
+    it, identifiable or not.
+    """
+    total = {}
+    for noise in made:
+        for name, truth, c in coefficients(scenario, noise):
+            row = total.setdefault(name, [truth, 0, 0, 0, 0, 0])
+            if c is None:
+                continue
+            holds = c.upper95 is not None and c.upper95 >= truth
+            if c.identifiable:
+                row[1] += 1
+                row[2] += c.ci95[0] <= truth <= c.ci95[1]
+            else:
+                row[3] += 1
+                row[4] += holds
+            row[5] += holds
+    return total
+
+
+def text(outcomes):
+    """Return the table of coefficients."""
+    rows = []
+    for scenario, made in outcomes.items():
+        for name, row in counts(scenario, made).items():
+            truth, given, inside, limits, hold, always = row
+            rows.append(
+                (
+                    scenario.label,
+                    f"{name} = {truth:g}",
+                    f"{given} of {len(made)}",
+                    share(inside, given),
+                    share(hold, limits),
+                    share(always, given + limits),
+                )
+            )
+    header = (
+        "scenario", "coefficient", "identifiable", "95 % interval holds it",
+        "not identifiable: upper limit holds it", "upper limit holds it, all",
+    )  # fmt: skip
+    return table(header, rows)
+
+
+def checks(outcomes):
+    """Yield what is required, its bound, what was found and whether it is met."""
+    for scenario, made in outcomes.items():
+        for name, (_, given, inside, *_) in counts(scenario, made).items():
+            if given >= MOSTLY * len(made):
+                what = f"coverage of {name} in: {scenario.label}"
+                yield what, "92–98 %", share(inside, given), within(inside / given, given)
+
+
+def within(coverage, count):
+    """Return whether a coverage found in `count` records is in its bounds, None for too few."""
+    return LOW <= coverage <= HIGH if count >= FEW else None
+
+
+def chance(count):
+    """Return the probability that a true coverage of 95 % is found outside 92 to 98 %."""
+    inside = np.arange(np.ceil(LOW * count - 1e-9), np.floor(HIGH * count + 1e-9) + 1)
+    return 1 - binom.pmf(inside, count, 0.95).sum()

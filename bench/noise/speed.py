@@ -1,0 +1,132 @@
+"""Time and memory of the noise stage on a day at 200 Hz, each step in a process of its own.
+
+``python -m bench.noise.speed make FOLDER ROWS`` simulates, ``… run FOLDER`` estimates.
+"""
+
+import json
+import os
+import resource
+import runpy
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from bench.noise.product import SETTINGS
+from bench.noise.records import Scenario, record
+from bench.study.tables import table
+from imuloop.core.samples import CHANNELS, TIME, schema
+from imuloop.core.segments import segment_table, write_segments
+
+# 24 h at 200 Hz, Hz
+ROWS, RATE = 17_280_000, 200.0
+NOISE = Scenario("a day", {"N": 0.01, "B": 2e-3, "K": 3e-5})
+# the middle of the log is disturbed for so long, s
+DISTURBED = 10.0
+# samples of a row group, as ingest writes them
+ROW_GROUP = 1 << 17
+# of the requirement: s, bytes
+SECONDS, MEMORY = 60.0, 1.5e9
+SCRIPT = Path(__file__).parents[2] / "scripts/noise.py"
+
+
+def make(folder, rows):
+    """Write samples and segments of a simulated session."""
+    samples = pd.DataFrame({TIME: np.arange(rows) / RATE})
+    for seed, axis in enumerate(CHANNELS):
+        samples[axis] = record(NOISE, rows, RATE, seed)
+    end = rows / RATE
+    first, last = (end - DISTURBED) / 2, (end + DISTURBED) / 2
+    segments = segment_table(
+        samples, [0, first, last], [first, last, end], ["static", "disturbed", "static"], [0, -1, 0]
+    )
+    write_segments(folder / "segments.parquet", segments, {})
+    rows = pa.Table.from_pandas(samples, preserve_index=False).cast(schema(False, {}))
+    pq.write_table(rows, folder / "samples.parquet", compression="zstd", row_group_size=ROW_GROUP)
+
+
+def estimate(folder):
+    """Run the workflow's own script on the session and print seconds and bytes as JSON."""
+    begin = time.perf_counter()
+    files = {name: str(folder / f"{name}.parquet") for name in ("samples", "segments")}
+    output = SimpleNamespace(
+        noise=folder / "noise.json",
+        allan=[folder / "allan.parquet"],
+        views=[folder / "views.parquet"],
+    )
+    params = SimpleNamespace(
+        device="a_day", sessions={"day": {"kind": "static", **files}}, settings=asdict(SETTINGS)
+    )
+    job = SimpleNamespace(params=params, output=output, log=[folder / "log"])
+    runpy.run_path(str(SCRIPT), init_globals={"snakemake": job})
+    took = time.perf_counter() - begin
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # bytes on macOS, else kilobytes
+    print(json.dumps([took, peak * (1 if sys.platform == "darwin" else 1024)]))
+
+
+def run(rows=ROWS):
+    """Return rows, seconds, bytes, and the content of noise.json."""
+    with tempfile.TemporaryDirectory() as folder:
+        _child("make", folder, str(rows))
+        took, peak = json.loads(_child("run", folder))
+        return rows, took, peak, json.loads((Path(folder) / "noise.json").read_text())
+
+
+def _child(*arguments):
+    command = [sys.executable, "-m", "bench.noise.speed", *arguments]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        cwd=SCRIPT.parents[1],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(arguments)}: {done.stderr}")
+    return done.stdout
+
+
+def text(outcome):
+    """Return the table."""
+    rows, took, peak, content = outcome
+    rate = [[f"{rows:,}", f"{took:.1f}", f"{peak / 1e9:.2f}"]]
+    first = table(("rows, six axes", "s", "peak memory, GB"), rate)
+    found = [
+        [axis, *(_figure(content["axes"][axis][name]) for name in NOISE.terms)] for axis in CHANNELS
+    ]
+    head = [f"{name}, true {value:g}" for name, value in NOISE.terms.items()]
+    return f"{first}\n\nWhat it found there:\n\n{table(('axis', *head), found)}"
+
+
+def _figure(c):
+    if c["identifiable"]:
+        low, high = c["ci95"]
+        return f"{c['value']:.3g} ({low:.3g} to {high:.3g})"
+    return "–" if c["upper95"] is None else f"< {c['upper95']:.3g}"
+
+
+def checks(outcome):
+    """Yield what is required, its bound, what was found and whether it is met."""
+    rows, took, peak, _ = outcome
+    yield f"{rows:,} rows, six axes: time", f"≤ {SECONDS:g} s", f"{took:.1f} s", took <= SECONDS
+    yield (
+        f"{rows:,} rows, six axes: memory", f"≤ {MEMORY / 1e9:g} GB", f"{peak / 1e9:.2f} GB",
+        peak <= MEMORY,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    step, folder, *rest = sys.argv[1:]
+    if step == "make":
+        make(Path(folder), int(rest[0]))
+    else:
+        estimate(Path(folder))
