@@ -47,26 +47,29 @@ def coefficient_table(device, sensor):
             fitted = (_fit_text(fit, quantity.sheet[0].factor),) if fits else ()
             label = f"{quantity.words.partition(',')[0]}, {axis}"
             rows.append((label, *_cells(quantity, coefficient), *fitted, remark))
-    note = [NOTE]
-    if rate:
-        note.append(SAMPLE_NOTE.format(rate=number(rate), half=number(rate / 2)))
-    if fits:
-        note.append(_check(device, sensor, fits))
     return Table(
         f"{sensor.capitalize()}: noise coefficients, value ± 1 σ, in three systems of units",
         (
             "Coefficient, axis",
             "SI",
             "Data sheet",
-            f"Per sample at {number(rate)} Hz" if rate else "Per sample, rate not known",
+            f"Per sample at {rate:.4g} Hz" if rate else "Per sample, rate not known",
             "95 % interval",
             *(("Allan-curve fit, a check only",) if fits else ()),
             "Remark",
         ),
         tuple(rows),
-        " ".join(note),
+        _check(device, sensor, fits) if fits else "",
         heads=tuple(heads),
     )
+
+
+def coefficient_note(device):
+    """Return what to know of the tables of coefficients."""
+    rate = device.noise.get("rate_hz")
+    if not rate:
+        return NOTE
+    return f"{NOTE} {SAMPLE_NOTE.format(rate=f'{rate:.4g}', half=f'{rate / 2:.4g}')}"
 
 
 def _groups(device, sensor):

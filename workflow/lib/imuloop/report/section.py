@@ -23,7 +23,7 @@ from imuloop.report.deviation_plot import deviation_pictures
 from imuloop.report.diagnosis_parts import diagnosis_parts
 from imuloop.report.diagnosis_tables import heldout_table
 from imuloop.report.noise_statistics import stability_table, statistics_tables
-from imuloop.report.noise_tables import coefficient_table, uncut_table
+from imuloop.report.noise_tables import coefficient_note, coefficient_table, uncut_table
 from imuloop.report.numbers import number
 from imuloop.report.pose_plot import pose_picture
 from imuloop.report.results import SENSORS, read_device
@@ -119,6 +119,7 @@ def content(device, figures):
         ],
         "deviations": [p for s in device.used for p in deviation_pictures(device, s, figures)],
         "coefficients": [coefficient_table(device, s) for s in SENSORS if device.noise],
+        "coefficient_note": coefficient_note(device),
         "uncut": uncut_table(device) if device.noise else None,
         "stability": [stability_table(device, s) for s in SENSORS if device.noise],
         "statistics": statistics_tables(device),

@@ -13,7 +13,7 @@ DENSITY_NOTE = (
     "How much power there is at each frequency (one-sided; Welch's estimate, band: its 95 % "
     "interval; dashed: the model, fitted to the record and not to this curve). Flat: white noise, "
     "at 2N². Rising to the left: flicker, −1, and random walk, −2; to the right: quantisation. "
-    "Bend: a Gauss–Markov process. "
+    "Bend: a Gauss–Markov process. A ramp is no part of the model here. "
     "Triangle: a line of the model. Grey: frequencies that the fit leaves out."
 )
 CORRELATION_NOTE = (
