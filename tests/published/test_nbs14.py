@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from imuloop.noise.allan import allan_variance
+from imuloop.noise.deviations import hadamard_variance, modified_variance, total_variance
 
 FACTORS = np.array([1, 10, 100])
 PRINTED = {
     "overlapping": [2.922319e-1, 9.159953e-2, 3.241343e-2],
+    "hadamard": [2.943883e-1, 9.581083e-2, 3.237638e-2],
+    "modified": [2.922319e-1, 6.172376e-2, 2.170921e-2],
+    "total": [2.922319e-1, 9.134743e-2, 3.406530e-2],
     "plain": [2.922319e-1, 9.965736e-2, 3.897804e-2],
 }
 
@@ -37,3 +41,16 @@ def test_plain_deviation_of_consecutive_means_is_another_figure(frequency):
         np.sqrt(allan_variance([frequency.reshape(-1, m).mean(axis=1)], [1])[0]) for m in FACTORS
     ]
     assert found == pytest.approx(PRINTED["plain"], rel=0, abs=5e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "variance"),
+    [
+        ("hadamard", hadamard_variance),
+        ("modified", modified_variance),
+        ("total", total_variance),
+    ],
+)
+def test_other_deviations_agree_in_all_printed_digits(frequency, name, variance):
+    found = np.sqrt(variance([frequency], FACTORS))
+    assert found == pytest.approx(PRINTED[name], rel=0, abs=5e-8)
