@@ -61,10 +61,10 @@ def consecutive_means(stretches, count):
 def repeatability(means):
     """Return how far the mean output differs from run to run.
 
-    The sample standard deviation of the means of the static sessions. Gravity enters the accelerometer's mean
-    with the attitude, so its axes count only where all sessions point the same way within 1
-    degree; what is left of that, g times the difference in angle, is part of the figure. Earth's
-    rate enters the gyroscope's mean likewise, with 7.3e-5 rad/s at most.
+    The sample standard deviation of the means of the static sessions. Gravity enters the
+    accelerometer's mean with the attitude, so its axes count only where all sessions point the
+    same way within 1 degree; what is left of that, g times the difference in angle, is part of
+    the figure. Earth's rate enters the gyroscope's mean likewise, with 7.3e-5 rad/s at most.
 
     Parameters
     ----------
