@@ -13,7 +13,8 @@ from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyros
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.units import RawUnit
-from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings

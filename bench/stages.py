@@ -13,7 +13,8 @@ from imuloop.core.segments import read_segments, write_segments
 from imuloop.diagnose.diagnose import diagnose_device
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.ingest import ingest
-from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings

@@ -17,7 +17,8 @@ from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.ingest import ingest
-from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings

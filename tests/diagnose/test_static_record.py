@@ -13,7 +13,8 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.static_correction import corrected, write_allan
 from imuloop.diagnose.static_data import StaticData
 from imuloop.diagnose.static_record import diagnose_static, static_tests
-from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02

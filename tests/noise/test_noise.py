@@ -8,7 +8,8 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
 from imuloop.noise.allan import COLUMNS
-from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 
 SETTINGS = NoiseSettings()
@@ -91,7 +92,7 @@ def test_nothing_to_use_is_a_result(sessions):
 def test_a_rest_of_ten_samples_is_a_result():
     result = estimate_noise("imu", [session(length=10)], SETTINGS)
     assert not result.model.axes["ax"].N.identifiable
-    assert any("averaging times" in note for note in result.notes)
+    assert any("too few samples" in note for note in result.notes)
     assert len(result.allan["rest"]) == 6 * 3
 
 
@@ -133,5 +134,8 @@ def test_noise_json_holds_the_model_and_the_rest(tmp_path):
     result.to_json(tmp_path / "noise.json")
     assert NoiseModel.from_json(tmp_path / "noise.json") == result.model
     content = json.loads((tmp_path / "noise.json").read_text())
-    assert list(content) == ["format", "device", "axes", "statistics", "sessions", "notes"]
+    assert set(content) == {
+        *("format", "device", "axes", "rate_hz", "curve_fit", "spectrum", "uncut"),
+        *("repeatability", "statistics", "sessions", "notes"),
+    }
     assert content["statistics"]["rest"]["gz"]["std"] == pytest.approx(3e-3 * np.sqrt(50), rel=0.05)

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from imuloop.core.noise_model import AxisNoise
+from imuloop.noise.views import label
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.deviation_plot import deviation_pictures
 from imuloop.report.noise_statistics import stability_table, statistics_tables
@@ -136,29 +137,32 @@ def test_humps_and_lines_have_intervals_and_the_lines_their_origin(board):
 
 
 def test_what_a_disturbance_would_have_done_is_said(board):
-    table = uncut_table(board)
+    table = uncut_table(board, "gyroscope")
     axis, _, value = DISTURBED
-    found = row_of(table, f"Gyroscope, K, {axis[1]}")
+    found = row_of(table, f"K, {axis[1]}")
     assert found["Cut (used)"].startswith("<")
     assert found["Changed by"] == f"> {value / 3e-6:.0f} ×"
     assert "6.00 s of disturbed record were cut" in table.note.replace(THIN, " ")
-    assert "Left in, K of the gyroscope y would be read as" in table.note
+    assert "Left in, K of y would be read as" in table.note
     # what neither shows is no finding
-    assert not [r for r in table.rows if r[0].startswith("Accelerometer, K")]
+    assert not [r for r in table.rows if r[0].startswith("R")]
 
 
 def test_a_disturbance_that_changes_little_is_said_too(board):
     axes = copy.deepcopy(board.noise["axes"])
     axes["ax"]["N"]["value"] *= 1.05
     device = with_noise(board, uncut={"seconds": 3.0, "axes": axes})
-    assert "no coefficient by more than a quarter" in uncut_table(device).note
+    note = uncut_table(device, "accelerometer").note
+    assert "no coefficient that is seen by more than a quarter" in note
 
 
 def test_a_disturbance_that_hides_a_term_gives_no_ratio(board):
     axes = copy.deepcopy(board.noise["axes"])
     axes["ax"]["B"] = {"value": None, "ci95": None, "upper95": 1.0, "identifiable": False}
     device = with_noise(board, uncut={"seconds": 3.0, "axes": axes})
-    assert row_of(uncut_table(device), "Accelerometer, B, x")["Changed by"] == "hidden by it"
+    table = uncut_table(device, "accelerometer")
+    assert row_of(table, "B, x")["Changed by"] == "hidden by it"
+    assert "and would hide B of x." in table.note
 
 
 def test_four_definitions_of_bias_stability_are_told_apart(board):
@@ -226,8 +230,9 @@ def test_autocorrelation_begins_after_lag_zero_and_ends_where_chance_does(board,
 def test_each_deviation_has_its_own_name(board, record, tmp_path):
     pictures = deviation_pictures(board, record, tmp_path)
     assert len(pictures) == 2
-    for words in ("Allan", "total", "modified Allan", "Hadamard", "3-sample"):
+    for words in ("Allan", "Total", "Modified Allan", "Hadamard", "3-sample"):
         assert words in pictures[0].caption and words in pictures[0].svg
+    assert all(label(view) in pictures[0].note for view in ("total", "modified", "m_sample_3"))
     written = pd.read_csv(tmp_path / "long_deviations.csv")["definition"].unique()
     assert list(written) == ["total", "modified", "hadamard", "m_sample_3"]
 
@@ -239,7 +244,7 @@ def test_without_the_new_fields_the_part_is_as_complete_as_it_can_be(devices, na
     table = coefficient_table(device, "accelerometer")
     assert "Per sample, rate not known" in table.columns
     assert not [c for c in table.columns if "fit" in c]
-    assert uncut_table(device) is None
+    assert uncut_table(device, "accelerometer") is None
     assert not density_pictures(device, device.sessions[0], tmp_path)
     assert not deviation_pictures(device, device.sessions[0], tmp_path)
 

@@ -86,6 +86,7 @@ def session_files(device):
             "segments": f"results/{device}/{name}/segments.parquet",
             "allan_raw": f"results/{device}/{name}/allan_raw.parquet",
             "allan": f"results/{device}/{name}/allan.parquet",
+            "views": f"results/{device}/{name}/views.parquet",
         }
         for name, session in DEVICES[device]["sessions"].items()
     }

@@ -12,6 +12,7 @@ for device, resolved in DEVICES.items():
         output:
             noise=f"results/{device}/noise.json",
             allan=[files["allan_raw"] for files in used.values()],
+            views=[files["views"] for files in used.values()],
         log:
             f"logs/noise/{device}.log",
         benchmark:

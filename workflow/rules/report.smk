@@ -4,6 +4,7 @@ rule report_device:
         quality=each_session("quality"),
         segments=each_session("segments"),
         allan=each_session("allan"),
+        views=each_session("views"),
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",

@@ -13,7 +13,11 @@ from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.diagnose.static_means import COLUMNS
 from imuloop.diagnose.static_terms import GaussMarkov as GaussMarkovEffect
 from imuloop.diagnose.static_terms import Sinusoid as SinusoidEffect
-from imuloop.noise.noise import Session, estimate_noise
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
+
+# lines nearer than this share of their frequency are one
+SAME_LINE = 0.05
 
 
 def corrected(session, samples, calibration, found):
@@ -91,7 +95,9 @@ def noise_again(device, data, calibration, found, noise_settings):
         )
         for name, samples in data.samples.items()
     ]
-    result = estimate_noise(device, sessions, noise_settings)
+    # the curves and the coefficients alone
+    alone = replace(noise_settings, views=(), m_samples=())
+    result = estimate_noise(device, sessions, alone, uncut=False)
     tables = {
         name: table.assign(stage="corrected") for name, table in result.allan.items() if len(table)
     }
@@ -127,7 +133,11 @@ def _with_line(noise, fitted, place):
     amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
     error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
     line = Sinusoid(known(amplitude, error), known(fitted.effect.frequency, 0.0))
-    return replace(noise, sinusoid=(*noise.sinusoid, line))
+    # the noise stage may have found the same one
+    others = (
+        s for s in noise.sinusoid if abs(s.frequency.value / line.frequency.value - 1) > SAME_LINE
+    )
+    return replace(noise, sinusoid=(*others, line))
 
 
 def _with_process(noise, test, place):
@@ -143,7 +153,7 @@ def _with_process(noise, test, place):
         return known(value, scale * std[j] / (2 * value))
 
     term = GaussMarkov(root(4, 2 / test.tc), known(test.tc, 0.0))
-    return replace(noise, B=root(2), K=root(3), gauss_markov=(*noise.gauss_markov, term))
+    return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))
 
 
 def process_effect(test):

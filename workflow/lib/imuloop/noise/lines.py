@@ -7,6 +7,8 @@ from math import log
 import numpy as np
 from scipy import fft, optimize, special, stats
 
+from imuloop.noise.layout import Layout
+
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
 # independent values in a block of the background: at least, at most, share of those below it
@@ -16,10 +18,40 @@ SAME_CLOCK = 1e-4
 # mains, Hz; relative wander (50 mHz) and error of the clock behind the time stamps
 MAINS, HARMONICS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
 WANDER, CLOCK = 1e-3, 2e-4
-# samples that are modelled at a time
-CHUNK = 8192
+# a line is followed through halves of a record of that many periods at least, where they explain
+# more, in units of the noise: exp(-GAIN) by chance
+PERIODS, GAIN = 12, 12.0
+# samples that are modelled at a time; parts of a record in which a wave is summed
+CHUNK, BINS = 8192, 2048
 # the fit of a frequency ends at this share of 1/T
 ROUNDS, CLOSE = 8, 1e-3
+
+
+@dataclass(frozen=True)
+class Wave:
+    """Least-squares sinusoid in part of a session.
+
+    Attributes
+    ----------
+    session, begin, end : int
+        Where: samples from `begin`, before `end`.
+    frequency, cosine, sine : float
+        Hz and SI; the phase counts from the middle between the part's first and last clean sample.
+    explained : float
+        Sum of squares that it takes, SI^2.
+    amplitude_std, frequency_std : float
+        Standard errors where the noise is white with variance 1.
+    """
+
+    session: int
+    begin: int
+    end: int
+    frequency: float
+    cosine: float
+    sine: float
+    explained: float
+    amplitude_std: float
+    frequency_std: float
 
 
 @dataclass(frozen=True)
@@ -28,19 +60,15 @@ class Line:
 
     Attributes
     ----------
-    frequency : float
-        Hz.
-    frequency_ci95 : tuple of two floats
-        95 % interval, Hz.
-    amplitude : float
-        SI of the axis, in the session where the line stands out most.
-    amplitude_ci95 : tuple of two floats
-        95 % interval, SI.
+    frequency, frequency_ci95 : float, tuple of two floats
+        Hz, with its 95 % interval.
+    amplitude, amplitude_ci95 : float, tuple of two floats
+        SI of the axis, with its 95 % interval, in the session where it stands out most.
     p_value : float
         Probability that noise alone shows such a peak anywhere in the searched band.
-    waves : tuple of (frequency, cosine, sine)
-        One a session, in Hz and SI, phase counted from the session's middle; amplitudes 0 where the
-        session does not show the line.
+    waves : tuple of Wave
+        What is removed. More than one a session where frequency, phase or amplitude wander; then
+        `frequency` is the mean weighted with the power and `amplitude` the root mean square.
     """
 
     frequency: float
@@ -48,7 +76,7 @@ class Line:
     amplitude: float
     amplitude_ci95: tuple[float, float]
     p_value: float
-    waves: tuple[tuple[float, float, float], ...]
+    waves: tuple[Wave, ...]
 
     def subtract(self, layouts, values):
         """Return the values without the line; sessions that do not show it are not copied.
@@ -63,14 +91,15 @@ class Line:
         -------
         list of lists of ndarray
         """
-        result = []
-        for layout, stretches, wave in zip(layouts, values, self.waves, strict=True):
-            frequency, *amplitudes = wave
-            if any(amplitudes):
-                stretches = [np.array(x, float) for x in stretches]
-                for i, part, _, waves in _chunks(layout, frequency):
-                    stretches[i][part] -= amplitudes @ waves
-            result.append(list(stretches))
+        shown = {wave.session for wave in self.waves}
+        result = [
+            [np.array(x, float) if i in shown else x for x in stretches]
+            for i, stretches in enumerate(values)
+        ]
+        for wave in self.waves:
+            layout, parts = _cut(layouts[wave.session], result[wave.session], wave.begin, wave.end)
+            for i, part, _, waves in _chunks(layout, wave.frequency):
+                parts[i][part] -= np.array([wave.cosine, wave.sine]) @ waves
         return result
 
 
@@ -125,30 +154,23 @@ def find_line(layouts, values, spectrum, level):
     if _over_band(peaks[best][0], independent) > level:
         return None
     search = live[best]
-    wave = _fit_wave(layouts[best], values[best], peaks[best][1])
+    wave = _fit_wave(layouts[best], values[best], peaks[best][1], best)
     p_value = _over_band(search.chance(wave), independent)
     if p_value > level:
         return None
-    waves = [(wave.frequency, 0.0, 0.0)] * len(layouts)
-    waves[best] = (wave.frequency, wave.cosine, wave.sine)
+    waves = {best: _follow(layouts[best], values[best], wave, search.density(wave.frequency)[0])}
     for i in live.keys() - {best}:
         span = live[i].band.span
         reach = 1 / search.band.span + 1 / span + SAME_CLOCK * wave.frequency
-        ends = np.rint((wave.frequency + reach * np.array([-1, 1])) / live[i].band.step)
-        first = live[i].band.edges[0]
-        same = _fit_wave(layouts[i], values[i], live[i].highest(*ends.astype(int) - first))
+        near = _highest(layouts[i], values[i], wave.frequency, reach)
+        same = _fit_wave(layouts[i], values[i], near, i)
         if _over_band(live[i].chance(same), 2 * reach * span) <= level:
-            waves[i] = (same.frequency, same.cosine, same.sine)
-    density, freedom = search.density(wave.frequency)
-    error = stats.t.ppf(0.975, freedom) * np.sqrt(density * layouts[best].rate / 2)
-    amplitude = float(np.hypot(wave.cosine, wave.sine))
+            density = live[i].density(same.frequency)[0]
+            waves[i] = _follow(layouts[i], values[i], same, density)
     return Line(
-        frequency=wave.frequency,
-        frequency_ci95=_interval(wave.frequency, error * wave.frequency_std),
-        amplitude=amplitude,
-        amplitude_ci95=_interval(amplitude, error * wave.amplitude_std),
+        *_summary(waves[best], layouts[best].rate, *search.density(wave.frequency)),
         p_value=p_value,
-        waves=tuple(waves),
+        waves=tuple(wave for i in sorted(waves) for wave in waves[i]),
     )
 
 
@@ -274,17 +296,12 @@ class _Search:
             best[kind] = max(best.get(kind, (0.0, 0)), (peak / self.medians[near].max(), b))
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
         chance, b = min((_chance(x / 0.81, *kind), b) for kind, (x, b) in best.items())
-        return chance, self.highest(*edges[b : b + 2])
-
-    def highest(self, i, j):
-        """Return where the ratio is highest among its elements i to j, Hz, by a parabola."""
-        i = int(np.clip(i, 0, self.ratio.size - 1))
-        top = i + int(self.ratio[i : max(j, i + 1)].argmax())
+        top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
         place = float(top + self.band.edges[0])
         if 0 < top < self.ratio.size - 1:
             left, centre, right = np.log(self.ratio[top - 1 : top + 2].astype(float))
             place += np.clip((right - left) / (4 * centre - 2 * (left + right)), -0.5, 0.5)
-        return float(place * self.band.step)
+        return chance, place * self.band.step
 
     def chance(self, wave):
         """Return the chance of a peak as high as a fitted wave at one frequency."""
@@ -299,18 +316,6 @@ class _Search:
         sizes = self.band.sizes[near]
         scale = np.average(self.medians[near], weights=sizes) / log(2)
         return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
-
-
-@dataclass(frozen=True)
-class _Wave:
-    """Least-squares sinusoid; standard deviations are those for white noise of variance 1."""
-
-    frequency: float
-    cosine: float
-    sine: float
-    explained: float
-    amplitude_std: float
-    frequency_std: float
 
 
 def _band(layout):
@@ -360,8 +365,15 @@ def _search(layout, stretches, spectrum):
     return _Search(band, spectrum, power, medians) if medians.all() else None
 
 
-def _interval(value, half):
-    return float(value - half), float(value + half)
+def _cut(layout, stretches, begin, end):
+    """Return the layout and the values, as views, from sample `begin` to before `end`."""
+    kept = [
+        (max(a, begin), x[max(begin - a, 0) : max(end - a, 0)], level)
+        for a, x, level in zip(layout.starts, stretches, layout.levels, strict=True)
+        if a < end and a + len(x) > begin
+    ]
+    starts, parts, levels = zip(*kept, strict=True) if kept else ((), (), ())
+    return Layout(layout.rate, starts, tuple(len(x) for x in parts), levels), parts
 
 
 def _levels(layout):
@@ -437,7 +449,68 @@ def _over_band(chance, independent):
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
-def _fit_wave(layout, stretches, start):
+def _highest(layout, stretches, frequency, reach):
+    """Return the frequency of most power within `reach` of one, to 1/(16 span)."""
+    first, last = _extent(layout)
+    width = -(-(last - first + 1) // BINS)
+    level, counts = _levels(layout)
+    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
+    sums = np.zeros(BINS, complex)
+    for i, part, _, waves in _chunks(layout, frequency):
+        x = stretches[i][part] - mean[level[i]]
+        bins = np.arange(part.start, part.stop) + (layout.starts[i] - first)
+        bins //= width
+        for wave, unit in zip(waves, (1, -1j), strict=True):
+            sums += unit * np.bincount(bins, x * wave, BINS)
+    span = (last - first + 1) / layout.rate
+    offsets = np.linspace(-reach, reach, 2 * int(np.ceil(8 * reach * span)) + 1)
+    times = np.arange(BINS) * (width / layout.rate)
+    power = [abs(np.exp(-2j * np.pi * offset * times) @ sums) for offset in offsets]
+    return frequency + offsets[int(np.argmax(power))]
+
+
+def _follow(layout, stretches, wave, density):
+    """Return the waves of the parts, halved as long as the halves explain more than chance."""
+    middle = (wave.begin + wave.end) // 2
+    halves = []
+    for begin, end in ((wave.begin, middle), (middle, wave.end)):
+        part, x = _cut(layout, stretches, begin, end)
+        span = (end - begin) / layout.rate
+        if span * wave.frequency < PERIODS or sum(part.lengths) * 4 < end - begin:
+            return [wave]
+        near = _highest(part, x, wave.frequency, 2 / span)
+        halves.append(_fit_wave(part, x, near, wave.session))
+    more = sum(half.explained for half in halves) - wave.explained
+    if more < GAIN * density * layout.rate:
+        return [wave]
+    return [w for half in halves for w in _follow(layout, stretches, half, density)]
+
+
+def _summary(waves, rate, density, freedom):
+    """Return frequency, amplitude and their intervals, averaged over the parts of a session."""
+    variance = density * rate / 2
+    t = stats.t.ppf(0.975, freedom)
+    f, c, s, d_amplitude, d_frequency = np.array(
+        [(w.frequency, w.cosine, w.sine, w.amplitude_std, w.frequency_std) for w in waves]
+    ).T
+    share = d_amplitude**-2 / np.sum(d_amplitude**-2)
+    amplitude = np.sqrt(share @ (c**2 + s**2))
+    power = share * (c**2 + s**2) / amplitude**2
+    frequency = power @ f
+    a_error = t * np.sqrt(variance / np.sum(d_amplitude**-2))
+    f_error = t * np.sqrt(variance * np.sum((power * d_frequency) ** 2))
+    if len(waves) > 1:
+        scatter = np.sum(power**2 * (f - frequency) ** 2) * len(waves) / (len(waves) - 1)
+        f_error = max(f_error, stats.t.ppf(0.975, len(waves) - 1) * np.sqrt(scatter))
+    return (
+        float(frequency),
+        (float(frequency - f_error), float(frequency + f_error)),
+        float(amplitude),
+        (float(amplitude - a_error), float(amplitude + a_error)),
+    )
+
+
+def _fit_wave(layout, stretches, start, session):
     """Return the sinusoid beside levels and a slope, by Gauss-Newton from within 1/(4 span)."""
     first, last = _extent(layout)
     span = (last - first + 1) / layout.rate
@@ -455,7 +528,10 @@ def _fit_wave(layout, stretches, start):
             break
         frequency = float(np.clip(frequency + change, start - 1 / span, start + 1 / span))
     direction = np.array([0, cosine, sine, 0]) / np.hypot(cosine, sine)
-    return _Wave(
+    return Wave(
+        session=session,
+        begin=first,
+        end=last + 1,
         frequency=float(frequency + change),
         cosine=float(cosine),
         sine=float(sine),

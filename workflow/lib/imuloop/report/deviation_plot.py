@@ -4,19 +4,14 @@ from itertools import cycle
 
 import pandas as pd
 
+from imuloop.noise.views import DEVIATIONS, label
 from imuloop.report.allan_plot import curve
 from imuloop.report.numbers import missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.spectrum_plot import view
 from imuloop.report.svg import INK, PALETTE, Picture, decades, draw, write_csv
 
-WORDS = {"total": "total", "modified": "modified Allan", "hadamard": "Hadamard"}
-NOTE = (
-    "Different definitions: never compare one with another, nor its lowest part with B. Total: "
-    "Allan's with less scatter at the longest τ. Modified: tells white noise from quantisation. "
-    "Hadamard: blind to a ramp. M-sample: of M neighbouring means, grows with M for flicker and "
-    "walk; Allan is M = 2."
-)
+NOTE = "Different definitions: never compare one with another, nor its lowest part with B."
 
 
 def deviation_pictures(device, session, folder):
@@ -32,7 +27,7 @@ def deviation_pictures(device, session, folder):
         Where the CSV files go.
     """
     names = [] if session.views is None else list(dict.fromkeys(session.views["view"]))
-    found = {n: view(session, n) for n in names if n in WORDS or n.startswith("m_sample_")}
+    found = {n: view(session, n) for n in names if n in DEVIATIONS or n.startswith("m_sample_")}
     if not found:
         return []
     rows = pd.concat(found.values())
@@ -45,8 +40,9 @@ def deviation_pictures(device, session, folder):
 
 
 def words(name):
-    """Return how a deviation is called."""
-    return WORDS.get(name) or f"{name.removeprefix('m_sample_')}-sample"
+    """Return how a deviation is called: the part of its label before what it means."""
+    short = label(name).partition(" deviation")[0]
+    return short.replace("M-", f"{name.rpartition('_')[2]}-")
 
 
 def _picture(device, session, sensor, found, csv):
@@ -82,7 +78,8 @@ def _picture(device, session, sensor, found, csv):
         columns=3,
         sharey=True,
     )
-    return Picture(name, svg, caption, NOTE, (csv,), wide=True)
+    note = " ".join([NOTE, *(f"{label(n)}." for n in found)])
+    return Picture(name, svg, caption, note, (csv,), wide=True)
 
 
 def _finding(session, sensor, found):

@@ -165,51 +165,56 @@ def _check(device, sensor, fits):
     )
 
 
-def uncut_table(device):
-    """Return the coefficients with the disturbed stretches and without; None where none was cut."""
+def uncut_table(device, sensor):
+    """Return a sensor's coefficients with the disturbed stretches and without; None if not cut."""
     uncut = device.noise.get("uncut") or {}
     if not uncut.get("axes"):
         return None
-    rows, changes = [], []
-    for sensor, channels in SENSORS.items():
-        for key, quantity in list(quantities(sensor).items())[: len(COEFFICIENTS)]:
-            unit = quantity.sheet[0]
-            for axis, channel in zip(XYZ, channels, strict=True):
-                left, cut = (
-                    (axes.get(channel) or {}).get(key) or {}
-                    for axes in (uncut["axes"], device.noise["axes"])
-                )
-                if not left.get("identifiable") and not cut.get("identifiable"):
-                    continue
-                cells = [coefficient_text(c, unit.factor) for c in (left, cut)]
-                change = _change(left, cut)
-                rows.append((f"{sensor.capitalize()}, {key}, {axis}", unit.unit, *cells, change[1]))
-                if change[0]:
-                    words = f"{key} of the {sensor} {axis} would be read as {cells[0]} {unit.unit}"
-                    changes.append((abs(log(change[0])), f"{words}, not {cells[1]} ({change[1]})"))
+    rows, changes, hidden = [], [], []
+    known = quantities(sensor)
+    for key in COEFFICIENTS:
+        unit = known[key].sheet[0]
+        for axis, channel in zip(XYZ, SENSORS[sensor], strict=True):
+            left, cut = (
+                (axes.get(channel) or {}).get(key) or {}
+                for axes in (uncut["axes"], device.noise["axes"])
+            )
+            if missing(left.get("value")) and missing(cut.get("value")):
+                continue
+            cells = [coefficient_text(c, unit.factor) for c in (left, cut)]
+            ratio, told = _change(left, cut)
+            rows.append((f"{key}, {axis}", unit.unit, *cells, told))
+            if ratio:
+                words = f"{key} of {axis} would be read as {cells[0]} {unit.unit}, not {cells[1]}"
+                changes.append((abs(log(ratio)), f"{words} ({told})"))
+            elif missing(left.get("value")):
+                hidden.append(f"{key} of {axis}")
     if not rows:
         return None
     size, most = max(changes, default=(0.0, ""))
     if size < log(1.25):
-        most = "they would change no coefficient by more than a quarter"
+        most = "they would change no coefficient that is seen by more than a quarter"
+    lost = f", and would hide {joined(hidden)}" if hidden else ""
     seconds = with_unit(number(uncut.get("seconds")), "s")
     return Table(
-        "Coefficients with the disturbed stretches left in, and with them cut, value ± 1 σ",
-        ("Sensor, coefficient, axis", "Unit", "With the disturbance", "Cut (used)", "Changed by"),
+        f"{sensor.capitalize()}: coefficients with the disturbed stretches left in, and with them "
+        "cut, value ± 1 σ",
+        ("Coefficient, axis", "Unit", "With the disturbance", "Cut (used)", "Changed by"),
         tuple(rows),
         f"{seconds} of disturbed record were cut; what was cut keeps its place in time. Left in, "
-        f"{most}. “<”: not seen, below this number with 95 % confidence.",
+        f"{most}{lost}. “<”: not seen, below this number with 95 % confidence.",
     )
 
 
 def _change(left, cut):
-    """Return the ratio that a disturbance makes, None where unknown, and its words."""
-    value, limit = left.get("value"), cut.get("value")
-    bound = missing(limit)
+    """Return the ratio that a disturbance makes, None where it is not known, and its words."""
+    value = left.get("value")
     if missing(value):
         return None, "hidden by it"
-    limit = cut.get("upper95") if bound else limit
-    if missing(limit) or limit <= 0 or value <= 0:
+    bound = missing(cut.get("value"))
+    without = cut.get("upper95") if bound else cut["value"]
+    # below the limit nothing tells the two apart
+    if missing(without) or without <= 0 or value <= 0 or (bound and value <= without):
         return None, NO_NUMBER
-    ratio = value / limit
-    return ratio, f"{'> ' * (bound and ratio > 1)}{number(ratio, 2)} ×"
+    ratio = value / without
+    return ratio, f"{'> ' * bound}{number(ratio, 2)} ×"

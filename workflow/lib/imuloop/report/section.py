@@ -120,7 +120,7 @@ def content(device, figures):
         "deviations": [p for s in device.used for p in deviation_pictures(device, s, figures)],
         "coefficients": [coefficient_table(device, s) for s in SENSORS if device.noise],
         "coefficient_note": coefficient_note(device),
-        "uncut": uncut_table(device) if device.noise else None,
+        "uncut": [t for s in SENSORS if (t := uncut_table(device, s))],
         "stability": [stability_table(device, s) for s in SENSORS if device.noise],
         "statistics": statistics_tables(device),
         "heldout": heldout_table(device),

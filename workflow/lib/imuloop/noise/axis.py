@@ -1,0 +1,175 @@
+"""The noise of one axis: terms, humps and lines of its clean stretches."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imuloop.core.noise_model import AxisNoise, Coefficient, Sinusoid
+from imuloop.noise.layout import Layout
+from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.lines import find_line, mains
+from imuloop.noise.misfit import band, groups, misfit, weights
+from imuloop.noise.modes import modes
+from imuloop.noise.needed import needed_seconds
+from imuloop.noise.processes import NAMES, densities, gauss_markov_density
+from imuloop.noise.terms import Search, Terms
+
+# lines at most
+LINES = 8
+# ends of a normal interval, standard errors
+TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
+# fewer values cannot carry five terms and a test of the misfit
+MIN_VALUES = 16
+
+
+@dataclass(frozen=True)
+class AxisEstimate:
+    """Result of `estimate_axis`.
+
+    Attributes
+    ----------
+    noise : AxisNoise
+        The coefficients, tested, with intervals or limits.
+    misfit : float
+        Largest relative standard deviation by which the spectrum leaves the terms beyond chance
+        over half a decade; 0 where chance is enough. It is part of all intervals.
+    band_hz : float
+        Highest frequency that counts; below half the rate where a filter took power, Hz.
+    """
+
+    noise: AxisNoise
+    misfit: float
+    band_hz: float
+
+
+def estimate_record(x, rate, settings):
+    """Return the AxisEstimate of one unbroken record `x`, shape (n,), of `rate` in Hz."""
+    layout = Layout(rate, (0,), (len(x),), (0,))
+    return estimate_axis([layout], modes([layout]), [[np.asarray(x, float)]], settings)
+
+
+def estimate_axis(layouts, basis, values, settings):
+    """Estimate the noise of one axis.
+
+    Lines are found and taken out one by one, each against the noise that is fitted beside those
+    found before. Then octaves at the top that a filter has emptied are left out, and the terms
+    are chosen (`terms.Search`). Where the spectrum leaves them beyond chance, frequencies
+    that hold many values count less, and the terms are chosen once more.
+
+    Parameters
+    ----------
+    layouts : sequence of Layout
+        One a session.
+    basis : Modes
+        Of the same sessions.
+    values : list of list of ndarray
+        Samples of each stretch of each session, SI.
+    settings : NoiseSettings
+        Levels of the tests.
+
+    Returns
+    -------
+    AxisEstimate
+        Without any term where there are under 16 values, or nothing but zeros.
+    """
+    if basis.count.sum() < MIN_VALUES:
+        return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
+    lines = []
+    slow, fast = basis.amplitudes(values)
+    if not (slow.any() or fast.any()):
+        return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
+    while len(lines) < LINES:
+        search = _search(basis, slow, fast, basis.count, settings)
+        terms = search.select()
+        line = find_line(layouts, values, _density(search, terms), settings.hump_significance)
+        if line is None:
+            break
+        lines.append(line)
+        values = line.subtract(layouts, values)
+        slow, fast = basis.amplitudes(values)
+
+    highest = _highest(search)
+    count = np.where(basis.frequency <= highest, basis.count, 0.0)
+    number = groups(basis.frequency, basis.count)
+    search = _search(basis, slow, fast, count, settings)
+    terms = search.select()
+    epsilon = _misfit(search, terms, count, number, settings.significance)
+    if epsilon.any():
+        search = _search(basis, slow, fast, count * weights(epsilon, count, number), settings)
+        terms = search.select()
+    noise = search.noise(terms)
+    noise = replace(
+        noise,
+        **_lengths(noise, search, terms, settings),
+        sinusoid=tuple(_sinusoid(line, 1 / basis.dt) for line in lines),
+    )
+    return AxisEstimate(noise, float(epsilon.max()), highest)
+
+
+def _search(basis, slow, fast, count, settings):
+    likelihood = Likelihood(slow, fast, count, basis.ramp)
+    return Search(basis, likelihood, settings.significance, settings.hump_significance)
+
+
+def _sinusoid(line, rate):
+    """Return a line with its intervals, the one-sided limit from the same normal errors."""
+
+    def coefficient(value, interval):
+        upper = value + (interval[1] - value) * ONE_SIDED / TWO_SIDED
+        return Coefficient(value, interval, upper, True)
+
+    return Sinusoid(
+        coefficient(line.amplitude, line.amplitude_ci95),
+        coefficient(line.frequency, line.frequency_ci95),
+        mains(line.frequency, rate),
+    )
+
+
+def _density(search, terms):
+    """Return the one-sided density of fitted terms as a function of frequency, SI^2/Hz."""
+    fit, dt = search.fit(terms), search.modes.dt
+    theta = dict(zip((*terms.names, *terms.times), fit.theta, strict=True))
+
+    def density(frequency):
+        total = densities(frequency, dt) @ [theta.get(name, 0.0) for name in NAMES]
+        for tc in terms.times:
+            total += theta[tc] * gauss_markov_density(frequency, dt, tc)
+        return 2 * total
+
+    return density
+
+
+def _highest(search):
+    """Return the highest frequency of the band that no filter has touched, Hz."""
+    basis, likelihood = search.modes, search.likelihood
+    plain = search.units(Terms(NAMES))
+
+    def predict(rows):
+        fit = replace(likelihood, count=np.where(rows, likelihood.count, 0.0)).fit(plain, True)
+        return np.maximum(plain @ fit.theta, np.finfo(float).tiny)
+
+    return band(basis.frequency, basis.count, likelihood.power(), predict)
+
+
+def _misfit(search, terms, count, number, level):
+    """Return by how much each group of frequencies leaves the fitted terms."""
+    fit = search.fit(terms)
+    ratio = search.likelihood.power(fit.ramp) / (search.units(terms) @ fit.theta)
+    return misfit(ratio, count, number, len(terms), level)
+
+
+def _lengths(noise, search, terms, settings):
+    """Return the coefficients that are not supported, with the record that would show them."""
+    fit = search.fit(terms)
+    theta = dict(zip((*terms.names, *terms.times), fit.theta, strict=True))
+    squares = [theta.get(name, 0.0) for name in NAMES]
+    processes = [(theta[tc], tc) for tc in terms.times]
+    lengths = {}
+    for name in (*NAMES, "R"):
+        c = getattr(noise, name)
+        if not c.identifiable and c.upper95:
+            seconds = needed_seconds(
+                name, c.upper95, squares, processes, search.modes.dt, settings.significance
+            )
+            lengths[name] = replace(c, needed_s=seconds)
+    return lengths

@@ -1,0 +1,114 @@
+"""Where a spectrum leaves its model: a band that a filter emptied, and what counts less."""
+
+import numpy as np
+from scipy.special import polygamma, psi
+from scipy.stats import chi2
+
+# rows are compared with the model in groups of at least so many values, at most so many a decade
+VALUES, GROUPS = 8, 24
+# groups over which a misfit keeps its sign and its size: half a decade
+TOGETHER = GROUPS // 2
+# octaves at the top that a filter may have taken, and the share of power that has to be lacking
+OCTAVES, LACKING = 5, 0.25
+# values of a top octave that make a lack significant, standard errors
+SIGNIFICANT = 4.0
+
+
+def groups(frequency, count):
+    """Return the number of the group of each row; 0 for the lowest frequencies."""
+    number = np.empty(len(frequency), dtype=int)
+    group, values, first = -1, VALUES, 0.0
+    for row in np.argsort(frequency, kind="stable"):
+        if values >= VALUES and frequency[row] >= first * 10 ** (1 / GROUPS):
+            group, values, first = group + 1, 0, frequency[row]
+        number[row] = group
+        values += count[row]
+    return number
+
+
+def misfit(ratio, count, number, terms, level):
+    r"""Return the relative misfit of a spectrum in each group, 0 where chance is enough.
+
+    Power over expected power r of n values is a chi-square over n: its logarithm has the mean
+    :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean
+    square in the groups around (half a decade to each side) beyond that variance is
+    :math:`\epsilon^2`, where that is no chance.
+
+    Parameters
+    ----------
+    ratio : ndarray, shape (r,)
+        Mean square over the expected one, 1.
+    count : ndarray, shape (r,)
+        Values behind each row; 0 where it was left out.
+    number : ndarray of int, shape (r,)
+        Group of each row.
+    terms : int
+        Terms that were fitted.
+    level : float
+        Level of the test of the whole spectrum.
+
+    Returns
+    -------
+    ndarray, shape (g,)
+        Standard deviation by which each group leaves the model, 1; zeros where the whole spectrum
+        does not leave it.
+    """
+    n = np.bincount(number, count)
+    used = n > 0
+    half = np.where(used, n, 2.0) / 2
+    r = np.bincount(number, count * ratio) / np.maximum(n, 1)
+    logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
+    variance = polygamma(1, half)
+    square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
+    dof = used.sum() - terms
+    if dof < 2 or chi2.sf((square / variance)[used].sum(), dof) >= level:
+        return np.zeros(len(n))
+
+    def around(values):
+        total = np.concatenate([[0.0], np.cumsum(np.where(used, values, 0.0))])
+        place = np.arange(len(n))
+        low = np.maximum(place - TOGETHER, 0)
+        return total[np.minimum(place + TOGETHER + 1, len(n))] - total[low]
+
+    near = np.maximum(around(1.0), 1)
+    chance = chi2.isf(level / 10, near)
+    excess = np.maximum(around(square - variance) / near, 0.0)
+    return np.sqrt(np.where(around(square / variance) > chance, excess, 0.0))
+
+
+def weights(epsilon, count, number):
+    """Return the weight of each row: a misfit counts as one error of half a decade."""
+    n = np.bincount(number, count)
+    return (1 / (1 + TOGETHER * epsilon**2 * n / 2))[number]
+
+
+def band(frequency, count, power, predict):
+    """Return the highest frequency below which no octave lacks power.
+
+    An octave at the top is predicted from all that lies below it. Where it lacks more than a
+    quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
+
+    Parameters
+    ----------
+    frequency, count, power : ndarray, shape (r,)
+        Of each row: Hz, values, SI squared.
+    predict : callable
+        Takes a mask of rows, returns the spectrum fitted to these, shape (r,).
+
+    Returns
+    -------
+    float
+        Hz.
+    """
+    highest = frequency.max()
+    for _ in range(OCTAVES):
+        below = frequency <= highest / 2
+        top = ~below & (frequency <= highest)
+        n = count[top].sum()
+        if count[below].sum() < VALUES * GROUPS or not n:
+            break
+        share = count[top] @ (power[top] / predict(below)[top]) / n
+        if share > 1 - max(LACKING, SIGNIFICANT * np.sqrt(2 / n)):
+            break
+        highest /= 2
+    return float(highest)

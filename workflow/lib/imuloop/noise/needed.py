@@ -1,0 +1,77 @@
+"""How long a record would have to be to show a term."""
+
+import numpy as np
+from scipy.stats import norm
+
+from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.processes import NAMES, densities, gauss_markov_density
+
+# chance with which the term would be found
+POWER = 0.9
+# bins a decade, and the longest record worth naming: a year, s
+BINS, LONGEST = 12, 3.2e7
+
+
+def needed_seconds(name, value, theta, processes, dt, level):
+    r"""Return the length of an unbroken record in which a term would be found nine times in ten.
+
+    The record's expected spectrum with the term is fitted without it. The root of twice the loss
+    of log-likelihood is normal about its expectation, so that it has to reach
+    :math:`z_{1-\alpha} + z_{0.9}`.
+
+    Parameters
+    ----------
+    name : str
+        Q, N, B, K or R.
+    value : float
+        Size of the term, SI.
+    theta : ndarray, shape (4,)
+        Squares of Q, N, B, K of the record; that of the term itself counts as 0.
+    processes : sequence of (float, float)
+        Variance, SI squared, and correlation time, s, of Gauss-Markov processes.
+    dt : float
+        Interval of the samples, s.
+    level : float
+        Level of the test.
+
+    Returns
+    -------
+    float or None
+        Seconds, to a tenth; None where no record that can be made would show it.
+    """
+    wanted = norm.isf(level / 2 if name == "R" else level) + norm.ppf(POWER)
+
+    def shown(seconds):
+        return _expected_root(name, value, theta, processes, dt, seconds / dt) >= wanted
+
+    lengths = 100 * dt * 1.1 ** np.arange(np.log(LONGEST / (100 * dt)) / np.log(1.1))
+    low, high = 0, len(lengths)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if shown(lengths[middle]) else (middle + 1, high)
+    return float(lengths[low]) if low < len(lengths) else None
+
+
+def _expected_root(name, value, theta, processes, dt, n):
+    """Return the root of twice the expected loss of log-likelihood in a record of n samples."""
+    edges = np.unique(np.rint(np.geomspace(1, n, int(BINS * np.log10(n)))).astype(np.int64))
+    count = np.diff(edges).astype(float)
+    k = np.sqrt(edges[:-1] * (edges[1:] - 1.0))
+    frequency = k / (2 * n * dt)
+    units = densities(frequency, dt) / dt
+    base = sum(
+        (v * gauss_markov_density(frequency, dt, tc) / dt for v, tc in processes), np.zeros(len(k))
+    )
+    own = NAMES.index(name) if name in NAMES else -1
+    others = [i for i in range(4) if i != own]
+    spectrum = base + units[:, others] @ np.asarray(theta)[others]
+    if name == "R":
+        # odd modes hold a ramp: |c_k| = 2 dt sqrt(2 n^3) / (pi k)^2; half of all are odd
+        square = 8 * dt**2 * n**3 / (np.pi * k) ** 4 * np.where(count > 1, count / 2, k % 2)
+        return value * np.sqrt((square / spectrum).sum())
+    spectrum = spectrum + value**2 * units[:, own]
+    likelihood = Likelihood(np.zeros(0), spectrum, count, np.zeros(0))
+    # white noise, flicker and walk stay free, as in the intervals
+    free = [i for i in others if theta[i] > 0 or NAMES[i] != "Q"]
+    fit = likelihood.fit(units[:, free], fixed=base)
+    return np.sqrt(2 * max(likelihood.value(spectrum, spectrum) - fit.value, 0.0))

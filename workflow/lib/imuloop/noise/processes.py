@@ -1,0 +1,128 @@
+"""The noise processes: covariance of samples, of block means, and spectral density."""
+
+import numpy as np
+
+# the variances that a spectrum is a sum of: squares of Q, N, B, K
+NAMES = ("Q", "N", "B", "K")
+
+
+def sample_covariances(n, dt):
+    r"""Return the covariance of samples for unit coefficients.
+
+    At a lag of d samples
+
+    - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
+    - white: :math:`1/\Delta t` at d = 0;
+    - flicker, as means over :math:`\Delta t`: :math:`-\Delta^2 [d^2 \ln|d|]/2\pi`, with
+      :math:`\Delta^2` the second difference;
+    - walk with steps of :math:`K\sqrt{\Delta t}` a sample: :math:`-|d| \Delta t/2`.
+
+    Those of flicker and walk are generalised: they hold for contrasts, sums with weights that
+    add up to zero.
+
+    Parameters
+    ----------
+    n : int
+        Number of lags, from 0.
+    dt : float
+        Interval of the samples, s.
+
+    Returns
+    -------
+    ndarray, shape (4, n)
+        For Q, N, B, K, SI.
+
+    References
+    ----------
+    IEEE Std 952-1997, annex C; handbook definition of B by the density B^2/(2 pi |f|).
+    """
+    d = np.arange(n)
+    covariance = np.zeros((4, n))
+    covariance[0, :2] = (np.array([2.0, -1.0]) / dt**2)[:n]
+    covariance[1, 0] = 1 / dt
+    covariance[2] = _flicker(d)
+    covariance[3] = -d * dt / 2
+    return covariance
+
+
+def mean_covariances(starts, m, dt):
+    """Return the covariance of means over blocks of m samples for unit coefficients.
+
+    Parameters
+    ----------
+    starts : ndarray of int, shape (k,)
+        First sample of each block; blocks do not overlap.
+    m : int
+        Samples of a block.
+    dt : float
+        Interval of the samples, s.
+
+    Returns
+    -------
+    ndarray, shape (4, k, k)
+        For Q, N, B, K, SI; the same processes as in `sample_covariances`.
+    """
+    d = np.abs(np.subtract.outer(starts, starts))
+    own = d == 0
+    quantisation = (2.0 * own - (d == m)) / (m * dt) ** 2
+    walk = np.where(own, -(m * m - 1) / (6 * m), -d / 2) * dt
+    return np.stack([quantisation, own / (m * dt), _flicker(d / m), walk])
+
+
+def gauss_markov_samples(n, dt, tc):
+    """Return the covariance of samples of a Gauss-Markov process of variance 1, shape (n,)."""
+    return np.exp(-np.arange(n) * dt / tc)
+
+
+def gauss_markov_means(starts, m, dt, tc):
+    """Return the covariance of block means of a Gauss-Markov process of variance 1, (k, k)."""
+    d = np.abs(np.subtract.outer(starts, starts))
+    # 1 - phi^n without cancellation where the process is slow
+    phi, one_less, whole = np.exp(-dt / tc), -np.expm1(-dt / tc), -np.expm1(-m * dt / tc)
+    own = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2
+    apart = np.exp(-np.maximum(d - m + 1, 0) * dt / tc) * (whole / one_less) ** 2 / m**2
+    return np.where(d == 0, own, apart)
+
+
+def densities(frequency, dt):
+    r"""Return two-sided spectral densities of sampled noise for unit coefficients.
+
+    With :math:`\omega = 2\pi f \Delta t`: quantisation :math:`2 - 2\cos\omega`, white 1, flicker
+    :math:`1/2\pi f`, walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
+
+    Parameters
+    ----------
+    frequency : array_like, shape (k,)
+        Above 0 up to half the rate, Hz.
+    dt : float
+        Interval of the samples, s.
+
+    Returns
+    -------
+    ndarray, shape (k, 4)
+        For Q, N, B, K, SI^2/Hz.
+
+    References
+    ----------
+    IEEE Std 952-1997, annex C.
+    """
+    frequency = np.asarray(frequency, float)
+    chord = 4 * np.sin(np.pi * frequency * dt) ** 2
+    flicker = 1 / (2 * np.pi * frequency)
+    return np.column_stack([chord, np.ones_like(chord), flicker, dt**2 / chord])
+
+
+def gauss_markov_density(frequency, dt, tc):
+    """Return the two-sided density of a sampled Gauss-Markov process of variance 1, 1/Hz."""
+    phi = np.exp(-dt / tc)
+    chord = 4 * np.sin(np.pi * np.asarray(frequency, float) * dt) ** 2
+    return dt * -np.expm1(-2 * dt / tc) / (np.expm1(-dt / tc) ** 2 + phi * chord)
+
+
+def _flicker(x):
+    """Return the generalised covariance of flicker means at a distance of x of their lengths."""
+
+    def k(x):
+        return x**2 * np.log(np.where(x > 0, x, 1.0)) / (2 * np.pi)
+
+    return 2 * k(x) - k(x + 1) - k(np.abs(x - 1))

@@ -1,0 +1,202 @@
+"""Clean stretches of a device's sessions, which its noise is estimated from."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.core.segments import DISTURBED, STATIC
+from imuloop.noise.layout import Layout
+
+# sessions pool into one estimate where their rates agree within this share
+RATE_TOLERANCE = 0.01
+# spread of the sampling interval that is worth a note, share of its mean
+JITTER = 0.05
+# range of temperature that is worth a note, K
+TEMPERATURE_RANGE = 2.0
+
+
+@dataclass(frozen=True)
+class Session:
+    """One session of a device.
+
+    Attributes
+    ----------
+    name : str
+        Name in the config.
+    kind : str
+        'static', 'six_position' or 'multi_position'.
+    samples : DataFrame or Columns
+        Samples, SI; empty where the session was rejected.
+    segments : DataFrame
+        Segments of these samples.
+    """
+
+    name: str
+    kind: str
+    samples: object
+    segments: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Record:
+    """Stretches of a session as slices of its samples.
+
+    Attributes
+    ----------
+    session : Session
+        Whose samples.
+    slices : tuple of slice
+        One a stretch.
+    layout : Layout
+        Where in time they lie.
+    jitter : float
+        Spread of the sampling interval, share of its mean.
+    """
+
+    session: Session
+    slices: tuple[slice, ...]
+    layout: Layout
+    jitter: float
+
+    @property
+    def rate(self):
+        """Mean sampling rate, Hz."""
+        return self.layout.rate
+
+    @property
+    def lengths(self):
+        """Samples of each stretch, shape (s,)."""
+        return np.array(self.layout.lengths)
+
+    def stretches(self, column):
+        """Return the values of a column, an array a stretch."""
+        x = np.asarray(self.session.samples[column])
+        return [x[s] for s in self.slices]
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """Rests of one session, and what lies between them.
+
+    Attributes
+    ----------
+    session : Session
+        Whose.
+    """
+
+    session: Session
+
+    @cached_property
+    def t(self):
+        """Times of all samples, s, shape (n,)."""
+        return np.asarray(self.session.samples[TIME])
+
+    def record(self, disturbed=False):
+        """Return the Record of all rests with two samples or more; None without any.
+
+        A stretch of a static session has the level of the one before it, unless a disturbance
+        lies between; the rests of other sessions have levels of their own.
+
+        Parameters
+        ----------
+        disturbed : bool
+            Whether disturbed stretches stay in, and one level holds all through.
+        """
+        segments, t = self.session.segments, self.t
+        wanted = [STATIC, DISTURBED] if disturbed else [STATIC]
+        used = segments[segments["kind"].isin(wanted)].sort_values("start_s")
+        start, end = (used[c].to_numpy(dtype=float) for c in ("start_s", "end_s"))
+        first, last = np.searchsorted(t, start), np.searchsorted(t, end)
+        broken = np.ones(len(used), dtype=bool)
+        if self.session.kind == "static":
+            ends = segments.loc[segments["kind"] == DISTURBED, "end_s"].to_numpy(dtype=float)
+            before = np.searchsorted(np.sort(ends), start, side="right")
+            broken = np.diff(before, prepend=-1) > 0 if not disturbed else np.arange(len(used)) == 0
+        level = np.cumsum(broken) - 1
+        if disturbed:
+            first, last, level = _joined(first, last, level)
+        kept = last - first > 1
+        first, last, level = first[kept], last[kept], level[kept]
+        if not len(first):
+            return None
+        interval = np.concatenate([np.diff(t[i:j]) for i, j in zip(first, last, strict=True)])
+        rate = 1 / interval.mean()
+        layout = Layout(
+            float(rate),
+            tuple(np.rint((t[first] - t[0]) * rate).astype(int).tolist()),
+            tuple((last - first).tolist()),
+            tuple(level.tolist()),
+        )
+        slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
+        return Record(self.session, slices, layout, float(interval.std() / interval.mean()))
+
+
+def _joined(first, last, level):
+    """Return stretches that follow each other without a gap as one."""
+    new = np.r_[True, first[1:] > last[:-1]]
+    return first[new], last[np.r_[new[1:], True]], level[new]
+
+
+def static_cuts(sessions, notes):
+    """Return the Cuts of each static session that holds a rest, else note that it holds none."""
+    found = []
+    for session in sessions:
+        if session.kind != "static":
+            continue
+        cuts = Cuts(session)
+        if not len(session.samples) or cuts.record() is None:
+            notes.append(f"static session {session.name} holds no rest and is left out")
+        else:
+            found.append(cuts)
+    return found
+
+
+def all_rests(sessions, notes):
+    """Return a Record of each session that holds a rest, and note what rests cannot tell."""
+    records = [Cuts(s).record() for s in sessions if s.kind != "static" and len(s.samples)]
+    records = [record for record in records if record is not None]
+    if records:
+        count = sum(len(record.slices) for record in records)
+        seconds = max(record.lengths.max() / record.rate for record in records)
+        notes.append(
+            f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
+            f"changes the output over more than {seconds / 3:.2g} s (flicker, walk, ramp) is not "
+            "seen there and only limited from above"
+        )
+    return records
+
+
+def one_rate(records, notes):
+    """Return the records that share the rate of the largest one."""
+    largest = max(records, key=lambda record: record.lengths.sum())
+    kept = []
+    for record in records:
+        if abs(record.rate / largest.rate - 1) <= RATE_TOLERANCE:
+            kept.append(record)
+        else:
+            notes.append(
+                f"session {record.session.name} has {record.rate:.4g} Hz and is left out beside "
+                f"{largest.session.name} with {largest.rate:.4g} Hz"
+            )
+    return kept
+
+
+def note_conditions(record, notes):
+    """Note jitter and temperature of a record."""
+    name = record.session.name
+    if record.jitter > JITTER:
+        notes.append(
+            f"session {name}: sampling interval scatters by {100 * record.jitter:.2g} %; the "
+            "estimate takes the mean rate"
+        )
+    if TEMPERATURE in record.session.samples:
+        temperature = np.concatenate(record.stretches(TEMPERATURE))
+        low, high = np.nanmin(temperature), np.nanmax(temperature)
+        if high - low > TEMPERATURE_RANGE:
+            notes.append(
+                f"session {name}: temperature went from {low:.1f} to {high:.1f} degC; B, K and R "
+                "hold the bias' dependence on it"
+            )
