@@ -108,6 +108,14 @@ ONE_FAULT = {
         session(SOUND, "segment: {windows: 1},"),
         "devices.imu.segment.windows: unknown key; did you mean 'window_s'?",
     ),
+    "view": (
+        session(SOUND, "noise: {views: [psd, hadamrd]},"),
+        "devices.imu.noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?",
+    ),
+    "one sample": (
+        session(SOUND, "noise: {m_samples: [3, 1]},"),
+        "devices.imu.noise.m_samples.1: 1 is less than the minimum of 2",
+    ),
     "missing key": (
         session("file: poses.csv"),
         "devices.imu.sessions.a.kind: missing; a needs it",

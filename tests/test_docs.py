@@ -261,11 +261,12 @@ def test_every_setting_is_told_with_its_default(stage):
     fields = dataclasses.fields(SETTINGS[stage])
     assert list(told) == [field.name for field in fields]
     for field in fields:
-        if isinstance(field.default, str):
-            assert told[field.name] == field.default
+        default = np.atleast_1d(field.default)
+        if default.dtype.kind == "U" or not default.size:
+            assert told[field.name] == (", ".join(default) or "none")
         else:
             values = [float(value) for value in told[field.name].split(",")]
-            np.testing.assert_allclose(values, np.atleast_1d(field.default), rtol=1e-3)
+            np.testing.assert_allclose(values, default, rtol=1e-3)
 
 
 def test_every_effect_is_told():

@@ -214,7 +214,8 @@ def interval(name, lengths, factors, variance):
 
 def _exponents(name, factors, variance):
     """Return the exponent alpha of S(f) ~ f^alpha at each point, from the slope -1 - alpha."""
-    decades, logarithm = np.log10(factors), np.log10(variance)
+    decades = np.log10(factors)
+    logarithm = np.log10(variance, out=np.full(len(decades), np.nan), where=variance > 0)
     exponents = np.zeros(len(decades), dtype=int)
     for i, here in enumerate(decades):
         near = (np.abs(decades - here) <= SLOPE_DECADES) & np.isfinite(logarithm)

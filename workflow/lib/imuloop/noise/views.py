@@ -50,7 +50,7 @@ TRANSFORM, PIECE, BLOCK = 1 << 17, 1 << 16, 1 << 15
 def label(view):
     """Return the words for a view of views.parquet, 'm_sample_3' among them."""
     name, _, samples = view.partition("m_sample_")
-    return VIEWS[name] if name else VIEWS["m_sample"].replace("of M ", f"of {samples} ")
+    return VIEWS[name] if name else VIEWS["m_sample"].replace("M", samples, 2)
 
 
 def views(layout, values, axis, settings):
@@ -77,7 +77,7 @@ def views(layout, values, axis, settings):
     """
     tables = [
         _table(view, axis, *_view(view, layout, values, settings))
-        for view in (*settings.views, *(f"m_sample_{m}" for m in settings.m_samples))
+        for view in dict.fromkeys([*settings.views, *(f"m_sample_{m}" for m in settings.m_samples)])
     ]
     return pd.concat([empty(), *tables], ignore_index=True)
 
