@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import chi2
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.noise.views import label
@@ -203,19 +204,29 @@ def test_humps_are_told_where_they_are_seen(board, record, tmp_path):
     assert "hump of a Gauss–Markov process, T = 30.0 s (x)." in gyroscope.caption
 
 
-def test_a_model_that_holds_is_said_to_hold(board, record, tmp_path):
+@pytest.mark.parametrize("seed", range(4))
+def test_chance_is_no_finding_and_a_true_departure_is(board, record, tmp_path, seed):
+    rng, edf = np.random.default_rng(seed), 8
     model = AxisNoise.from_dict(board.noise["axes"]["gz"])
-    f = np.geomspace(0.01, RATE / 2, 50)
-    rows = [
-        ("psd", axis, x, s, 0.8 * s, 1.2 * s)
-        for axis in SENSORS["gyroscope"]
-        for x, s in zip(f, model.density(f, RATE), strict=True)
-    ]
-    views = pd.DataFrame(rows, columns=["view", "axis", "x", "value", "ci_low", "ci_high"])
-    axes = {a: board.noise["axes"]["gz"] for a in board.noise["axes"]}
-    device = with_noise(board, axes=axes)
+    f = np.geomspace(0.01, RATE / 4, 300)
+    tables = []
+    for axis in SENSORS["gyroscope"]:
+        s = model.density(f, RATE) * rng.chisquare(edf, len(f)) / edf
+        ends = (s * edf / chi2.ppf(p, edf) for p in (0.975, 0.025))
+        columns = zip(("x", "value", "ci_low", "ci_high"), (f, s, *ends), strict=True)
+        tables.append(pd.DataFrame({"view": "psd", "axis": axis, **dict(columns)}))
+    views = pd.concat(tables, ignore_index=True)
+    device = with_noise(board, axes={a: board.noise["axes"]["gz"] for a in board.noise["axes"]})
     (picture,) = density_pictures(device, replace(record, views=views), tmp_path)
-    assert "keeps within 25 % of the 95 % bands" in picture.caption
+    assert "keeps within 10\u202f% of the model" in picture.caption
+    hump = (views["axis"] == "gy") & views["x"].between(0.2, 0.5)
+    views.loc[hump, ["value", "ci_low", "ci_high"]] *= 3
+    (picture,) = density_pictures(device, replace(record, views=views), tmp_path)
+    found = re.search(
+        r"most at ([\d.]+) to ([\d.]+)\u202fHz \(y\), with ([\d.]+) times", picture.caption
+    )
+    low, high, ratio = map(float, found.groups())
+    assert 0.15 < low < high < 0.6 and ratio == pytest.approx(3, rel=0.4)
 
 
 def test_autocorrelation_begins_after_lag_zero_and_ends_where_chance_does(board, record, tmp_path):

@@ -5,7 +5,7 @@ import pandas as pd
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.report.noise_units import quantities
-from imuloop.report.numbers import coefficient_text, joined, number, with_unit
+from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.svg import AXES, GRID, INK, Picture, decades, draw, write_csv
 
@@ -21,8 +21,9 @@ CORRELATION_NOTE = (
     "of white noise would lie. Quantisation: −½ at the first lag; a slow fall: flicker, walk or a "
     "Gauss–Markov process; a wave: a line."
 )
-# departure of the measured density from the model that is worth a word, beyond its interval
-DEPARTURE = 1.25
+# departure of the measured density from the model that is worth a word: this factor of power, in
+# so many neighbouring points, and so many standard deviations that hundreds of groups have none
+DEPARTURE, NEIGHBOURS, SURE = 1.1, 10, 5.0
 
 
 def density_pictures(device, session, folder):
@@ -111,6 +112,7 @@ def _density(device, session, sensor, curves, csv):
         ax.set_ylabel(f"power spectral density, ({UNITS[sensor]})²/Hz")
         ax.legend(handles, XYZ, loc="best", ncols=3)
 
+    departure = _departure(curves, band or np.inf)
     unit = quantities(sensor)["N"].sheet[0]
     axes = device.noise.get("axes") or {}
     white = [coefficient_text((axes.get(c) or {}).get("N"), unit.factor) for c in SENSORS[sensor]]
@@ -120,7 +122,7 @@ def _density(device, session, sensor, curves, csv):
     ]
     caption = (
         f"{session.name}, {sensor}: N {', '.join(white)} {unit.unit} (x, y, z); "
-        f"{'lines at ' + joined(named) + '; ' if named else ''}{_departure(curves)}."
+        f"{'lines at ' + joined(named) + '; ' if named else ''}{departure}."
     )
     lowest = "; ".join(
         f"{axis} {rows['value'].iloc[0]:.3g} at {rows['x'].iloc[0]:.3g} Hz, "
@@ -131,7 +133,7 @@ def _density(device, session, sensor, curves, csv):
     name = f"{device.name}.{session.name}.psd_{sensor}"
     alt = (
         f"Power spectral density in ({UNITS[sensor]})²/Hz, {sensor}, session {session.name}: "
-        f"{lowest}; {_departure(curves)}"
+        f"{lowest}; {departure}"
     )
     svg = draw(name, alt, 440, 300, plot)
     return Picture(name, svg, caption, DENSITY_NOTE, (csv,))
@@ -155,23 +157,32 @@ def _band(device, sensor):
     return max((b for b in bands if b), default=None)
 
 
-def _departure(curves):
-    """Return where the measured density leaves the model most, its interval taken into account."""
-    worst = (1.0, "")
-    for axis, rows in curves.items():
-        rows = rows[rows["model"] > 0]
-        beyond = np.maximum(rows["ci_low"] / rows["model"], rows["model"] / rows["ci_high"])
-        if len(rows) and beyond.max() > worst[0]:
-            at = rows.loc[beyond.idxmax()]
-            words = (
-                f"the record leaves the model most at {with_unit(number(at['x']), 'Hz')} ({axis}), "
-                f"with {number(at['value'] / at['model'], 2)} times its power"
-            )
-            worst = (beyond.max(), words)
-    if not any((rows["model"] > 0).any() for rows in curves.values()):
+def _departure(curves, highest):
+    """Return where the measured density leaves the model most, as far as chance lets one tell."""
+    known = {axis: rows[rows["model"] > 0] for axis, rows in curves.items()}
+    if not any(map(len, known.values())):
         return "no model to compare it with"
-    close = f"the model keeps within {DEPARTURE - 1:.0%} of the 95 % bands at every frequency"
-    return worst[1] if worst[0] > DEPARTURE else close.replace("%", " %", 1)
+    worst = (
+        np.log(DEPARTURE),
+        f"the record keeps within {percent(DEPARTURE - 1)} of the model, chance left aside",
+    )
+    for axis, rows in known.items():
+        rows = rows[rows["x"] <= highest]
+        # neighbours together: of hundreds of points some leave their intervals by chance
+        for _, part in rows.groupby(np.arange(len(rows)) // NEIGHBOURS):
+            # of the estimate over the truth, from the width of the interval
+            variance = (np.log(part["ci_high"] / part["ci_low"]) / 3.92) ** 2
+            ratio = np.average(part["value"] / part["model"], weights=1 / variance)
+            excess = abs(ratio - 1) * np.sqrt((1 / variance).sum())
+            size = abs(np.log(ratio))
+            if excess > SURE and size > worst[0]:
+                ends = f"{number(part['x'].min())} to {number(part['x'].max())}"
+                worst = (
+                    size,
+                    f"the record leaves the model most at {with_unit(ends, 'Hz')} ({axis}), with "
+                    f"{number(ratio, 2)} times its power",
+                )
+    return worst[1]
 
 
 def _correlation(device, session, sensor, curves, csv):
