@@ -70,14 +70,12 @@ def estimate_axis(layouts, basis, values, settings):
     Returns
     -------
     AxisEstimate
-        Without any term where there are under 16 values, or nothing but zeros.
+        Without any term where there are under 16 values, or nothing but constants.
     """
-    if basis.count.sum() < MIN_VALUES:
+    if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
     lines = []
     slow, fast = basis.amplitudes(values)
-    if not (slow.any() or fast.any()):
-        return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
     while len(lines) < LINES:
         search = _search(basis, slow, fast, basis.count, settings)
         terms = search.select()

@@ -219,7 +219,7 @@ def modes(layouts):
 def _block_length(lengths):
     """Return the samples of a block: about `BLOCKS` of them, that hold nearly all samples."""
     lengths = np.asarray(lengths)
-    m = max(1, lengths.sum() // BLOCKS)
+    m = -(-lengths.sum() // BLOCKS)
     while m > 1 and (lengths // m * m).sum() < HELD * lengths.sum():
         m //= 2
     return int(m)

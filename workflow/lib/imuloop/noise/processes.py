@@ -87,8 +87,8 @@ def gauss_markov_means(starts, m, dt, tc):
 def densities(frequency, dt):
     r"""Return two-sided spectral densities of sampled noise for unit coefficients.
 
-    With :math:`\omega = 2\pi f \Delta t`: quantisation :math:`2 - 2\cos\omega`, white 1, flicker
-    :math:`1/2\pi f`, walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
+    With :math:`\omega = 2\pi f \Delta t`: quantisation :math:`(2 - 2\cos\omega)/\Delta t`,
+    white 1, flicker :math:`1/2\pi f`, walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def densities(frequency, dt):
     frequency = np.asarray(frequency, float)
     chord = 4 * np.sin(np.pi * frequency * dt) ** 2
     flicker = 1 / (2 * np.pi * frequency)
-    return np.column_stack([chord, np.ones_like(chord), flicker, dt**2 / chord])
+    return np.column_stack([chord / dt, np.ones_like(chord), flicker, dt**2 / chord])
 
 
 def gauss_markov_density(frequency, dt, tc):

@@ -251,9 +251,11 @@ def _replaced(terms, place, tc):
 
 def _coefficient(profile, value, likeliest, top):
     """Return a supported coefficient: where its profile likelihood falls, to both sides."""
-    low, high = (_fall(profile, likeliest, top, TWO_SIDED, side) for side in (-1, 1))
-    upper = _fall(profile, likeliest, top, ONE_SIDED, 1)
     value = float(value)
+    # another term may take its place altogether
+    near = likeliest if likeliest > 0 else 1e-6 * value
+    low, high = (_fall(profile, near, top, TWO_SIDED, side) for side in (-1, 1))
+    upper = _fall(profile, near, top, ONE_SIDED, 1)
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)
 
 

@@ -1,0 +1,147 @@
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from imuloop.noise.axis import estimate_axis, estimate_record
+from imuloop.noise.layout import Layout
+from imuloop.noise.modes import modes
+from imuloop.noise.settings import NoiseSettings
+from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
+
+SETTINGS = NoiseSettings()
+N, RATE = 30_000, 10.0
+DT = 1 / RATE
+
+
+def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
+    """A record at 10 Hz with white noise W."""
+    rng = np.random.default_rng(seed)
+    x = white(n, DT, W, rng) + ramp(n, DT, R)
+    x += quantisation(n, DT, Q, rng) + flicker(n, DT, B, rng) + walk(n, DT, K, rng)
+    if hump:
+        x += gauss_markov(n, DT, *hump, rng)
+    if line:
+        x += sinusoid(n, DT, *line, rng)
+    return x
+
+
+WHOLE = Layout(RATE, (0,), (N,), (0,))
+BASIS = modes([WHOLE])
+
+
+def estimates(seeds, **truth):
+    records = (record(seed, **truth) for seed in range(seeds))
+    return [estimate_axis([WHOLE], BASIS, [[x]], SETTINGS).noise for x in records]
+
+
+def held(coefficients, truth):
+    return sum(c.ci95[0] <= truth <= c.ci95[1] for c in coefficients)
+
+
+def test_white_noise_alone():
+    found = estimates(20)
+    relative = np.array([f.N.value for f in found]) / 0.01 - 1
+    # the bound is 1/sqrt(2n)
+    assert np.sqrt(np.mean(relative**2)) < 1.3 / np.sqrt(2 * N)
+    assert held([f.N for f in found], 0.01) >= 17
+    for name in "QBKR":
+        assert sum(getattr(f, name).identifiable for f in found) <= 1, name
+    assert sum(bool(f.gauss_markov or f.sinusoid) for f in found) <= 1
+
+
+def test_what_is_not_there_is_a_limit_and_a_length_and_no_number():
+    noise = estimates(1)[0]
+    assert noise.K.value is None and noise.K.ci95 is None
+    # where walk and white noise cross within the record: sqrt(3) N/K
+    assert np.sqrt(3) * 0.01 / 3000 < noise.K.upper95 < 3e-4
+    assert N * DT / 3 < noise.K.needed_s < 30 * N * DT
+
+
+def test_random_walk():
+    found = [f.K for f in estimates(16, K=3e-4)]
+    assert all(k.identifiable for k in found)
+    assert np.sqrt(np.mean([(k.value / 3e-4 - 1) ** 2 for k in found])) < 0.22
+    assert held(found, 3e-4) >= 13
+
+
+def test_flicker_and_quantisation():
+    found = estimates(10, B=4e-3, Q=5e-3)
+    assert all(f.B.identifiable and f.Q.identifiable for f in found)
+    assert held([f.B for f in found], 4e-3) >= 8
+    assert held([f.Q for f in found], 5e-3) >= 8
+    assert np.mean([f.B.value for f in found]) == pytest.approx(4e-3, rel=0.05)
+
+
+def test_a_ramp_is_no_walk():
+    found = estimates(8, R=1e-5)
+    assert all(f.R.identifiable and not f.K.identifiable for f in found)
+    assert held([f.R for f in found], 1e-5) >= 6
+
+
+def test_a_hump_is_found_with_its_time():
+    found = estimates(8, hump=(4e-3, 20.0))
+    assert all(len(f.gauss_markov) == 1 and not f.sinusoid for f in found)
+    assert held([f.gauss_markov[0].q for f in found], 4e-3) >= 6
+    assert held([f.gauss_markov[0].tc for f in found], 20.0) >= 6
+
+
+def test_a_line_is_found_and_leaves_the_rest_as_it_was():
+    (plain,), (noise,) = estimates(1), estimates(1, line=(0.005, 0.7))
+    (line,) = noise.sinusoid
+    assert line.frequency.value == pytest.approx(0.7, abs=1 / (N * DT))
+    assert line.amplitude.ci95[0] <= 0.005 <= line.amplitude.ci95[1]
+    assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
+
+
+def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
+    x = record(3, K=3e-4)
+    whole = estimate_record(x, RATE, SETTINGS).noise
+    x[15_000:] += 1.0
+    cut = Layout(RATE, (0, 15_000), (14_000, 15_000), (0, 1))
+    values = [[x[:14_000], x[15_000:]]]
+    moved = estimate_axis([cut], modes([cut]), values, SETTINGS).noise
+    assert moved.K.value == pytest.approx(whole.K.value, rel=0.3)
+    one_level = Layout(RATE, cut.starts, cut.lengths, (0, 0))
+    step = estimate_axis([one_level], modes([one_level]), values, SETTINGS).noise
+    assert step.K.value > 3 * moved.K.value
+
+
+def test_scaled_output_scales_every_coefficient():
+    x = record(4, K=3e-4, B=3e-3)
+    one, other = (estimate_record(f * x, RATE, SETTINGS).noise for f in (1.0, 1e-4))
+    for name in "QNBKR":
+        assert getattr(other, name).upper95 == pytest.approx(
+            1e-4 * getattr(one, name).upper95, rel=1e-3
+        )
+
+
+def test_a_filter_is_told_and_the_noise_below_it_kept():
+    x = sosfilt(butter(2, 0.2, output="sos"), record(5))
+    estimate = estimate_record(x, RATE, SETTINGS)
+    assert estimate.band_hz < 2.0
+    assert estimate.noise.N.value == pytest.approx(0.01, rel=0.15)
+
+
+def test_a_spectrum_outside_the_model_widens_the_intervals():
+    rng = np.random.default_rng(6)
+    # two resonances of the table that are neither lines nor Gauss-Markov processes
+    x = record(6)
+    for low, high in ((0.3, 0.8), (1.5, 2.2)):
+        band = butter(4, [low, high], "bandpass", fs=RATE, output="sos")
+        x += 2 * sosfilt(band, white(N, DT, 0.01, rng))
+    plain = estimate_record(record(6), RATE, SETTINGS)
+    odd = estimate_record(x, RATE, SETTINGS)
+    assert plain.misfit == 0 and odd.misfit > 0.1
+    width = [np.diff(e.noise.N.ci95)[0] for e in (plain, odd)]
+    assert width[1] > 5 * width[0]
+
+
+@pytest.mark.parametrize("x", [np.zeros(500), np.ones(500), np.arange(5.0)])
+def test_nothing_to_fit_is_a_result(x):
+    noise = estimate_record(x, RATE, SETTINGS).noise
+    assert not noise.N.identifiable and not noise.K.identifiable
+
+
+def test_a_ramp_without_noise_is_a_ramp():
+    noise = estimate_record(1e-3 * np.arange(2000.0), 1.0, SETTINGS).noise
+    assert noise.R.value == pytest.approx(1e-3, rel=1e-6)

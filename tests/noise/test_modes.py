@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+
+from imuloop.noise.layout import Layout
+from imuloop.noise.modes import expected_squares, modes
+from imuloop.noise.processes import (
+    densities,
+    gauss_markov_density,
+    gauss_markov_means,
+    gauss_markov_samples,
+    mean_covariances,
+    sample_covariances,
+)
+
+BROKEN = Layout(10.0, (0, 700, 1500), (500, 600, 400), (0, 0, 1))
+
+
+def averages(starts, m):
+    """The matrix that takes samples to means of blocks."""
+    total = np.zeros((len(starts), starts[-1] + m))
+    for row, start in zip(total, starts, strict=True):
+        row[start : start + m] = 1 / m
+    return total
+
+
+@pytest.mark.parametrize("n", [2, 63, 64])
+def test_expected_squares_are_those_of_the_dense_transform(n):
+    omega = np.pi * np.arange(1, n) / n
+    cosine = np.sqrt(2 / n) * np.cos(np.outer(omega, np.arange(n) + 0.5))
+    for row in (*sample_covariances(n, 0.1), gauss_markov_samples(n, 0.1, 0.7)):
+        dense = np.einsum("ki,ij,kj->k", cosine, toeplitz(row), cosine)
+        assert expected_squares(row) == pytest.approx(dense, rel=1e-9, abs=1e-9 * abs(row).max())
+
+
+def test_covariance_of_means_is_that_of_samples_averaged():
+    """White, quantisation, walk and Gauss-Markov exactly; contrasts, since a walk has no level."""
+    starts, m, dt = np.array([0, 5, 10, 40]), 5, 0.2
+    average = averages(starts, m)
+    contrast = np.eye(4) - 0.25
+    samples = sample_covariances(45, dt)
+    means = mean_covariances(starts, m, dt)
+    for process in (0, 1, 3):
+        dense = average @ toeplitz(samples[process]) @ average.T
+        assert contrast @ means[process] @ contrast == pytest.approx(
+            contrast @ dense @ contrast, rel=1e-9, abs=1e-9
+        )
+    dense = average @ toeplitz(gauss_markov_samples(45, dt, 1.3)) @ average.T
+    assert gauss_markov_means(starts, m, dt, 1.3) == pytest.approx(dense, rel=1e-9)
+
+
+def test_flicker_of_means_is_scale_free():
+    """Flicker has no time of its own: contrasts of means do not depend on their length."""
+    starts, contrast = np.array([0, 1, 2, 7]), np.eye(4) - 0.25
+    one = contrast @ mean_covariances(starts, 1, 1.0)[2] @ contrast
+    ten = contrast @ mean_covariances(starts * 10, 10, 0.3)[2] @ contrast
+    assert one == pytest.approx(ten, rel=1e-9, abs=1e-12)
+    # half the variance of the difference of neighbours is the Allan variance
+    assert (one[0, 0] + one[1, 1] - 2 * one[0, 1]) / 2 == pytest.approx(2 * np.log(2) / np.pi)
+
+
+def test_white_and_walk_are_diagonal_in_a_broken_record():
+    basis = modes([BROKEN])
+    (piece,) = basis._pieces
+    white, walk = mean_covariances(piece.start, basis.m, basis.dt)[[1, 3]]
+    for covariance in (white, walk):
+        inside = piece.basis.T @ covariance @ piece.basis
+        off = inside - np.diag(np.diag(inside))
+        assert np.abs(off).max() < 1e-9 * np.diag(inside).max()
+
+
+def test_levels_do_not_enter_and_gaps_keep_their_place():
+    rng = np.random.default_rng(0)
+    basis = modes([BROKEN])
+    values = [rng.standard_normal(n) for n in BROKEN.lengths]
+    slow, fast = basis.amplitudes([values])
+    moved = [x + level for x, level in zip(values, (3.0, 3.0, -5.0), strict=True)]
+    for found, expected in zip(basis.amplitudes([moved]), (slow, fast), strict=True):
+        assert found == pytest.approx(expected, abs=1e-9)
+    ramp = [
+        0.3 * 0.1 * (s + np.arange(n)) for s, n in zip(BROKEN.starts, BROKEN.lengths, strict=True)
+    ]
+    slow, fast = basis.amplitudes([ramp])
+    assert slow == pytest.approx(0.3 * basis.ramp, abs=1e-9)
+    assert fast == pytest.approx(0, abs=1e-12)
+
+
+def test_mean_squares_of_a_broken_record_are_as_expected():
+    rng = np.random.default_rng(1)
+    basis = modes([BROKEN])
+    total = np.zeros(len(basis.count))
+    for _ in range(400):
+        x = np.cumsum(rng.standard_normal(1900)) * np.sqrt(0.1)
+        values = [x[s : s + n] for s, n in zip(BROKEN.starts, BROKEN.lengths, strict=True)]
+        slow, fast = basis.amplitudes([values])
+        total += np.concatenate([slow**2, fast]) / basis.units[:, 3] / 400
+    assert np.mean(total) == pytest.approx(1, abs=0.01)
+    assert np.std(total[:-1]) == pytest.approx(np.sqrt(2 / 400), rel=0.15)
+
+
+def test_densities_are_the_transform_of_the_covariance():
+    n, dt = 4000, 0.1
+    frequency = np.arange(200, 2000, 100) / (n * dt)
+    for place in (0, 1):
+        row = sample_covariances(n, dt)[place]
+        spectrum = dt * (2 * np.fft.rfft(row).real - row[0])[200:2000:100]
+        assert densities(frequency, dt)[:, place] == pytest.approx(spectrum, rel=1e-6)
+    row = gauss_markov_samples(n, dt, 2.0)
+    spectrum = dt * (2 * np.fft.rfft(row).real - row[0])[200:2000:100]
+    assert gauss_markov_density(frequency, dt, 2.0) == pytest.approx(spectrum, rel=1e-6)
+
+
+def test_a_long_record_has_few_modes_and_all_its_samples():
+    basis = modes([Layout(200.0, (0,), (1_000_000,), (0,))])
+    assert len(basis.count) < 1000
+    assert basis.number > 0.99 * 1_000_000
+    # contrasts within and between the blocks
+    assert basis.count.sum() == basis.number - 1

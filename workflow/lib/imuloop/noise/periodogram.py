@@ -1,0 +1,165 @@
+"""Periodogram of the clean stretches of a session, over its local background."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import log
+
+import numpy as np
+from scipy import fft, special
+
+from imuloop.noise.waves import chunks, levels
+
+# periods in a session below which a line is not told from a drift; as far from Nyquist
+SHORTEST = 3
+# independent values in a block of the background: at least, at most, share of those below it
+FEWEST, MOST, SHARE = 24, 1024, 0.25
+
+
+@dataclass(frozen=True)
+class Band:
+    """What is searched in one session.
+
+    `edges` of the blocks in steps of the padded transform, `sizes` the independent values in each;
+    `independent` is W of `find_line`.
+    """
+
+    rate: float
+    samples: int
+    span: float
+    padded: int
+    edges: np.ndarray
+    sizes: np.ndarray
+    independent: float
+
+    @property
+    def step(self):
+        """Distance of the frequencies of the padded transform, Hz."""
+        return self.rate / self.padded
+
+    def near(self, frequency):
+        """Return the block of a frequency in Hz and those beside it."""
+        at = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
+        block = int(np.clip(at, 0, self.sizes.size - 1))
+        return slice(max(block - 1, 0), min(block + 2, self.sizes.size))
+
+
+@dataclass(frozen=True)
+class Search:
+    """Periodogram over spectrum of one session, and the medians of its blocks."""
+
+    band: Band
+    spectrum: object
+    ratio: np.ndarray
+    medians: np.ndarray
+
+    def strongest(self):
+        """Return the least chance, at one frequency, that a peak may have, and its place in Hz."""
+        edges = self.band.edges - self.band.edges[0]
+        peaks = np.maximum.reduceat(self.ratio, edges[:-1])
+        best = {}
+        for b, peak in enumerate(peaks):
+            near = slice(max(b - 1, 0), b + 2)
+            kind = (self.band.sizes[near].min(), self.band.sizes[near].size)
+            best[kind] = max(best.get(kind, (0.0, 0)), (peak / self.medians[near].max(), b))
+        # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
+        chance, b = min((one_frequency(x / 0.81, *kind), b) for kind, (x, b) in best.items())
+        top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
+        place = float(top + self.band.edges[0])
+        if 0 < top < self.ratio.size - 1:
+            left, centre, right = np.log(self.ratio[top - 1 : top + 2].astype(float))
+            place += np.clip((right - left) / (4 * centre - 2 * (left + right)), -0.5, 0.5)
+        return chance, place * self.band.step
+
+    def chance(self, wave):
+        """Return the chance of a peak as high as a fitted wave at one frequency."""
+        near = self.band.near(wave.frequency)
+        density = self.spectrum(np.array([wave.frequency]))[0]
+        x = wave.explained / (self.band.rate * density * self.medians[near].max())
+        return one_frequency(x, self.band.sizes[near].min(), near.stop - near.start)
+
+    def density(self, frequency):
+        """Return the local density and its degrees of freedom; a median has 48 % of a mean's."""
+        near = self.band.near(frequency)
+        sizes = self.band.sizes[near]
+        scale = np.average(self.medians[near], weights=sizes) / log(2)
+        return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
+
+
+def band_of(layout):
+    """Return what is searched in a session, None where it is too short."""
+    starts, lengths = np.array(layout.starts), np.array(layout.lengths)
+    n, samples = int(lengths.sum()), int((starts + lengths).max() - starts.min())
+    # frequencies in units of rate/n, the distance of independent ones
+    low = SHORTEST * n / samples
+    sizes, k = [], low
+    while k + (size := int(np.clip(SHARE * k, FEWEST, MOST))) < n / 2 - low:
+        sizes.append(size)
+        k += size
+    if not sizes:
+        return None
+    padded = fft.next_fast_len(2 * samples, real=True)
+    edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
+    edges[-1] = int((n / 2 - low) * padded / n)
+    middle = starts + (lengths - 1) / 2
+    spread = (middle - np.average(middle, weights=lengths)) ** 2 + (lengths**2 - 1) / 12
+    turns = np.sqrt(4 * np.pi * np.average(spread, weights=lengths))
+    return Band(
+        rate=layout.rate,
+        samples=n,
+        span=samples / layout.rate,
+        padded=padded,
+        edges=edges,
+        sizes=np.array(sizes),
+        independent=float((edges[-1] - edges[0]) / padded * turns),
+    )
+
+
+def periodogram(layout, stretches, spectrum):
+    """Return the Search of one session, None where it is too short or constant."""
+    band = band_of(layout)
+    if band is None:
+        return None
+    # single precision: its rounding lies 14 decades below the variance
+    power = fft.rfft(_filled(layout, stretches, band.padded))[band.edges[0] : band.edges[-1]]
+    power = power.real**2 + power.imag**2
+    power *= 2 / (band.samples * band.rate)
+    edges = band.edges - band.edges[0]
+    medians = np.empty(band.sizes.size)
+    for b, (i, j) in enumerate(pairwise(edges)):
+        power[i:j] /= spectrum(band.step * np.arange(i + band.edges[0], j + band.edges[0]))
+        # every other one: those between are not independent
+        medians[b] = np.median(power[i:j:2])
+    return Search(band, spectrum, power, medians) if medians.all() else None
+
+
+def _filled(layout, stretches, padded):
+    """Return a session without its levels and its slope, zeros in the gaps and behind."""
+    level, counts = levels(layout)
+    starts, lengths = np.array(layout.starts), np.array(layout.lengths)
+    middles = starts + (lengths - 1) / 2
+    x_mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
+    t_mean = np.bincount(level, lengths * middles) / counts
+    upper = 0.0
+    for i, part, *_ in chunks(layout):
+        t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
+        upper += t @ (stretches[i][part] - x_mean[level[i]])
+    slope = upper / (lengths @ ((lengths**2 - 1) / 12 + (middles - t_mean[level]) ** 2))
+    filled = np.zeros(padded, np.float32)
+    for i, part, *_ in chunks(layout):
+        t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
+        at = starts[i] - starts.min() + part.start
+        filled[at : at + t.size] = stretches[i][part] - x_mean[level[i]] - slope * t
+    return filled
+
+
+def one_frequency(x, m, sides):
+    """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
+    s = np.geomspace(1e-4, 1e3, 700)
+    below = special.betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s / x)) ** sides
+    return np.trapezoid(np.exp(-s) * below, s)
+
+
+def over_band(chance, independent):
+    """Return the chance of a peak anywhere from that at one frequency."""
+    chance = max(chance, 1e-300)
+    return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))

@@ -1,0 +1,161 @@
+"""Sinusoids by least squares in the clean stretches of a session, at little memory."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.noise.layout import Layout
+
+# samples that are modelled at a time; parts of a record in which a wave is summed
+CHUNK, BINS = 8192, 2048
+# the fit of a frequency ends at this share of 1/T
+ROUNDS, CLOSE = 8, 1e-3
+# a wave is followed through halves of a record of that many periods at least, where they explain
+# more, in units of the noise: exp(-GAIN) by chance
+PERIODS, GAIN = 12, 12.0
+
+
+@dataclass(frozen=True)
+class Wave:
+    """Least-squares sinusoid in part of a session.
+
+    Attributes
+    ----------
+    session, begin, end : int
+        Where: samples from `begin`, before `end`.
+    frequency, cosine, sine : float
+        Hz and SI; the phase counts from the middle between the part's first and last clean sample.
+    explained : float
+        Sum of squares that it takes, SI^2.
+    amplitude_std, frequency_std : float
+        Standard errors where the noise is white with variance 1.
+    """
+
+    session: int
+    begin: int
+    end: int
+    frequency: float
+    cosine: float
+    sine: float
+    explained: float
+    amplitude_std: float
+    frequency_std: float
+
+
+def fit_wave(layout, stretches, start, session):
+    """Return the sinusoid beside levels and a slope, by Gauss-Newton from within 1/(4 span)."""
+    first, last = extent(layout)
+    span = (last - first + 1) / layout.rate
+    frequency = start
+    for _ in range(ROUNDS):
+        gram = products(layout, stretches, frequency)
+        _, cosine, sine = np.linalg.solve(gram[1:4, 1:4], gram[1:4, 0])
+        # derivative by the frequency, t = u span/2: pi span u (sine cos - cosine sin)
+        mix = np.eye(5, 6)
+        mix[4, 4:] = np.pi * (last - first) / layout.rate * np.array([sine, -cosine])
+        mixed = mix @ gram @ mix.T
+        covariance = np.linalg.inv(mixed[1:, 1:])
+        _, cosine, sine, change = fit = covariance @ mixed[1:, 0]
+        if abs(change) * span < CLOSE:
+            break
+        frequency = float(np.clip(frequency + change, start - 1 / span, start + 1 / span))
+    direction = np.array([0, cosine, sine, 0]) / np.hypot(cosine, sine)
+    return Wave(
+        session=session,
+        begin=first,
+        end=last + 1,
+        frequency=float(frequency + change),
+        cosine=float(cosine),
+        sine=float(sine),
+        explained=float(fit @ mixed[1:, 0] - gram[0, 1] ** 2 / gram[1, 1]),
+        amplitude_std=float(np.sqrt(direction @ covariance @ direction)),
+        frequency_std=float(np.sqrt(covariance[3, 3])),
+    )
+
+
+def follow(layout, stretches, wave, density):
+    """Return the waves of the parts, halved as long as the halves explain more than chance."""
+    middle = (wave.begin + wave.end) // 2
+    halves = []
+    for begin, end in ((wave.begin, middle), (middle, wave.end)):
+        part, x = cut(layout, stretches, begin, end)
+        span = (end - begin) / layout.rate
+        if span * wave.frequency < PERIODS or sum(part.lengths) * 4 < end - begin:
+            return [wave]
+        near = highest(part, x, wave.frequency, 2 / span)
+        halves.append(fit_wave(part, x, near, wave.session))
+    more = sum(half.explained for half in halves) - wave.explained
+    if more < GAIN * density * layout.rate:
+        return [wave]
+    return [w for half in halves for w in follow(layout, stretches, half, density)]
+
+
+def highest(layout, stretches, frequency, reach):
+    """Return the frequency of most power within `reach` of one, to 1/(16 span)."""
+    first, last = extent(layout)
+    width = -(-(last - first + 1) // BINS)
+    level, counts = levels(layout)
+    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
+    sums = np.zeros(BINS, complex)
+    for i, part, _, waves in chunks(layout, frequency):
+        x = stretches[i][part] - mean[level[i]]
+        bins = np.arange(part.start, part.stop) + (layout.starts[i] - first)
+        bins //= width
+        for wave, unit in zip(waves, (1, -1j), strict=True):
+            sums += unit * np.bincount(bins, x * wave, BINS)
+    span = (last - first + 1) / layout.rate
+    offsets = np.linspace(-reach, reach, 2 * int(np.ceil(8 * reach * span)) + 1)
+    times = np.arange(BINS) * (width / layout.rate)
+    power = [abs(np.exp(-2j * np.pi * offset * times) @ sums) for offset in offsets]
+    return frequency + offsets[int(np.argmax(power))]
+
+
+def products(layout, stretches, frequency):
+    """Return the products of x, u, cosine, sine, u cosine, u sine without the levels' means."""
+    level, counts = levels(layout)
+    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
+    gram, sums = np.zeros((6, 6)), np.zeros((counts.size, 6))
+    for i, part, u, waves in chunks(layout, frequency):
+        columns = np.empty((6, u.size))
+        columns[0] = stretches[i][part] - mean[level[i]]
+        columns[1], columns[2:4], columns[4:] = u, waves, u * waves
+        gram += columns @ columns.T
+        sums[level[i]] += columns.sum(1)
+    return gram - (sums.T / counts) @ sums
+
+
+def chunks(layout, frequency=0.0):
+    """Yield stretch, slice, u from -1 to 1 over the session, cosine and sine from its middle on."""
+    first, last = extent(layout)
+    middle, half = (first + last) / 2, (last - first) / 2
+    turns = frequency / layout.rate
+    within = np.exp(2j * np.pi * turns * np.arange(CHUNK))
+    for i, (start, length) in enumerate(zip(layout.starts, layout.lengths, strict=True)):
+        for a in range(0, length, CHUNK):
+            b = min(a + CHUNK, length)
+            u = (np.arange(start + a, start + b) - middle) / half
+            wave = np.exp(2j * np.pi * (turns * (start + a - middle) % 1)) * within[: b - a]
+            yield i, slice(a, b), u, np.array([wave.real, wave.imag])
+
+
+def cut(layout, stretches, begin, end):
+    """Return the layout and the values, as views, from sample `begin` to before `end`."""
+    kept = [
+        (max(a, begin), x[max(begin - a, 0) : max(end - a, 0)], level)
+        for a, x, level in zip(layout.starts, stretches, layout.levels, strict=True)
+        if a < end and a + len(x) > begin
+    ]
+    starts, parts, levels = zip(*kept, strict=True) if kept else ((), (), ())
+    return Layout(layout.rate, starts, tuple(len(x) for x in parts), levels), parts
+
+
+def levels(layout):
+    """Return the level of each stretch as 0, 1, ..., and the samples of each level."""
+    level = np.unique(layout.levels, return_inverse=True)[1]
+    return level, np.bincount(level, layout.lengths)
+
+
+def extent(layout):
+    """Return first and last sample of a session."""
+    ends = np.add(layout.starts, layout.lengths)
+    return min(layout.starts), int(ends.max()) - 1
