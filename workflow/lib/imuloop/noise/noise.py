@@ -128,7 +128,9 @@ def estimate_noise(device, sessions, settings, uncut=True):
             for record, stretches in zip(records, values, strict=True):
                 name = record.session.name
                 statistics[name][axis] = summary(stretches, record.rate)
-                tables[name].append(_table(record, stretches, axis, estimate.noise, settings))
+                # one session's own curve is the pooled one
+                own = curve if len(records) == 1 else None
+                tables[name].append(_table(record, stretches, axis, estimate.noise, settings, own))
                 if np.isfinite(statistics[name][axis]["mean"]):
                     pictures[name].append(views.views(record.layout, stretches, axis, settings))
         _note_walk(axes, lengths.max() / rate, notes)
@@ -210,7 +212,7 @@ def _note_walk(axes, seconds, notes):
         )
 
 
-def _table(record, stretches, axis, noise, settings):
+def _table(record, stretches, axis, noise, settings, curve=None):
     """Return the Allan curve of one axis of one session."""
     factors = averaging_factors(record.lengths.max(), settings)
     spread = curve_covariance(factors, record.lengths, record.rate, reach=1.0)
@@ -219,7 +221,8 @@ def _table(record, stretches, axis, noise, settings):
     theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
     tau = factors / record.rate
     edf = 2 * (design(tau) @ theta) ** 2 / spread.variance(theta)
-    return allan_table(axis, tau, allan_variance(stretches, factors), edf)
+    curve = allan_variance(stretches, factors) if curve is None else curve
+    return allan_table(axis, tau, curve, edf)
 
 
 def _empty():
