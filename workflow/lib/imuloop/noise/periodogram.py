@@ -11,8 +11,12 @@ from imuloop.noise.waves import chunks, levels
 
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
-# independent values in a block of the background: at least, at most, share of those below it
-FEWEST, MOST, SHARE = 24, 1024, 0.25
+# independent values in a block of the background: at least, and a quarter of those below it up to
+# what the median needs. Then the block is 1 % of its frequency: a band of half of that, Q = 200, is
+# no line, mains' wander is narrower
+FEWEST, SHARE, ENOUGH, WIDTH = 24, 0.25, 256, 0.01
+# chance at one frequency below which peaks are ranked by their height
+SURE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -56,26 +60,28 @@ class Search:
         """Return the least chance, at one frequency, that a peak may have, and its place in Hz."""
         edges = self.band.edges - self.band.edges[0]
         peaks = np.maximum.reduceat(self.ratio, edges[:-1])
-        best = {}
-        for b, peak in enumerate(peaks):
-            near = slice(max(b - 1, 0), b + 2)
-            kind = (self.band.sizes[near].min(), self.band.sizes[near].size)
-            best[kind] = max(best.get(kind, (0.0, 0)), (peak / self.medians[near].max(), b))
+        near = [slice(max(b - 1, 0), min(b + 2, peaks.size)) for b in range(peaks.size)]
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        chance, b = min((one_frequency(x / 0.81, *kind), b) for kind, (x, b) in best.items())
+        chances = np.array([self._chance(x / 0.81, n) for x, n in zip(peaks, near, strict=True)])
+        # a strong line leaks into other blocks, where it is weaker
+        b = int(np.where(chances <= max(chances.min(), SURE), peaks, 0).argmax())
         top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
         place = float(top + self.band.edges[0])
         if 0 < top < self.ratio.size - 1:
             left, centre, right = np.log(self.ratio[top - 1 : top + 2].astype(float))
             place += np.clip((right - left) / (4 * centre - 2 * (left + right)), -0.5, 0.5)
-        return chance, place * self.band.step
+        return chances[b], place * self.band.step
 
     def chance(self, wave):
         """Return the chance of a peak as high as a fitted wave at one frequency."""
-        near = self.band.near(wave.frequency)
         density = self.spectrum(np.array([wave.frequency]))[0]
-        x = wave.explained / (self.band.rate * density * self.medians[near].max())
-        return one_frequency(x, self.band.sizes[near].min(), near.stop - near.start)
+        return self._chance(
+            wave.explained / (self.band.rate * density), self.band.near(wave.frequency)
+        )
+
+    def _chance(self, ratio, near):
+        background, sizes = self.medians[near].max(), self.band.sizes[near]
+        return one_frequency(ratio / background, sizes.min(), sizes.size)
 
     def density(self, frequency):
         """Return the local density and its degrees of freedom; a median has 48 % of a mean's."""
@@ -92,7 +98,7 @@ def band_of(layout):
     # frequencies in units of rate/n, the distance of independent ones
     low = SHORTEST * n / samples
     sizes, k = [], low
-    while k + (size := int(np.clip(SHARE * k, FEWEST, MOST))) < n / 2 - low:
+    while k + (size := int(max(FEWEST, min(SHARE * k, ENOUGH), WIDTH * k))) < n / 2 - low:
         sizes.append(size)
         k += size
     if not sizes:

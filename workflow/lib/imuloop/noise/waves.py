@@ -7,7 +7,7 @@ import numpy as np
 from imuloop.noise.layout import Layout
 
 # samples that are modelled at a time; parts of a record in which a wave is summed
-CHUNK, BINS = 8192, 2048
+CHUNK, BINS = 8192, 8192
 # the fit of a frequency ends at this share of 1/T
 ROUNDS, CLOSE = 8, 1e-3
 # a wave is followed through halves of a record of that many periods at least, where they explain
@@ -74,40 +74,73 @@ def fit_wave(layout, stretches, start, session):
 
 
 def follow(layout, stretches, wave, density):
-    """Return the waves of the parts, halved as long as the halves explain more than chance."""
-    middle = (wave.begin + wave.end) // 2
+    """Return the waves of the parts, halved as long as smaller parts explain more than chance."""
+    middle, noise = (wave.begin + wave.end) // 2, GAIN * density * layout.rate
     halves = []
     for begin, end in ((wave.begin, middle), (middle, wave.end)):
         part, x = cut(layout, stretches, begin, end)
         span = (end - begin) / layout.rate
-        if span * wave.frequency < PERIODS or sum(part.lengths) * 4 < end - begin:
+        if (
+            span * _from_ends(wave.frequency, layout.rate) < PERIODS
+            or sum(part.lengths) * 4 < end - begin
+        ):
             return [wave]
         near = highest(part, x, wave.frequency, 2 / span)
         halves.append(fit_wave(part, x, near, wave.session))
-    more = sum(half.explained for half in halves) - wave.explained
-    if more < GAIN * density * layout.rate:
-        return [wave]
+    if sum(half.explained for half in halves) - wave.explained < noise:
+        part, x = cut(layout, stretches, wave.begin, wave.end)
+        if not _wanders(part, x, wave, noise):
+            return [wave]
     return [w for half in halves for w in follow(layout, stretches, half, density)]
+
+
+def _wanders(layout, stretches, wave, noise):
+    """Return whether 4, 8, ... parts, each with a frequency nearby, explain more than a wave."""
+    sums, counts, _ = _baseband(layout, stretches, wave.frequency)
+    span = (wave.end - wave.begin) / layout.rate
+    parts, periods = 4, span * _from_ends(wave.frequency, layout.rate)
+    while periods / parts >= PERIODS and len(sums) // parts >= 8:
+        size = len(sums) // parts
+        power = abs(np.fft.fft(sums[: parts * size].reshape(parts, size), 4 * size)) ** 2
+        # up to two widths 1/T to either side
+        top = np.hstack([power[:, :9], power[:, -8:]]).max(axis=1)
+        taken = 2 * top / np.maximum(counts[: parts * size].reshape(parts, size).sum(axis=1), 1)
+        # the mirror at -f is left out: an error of 1/(pi PERIODS)
+        if taken.sum() > 1.03 * wave.explained + (parts - 1) * noise:
+            return True
+        parts *= 2
+    return False
+
+
+def _from_ends(frequency, rate):
+    """Return the distance from zero and from Nyquist, where a wave meets its mirror, Hz."""
+    return min(frequency, rate / 2 - frequency)
 
 
 def highest(layout, stretches, frequency, reach):
     """Return the frequency of most power within `reach` of one, to 1/(16 span)."""
-    first, last = extent(layout)
-    width = -(-(last - first + 1) // BINS)
-    level, counts = levels(layout)
-    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
-    sums = np.zeros(BINS, complex)
-    for i, part, _, waves in chunks(layout, frequency):
-        x = stretches[i][part] - mean[level[i]]
-        bins = np.arange(part.start, part.stop) + (layout.starts[i] - first)
-        bins //= width
-        for wave, unit in zip(waves, (1, -1j), strict=True):
-            sums += unit * np.bincount(bins, x * wave, BINS)
-    span = (last - first + 1) / layout.rate
+    sums, _, interval = _baseband(layout, stretches, frequency)
+    span = len(sums) * interval
     offsets = np.linspace(-reach, reach, 2 * int(np.ceil(8 * reach * span)) + 1)
-    times = np.arange(BINS) * (width / layout.rate)
+    times = np.arange(len(sums)) * interval
     power = [abs(np.exp(-2j * np.pi * offset * times) @ sums) for offset in offsets]
     return frequency + offsets[int(np.argmax(power))]
+
+
+def _baseband(layout, stretches, frequency):
+    """Return values times exp(-i w t) summed over short bins, their samples, and the bin in s."""
+    first, last = extent(layout)
+    width = -(-(last - first + 1) // BINS)
+    size = -(-(last - first + 1) // width)
+    level, counts = levels(layout)
+    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
+    sums, number = np.zeros(size, complex), np.zeros(size)
+    for i, part, _, (cosine, sine) in chunks(layout, frequency):
+        x = stretches[i][part] - mean[level[i]]
+        bins = (np.arange(part.start, part.stop) + (layout.starts[i] - first)) // width
+        sums += np.bincount(bins, x * cosine, size) - 1j * np.bincount(bins, x * sine, size)
+        number += np.bincount(bins, minlength=size)
+    return sums, number, width / layout.rate
 
 
 def products(layout, stretches, frequency):
