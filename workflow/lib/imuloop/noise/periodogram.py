@@ -12,9 +12,9 @@ from imuloop.noise.waves import chunks, levels
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
 # independent values in a block of the background: at least, and a quarter of those below it up to
-# what the median needs. Then the block is 1 % of its frequency: a band of half of that, Q = 200, is
-# no line, mains' wander is narrower
-FEWEST, SHARE, ENOUGH, WIDTH = 24, 0.25, 256, 0.01
+# what a median needs and to 0.3 Hz; 1 % of its frequency where that is more. Mains' wander, folded
+# or not, is narrower than half a block and a line; what is wider is none
+FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
 
@@ -97,8 +97,9 @@ def band_of(layout):
     n, samples = int(lengths.sum()), int((starts + lengths).max() - starts.min())
     # frequencies in units of rate/n, the distance of independent ones
     low = SHORTEST * n / samples
+    enough = max(ENOUGH, WIDTH_HZ * n / layout.rate)
     sizes, k = [], low
-    while k + (size := int(max(FEWEST, min(SHARE * k, ENOUGH), WIDTH * k))) < n / 2 - low:
+    while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
         sizes.append(size)
         k += size
     if not sizes:
