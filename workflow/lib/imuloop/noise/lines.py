@@ -72,8 +72,9 @@ def find_line(layouts, values, spectrum, level):
     means and one slope removed, gaps filled with zeros, padded to twice the record, is divided by
     the spectrum and by the local background: the largest of the medians of I/S in the block of
     frequencies around and in the two beside it. So a misfit of the smooth model, its slope, and a
-    band of neighbouring lines wider than half a block (0.15 Hz or 0.5 % of f) raise the background and are no lines. With
-    a spectrum that is right up to a local factor, I/S is exponential, and
+    band of neighbouring lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent
+    frequencies) raise the background and are no lines. With a spectrum that is right up to a local
+    factor, I/S is exponential, and
 
     .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
 

@@ -82,6 +82,8 @@ class Modes:
         Samples of a block.
     span : float
         Longest session, s.
+    level : float
+        Longest time without a new level, s.
     number : int
         Samples that the blocks hold.
     frequency : ndarray, shape (r,)
@@ -97,6 +99,7 @@ class Modes:
     dt: float
     m: int
     span: float
+    level: float
     number: int
     frequency: np.ndarray
     count: np.ndarray
@@ -206,6 +209,7 @@ def modes(layouts):
         dt=dt,
         m=m,
         span=max((x.starts[-1] + x.lengths[-1] - x.starts[0]) / x.rate for x in layouts),
+        level=max(_longest_level(x) for x in layouts),
         number=blocks * m,
         frequency=np.concatenate(frequency),
         count=count,
@@ -214,6 +218,14 @@ def modes(layouts):
         _pieces=tuple(pieces),
         _bins=bins,
     )
+
+
+def _longest_level(layout):
+    """Return the longest time from start to end of stretches of one level, s."""
+    level, start = np.asarray(layout.levels), np.asarray(layout.starts)
+    end = start + np.asarray(layout.lengths)
+    spans = [end[level == i].max() - start[level == i].min() for i in np.unique(level)]
+    return max(spans) / layout.rate
 
 
 def _block_length(lengths):

@@ -122,7 +122,7 @@ def band_of(layout):
 
 
 def periodogram(layout, stretches, spectrum):
-    """Return the Search of one session, None where it is too short or constant."""
+    """Return the Search of one session, None where it is too short or has no noise."""
     band = band_of(layout)
     if band is None:
         return None
@@ -133,7 +133,10 @@ def periodogram(layout, stretches, spectrum):
     edges = band.edges - band.edges[0]
     medians = np.empty(band.sizes.size)
     for b, (i, j) in enumerate(pairwise(edges)):
-        power[i:j] /= spectrum(band.step * np.arange(i + band.edges[0], j + band.edges[0]))
+        density = spectrum(band.step * np.arange(i + band.edges[0], j + band.edges[0]))
+        if not (density > 0).all():
+            return None
+        power[i:j] /= density
         # every other one: those between are not independent
         medians[b] = np.median(power[i:j:2])
     return Search(band, spectrum, power, medians) if medians.all() else None
@@ -161,6 +164,8 @@ def _filled(layout, stretches, padded):
 
 def one_frequency(x, m, sides):
     """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
+    if x <= 0:
+        return 1.0
     s = np.geomspace(1e-4, 1e3, 700)
     below = special.betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s / x)) ** sides
     return np.trapezoid(np.exp(-s) * below, s)

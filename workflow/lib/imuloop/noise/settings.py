@@ -25,7 +25,7 @@ class NoiseSettings:
 
     points_per_decade: float = 10.0
     longest_tau_share: float = 1 / 3
-    significance: float = 0.003
+    significance: float = 0.001
     hump_significance: float = 0.001
     views: tuple = ("psd", "autocorrelation")
     m_samples: tuple = ()

@@ -18,6 +18,9 @@ SHORTEST, LONGEST = 10.0, 1 / 8
 TESTS = 2.5
 # processes at most
 MOST = 3
+# share of a session over which one level has to last before walk or ramp is told from flicker:
+# from short rests, each at a level of its own, it would be carried on over all that lies between
+LASTING = 1 / 8
 
 
 @dataclass(frozen=True)
@@ -124,14 +127,21 @@ class Search:
         times = self.times
         return 1.0 if len(times) < 2 else 1 + TESTS * np.log10(times[-1] / times[0])
 
+    @property
+    def candidates(self):
+        """Terms that the record can tell from each other."""
+        lasting = self.modes.level >= LASTING * self.modes.span
+        return (*NAMES, "R") if lasting else tuple(n for n in NAMES if n != "K")
+
     def select(self):
         """Return the supported terms.
 
         Those of the non-negative fit, less what fails its test, worst first; then what passes
         beside them, best first, a Gauss-Markov process only where no other does; and again.
         """
-        full = self.fit(Terms(NAMES))
-        terms = Terms(tuple(n for n, v in zip(NAMES, full.theta, strict=True) if v > 0))
+        names = tuple(n for n in NAMES if n in self.candidates)
+        full = self.fit(Terms(names))
+        terms = Terms(tuple(n for n, v in zip(names, full.theta, strict=True) if v > 0))
         seen = []
         while terms not in seen:
             seen.append(terms)
@@ -151,7 +161,7 @@ class Search:
 
     def _grown(self, terms):
         value = self.fit(terms).value
-        absent = [t for t in (*NAMES, "R") if t not in tuple(terms)]
+        absent = [t for t in self.candidates if t not in tuple(terms)]
         p = {t: self.p_value(t, self.fit(terms.plus(t)).value - value) for t in absent}
         best = min(p, key=p.get, default=None)
         if best is not None and p[best] <= self.level:
