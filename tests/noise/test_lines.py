@@ -77,7 +77,7 @@ def test_noise_has_lines_as_often_as_the_level_says(gaps):
 
 @pytest.mark.parametrize("gaps", [False, True])
 def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps):
-    n, seeds, hits = 2000, 80, {}
+    n, seeds, hits = 2000, 60, {}
     for times in (1, 3):
         rows = []
         for seed in range(seeds):
