@@ -2,12 +2,9 @@
 
 from functools import cache
 
-import numpy as np
-
 from imuloop.noise.allan import allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import estimate_axis
-from imuloop.noise.curve_covariance import curve_covariance
-from imuloop.noise.fit import design
+from imuloop.noise.curve_covariance import curve_covariance, degrees_of_freedom
 from imuloop.noise.layout import Layout
 from imuloop.noise.modes import modes
 from imuloop.noise.settings import NoiseSettings
@@ -43,9 +40,6 @@ def values(noise):
 def curve_table(x, rate):
     """Return the rows of allan.parquet of one record, its intervals from the fitted model."""
     factors, spread = curve(len(x), rate)
-    noise = estimate(x, rate)
-    theta = np.array([getattr(noise, name).square for name in TERMS])
-    theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
     tau = factors / rate
-    edf = 2 * (design(tau) @ theta) ** 2 / spread.variance(theta)
+    edf = degrees_of_freedom(estimate(x, rate), tau, spread)
     return allan_table("ax", tau, allan_variance([x], factors), edf)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.noise.allan import terms
+from imuloop.noise.fit import TERMS, design
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,29 @@ class CurveCovariance:
         random = theta[:4]
         quadratic = np.einsum("p,q,pqii->i", random, random, self.quadratic)
         return quadratic + theta[4] * np.einsum("p,pii->i", random, self.ramp)
+
+
+def degrees_of_freedom(noise, tau, covariance):
+    r"""Return the equivalent degrees of freedom of the points of an Allan curve.
+
+    .. math:: \nu = 2 \sigma^4 / \mathrm{var}(\hat\sigma^2)
+
+    Parameters
+    ----------
+    noise : AxisNoise
+        Its five coefficients; where none is known, white noise.
+    tau : array_like, shape (k,)
+        Averaging times, s.
+    covariance : CurveCovariance
+        Of the same points; its diagonal is enough.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+    """
+    theta = np.array([getattr(noise, name).square for name in TERMS])
+    theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
+    return 2 * (design(tau) @ theta) ** 2 / covariance.variance(theta)
 
 
 def curve_covariance(factors, lengths, rate, reach=300.0):

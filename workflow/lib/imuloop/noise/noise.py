@@ -11,8 +11,8 @@ from imuloop.core.samples import CHANNELS
 from imuloop.noise import views
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
-from imuloop.noise.curve_covariance import curve_covariance
-from imuloop.noise.fit import TERMS, design, fit_curve
+from imuloop.noise.curve_covariance import curve_covariance, degrees_of_freedom
+from imuloop.noise.fit import TERMS, fit_curve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import all_rests, note_conditions, one_rate, static_cuts
 from imuloop.noise.statistics import repeatability, summary
@@ -164,7 +164,7 @@ def _estimate(axis, layouts, basis, values, settings, notes):
         notes.append(f"{axis}: output is constant, no coefficient estimated")
         return nothing
     estimate = estimate_axis(layouts, basis, values, settings)
-    if not any(c.identifiable for c in _five(estimate.noise)) and not estimate.noise.N.upper95:
+    if not any(getattr(estimate.noise, n).upper95 for n in TERMS):
         notes.append(f"{axis}: too few samples for a coefficient")
     if estimate.misfit:
         notes.append(
@@ -197,10 +197,6 @@ def _uncut(cuts, settings):
     return {"seconds": float(seconds), "axes": axes}
 
 
-def _five(noise):
-    return (noise.Q, noise.N, noise.B, noise.K, noise.R)
-
-
 def _note_walk(axes, seconds, notes):
     """Note where the walk, which weighs most in long integrals, could not be seen."""
     unseen = [axis for axis, noise in axes.items() if not noise.K.identifiable]
@@ -216,11 +212,8 @@ def _table(record, stretches, axis, noise, settings, curve=None):
     """Return the Allan curve of one axis of one session."""
     factors = averaging_factors(record.lengths.max(), settings)
     spread = curve_covariance(factors, record.lengths, record.rate, reach=1.0)
-    theta = np.array([c.square for c in _five(noise)])
-    # nothing found: as for white noise
-    theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
     tau = factors / record.rate
-    edf = 2 * (design(tau) @ theta) ** 2 / spread.variance(theta)
+    edf = degrees_of_freedom(noise, tau, spread)
     curve = allan_variance(stretches, factors) if curve is None else curve
     return allan_table(axis, tau, curve, edf)
 

@@ -1,0 +1,360 @@
+"""Faults of a config: all are told, one a line, each with its key and the remedy."""
+
+import json
+import os
+import textwrap
+
+import pytest
+import yaml
+from snakemake.common.configfile import load_configfile
+
+from imuloop.config import merge
+from imuloop.config_faults import as_given, config_faults, unreadable
+
+REPLICAS = {"iphone_6": ["static", "six_position"]}
+SHA = "0" * 64
+
+
+@pytest.fixture
+def schema(repository):
+    return repository / "workflow/schemas/config.schema.yaml"
+
+
+@pytest.fixture
+def faults(tmp_path, schema, monkeypatch):
+    """Return a function: the faults of a config text, without the file's name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "poses.csv").write_text(
+        "t,ax,ay,az,gx,gy,gz\n0,0,0,9.8,0,0,0\n0.01,0,0,9.8,0,0,0\n"
+    )
+    (tmp_path / "bare.csv").write_text("0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n")
+
+    def of(text, **options):
+        path = tmp_path / "config.yaml"
+        path.write_text(textwrap.dedent(text))
+        config = load_configfile(path)
+        lines = config_faults(config, {"config.yaml": path}, schema, REPLICAS, **options)
+        assert all(line.startswith(("config.yaml: ", "IMULOOP_MIRROR")) for line in lines)
+        assert all("\n" not in line for line in lines)
+        return [line.removeprefix("config.yaml: ") for line in lines]
+
+    return of
+
+
+def session(text, device=""):
+    """Return a config with one session; `text` is its keys, `device` keys beside."""
+    return f"devices: {{imu: {{{device} sessions: {{a: {{{text}}}}}}}}}"
+
+
+SOUND = "kind: multi_position, file: poses.csv"
+
+
+def test_smallest_entry_works(faults):
+    assert (
+        faults("devices:\n  my_imu:\n    sessions:\n      a: {kind: static, file: poses.csv}") == []
+    )
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "config/measured.yaml"])
+def test_shipped_configs_have_no_fault(repository, schema, name, monkeypatch):
+    monkeypatch.chdir(repository)
+    replicas = {
+        path.stem: list(yaml.safe_load(path.read_text())["sessions"])
+        for path in repository.glob("data/replicas/*.yaml")
+    }
+    path = repository / name
+    assert config_faults(yaml.safe_load(path.read_text()), {name: path}, schema, replicas) == []
+
+
+ONE_FAULT = {
+    "unit": (
+        session(f"{SOUND}, units: {{time: sec}}"),
+        "devices.imu.sessions.a.units.time: 'sec' is not a unit; did you mean 's'?",
+    ),
+    "angular rate": (
+        session(f"{SOUND}, units: {{angular_rate: degs/s}}"),
+        "devices.imu.sessions.a.units.angular_rate: 'degs/s' is not a unit; did you mean 'deg/s'?",
+    ),
+    "kind": (
+        session("kind: statc, file: poses.csv"),
+        "devices.imu.sessions.a.kind: 'statc' is not a kind of session; did you mean 'static'?",
+    ),
+    "format": (
+        session(f"{SOUND}, format: netcdf4"),
+        "devices.imu.sessions.a.format: 'netcdf4' is not a format; did you mean 'netcdf'?",
+    ),
+    "unknown key": (
+        session(SOUND, "lable: x,"),
+        "devices.imu.lable: unknown key; did you mean 'label'?",
+    ),
+    "unknown top key": (
+        session(SOUND) + "\ncaches: x",
+        "caches: unknown key; did you mean 'cache'?",
+    ),
+    "unknown setting": (
+        session(SOUND, "segment: {windows: 1},"),
+        "devices.imu.segment.windows: unknown key; did you mean 'window_s'?",
+    ),
+    "view": (
+        session(SOUND, "noise: {views: [psd, hadamrd]},"),
+        "devices.imu.noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?",
+    ),
+    "one sample": (
+        session(SOUND, "noise: {m_samples: [3, 1]},"),
+        "devices.imu.noise.m_samples.1: 1 is less than the minimum of 2",
+    ),
+    "missing key": (
+        session("file: poses.csv"),
+        "devices.imu.sessions.a.kind: missing; a needs it",
+    ),
+    "nothing": (session(SOUND, "label: ,"), "devices.imu.label: nothing is given"),
+    "no devices": ("devices: {}", "devices: empty"),
+    "device name": (
+        "devices: {1imu: {sessions: {a: {kind: static, file: poses.csv}}}}",
+        "devices.1imu: '1imu' is not a name (a letter, then up to 63 letters, digits, _ or -)",
+    ),
+    "path as name": (
+        'devices: {"../x": {sessions: {a: {kind: static, file: poses.csv}}}}',
+        "devices.../x: '../x' is not a name (a letter, then up to 63 letters, digits, _ or -)",
+    ),
+    "reserved name": (
+        "devices: {imu: {sessions: {exports: {kind: static, file: poses.csv}}}}",
+        "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; "
+        "name the session otherwise",
+    ),
+    "missing file": (
+        session("kind: static, file: data/none.csv"),
+        "devices.imu.sessions.a.file: there is no file data/none.csv",
+    ),
+    "replica": (
+        session("kind: static, file: data/simulated/iphone6/static.parquet"),
+        "devices.imu.sessions.a.file: there is no replica 'iphone6'; did you mean 'iphone_6'?",
+    ),
+    "replica's session": (
+        session("kind: static, file: data/simulated/iphone_6/statics.parquet"),
+        "devices.imu.sessions.a.file: iphone_6 has no session 'statics'; did you mean 'static'?",
+    ),
+    "hash": (
+        session("kind: static, file: {url: 'https://a/b.csv', sha256: abc}"),
+        "devices.imu.sessions.a.file.sha256: 'abc' is not a SHA-256 (64 digits 0-9 a-f)",
+    ),
+    "no hash": (
+        session("kind: static, file: {url: 'https://a/b.csv'}"),
+        "devices.imu.sessions.a.file.sha256: missing; file needs it",
+    ),
+    "wheel without version": (
+        session(f"kind: static, file: {{wheel: some, member: b.csv, sha256: '{SHA}'}}"),
+        "devices.imu.sessions.a.file.wheel: 'some' is not a wheel (NAME==VERSION)",
+    ),
+    "one of two files": (
+        session("kind: static, format: imu_tk, file: {acceleration: poses.csv}"),
+        "devices.imu.sessions.a.file.angular_rate: missing; file needs it",
+    ),
+    "format of two files": (
+        session(f"{SOUND}, format: imu_tk"),
+        "devices.imu.sessions.a.file: format imu_tk is read from acceleration and angular_rate, "
+        "given log",
+    ),
+    "counts": (
+        session(f"{SOUND}, units: {{acceleration: count}}"),
+        "devices.imu.sessions.a.units.acceleration: "
+        "'count' needs the device's nominal.acceleration",
+    ),
+    "columns of three": (
+        session(f"{SOUND}, columns: {{acceleration: [ax, ay]}}"),
+        "devices.imu.sessions.a.columns.acceleration: 2 entries, 3 needed",
+    ),
+    "unknown column": (
+        session(f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}"),
+        "devices.imu.sessions.a.columns.acceleration: no column 'azz'; "
+        "there are t, ax, ay, az, gx, gy, gz; did you mean 'az'?",
+    ),
+    "no clock": (
+        session(
+            "kind: static, file: bare.csv, "
+            "columns: {acceleration: [0, 1, 2], angular_rate: [3, 4, 5]}"
+        ),
+        "devices.imu.sessions.a.rate: missing; bare.csv has no time column",
+    ),
+    "range order": (
+        session(f"{SOUND}, time_range: [5, 1]"),
+        "devices.imu.sessions.a.time_range: the start is not before the end",
+    ),
+    "range kinds": (
+        session(f"{SOUND}, time_range: [5, 2021-09-20T10:00]"),
+        "devices.imu.sessions.a.time_range: start and end must both be seconds or both be ISO 8601",
+    ),
+    "gravity": (
+        session(SOUND, "gravity: 98,"),
+        "devices.imu.gravity: 98 is greater than the maximum of 9.9",
+    ),
+    "place": (
+        session(SOUND, "gravity: {latitude: 45},"),
+        "devices.imu.gravity.height: missing; gravity needs it",
+    ),
+    "in the defaults": (
+        session(SOUND) + "\ndefaults: {label: 3}",
+        "defaults.label: 3 is not text",
+    ),
+    "mirror": (session(SOUND) + "\nmirror: nowhere", "mirror: there is no folder nowhere"),
+    "twice": (
+        "devices:\n  imu: {sessions: {a: {kind: static, file: poses.csv}}}\n"
+        "  imu: {sessions: {a: {kind: static, file: poses.csv}}}",
+        "devices.imu: given twice (again in line 3); only one would count",
+    ),
+    "1e-3": (
+        session(SOUND, "full_scale: {acceleration: 1e3},"),
+        "devices.imu.full_scale.acceleration: 1e3 is text to YAML, no number; write 1.0e+3",
+    ),
+    "on": (
+        session(SOUND, "label: on,"),
+        "devices.imu.label: on is true to YAML; write 'on' with quotes, or true",
+    ),
+    "12:30:00": (
+        session(f"{SOUND}, time_range: [12:30:00, 50000]"),
+        "devices.imu.sessions.a.time_range.0: 12:30:00 is 45000 to YAML; "
+        "write '12:30:00' with quotes, or 45000",
+    ),
+    "infinity": (
+        session(f"{SOUND}, rate: .inf"),
+        "devices.imu.sessions.a.rate: .inf is no finite number",
+    ),
+    "a column twice": (
+        session(f"{SOUND}, columns: {{acceleration: [ax, ax, az]}}"),
+        "devices.imu.sessions.a.columns.acceleration: ['ax', 'ax', 'az'] names a column twice",
+    ),
+    "007": (
+        session(SOUND, "label: 007,"),
+        "devices.imu.label: 007 is 7 to YAML; write '007' with quotes, or 7",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "line"), ONE_FAULT.values(), ids=ONE_FAULT)
+def test_a_fault_names_its_key_and_the_remedy(faults, text, line):
+    assert faults(text) == [line]
+
+
+def test_numbers_of_a_json_config_are_what_they_look_like(faults):
+    config = {"imu": {"sessions": {"a": {"kind": "static", "file": "poses.csv", "rate": 1}}}}
+    assert faults(json.dumps({"devices": config}).replace(": 1}", ": 1e2}")) == []
+
+
+def test_faults_are_told_all_at_once(faults):
+    text = f"""
+    defaults: {{noise: {{significance: 2}}}}
+    devices:
+      a: {{sessions: {{x: {{kind: static, file: none.csv, units: {{time: sec}}}}}}}}
+      b: {{gravity: 1e1, sessions: {{y: {{{SOUND}, rates: 3}}}}}}
+    """
+    assert {line.split(": ")[0] for line in faults(text)} == {
+        "defaults.noise.significance",
+        "devices.a.sessions.x.file",
+        "devices.a.sessions.x.units.time",
+        "devices.b.gravity",
+        "devices.b.sessions.y.rates",
+    }
+
+
+def test_one_wrong_unit_does_not_hide_another(faults):
+    lines = faults(session(f"{SOUND}, units: {{time: sec, acceleration: count}}"))
+    assert [line.partition(": ")[0] for line in lines] == [
+        "devices.imu.sessions.a.units.time",
+        "devices.imu.sessions.a.units.acceleration",
+    ]
+
+
+def test_all_columns_that_are_not_there_are_told(faults):
+    columns = "{time: stamp, acceleration: [fx, ay, az], angular_rate: [gx, gy, rz]}"
+    keys = [line.split(": ")[0] for line in faults(session(f"{SOUND}, columns: {columns}"))]
+    assert keys == [
+        f"devices.imu.sessions.a.columns.{quantity}"
+        for quantity in ("time", "acceleration", "angular_rate")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "written", "hint"),
+    [
+        ("angular_rate", "dps", "did you mean 'deg/s'?"),
+        ("angular_rate", "°/s", "did you mean 'deg/s'?"),
+        ("angular_rate", "mdps", "use one of rad/s, deg/s, mrad/s, deg/h, count"),
+        ("angular_rate", "rad/sek", "did you mean 'rad/s'?"),
+        ("time", "seconds", "did you mean 's'?"),
+        ("time", "µs", "did you mean 'us'?"),
+        ("time", "min", "use one of s, ms, us, ns, ISO 8601"),
+        ("acceleration", "m/s²", "did you mean 'm/s^2'?"),
+        ("acceleration", "G", "did you mean 'g'?"),
+        ("temperature", "°C", "did you mean 'degC'?"),
+    ],
+)
+def test_a_unit_is_never_mistaken_for_another_by_its_letters(faults, quantity, written, hint):
+    [line] = faults(session(f"{SOUND}, units: {{{quantity}: '{written}'}}"))
+    assert line.endswith(f"'{written}' is not a unit; {hint}")
+
+
+def test_what_is_no_regular_file_is_said(faults, tmp_path):
+    (tmp_path / "folder.csv").mkdir()
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name, text in (
+        ("folder.csv", "folder.csv is a folder, not a file"),
+        ("pipe.csv", "pipe.csv is not a regular file"),
+        ("none.csv", "there is no file none.csv"),
+    ):
+        [line] = faults(session(f"kind: static, file: {name}"))
+        assert line == f"devices.imu.sessions.a.file: {text}"
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (None, "there is no such file here; write one, or name one with --configfile"),
+        ("", "empty; it needs devices"),
+        ("# nothing\n", "empty; it needs devices"),
+        ("- a\n", "not a mapping of keys; it needs devices"),
+        ("devices", "not a mapping of keys; it needs devices"),
+        ("devices: [", "line 1, column 11: no YAML: "),
+        ("devices:\n\ta: 1\n", "line 2, column 1: no YAML: "),
+        ("devices: {}", None),
+    ],
+)
+def test_a_file_that_is_no_config_is_told_in_one_line(tmp_path, monkeypatch, content, line):
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        (tmp_path / "config.yaml").write_text(content)
+    fault = unreadable("config.yaml")
+    if line is None:
+        assert fault is None
+    else:
+        assert fault.startswith(f"config.yaml: {line}")
+        assert "\n" not in fault
+
+
+def test_a_fault_of_the_defaults_is_told_once(faults):
+    one = f"{{sessions: {{x: {{{SOUND}}}}}}}"
+    assert len(faults(f"devices: {{a: {one}, b: {one}}}\ndefaults: {{gravity: 98}}")) == 1
+
+
+def test_a_mirror_that_is_not_there(faults):
+    assert faults(session(SOUND), mirror="/nowhere") == [
+        "IMULOOP_MIRROR: there is no folder /nowhere"
+    ]
+
+
+def test_a_fault_names_the_file_that_holds_it(tmp_path, schema, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "poses.csv").write_text("t,ax,ay,az,gx,gy,gz\n0,0,0,9.8,0,0,0\n")
+    first = {"devices": {"a": {"sessions": {"x": {"kind": "static", "file": "poses.csv"}}}}}
+    second = {"devices": {"a": {"label": 3}}}
+    files = {name: tmp_path / name for name in ("first.yaml", "second.yaml")}
+    for path, content in zip(files.values(), (first, second), strict=True):
+        path.write_text(yaml.safe_dump(content))
+    lines = config_faults(merge(first, second), files, schema, REPLICAS)
+    assert lines == ["second.yaml: devices.a.label: 3 is not text"]
+
+
+def test_config_is_named_as_it_was_given():
+    arguments = ["-c2", "--configfile", "../some/c.yaml", "results/report.html"]
+    assert as_given("/home/some/c.yaml", arguments) == "../some/c.yaml"
+    assert as_given("/home/c.yaml", ["--configfile=/home/c.yaml"]) == "/home/c.yaml"
+    assert as_given("config.yaml", ["results/report.html"]) == "config.yaml"
