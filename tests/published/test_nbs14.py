@@ -1,4 +1,9 @@
-"""NBS14, the 1000-point set of NIST SP 1065, section 12.4, table 31 (p. 108)."""
+"""The test suite of NIST SP 1065, section 12.4: NBS14, of nine values, and the 1000-point set.
+
+W. J. Riley, Handbook of Frequency Stability Analysis (2008): data in table 29 (p. 107) and by the
+recurrence on p. 108, deviations in tables 30 (p. 107) and 31 (p. 108). Compared digit by digit with
+other copies of these tables, allantools' tests/nbs14 among them.
+"""
 
 import numpy as np
 import pytest
@@ -6,51 +11,64 @@ import pytest
 from imuloop.noise.allan import allan_variance
 from imuloop.noise.deviations import hadamard_variance, modified_variance, total_variance
 
-FACTORS = np.array([1, 10, 100])
-PRINTED = {
+NINE = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])
+# hadamard: the overlapping one
+TABLE_30 = {
+    "plain": [91.22945, 115.8082],
+    "overlapping": [91.22945, 85.95287],
+    "hadamard": [70.80607, 85.61487],
+    "modified": [91.22945, 74.78849],
+    "total": [91.22945, 93.90379],
+}
+TABLE_31 = {
+    "plain": [2.922319e-1, 9.965736e-2, 3.897804e-2],
     "overlapping": [2.922319e-1, 9.159953e-2, 3.241343e-2],
     "hadamard": [2.943883e-1, 9.581083e-2, 3.237638e-2],
     "modified": [2.922319e-1, 6.172376e-2, 2.170921e-2],
     "total": [2.922319e-1, 9.134743e-2, 3.406530e-2],
-    "plain": [2.922319e-1, 9.965736e-2, 3.897804e-2],
 }
 
 
-@pytest.fixture
-def frequency():
+def thousand():
     """n_{i+1} = 16807 n_i mod (2^31 - 1), n_0 = 1234567890, over 2^31 - 1."""
     n = [1234567890]
     for _ in range(999):
         n.append(16807 * n[-1] % 2147483647)
+    assert n[1:4] == [395529916, 1209410747, 633705974]
     return np.array(n) / 2147483647
 
 
-def test_data_are_those_of_the_table(frequency):
+def plain_variance(stretches, factors):
+    """Of consecutive means: the overlapping one at m = 1 of the means."""
+    (x,) = stretches
+    means = [x[: len(x) // m * m].reshape(-1, m).mean(axis=1) for m in factors]
+    return np.array([allan_variance([each], [1])[0] for each in means])
+
+
+VARIANCES = {
+    "plain": plain_variance,
+    "overlapping": allan_variance,
+    "hadamard": hadamard_variance,
+    "modified": modified_variance,
+    "total": total_variance,
+}
+
+
+def test_data_are_those_of_the_table():
+    frequency = thousand()
     assert frequency.mean() == pytest.approx(4.897745e-1, abs=5e-8)
     assert frequency.std(ddof=1) == pytest.approx(2.884664e-1, abs=5e-8)
 
 
-def test_overlapping_deviation_agrees_in_all_printed_digits(frequency):
-    found = np.sqrt(allan_variance([frequency], FACTORS))
-    assert found == pytest.approx(PRINTED["overlapping"], rel=0, abs=5e-8)
+@pytest.mark.parametrize("name", VARIANCES)
+def test_nine_values_agree_in_all_printed_digits(name):
+    found = np.sqrt(VARIANCES[name]([NINE], [1, 2]))
+    for value, printed in zip(found, TABLE_30[name], strict=True):
+        assert f"{value:.7g}" == f"{printed:.7g}"
 
 
-def test_plain_deviation_of_consecutive_means_is_another_figure(frequency):
-    # the plain estimator is the overlapping one at m = 1 of the means
-    found = [
-        np.sqrt(allan_variance([frequency.reshape(-1, m).mean(axis=1)], [1])[0]) for m in FACTORS
-    ]
-    assert found == pytest.approx(PRINTED["plain"], rel=0, abs=5e-8)
-
-
-@pytest.mark.parametrize(
-    ("name", "variance"),
-    [
-        ("hadamard", hadamard_variance),
-        ("modified", modified_variance),
-        ("total", total_variance),
-    ],
-)
-def test_other_deviations_agree_in_all_printed_digits(frequency, name, variance):
-    found = np.sqrt(variance([frequency], FACTORS))
-    assert found == pytest.approx(PRINTED[name], rel=0, abs=5e-8)
+@pytest.mark.parametrize("name", VARIANCES)
+def test_thousand_values_agree_in_all_printed_digits(name):
+    found = np.sqrt(VARIANCES[name]([thousand()], [1, 10, 100]))
+    for value, printed in zip(found, TABLE_31[name], strict=True):
+        assert f"{value:.6e}" == f"{printed:.6e}"
