@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.noise.views import label
+from imuloop.noise.views import COLUMNS, label, power_spectrum
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.deviation_plot import deviation_pictures
 from imuloop.report.noise_statistics import stability_table, statistics_tables
@@ -20,7 +20,7 @@ from imuloop.report.numbers import interval_text
 from imuloop.report.results import SENSORS, read_device
 from imuloop.report.section import content, render
 from imuloop.report.spectrum_plot import correlation_pictures, density_pictures
-from report.plausible_noise import DISTURBED, HUMP, LINE
+from report.plausible_noise import DISTURBED, HUMP, LINE, known
 from report.plausible_results import DEVICES, RATE, N, write_results
 
 THIN = "\u202f"
@@ -106,6 +106,29 @@ def test_what_the_record_does_not_show_has_a_limit_and_the_record_it_would_take(
         assert found["95 % interval"] == "—"
         assert found["Remark"] == "needs a record of about 40 h"
     assert row_of(coefficient_table(board, "gyroscope"), "N, z")["Remark"] == ""
+
+
+def test_what_no_record_would_show_is_said_unless_the_file_does_not_tell(board):
+    axes = copy.deepcopy(board.noise["axes"])
+    axes["gx"]["R"]["needed_s"] = None
+    del axes["gy"]["R"]["needed_s"]
+    table = coefficient_table(with_noise(board, axes=axes), "gyroscope")
+    assert row_of(table, "R, x")["Remark"] == "no record of up to a year would show it"
+    assert row_of(table, "R, y")["Remark"] == ""
+
+
+def test_an_interval_from_zero_names_what_could_be_there_instead(board):
+    axes = copy.deepcopy(board.noise["axes"])
+    axes["ax"]["K"] = {**known(1e-5), "ci95": [0.0, 2e-5]}
+    axes["ay"]["K"] = known(1e-5)
+    axes["gx"]["gauss_markov"][0]["q"]["ci95"][0] = 0.0
+    device = with_noise(board, axes=axes)
+    table = coefficient_table(device, "accelerometer")
+    doubts = {r[0]: r[-1] for r in table.rows if "cannot tell" in r[-1]}
+    assert doubts == {"K, x": "may be B or R instead: the record cannot tell which"}
+    assert row_of(table, "K, x")["95 % interval"].startswith("0 to ")
+    hump = row_of(coefficient_table(device, "gyroscope"), "q, x")["Remark"]
+    assert hump.endswith("°/h; may be another term instead: the record cannot tell which")
 
 
 def test_the_curve_fit_stands_beside_as_a_check_and_its_departure_is_named(board):
@@ -196,6 +219,19 @@ def test_density_carries_the_model_and_says_where_the_record_leaves_it(board, re
         accelerometer.caption.replace(THIN, " ")
     )
     assert "leaves the model most at" in accelerometer.caption
+
+
+def test_a_ramp_is_drawn_as_the_spectrum_shows_it(board, record, tmp_path):
+    count, slope = 200_000, 1e-6
+    f, s, _ = power_spectrum([0.3 + slope * np.arange(count) / RATE], RATE)
+    table = dict(zip(COLUMNS, ("psd", "gy", f, s, 0.9 * s, 1.1 * s), strict=True))
+    axes = copy.deepcopy(board.noise["axes"])
+    axes["gy"].update(dict.fromkeys("QNBK", axes["gy"]["K"]), R=known(slope))
+    device = with_noise(board, axes=axes)
+    density_pictures(device, replace(record, views=pd.DataFrame(table)), tmp_path)
+    rows = pd.read_csv(tmp_path / "long_psd.csv")
+    assert rows["model"][:6].to_numpy() == pytest.approx(rows["psd"][:6], rel=1e-6)
+    assert rows[["model", "psd"]][40:].max().max() < 1e-7 * rows["psd"][0]
 
 
 def test_humps_are_told_where_they_are_seen(board, record, tmp_path):

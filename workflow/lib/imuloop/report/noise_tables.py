@@ -27,6 +27,8 @@ SAMPLE_NOTE = (
     "adds √2·Q·rate; K/√rate is the step of the walk from sample to sample; R/rate the change; "
     "B has no rate and stays. None of these is a density of a data sheet."
 )
+# flicker, walk and ramp rise to the left in the spectrum: a weak one may stand in for another
+SLOW = "BKR"
 # process of several parameters in noise.json: its kind and the names of its parameters
 PROCESSES = {"gauss_markov": ("q", "tc"), "sinusoid": ("amplitude", "frequency")}
 
@@ -77,7 +79,7 @@ def _groups(device, sensor):
     axes = device.noise.get("axes") or {}
     channels = [(a, c, axes.get(c) or {}) for a, c in zip(XYZ, SENSORS[sensor], strict=True)]
     groups = [
-        (key, [(a, c, content.get(key), _needed(content.get(key))) for a, c, content in channels])
+        (key, [(a, c, content.get(key), _remark(key, content)) for a, c, content in channels])
         for key in COEFFICIENTS
     ]
     for kind, keys in PROCESSES.items():
@@ -96,12 +98,19 @@ def _groups(device, sensor):
     return groups
 
 
-def _needed(coefficient):
-    """Return in words how long a record would show the term."""
-    seconds = (coefficient or {}).get("needed_s")
-    if missing(seconds) or coefficient.get("identifiable"):
+def _remark(key, content):
+    """Return in words how long a record would show a term, or what could be there in its place."""
+    known = content.get(key) or {}
+    if known.get("identifiable"):
+        others = " or ".join(k for k in SLOW if k != key) if key in SLOW else "another term"
+        doubt = f"may be {others} instead: the record cannot tell which"
+        return doubt if (known.get("ci95") or (None,))[0] == 0 else ""
+    # an older file does not tell the time at all
+    if not known.get("upper95") or "needed_s" not in known:
         return ""
-    return f"needs a record of about {duration(seconds, 2)}"
+    if missing(known["needed_s"]):
+        return "no record of up to a year would show it"
+    return f"needs a record of about {duration(known['needed_s'], 2)}"
 
 
 def _told(sensor, kind, process):
@@ -113,7 +122,8 @@ def _told(sensor, kind, process):
         return ""
     unit = quantities(sensor)["amplitude"].sheet[0]
     level = with_unit(number(q * sqrt(tc / 2) * unit.factor), unit.unit)
-    return f"σ of the process, q·√(T/2): {level}"
+    told = (f"σ of the process, q·√(T/2): {level}", _remark("q", process))
+    return "; ".join(filter(None, told))
 
 
 def _units(quantity):

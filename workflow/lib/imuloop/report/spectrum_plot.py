@@ -13,7 +13,7 @@ DENSITY_NOTE = (
     "How much power there is at each frequency (one-sided; Welch's estimate, band: its 95 % "
     "interval; dashed: the model, fitted to the record and not to this curve). Flat: white noise, "
     "at 2N². Rising to the left: flicker, −1, and random walk, −2; to the right: quantisation. "
-    "Bend: a Gauss–Markov process. A ramp is no part of the model here. "
+    "Bend: a Gauss–Markov process. A ramp: in the lowest two or three points only. "
     "Triangle: a line of the model. Grey: frequencies that the fit leaves out."
 )
 CORRELATION_NOTE = (
@@ -45,17 +45,9 @@ def density_pictures(device, session, folder):
     rows = rows.assign(model=np.nan)
     for channel, content in (device.noise.get("axes") or {}).items():
         at = rows["axis"] == channel
-        rows.loc[at, "model"] = AxisNoise.from_dict(content).density(rows.loc[at, "x"], rate)
-    csv = write_csv(
-        folder,
-        f"{session.name}_psd",
-        rows.rename(columns={"x": "frequency_hz", "value": "psd"}).drop(columns="view"),
-    )
-    return [
-        _density(device, session, sensor, _by_axis(rows, channels), csv)
-        for sensor, channels in SENSORS.items()
-        if rows["axis"].isin(channels).any()
-    ]
+        noise, frequency = AxisNoise.from_dict(content), rows.loc[at, "x"]
+        rows.loc[at, "model"] = noise.density(frequency, rate) + noise.R.square * _ramp(frequency)
+    return _pictures(_density, device, session, folder, rows, ("frequency_hz", "psd"))
 
 
 def correlation_pictures(device, session, folder):
@@ -64,16 +56,7 @@ def correlation_pictures(device, session, folder):
     rows = rows[rows["x"] > 0]
     if not len(rows):
         return []
-    csv = write_csv(
-        folder,
-        f"{session.name}_autocorrelation",
-        rows.rename(columns={"x": "lag_s", "value": "autocorrelation"}).drop(columns="view"),
-    )
-    return [
-        _correlation(device, session, sensor, _by_axis(rows, channels), csv)
-        for sensor, channels in SENSORS.items()
-        if rows["axis"].isin(channels).any()
-    ]
+    return _pictures(_correlation, device, session, folder, rows, ("lag_s", "autocorrelation"))
 
 
 def view(session, name):
@@ -84,8 +67,33 @@ def view(session, name):
     return rows[np.isfinite(rows["value"])].sort_values(["axis", "x"], kind="stable")
 
 
-def _by_axis(rows, channels):
-    return {a: rows[rows["axis"] == c] for a, c in zip(XYZ, channels, strict=True)}
+def _pictures(picture, device, session, folder, rows, names):
+    """Return a picture of each sensor that has rows; `names` of x and value in the CSV file."""
+    renamed = rows.rename(columns=dict(zip(("x", "value"), names, strict=True)))
+    csv = write_csv(folder, f"{session.name}_{names[1]}", renamed.drop(columns="view"))
+    return [
+        picture(
+            device,
+            session,
+            sensor,
+            {a: rows[rows["axis"] == c] for a, c in zip(XYZ, channels, strict=True)},
+            csv,
+        )
+        for sensor, channels in SENSORS.items()
+        if rows["axis"].isin(channels).any()
+    ]
+
+
+def _ramp(frequency):
+    r"""Return what a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
+
+    Under a Hann window, in segments of T whose mean is off:
+    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T. The lowest frequency is the second of the
+    longest segments; what shorter ones have of it is nothing beside that.
+    """
+    longest = 2 / frequency.min()
+    k = frequency * longest
+    return longest**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
 
 
 def _density(device, session, sensor, curves, csv):
