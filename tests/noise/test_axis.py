@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt
+from scipy.signal import butter, lfilter, sosfilt
 
-from imuloop.noise.axis import estimate_axis, estimate_record
+from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
 from imuloop.noise.layout import Layout
+from imuloop.noise.lines import detection_limit
 from imuloop.noise.modes import modes
+from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
 
@@ -91,6 +93,59 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     assert line.frequency.value == pytest.approx(0.7, abs=1 / (N * DT))
     assert line.amplitude.ci95[0] <= 0.005 <= line.amplitude.ci95[1]
     assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
+
+
+SHORT = Layout(RATE, (0,), (4000,), (0,))
+SHORT_BASIS = modes([SHORT])
+SLOW = {
+    "white": {},
+    "flicker": {"B": 6e-3},
+    "walk": {"K": 4e-3},
+    "hump": {"hump": (0.02, 10.0)},
+}
+
+
+def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):
+    """Return the one-sided density of `record` as a function of frequency."""
+    q, tc = hump
+    theta = np.array([0.0, 0.01**2, B**2, K**2])
+
+    def density(f):
+        process = q**2 * tc / 2 * gauss_markov_density(f, DT, tc)
+        return 2 * (densities(f, DT) @ theta + process)
+
+    return density
+
+
+def short_lines(seed, amplitude=0.0, **truth):
+    """Return the lines of a record of 400 s with four periods of a sinusoid."""
+    x = record(seed, n=4000, line=(amplitude, 0.01), **truth)
+    return find_lines([SHORT], SHORT_BASIS, [[x]], SETTINGS)[0]
+
+
+@pytest.mark.parametrize("kind", SLOW)
+def test_a_line_of_four_periods_is_no_slow_noise(kind):
+    density = slow_density(**SLOW[kind])
+    amplitude = 3 * detection_limit([SHORT], density, 0.01, SETTINGS.hump_significance)
+    found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(12)]
+    # one over the record away
+    near = [len(f) == 1 and abs(f[0].frequency - 0.01) < 0.0025 for f in found]
+    assert sum(near) >= 11
+
+
+def test_slow_noise_is_no_line():
+    found = {kind: sum(bool(short_lines(s, **SLOW[kind])) for s in range(20)) for kind in SLOW}
+    assert sum(found.values()) <= 1, found
+
+
+def test_a_line_that_wanders_is_one_line():
+    rng = np.random.default_rng(1)
+    wander = lfilter([1], [1, -np.exp(-1 / 1000)], rng.standard_normal(N))
+    turns = np.cumsum(0.564 + 0.002 * wander / wander.std()) / RATE
+    # seed and size are of a record in which it leaves something beside it
+    x = white(N, DT, 0.01, rng) + 0.1 * np.cos(2 * np.pi * turns)
+    (line,) = estimate_axis([WHOLE], BASIS, [[x]], SETTINGS).noise.sinusoid
+    assert line.amplitude.value == pytest.approx(0.1, rel=0.02)
 
 
 def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():

@@ -5,8 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 from imuloop.noise.layout import Layout
-from imuloop.noise.lines import detection_limit, find_line, mains
+from imuloop.noise.lines import Line, detection_limit, find_line, mains, means
 from imuloop.noise.periodogram import one_frequency
+from imuloop.noise.waves import Wave
 
 RATE = 100.0
 LEVEL = 0.01
@@ -178,6 +179,46 @@ def test_a_line_that_wanders_is_one_line():
     # what is left is none of half its amplitude
     again = find_line([layout], line.subtract([layout], [values]), white_density, LEVEL)
     assert again is None or again.amplitude < 1.0
+
+
+def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():
+    rng = np.random.default_rng(3)
+    layouts = [session(np.zeros(n))[0] for n in (20_000, 500)]
+    values = [[rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)] for n in (20_000, 500)]
+    line = find_line(layouts, values, white_density, LEVEL)
+    assert [wave.session for wave in line.waves] == [0]
+    assert line.frequency == pytest.approx(0.08, abs=0.001)
+
+
+def test_what_a_line_left_lies_within_the_resolution_of_its_parts():
+    def line(*waves):
+        parts = tuple(Wave(i, a, b, f, 1.0, 0.0, 1.0, 0.1, 0.1) for i, a, b, f in waves)
+        f = parts[0].frequency
+        return Line(f, (f, f), 1.0, (1.0, 1.0), 0.0, parts)
+
+    # parts of 100 s, and a session of 1000 s
+    wanders = line((0, 0, 10_000, 0.55), (0, 10_000, 20_000, 0.57), (1, 0, 100_000, 0.56))
+    for session_of, frequency, left in (
+        (0, 0.541, True),
+        (0, 0.539, False),
+        (1, 0.5605, True),
+        (1, 0.565, False),
+        (2, 0.56, False),
+    ):
+        later = line((session_of, 0, 20_000, frequency))
+        assert wanders.left(later, RATE) == left, (session_of, frequency)
+
+
+def test_means_keep_their_place_and_level():
+    x = np.arange(1000.0)
+    layout = Layout(RATE, (0, 207, 500), (200, 7, 305), (0, 0, 1))
+    stretches = [x[a : a + n] for a, n in zip(layout.starts, layout.lengths, strict=True)]
+    (of_means,), (values,) = means([layout], [stretches], 10)
+    assert of_means == Layout(RATE / 10, (0, 50), (20, 30), (0, 1))
+    for start, y in zip(of_means.starts, values, strict=True):
+        # the middles of the blocks
+        assert y == pytest.approx(10 * (start + np.arange(len(y))) + 4.5)
+    assert means([layout], [stretches], 500) == ([], [])
 
 
 def test_a_steady_line_is_one_wave():

@@ -7,14 +7,14 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise, Coefficient, Sinusoid
 from imuloop.noise.layout import Layout
 from imuloop.noise.likelihood import Likelihood
-from imuloop.noise.lines import find_line, mains
+from imuloop.noise.lines import find_line, mains, means
 from imuloop.noise.misfit import band, groups, misfit, weights
 from imuloop.noise.modes import modes
 from imuloop.noise.needed import needed_seconds
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
 from imuloop.noise.terms import Search, Terms
 
-# lines at most
+# lines at most, with what they leave
 LINES = 8
 # ends of a normal interval, standard errors
 TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
@@ -51,10 +51,9 @@ def estimate_record(x, rate, settings):
 def estimate_axis(layouts, basis, values, settings):
     """Estimate the noise of one axis.
 
-    Lines are found and taken out one by one, each against the noise that is fitted beside those
-    found before. Then octaves at the top that a filter has emptied are left out, and the terms
-    are chosen (`terms.Search`). Where the spectrum leaves them beyond chance, frequencies
-    that hold many values count less, and the terms are chosen once more.
+    Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
+    are left out, and the terms are chosen (`terms.Search`). Where the spectrum leaves them beyond
+    chance, frequencies that hold many values count less, and the terms are chosen once more.
 
     Parameters
     ----------
@@ -74,18 +73,8 @@ def estimate_axis(layouts, basis, values, settings):
     """
     if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-    lines = []
-    slow, fast = basis.amplitudes(values)
-    while len(lines) < LINES:
-        search = _search(basis, slow, fast, basis.count, settings)
-        terms = search.select()
-        line = find_line(layouts, values, _density(search, terms), settings.hump_significance)
-        if line is None:
-            break
-        lines.append(line)
-        values = line.subtract(layouts, values)
-        slow, fast = basis.amplitudes(values)
-
+    lines, search = find_lines(layouts, basis, values, settings)
+    slow, fast = search.likelihood.slow, search.likelihood.fast
     highest = _highest(search)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
@@ -102,6 +91,63 @@ def estimate_axis(layouts, basis, values, settings):
         sinusoid=tuple(_sinusoid(line, 1 / basis.dt) for line in lines),
     )
     return AxisEstimate(noise, float(epsilon.max()), highest)
+
+
+def find_lines(layouts, basis, values, settings):
+    """Find lines and take them out one by one, each against the noise fitted beside those before.
+
+    Parameters
+    ----------
+    layouts, basis, values, settings
+        As `estimate_axis` takes them.
+
+    Returns
+    -------
+    lines : list of Line
+        Without those that one before has left where it wandered; they too are taken out.
+    search : Search
+        Of what remains.
+    """
+    lines = []
+    while True:
+        search = _search(basis, *basis.amplitudes(values), basis.count, settings)
+        if len(lines) == LINES:
+            break
+        density = _density(search, search.select())
+        line = find_line(layouts, values, density, settings.hump_significance)
+        line = line or _slow_line(layouts, values, search)
+        if line is None:
+            break
+        lines.append(line)
+        values = line.subtract(layouts, values)
+    own = [
+        line
+        for i, line in enumerate(lines)
+        if not any(before.left(line, 1 / basis.dt) for before in lines[:i])
+    ]
+    return own, search
+
+
+def _slow_line(layouts, values, search):
+    """Return a line of few periods that the fitted terms hold for noise, or None.
+
+    What stands out from its neighbours alone is kept from the fit of the terms, and is a line if it
+    then stands out from these. It is sought in the means of the blocks: a faster line is one mode
+    among many, too narrow for any term to follow.
+    """
+    basis, level = search.modes, search.hump_level
+    slow = means(layouts, values, basis.m)
+    line = find_line(*slow, np.ones_like, level)
+    if line is None:
+        return None
+    width = 1 / (basis.m * basis.dt * max(wave.end - wave.begin for wave in line.waves))
+    apart = abs(basis.frequency - line.frequency) > width
+    likelihood = replace(search.likelihood, count=search.likelihood.count * apart)
+    search = replace(search, likelihood=likelihood)
+    density = _density(search, search.select())
+    # the means tell in no time whether the whole record is worth another look
+    found = find_line(*slow, density, level)
+    return found and find_line(layouts, values, density, level)
 
 
 def _search(basis, slow, fast, count, settings):

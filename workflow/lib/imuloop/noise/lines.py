@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special, stats
 
-from imuloop.noise.periodogram import band_of, one_frequency, over_band, periodogram
+from imuloop.noise.layout import Layout
+from imuloop.noise.periodogram import SHORTEST, band_of, one_frequency, over_band, periodogram
 from imuloop.noise.waves import Wave, chunks, cut, fit_wave, follow, highest
 
 # relative difference of the clocks of two sessions, within which a line is the same
@@ -63,6 +64,30 @@ class Line:
             for i, part, _, waves in chunks(layout, wave.frequency):
                 parts[i][part] -= np.array([wave.cosine, wave.sine]) @ waves
         return result
+
+    def left(self, line, rate):
+        """Return whether a later line is what this one left: within 1/T of a wave of time T."""
+        beside = {
+            wave.session
+            for wave in self.waves
+            if abs(wave.frequency - line.frequency) * (wave.end - wave.begin) <= rate
+        }
+        return beside.issuperset(wave.session for wave in line.waves)
+
+
+def means(layouts, values, size):
+    """Return the layouts and the values of the means of `size` samples: slow lines at no cost."""
+    layouts_of_means, values_of_means = [], []
+    for layout, stretches in zip(layouts, values, strict=True):
+        kept = [i for i, n in enumerate(layout.lengths) if n >= size]
+        if not kept:
+            continue
+        blocks = [stretches[i][: layout.lengths[i] // size * size] for i in kept]
+        values_of_means.append([x.reshape(-1, size).mean(axis=1) for x in blocks])
+        starts, lengths = ([of[i] // size for i in kept] for of in (layout.starts, layout.lengths))
+        levels = tuple(layout.levels[i] for i in kept)
+        layouts_of_means.append(Layout(layout.rate / size, tuple(starts), tuple(lengths), levels))
+    return layouts_of_means, values_of_means
 
 
 def find_line(layouts, values, spectrum, level):
@@ -128,6 +153,8 @@ def find_line(layouts, values, spectrum, level):
     waves = {best: follow(layouts[best], values[best], wave, search.density(wave.frequency)[0])}
     for i in live.keys() - {best}:
         span = live[i].band.span
+        if wave.frequency * span < SHORTEST:
+            continue
         reach = 1 / search.band.span + 1 / span + SAME_CLOCK * wave.frequency
         near = highest(layouts[i], values[i], wave.frequency, reach)
         same = fit_wave(layouts[i], values[i], near, i)
