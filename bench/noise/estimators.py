@@ -172,8 +172,11 @@ def curve(n, rate, relative=True):
 
 
 def _curve(factors, rate):
-    """Return the Allan variances for unit N, B, K, that of a walk by samples."""
+    """Return the Allan variances for unit N, B, K, those of flicker and walk by samples."""
     expected = design(factors / rate)[:, 1:4]
+    for row, m in zip(expected, factors, strict=True):
+        flicker = mean_covariances(np.array([0, m]), int(m), 1 / rate)[2]
+        row[1] = flicker[0, 0] - flicker[0, 1]
     expected[:, 2] *= 1 + 1 / (2 * factors.astype(float) ** 2)
     return expected
 

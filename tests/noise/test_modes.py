@@ -34,13 +34,13 @@ def test_expected_squares_are_those_of_the_dense_transform(n):
 
 
 def test_covariance_of_means_is_that_of_samples_averaged():
-    """White, quantisation, walk and Gauss-Markov exactly; contrasts, since a walk has no level."""
+    """All processes exactly; contrasts, since flicker and walk have no level."""
     starts, m, dt = np.array([0, 5, 10, 40]), 5, 0.2
     average = averages(starts, m)
     contrast = np.eye(4) - 0.25
     samples = sample_covariances(45, dt)
     means = mean_covariances(starts, m, dt)
-    for process in (0, 1, 3):
+    for process in range(4):
         dense = average @ toeplitz(samples[process]) @ average.T
         assert contrast @ means[process] @ contrast == pytest.approx(
             contrast @ dense @ contrast, rel=1e-9, abs=1e-9
@@ -49,14 +49,25 @@ def test_covariance_of_means_is_that_of_samples_averaged():
     assert gauss_markov_means(starts, m, dt, 1.3) == pytest.approx(dense, rel=1e-9)
 
 
-def test_flicker_of_means_is_scale_free():
+@pytest.mark.parametrize("m", [63, 64])
+def test_flicker_of_long_means_is_scale_free(m):
     """Flicker has no time of its own: contrasts of means do not depend on their length."""
-    starts, contrast = np.array([0, 1, 2, 7]), np.eye(4) - 0.25
-    one = contrast @ mean_covariances(starts, 1, 1.0)[2] @ contrast
-    ten = contrast @ mean_covariances(starts * 10, 10, 0.3)[2] @ contrast
-    assert one == pytest.approx(ten, rel=1e-9, abs=1e-12)
+    starts, contrast = np.array([0, 1, 2, 40]), np.eye(4) - 0.25
+    one = contrast @ mean_covariances(starts * m, m, 1.0)[2] @ contrast
+    ten = contrast @ mean_covariances(starts * 10 * m, 10 * m, 0.3)[2] @ contrast
+    assert one == pytest.approx(ten, rel=1e-3)
     # half the variance of the difference of neighbours is the Allan variance
-    assert (one[0, 0] + one[1, 1] - 2 * one[0, 1]) / 2 == pytest.approx(2 * np.log(2) / np.pi)
+    allan = (one[0, 0] + one[1, 1] - 2 * one[0, 1]) / 2
+    assert allan == pytest.approx(2 * np.log(2) / np.pi, rel=3e-4)
+
+
+def test_flicker_of_samples_has_its_density_up_to_half_the_rate():
+    """Half the variance of the difference of two samples, from the density B^2/(2 pi f)."""
+    f = np.geomspace(1e-12, 0.5, 200_000)
+    for d in (1, 2, 7):
+        integral = np.trapezoid(2 * (1 - np.cos(2 * np.pi * f * d)) / (2 * np.pi * f), f)
+        found = sample_covariances(d + 1, 1.0)[2]
+        assert found[0] - found[d] == pytest.approx(integral, rel=1e-6)
 
 
 def test_white_and_walk_are_diagonal_in_a_broken_record():

@@ -64,10 +64,17 @@ class Likelihood:
         """Return the mean squares of all rows once a ramp is taken out, shape (r,)."""
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
-    def fit(self, units, ramp=False, fixed=0.0, start=None):
-        """Return the Fit of unit spectra.
+    def fit(self, units, ramp=False, fixed=0.0, start=None, restricted=False):
+        r"""Return the Fit of unit spectra.
 
         Fisher's scoring, each step a non-negative least squares, halved until the likelihood grows.
+        A fitted ramp takes power from the modes that hold it. The restricted likelihood allows for
+        that,
+
+        .. math:: \ell_R = \ell - \frac12 \ln \sum_r \rho_r^2/s_r,
+            \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k,
+
+        and so is free of the ramp; it compares models with a ramp, not one with and one without.
 
         Parameters
         ----------
@@ -79,8 +86,15 @@ class Likelihood:
             Part of the spectrum that is held.
         start : ndarray, shape (p,), optional
             Where to begin.
+        restricted : bool
+            Whether a fitted ramp counts in the restricted likelihood.
+
+        References
+        ----------
+        H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
         slope = 0.0 if isinstance(ramp, bool) else ramp
+        restricted = restricted and ramp is True
         power = self.power(slope)
         floor = ROUNDING * max(power.max(), np.max(fixed)) + np.finfo(float).tiny
         size = units.max(axis=0) if units.size else np.ones(units.shape[1])
@@ -94,30 +108,52 @@ class Likelihood:
         value = -np.inf
         for _ in range(ROUNDS):
             expected = np.maximum(units @ theta + fixed, floor)
+            taken = 0.0
             if ramp is True:
                 slope = self.slope(expected)
                 power = self.power(slope)
-            new = _solve(units, power - fixed, self.count / expected**2)
-            last, value = value, self.value(power, expected)
+                taken = self._taken(expected) if restricted else 0.0
+            new = _solve(units, power + taken - fixed, self.count / expected**2)
+            last, value = value, self.value(power, expected, restricted)
             if value - last < CLOSE:
                 break
-            theta = self._step(units, power, fixed, floor, theta, new, value)
+            theta = self._step(units, power, fixed, floor, theta, new, value, restricted)
         return Fit(theta / size, float(slope), value)
 
-    def _step(self, units, power, fixed, floor, theta, new, value):
+    def _step(self, units, power, fixed, floor, theta, new, value, restricted):
         for share in (1.0, 0.5, 0.25, 0.1, 0.03):
             trial = theta + share * (new - theta)
-            if self.value(power, np.maximum(units @ trial + fixed, floor)) >= value:
+            if self.value(power, np.maximum(units @ trial + fixed, floor), restricted) >= value:
                 return trial
         return theta
 
-    def value(self, power, expected):
-        """Return the log-likelihood of an expected spectrum."""
-        return float(-(self.count @ (np.log(expected) + power / expected)) / 2)
+    def value(self, power, expected, restricted=False):
+        """Return the log-likelihood of an expected spectrum, or the restricted one."""
+        value = -(self.count @ (np.log(expected) + power / expected)) / 2
+        if restricted:
+            value -= self._weight * np.log(self._seen(expected).sum()) / 2
+        return float(value)
+
+    @property
+    def _weight(self):
+        """Weight of the modes that hold a ramp."""
+        return self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
+
+    def _seen(self, expected):
+        """Return what each slow mode tells of a ramp, 1/(SI/s)^2."""
+        slow = len(self.rho)
+        return self.count[:slow] * self.rho**2 / expected[:slow]
+
+    def _taken(self, expected):
+        """Return the mean squares that a fitted ramp takes from all rows."""
+        taken = np.zeros(len(expected))
+        taken[: len(self.rho)] = self._weight * self.rho**2 / self._seen(expected).sum()
+        return taken
 
     def slope(self, expected):
         """Return the most likely ramp for a spectrum, SI/s."""
-        weight = self.rho / expected[: len(self.rho)]
+        slow = len(self.rho)
+        weight = self.count[:slow] * self.rho / expected[:slow]
         return float(weight @ self.slow / (weight @ self.rho))
 
 

@@ -14,7 +14,7 @@ from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.curve_covariance import curve_covariance, degrees_of_freedom
 from imuloop.noise.fit import TERMS, fit_curve
 from imuloop.noise.modes import modes
-from imuloop.noise.records import all_rests, note_conditions, one_rate, static_cuts
+from imuloop.noise.records import all_rests, note_conditions, one_rate, record_of, static_records
 from imuloop.noise.statistics import repeatability, summary
 
 
@@ -100,12 +100,12 @@ def estimate_noise(device, sessions, settings, uncut=True):
         there is nothing to fit.
     """
     notes = []
-    cuts = static_cuts(sessions, notes)
-    records = [each.record() for each in cuts] or all_rests(sessions, notes)
+    static = static_records(sessions, notes)
+    records = static or all_rests(sessions, notes)
     tables = {session.name: [_empty()] for session in sessions}
     pictures = {session.name: [views.empty()] for session in sessions}
-    axes, curves, spectra, statistics = {}, {}, {}, {}
-    rate = None
+    axes, curves, spectra, statistics, uncut_axes = {}, {}, {}, {}, {}
+    rate, added = None, 0.0
     if records:
         records = one_rate(records, notes)
         for record in records:
@@ -118,9 +118,19 @@ def estimate_noise(device, sessions, settings, uncut=True):
         basis, lengths = modes(layouts), np.concatenate([r.lengths for r in records])
         factors = averaging_factors(lengths.max(), settings)
         spread = curve_covariance(factors, lengths, rate, reach=1.0)
+        whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
+        added = _seconds(whole) - _seconds(records)
+        if added > 0.5 / rate:
+            whole_layouts = [record.layout for record in whole]
+            whole_basis = modes(whole_layouts)
         for axis in CHANNELS:
-            values = [record.stretches(axis) for record in records]
+            columns = [record.column(axis) for record in records]
+            values = [record.cut(x) for record, x in zip(records, columns, strict=True)]
             estimate = _estimate(axis, layouts, basis, values, settings, notes)
+            if added > 0.5 / rate:
+                every = [record.cut(x) for record, x in zip(whole, columns, strict=True)]
+                other = _estimate(axis, whole_layouts, whole_basis, every, settings, [])
+                uncut_axes[axis] = asdict(other.noise)
             axes[axis] = estimate.noise
             spectra[axis] = {"misfit": estimate.misfit, "band_hz": estimate.band_hz}
             curve = allan_variance([x for each in values for x in each], factors)
@@ -133,19 +143,20 @@ def estimate_noise(device, sessions, settings, uncut=True):
                 tables[name].append(_table(record, stretches, axis, estimate.noise, settings, own))
                 if np.isfinite(statistics[name][axis]["mean"]):
                     pictures[name].append(views.views(record.layout, stretches, axis, settings))
+            # or two axes would be in memory at once
+            columns = values = every = stretches = None
         _note_walk(axes, lengths.max() / rate, notes)
     else:
         notes.append("no session holds a rest: no coefficient can be estimated")
         axes = dict.fromkeys(CHANNELS, AxisNoise())
-    used = {record.session.name for record in records}
-    runs = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()} if cuts else {}
+    runs = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
         rate_hz=rate,
         curve_fit=curves,
         spectrum=spectra,
-        uncut=_uncut([c for c in cuts if c.session.name in used], settings) if uncut else None,
-        repeatability=repeatability(runs),
+        uncut={"seconds": added, "axes": uncut_axes} if uncut_axes else None,
+        repeatability=repeatability(runs if static else {}),
         statistics=statistics,
         sessions=tuple(record.session.name for record in records),
         notes=tuple(notes),
@@ -180,21 +191,9 @@ def _estimate(axis, layouts, basis, values, settings, notes):
     return estimate
 
 
-def _uncut(cuts, settings):
-    """Return the seconds that were cut and the coefficients with them; None without a cut."""
-    clean = [each.record() for each in cuts]
-    whole = [each.record(disturbed=True) for each in cuts]
-    seconds = sum(r.lengths.sum() / r.rate for r in whole)
-    seconds -= sum(r.lengths.sum() / r.rate for r in clean)
-    if not cuts or seconds < 0.5 / whole[0].rate:
-        return None
-    layouts = [record.layout for record in whole]
-    basis = modes(layouts)
-    axes = {}
-    for axis in CHANNELS:
-        values = [record.stretches(axis) for record in whole]
-        axes[axis] = asdict(_estimate(axis, layouts, basis, values, settings, []).noise)
-    return {"seconds": float(seconds), "axes": axes}
+def _seconds(records):
+    """Return the time that records hold, s."""
+    return float(sum(record.lengths.sum() / record.rate for record in records))
 
 
 def _note_walk(axes, seconds, notes):

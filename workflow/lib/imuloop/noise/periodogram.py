@@ -7,7 +7,7 @@ from math import log
 import numpy as np
 from scipy import fft, special
 
-from imuloop.noise.waves import chunks, levels
+from imuloop.noise.waves import levels, parts
 
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
@@ -15,6 +15,8 @@ SHORTEST = 3
 # what a median needs and to 0.3 Hz; 1 % of its frequency where that is more. Mains' wander, folded
 # or not, is narrower than half a block and a line; what is wider is none
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
+# places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
+NODES = 33
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
 
@@ -133,10 +135,12 @@ def periodogram(layout, stretches, spectrum):
     edges = band.edges - band.edges[0]
     medians = np.empty(band.sizes.size)
     for b, (i, j) in enumerate(pairwise(edges)):
-        density = spectrum(band.step * np.arange(i + band.edges[0], j + band.edges[0]))
+        # a spectrum is straight between so many places in a block
+        nodes = np.linspace(i, j - 1, min(NODES, j - i))
+        density = spectrum(band.step * (nodes + band.edges[0]))
         if not (density > 0).all():
             return None
-        power[i:j] /= density
+        power[i:j] /= np.interp(np.arange(i, j), nodes, density)
         # every other one: those between are not independent
         medians[b] = np.median(power[i:j:2])
     return Search(band, spectrum, power, medians) if medians.all() else None
@@ -150,12 +154,12 @@ def _filled(layout, stretches, padded):
     x_mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
     t_mean = np.bincount(level, lengths * middles) / counts
     upper = 0.0
-    for i, part, *_ in chunks(layout):
+    for i, part in parts(layout):
         t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
         upper += t @ (stretches[i][part] - x_mean[level[i]])
     slope = upper / (lengths @ ((lengths**2 - 1) / 12 + (middles - t_mean[level]) ** 2))
     filled = np.zeros(padded, np.float32)
-    for i, part, *_ in chunks(layout):
+    for i, part in parts(layout):
         t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
         at = starts[i] - starts.min() + part.start
         filled[at : at + t.size] = stretches[i][part] - x_mean[level[i]] - slope * t

@@ -1,9 +1,12 @@
 """The noise processes: covariance of samples, of block means, and spectral density."""
 
 import numpy as np
+from scipy.special import sici
 
 # the variances that a spectrum is a sum of: squares of Q, N, B, K
 NAMES = ("Q", "N", "B", "K")
+# means of fewer samples, less than so many of their lengths apart, are summed, not integrated
+SHORT, NEAR = 64, 32
 
 
 def sample_covariances(n, dt):
@@ -13,8 +16,8 @@ def sample_covariances(n, dt):
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;
-    - flicker, as means over :math:`\Delta t`: :math:`-\Delta^2 [d^2 \ln|d|]/2\pi`, with
-      :math:`\Delta^2` the second difference;
+    - flicker up to half the rate: :math:`-\mathrm{Cin}(\pi d)/\pi`, with
+      :math:`\mathrm{Cin}(x) = \int_0^x (1 - \cos u)/u\,du`;
     - walk with steps of :math:`K\sqrt{\Delta t}` a sample: :math:`-|d| \Delta t/2`.
 
     Those of flicker and walk are generalised: they hold for contrasts, sums with weights that
@@ -40,7 +43,7 @@ def sample_covariances(n, dt):
     covariance = np.zeros((4, n))
     covariance[0, :2] = (np.array([2.0, -1.0]) / dt**2)[:n]
     covariance[1, 0] = 1 / dt
-    covariance[2] = _flicker(d)
+    covariance[2] = _flicker_samples(d)
     covariance[3] = -d * dt / 2
     return covariance
 
@@ -66,7 +69,7 @@ def mean_covariances(starts, m, dt):
     own = d == 0
     quantisation = (2.0 * own - (d == m)) / (m * dt) ** 2
     walk = np.where(own, -(m * m - 1) / (6 * m), -d / 2) * dt
-    return np.stack([quantisation, own / (m * dt), _flicker(d / m), walk])
+    return np.stack([quantisation, own / (m * dt), _flicker_means(d, m), walk])
 
 
 def gauss_markov_samples(n, dt, tc):
@@ -119,10 +122,27 @@ def gauss_markov_density(frequency, dt, tc):
     return dt * -np.expm1(-2 * dt / tc) / (np.expm1(-dt / tc) ** 2 + phi * chord)
 
 
-def _flicker(x):
-    """Return the generalised covariance of flicker means at a distance of x of their lengths."""
+def _flicker_samples(d):
+    """Return the generalised covariance of flicker at a lag of d samples."""
+    x = np.pi * np.maximum(d, 1)
+    return np.where(d > 0, sici(x)[1] - np.euler_gamma - np.log(x), 0.0) / np.pi
+
+
+def _flicker_means(d, m):
+    r"""Return the generalised covariance of means of m samples of flicker, d samples apart.
+
+    Where sums are integrals it is :math:`-\Delta^2 [x^2 \ln|x|]/2\pi`, x = d/m, with
+    :math:`\Delta^2` the second difference, and a constant; between near and short means the sum.
+    """
 
     def k(x):
         return x**2 * np.log(np.where(x > 0, x, 1.0)) / (2 * np.pi)
 
-    return 2 * k(x) - k(x + 1) - k(np.abs(x - 1))
+    x = d / m
+    far = 2 * k(x) - k(x + 1) - k(np.abs(x - 1))
+    if m >= SHORT:
+        return far
+    far += (1.5 - np.euler_gamma - np.log(np.pi * m)) / np.pi
+    lags = _flicker_samples(np.abs(np.arange(1 - m, (NEAR + 1) * m)))
+    near = np.convolve(lags, (m - np.abs(np.arange(1 - m, m))) / m**2, "valid")
+    return np.where(d < len(near), near[np.minimum(d, len(near) - 1)], far)

@@ -1,7 +1,6 @@
 """Clean stretches of a device's sessions, which its noise is estimated from."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -71,67 +70,55 @@ class Record:
         """Samples of each stretch, shape (s,)."""
         return np.array(self.layout.lengths)
 
-    def stretches(self, column):
-        """Return the values of a column, an array a stretch."""
-        x = np.asarray(self.session.samples[column])
+    def column(self, name):
+        """Return the values of a column, shape (n,)."""
+        return np.asarray(self.session.samples[name])
+
+    def cut(self, x):
+        """Return the values of each stretch, views of x, shape (n,)."""
         return [x[s] for s in self.slices]
 
 
-@dataclass(frozen=True)
-class Cuts:
-    """Rests of one session, and what lies between them.
+def record_of(session, disturbed=False):
+    """Return the Record of all rests of a session with two samples or more; None without any.
 
-    Attributes
+    A stretch of a static session has the level of the one before it, unless a disturbance lies
+    between; the rests of other sessions have levels of their own.
+
+    Parameters
     ----------
     session : Session
-        Whose.
+        Whose rests.
+    disturbed : bool
+        Whether disturbed stretches stay in, and one level holds all through.
     """
-
-    session: Session
-
-    @cached_property
-    def t(self):
-        """Times of all samples, s, shape (n,)."""
-        return np.asarray(self.session.samples[TIME])
-
-    def record(self, disturbed=False):
-        """Return the Record of all rests with two samples or more; None without any.
-
-        A stretch of a static session has the level of the one before it, unless a disturbance
-        lies between; the rests of other sessions have levels of their own.
-
-        Parameters
-        ----------
-        disturbed : bool
-            Whether disturbed stretches stay in, and one level holds all through.
-        """
-        segments, t = self.session.segments, self.t
-        wanted = [STATIC, DISTURBED] if disturbed else [STATIC]
-        used = segments[segments["kind"].isin(wanted)].sort_values("start_s")
-        start, end = (used[c].to_numpy(dtype=float) for c in ("start_s", "end_s"))
-        first, last = np.searchsorted(t, start), np.searchsorted(t, end)
-        broken = np.ones(len(used), dtype=bool)
-        if self.session.kind == "static":
-            ends = segments.loc[segments["kind"] == DISTURBED, "end_s"].to_numpy(dtype=float)
-            before = np.searchsorted(np.sort(ends), start, side="right")
-            broken = np.diff(before, prepend=-1) > 0 if not disturbed else np.arange(len(used)) == 0
-        level = np.cumsum(broken) - 1
-        if disturbed:
-            first, last, level = _joined(first, last, level)
-        kept = last - first > 1
-        first, last, level = first[kept], last[kept], level[kept]
-        if not len(first):
-            return None
-        interval = np.concatenate([np.diff(t[i:j]) for i, j in zip(first, last, strict=True)])
-        rate = 1 / interval.mean()
-        layout = Layout(
-            float(rate),
-            tuple(np.rint((t[first] - t[0]) * rate).astype(int).tolist()),
-            tuple((last - first).tolist()),
-            tuple(level.tolist()),
-        )
-        slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-        return Record(self.session, slices, layout, float(interval.std() / interval.mean()))
+    segments, t = session.segments, np.asarray(session.samples[TIME])
+    wanted = [STATIC, DISTURBED] if disturbed else [STATIC]
+    used = segments[segments["kind"].isin(wanted)].sort_values("start_s")
+    start, end = (used[c].to_numpy(dtype=float) for c in ("start_s", "end_s"))
+    first, last = np.searchsorted(t, start), np.searchsorted(t, end)
+    broken = np.ones(len(used), dtype=bool)
+    if session.kind == "static":
+        ends = segments.loc[segments["kind"] == DISTURBED, "end_s"].to_numpy(dtype=float)
+        before = np.searchsorted(np.sort(ends), start, side="right")
+        broken = np.diff(before, prepend=-1) > 0 if not disturbed else np.arange(len(used)) == 0
+    level = np.cumsum(broken) - 1
+    if disturbed:
+        first, last, level = _joined(first, last, level)
+    kept = last - first > 1
+    first, last, level = first[kept], last[kept], level[kept]
+    if not len(first):
+        return None
+    interval = np.concatenate([np.diff(t[i:j]) for i, j in zip(first, last, strict=True)])
+    rate = 1 / interval.mean()
+    layout = Layout(
+        float(rate),
+        tuple(np.rint((t[first] - t[0]) * rate).astype(int).tolist()),
+        tuple((last - first).tolist()),
+        tuple(level.tolist()),
+    )
+    slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
+    return Record(session, slices, layout, float(interval.std() / interval.mean()))
 
 
 def _joined(first, last, level):
@@ -140,23 +127,23 @@ def _joined(first, last, level):
     return first[new], last[np.r_[new[1:], True]], level[new]
 
 
-def static_cuts(sessions, notes):
-    """Return the Cuts of each static session that holds a rest, else note that it holds none."""
+def static_records(sessions, notes):
+    """Return the Record of each static session that holds a rest, else note that it holds none."""
     found = []
     for session in sessions:
         if session.kind != "static":
             continue
-        cuts = Cuts(session)
-        if not len(session.samples) or cuts.record() is None:
+        record = record_of(session) if len(session.samples) else None
+        if record is None:
             notes.append(f"static session {session.name} holds no rest and is left out")
         else:
-            found.append(cuts)
+            found.append(record)
     return found
 
 
 def all_rests(sessions, notes):
     """Return a Record of each session that holds a rest, and note what rests cannot tell."""
-    records = [Cuts(s).record() for s in sessions if s.kind != "static" and len(s.samples)]
+    records = [record_of(s) for s in sessions if s.kind != "static" and len(s.samples)]
     records = [record for record in records if record is not None]
     if records:
         count = sum(len(record.slices) for record in records)
@@ -193,7 +180,7 @@ def note_conditions(record, notes):
             "estimate takes the mean rate"
         )
     if TEMPERATURE in record.session.samples:
-        temperature = np.concatenate(record.stretches(TEMPERATURE))
+        temperature = np.concatenate(record.cut(record.column(TEMPERATURE)))
         low, high = np.nanmin(temperature), np.nanmax(temperature)
         if high - low > TEMPERATURE_RANGE:
             notes.append(

@@ -1,9 +1,12 @@
 """Which noise terms a record supports: tests, intervals, limits."""
 
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import compress
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
+from scipy.special import ndtr, ndtri
 from scipy.stats import chi2
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
@@ -18,6 +21,9 @@ SHORTEST, LONGEST = 10.0, 1 / 8
 TESTS = 2.5
 # processes at most
 MOST = 3
+# terms that may stand in for each other: intervals are averaged over models with and without them,
+# but for models of less weight than this share
+FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # from short rests, each at a level of its own, it would be carried on over all that lies between
 LASTING = 1 / 8
@@ -96,9 +102,9 @@ class Search:
             return np.zeros((len(self.modes.frequency), 0))
         return np.column_stack(columns)
 
-    def fit(self, terms):
+    def fit(self, terms, restricted=False):
         """Return the Fit of these terms."""
-        return self.likelihood.fit(self.units(terms), terms.ramp)
+        return self.likelihood.fit(self.units(terms), terms.ramp, restricted=restricted)
 
     def p_value(self, term, gain):
         """Return the probability of such a gain of log-likelihood by a term that is not there.
@@ -110,9 +116,12 @@ class Search:
             return one
         return min(1.0, one / 2 * (1.0 if isinstance(term, str) else self.tests))
 
-    def _p_over_level(self, term, value, without):
-        level = self.level if isinstance(term, str) else self.hump_level
-        return self.p_value(term, value - self.fit(without).value) / level
+    def _chance(self, term, terms, without):
+        """Return the p-value of a term in a model beside that without it."""
+        return self.p_value(term, self.fit(terms).value - self.fit(without).value)
+
+    def _level(self, term):
+        return self.level if isinstance(term, str) else self.hump_level
 
     @property
     def times(self):
@@ -150,8 +159,7 @@ class Search:
 
     def _shrunk(self, terms):
         while len(terms) > 1:
-            value = self.fit(terms).value
-            p = {t: self._p_over_level(t, value, terms.without(t)) for t in terms}
+            p = {t: self._chance(t, terms, terms.without(t)) / self._level(t) for t in terms}
             worst = max(p, key=p.get)
             rest = terms.without(worst)
             if p[worst] <= 1 or not (rest.names or rest.times):
@@ -160,14 +168,14 @@ class Search:
         return terms
 
     def _grown(self, terms):
-        value = self.fit(terms).value
         absent = [t for t in self.candidates if t not in tuple(terms)]
-        p = {t: self.p_value(t, self.fit(terms.plus(t)).value - value) for t in absent}
+        p = {t: self._chance(t, terms.plus(t), terms) for t in absent}
         best = min(p, key=p.get, default=None)
         if best is not None and p[best] <= self.level:
             return terms.plus(best)
         if len(terms.times) == MOST or not len(self.times):
             return terms
+        value = self.fit(terms).value
         values = [self.fit(terms.plus(tc)).value for tc in self.times]
         tc = self.times[int(np.argmax(values))]
         if self.p_value(tc, max(values) - value) > self.hump_level:
@@ -189,47 +197,81 @@ class Search:
         return terms
 
     def noise(self, terms):
-        """Return the AxisNoise of supported terms: values with intervals, limits of the others.
+        r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
         Values are those of the supported terms alone, so that together they are the spectrum that
-        was found. In the intervals white noise, flicker and walk stay free whether supported or
-        not: one that is too weak to pass must not make its neighbour look certain.
+        was found. An interval has to allow for terms that are too weak to pass and for one that
+        stands where another is true: it ends where the tail areas of all models m with or without
+        flicker, walk and ramp,
+
+        .. math:: \sum_m w_m \Phi\left(\pm\sqrt{2 (\ell_m - \ell_m(x))}\right),
+            \quad w_m \propto e^{\ell_m - k_m},
+
+        reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
+        models of k terms are Akaike's.
+
+        References
+        ----------
+        D. Fletcher and D. Turek, J. Agric. Biol. Environ. Stat. 17 (2012) 38.
         """
-        fit, wide = self.fit(terms), terms.plus("N").plus("B").plus("K")
-        top = self.fit(wide)
+        fit = self.fit(terms, True)
         values = dict(zip(terms.names, np.sqrt(fit.theta), strict=False))
-        likeliest = dict(zip(wide.names, np.sqrt(top.theta), strict=False))
+        if terms.ramp:
+            values["R"] = abs(fit.ramp)
         coefficients = {}
-        for name in NAMES:
-            unit, rest = self.modes.units[:, NAMES.index(name)], wide.without(name)
-            units = self.units(rest)
-
-            def value(x, rest=rest, unit=unit, units=units):
-                return self.likelihood.fit(units, rest.ramp, fixed=x**2 * unit).value
-
-            if name in terms.names:
-                coefficients[name] = _coefficient(value, values[name], likeliest[name], top.value)
+        for name in (*NAMES, "R"):
+            profiles = [self._profile(name, model) for model in self._models(terms, name)]
+            if name in values:
+                coefficients[name] = _coefficient(profiles, values[name])
             else:
-                small = 1e-3 * np.sqrt(np.min(self.units(wide) @ top.theta / unit))
-                found = self.fit(wide.plus(name))
-                best = dict(zip(wide.plus(name).names, np.sqrt(found.theta), strict=False))[name]
-                coefficients[name] = _limit(value, best, small, found.value)
-        coefficients["R"] = self._ramp(wide, fit.ramp, top)
+                # a ramp has either sign, so that the limit of the likelier one is a two-sided one
+                coefficients[name] = _limit(profiles, 2 if name == "R" else 1)
+        wide = terms.plus("N").plus("B").plus("K")
+        top = self.fit(wide, True)
         processes = tuple(self._process(wide, top, i) for i in range(len(terms.times)))
         return AxisNoise(**coefficients, gauss_markov=processes)
 
-    def _ramp(self, terms, found, top):
-        units = self.units(terms)
-        slope = top.ramp if terms.ramp else self.likelihood.fit(units, True).ramp
-        sign = np.copysign(1.0, slope)
+    def _models(self, terms, name):
+        """Return the models that hold a term: with and without each of those that may stand in.
 
-        def value(x):
-            return self.likelihood.fit(units, sign * x).value
+        One in which such a term comes out as zero is the model without it.
+        """
+        free = [t for t in FREE if t in self.candidates and t != name]
+        base = terms.plus("N").plus(name)
+        for t in free:
+            base = base.without(t)
+        models = [base]
+        for t in free:
+            models += [model.plus(t) for model in models]
+        return [m for m in models if all(self._there(t, m) for t in free if t in m.names)]
 
-        if terms.ramp:
-            return _coefficient(value, abs(found), abs(slope), top.value)
-        # either sign would do, so that the limit of the likelier one is a two-sided one
-        return _limit(value, abs(slope), abs(slope), value(abs(slope)), TWO_SIDED)
+    def _there(self, name, model):
+        return self.fit(model).theta[model.names.index(name)] > 0
+
+    def _profile(self, name, model):
+        """Return the profile likelihood of a coefficient in a model."""
+        rest = model.without(name)
+        units = self.units(rest)
+        if name == "R":
+            likeliest = self.fit(model)
+            sign, best = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp)
+
+            def value(x):
+                return self.likelihood.fit(units, sign * x, start=likeliest.theta).value
+
+        else:
+            unit = self.modes.units[:, NAMES.index(name)]
+            likeliest = self.fit(model, True)
+            place = model.names.index(name)
+            best, start = np.sqrt(likeliest.theta[place]), np.delete(likeliest.theta, place)
+
+            def value(x):
+                return self.likelihood.fit(units, rest.ramp, x**2 * unit, start, True).value
+
+            # where another term takes its place: small beside what is there
+            best = max(best, 1e-3 * np.sqrt(np.min(self.units(model) @ likeliest.theta / unit)))
+        weight = self.fit(model).value - len(model)
+        return _Profile(weight, best, likeliest.value, value)
 
     def _process(self, terms, fit, place):
         """Return a Gauss-Markov process, q and tc profiled over each other."""
@@ -239,7 +281,7 @@ class Search:
 
         def value(q, tc):
             fixed = q**2 * tc / 2 * self.modes.gauss_markov(tc)
-            return self.likelihood.fit(units, rest.ramp, fixed=fixed).value
+            return self.likelihood.fit(units, rest.ramp, fixed, restricted=True).value
 
         def of_q(x):
             around = np.log(tc) + np.array([-3.0, 3.0])
@@ -247,11 +289,9 @@ class Search:
             return max(-found.fun, value(x, tc))
 
         def of_tc(x):
-            return self.fit(_replaced(terms, place, x)).value
+            return self.fit(_replaced(terms, place, x), True).value
 
-        return GaussMarkov(
-            _coefficient(of_q, q, q, fit.value), _coefficient(of_tc, tc, tc, fit.value)
-        )
+        return GaussMarkov(_between(of_q, q, fit.value), _between(of_tc, tc, fit.value))
 
 
 def _replaced(terms, place, tc):
@@ -259,22 +299,70 @@ def _replaced(terms, place, tc):
     return replace(terms, times=(*terms.times[:place], tc, *terms.times[place + 1 :]))
 
 
-def _coefficient(profile, value, likeliest, top):
-    """Return a supported coefficient: where its profile likelihood falls, to both sides."""
+@dataclass(frozen=True)
+class _Profile:
+    """Profile likelihood of a coefficient in one model: `value` at x, at most `top` at `best`."""
+
+    weight: float
+    best: float
+    top: float
+    value: object
+
+    def below(self, x):
+        """Return the tail area below x."""
+        root = np.sqrt(2 * max(self.top - self.value(x), 0.0))
+        return ndtr(np.copysign(root, x - self.best))
+
+
+def _averaged(profiles):
+    """Return the tail area below x, averaged over models, and the heaviest model's best value."""
+    weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
+    used = weight > NEGLIGIBLE * weight.sum()
+    weight, profiles = weight[used], list(compress(profiles, used))
+    weight /= weight.sum()
+
+    @cache
+    def below(x):
+        return sum(w * p.below(x) for w, p in zip(weight, profiles, strict=True))
+
+    return below, profiles[int(weight.argmax())].best
+
+
+def _coefficient(profiles, value):
+    """Return a supported coefficient."""
     value = float(value)
-    # another term may take its place altogether
-    near = likeliest if likeliest > 0 else 1e-6 * value
-    low, high = (_fall(profile, near, top, TWO_SIDED, side) for side in (-1, 1))
-    upper = _fall(profile, near, top, ONE_SIDED, 1)
+    below, _ = _averaged(profiles)
+    low, high, upper = (_crossing(below, value, p) for p in (0.025, 0.975, 0.95))
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)
 
 
-def _limit(profile, likeliest, small, top, fall=ONE_SIDED):
+def _limit(profiles, sides):
     """Return the upper limit of a coefficient that is not supported."""
-    start = max(likeliest, small)
-    while 2 * (top - profile(start)) > fall:
-        start /= 2
-    return Coefficient(None, None, _fall(profile, start, top, fall, 1), False)
+    below, best = _averaged(profiles)
+    return Coefficient(None, None, _crossing(below, best, 1 - 0.05 / sides), False)
+
+
+def _crossing(below, near, area):
+    """Return where a tail area that grows reaches a value, 0 where it is larger everywhere."""
+
+    def excess(u):
+        # as normal deviates, in which a tail area is nearly straight
+        return ndtri(np.clip(below(float(np.exp(u))), 1e-12, 1 - 1e-12)) - ndtri(area)
+
+    near, step = np.log(near), 0.02
+    side = -1 if excess(near) > 0 else 1
+    while step < 80:
+        far = near + side * step
+        if excess(far) * side > 0:
+            return float(np.exp(brentq(excess, near, far, xtol=1e-5)))
+        near, step = far, 3 * step
+    return 0.0
+
+
+def _between(profile, value, top):
+    """Return a parameter of a process: where its profile likelihood falls, to both sides."""
+    low, high = (_fall(profile, value, top, TWO_SIDED, side) for side in (-1, 1))
+    return Coefficient(float(value), (low, high), _fall(profile, value, top, ONE_SIDED, 1), True)
 
 
 def _fall(value, best, top, fall, side):

@@ -157,18 +157,24 @@ def products(layout, stretches, frequency):
     return gram - (sums.T / counts) @ sums
 
 
-def chunks(layout, frequency=0.0):
+def parts(layout):
+    """Yield stretch and slice of at most `CHUNK` samples after the other."""
+    for i, length in enumerate(layout.lengths):
+        for a in range(0, length, CHUNK):
+            yield i, slice(a, min(a + CHUNK, length))
+
+
+def chunks(layout, frequency):
     """Yield stretch, slice, u from -1 to 1 over the session, cosine and sine from its middle on."""
     first, last = extent(layout)
     middle, half = (first + last) / 2, (last - first) / 2
     turns = frequency / layout.rate
     within = np.exp(2j * np.pi * turns * np.arange(CHUNK))
-    for i, (start, length) in enumerate(zip(layout.starts, layout.lengths, strict=True)):
-        for a in range(0, length, CHUNK):
-            b = min(a + CHUNK, length)
-            u = (np.arange(start + a, start + b) - middle) / half
-            wave = np.exp(2j * np.pi * (turns * (start + a - middle) % 1)) * within[: b - a]
-            yield i, slice(a, b), u, np.array([wave.real, wave.imag])
+    for i, part in parts(layout):
+        a, b = layout.starts[i] + part.start, layout.starts[i] + part.stop
+        u = (np.arange(a, b) - middle) / half
+        wave = np.exp(2j * np.pi * (turns * (a - middle) % 1)) * within[: b - a]
+        yield i, part, u, np.array([wave.real, wave.imag])
 
 
 def cut(layout, stretches, begin, end):
