@@ -119,7 +119,7 @@ def resolve(names, declared=None, headed=True):
         If a declared column is not there, or a sensor's three are not found or not unique.
     """
     declared = dict(declared or {})
-    guessed = _guess(names) if headed else {}
+    guessed = guess(names) if headed else {}
     units = {}
     chosen = {}
     for quantity in ("time", "acceleration", "angular_rate", "temperature"):
@@ -184,7 +184,7 @@ def _position(quantity, value, names, headed):
     return names.index(value)
 
 
-def _guess(names):
+def guess(names):
     """Return quantity -> [(position or three positions, name without axis)], best first."""
     sensors = {"acceleration": {}, "angular_rate": {}}
     single = {"time": [], "temperature": []}
