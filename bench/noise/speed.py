@@ -111,8 +111,8 @@ def text(outcome):
 def _figure(c):
     if c["identifiable"]:
         low, high = c["ci95"]
-        return f"{c['value']:.3g} ({low:.3g} to {high:.3g})"
-    return "–" if c["upper95"] is None else f"< {c['upper95']:.3g}"
+        return f"{c['value']:.4g} ({low:.4g} to {high:.4g})"
+    return "–" if c["upper95"] is None else f"< {c['upper95']:.4g}"
 
 
 def checks(outcome):
