@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, Sinusoid
+from imuloop.noise.intervals import axis_noise
 from imuloop.noise.layout import Layout
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains, means
@@ -84,7 +85,7 @@ def estimate_axis(layouts, basis, values, settings):
     if epsilon.any():
         search = _search(basis, slow, fast, count * weights(epsilon, count, number), settings)
         terms = search.select()
-    noise = search.noise(terms)
+    noise = axis_noise(search, terms)
     noise = replace(
         noise,
         **_lengths(noise, search, terms, settings),
