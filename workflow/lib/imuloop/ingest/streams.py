@@ -1,13 +1,13 @@
 """Logs of several streams, each on a clock of its own: chosen, and merged onto one."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE
-from imuloop.ingest.columns import guess
+from imuloop.ingest.columns import AXES, guess
 from imuloop.ingest.quality import GAP_STEPS
 from imuloop.ingest.raw_log import STAMP, RawLog
 
@@ -23,7 +23,7 @@ class Stream:
     name : str
         Topic, message or file.
     stamps : ndarray, shape (n,)
-        int64 or float64, the same unit in all streams of a log.
+        Whole or decimal numbers, the same unit in all streams of a log.
     fields : dict of str to ndarray, shape (n,)
         Field names as the log has them.
     units : dict of str to str
@@ -50,7 +50,8 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         All that the log holds.
     columns : dict, optional
         Quantity to ``STREAM.FIELD``, three of them for a sensor, or to a stream. What is left
-        out is found by the usual names of fields.
+        out is found by the usual names of fields; a time or temperature that is None is taken as
+        not logged.
     batch_rows : int
         Rows given at once.
 
@@ -59,10 +60,12 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
     ImuloopError
         If a declared column is not there, or a quantity is in no stream or in several.
     RejectedLog
-        If the streams share no time.
+        If there are no rows, or the streams share no time.
     """
     columns = dict(columns or {})
-    streams = [stream for stream in streams if len(stream.stamps)]
+    streams = [_signed(stream) for stream in streams]
+    if not any(len(stream.stamps) for stream in streams):
+        raise RejectedLog("the log has no rows")
     chosen = {quantity: _declared(quantity, columns, streams) for quantity in _SENSORS}
     candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in _SENSORS}
     shared = {c[0].name for c in candidates["acceleration"]} & {
@@ -72,32 +75,33 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         # one that holds both sensors goes before those of one alone
         together = [c for c in found if c[0].name in shared]
         chosen[quantity] = _only(quantity, together or found, streams)
+    for stream, _ in chosen.values():
+        if not len(stream.stamps):
+            raise RejectedLog(f"{stream.name} has no rows")
     clock = chosen["acceleration"][0]
-    stamps = clock.stamps
+    stamps, units = clock.stamps, _stated("time", clock)
     if columns.get("time") is not None:
         stream, name = _locate("time", columns["time"], streams)
         if stream is not clock:
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
-        stamps = stream.fields[name]
-    notes, arrays, units = [], {}, dict(clock.units)
+        # in a unit of its own
+        stamps, units = stream.fields[name], {}
+    notes, arrays = [], {}
     for quantity, names in _SENSORS.items():
         stream, fields = chosen[quantity]
         values = _onto(clock, stream, [stream.fields[f] for f in fields], quantity, notes)
         arrays |= dict(zip(names, values, strict=True))
-        units |= {quantity: stream.units[quantity]} if quantity in stream.units else {}
+        units |= _stated(quantity, stream)
     found = {q: [f"{s.name}.{f}" for f in fields] for q, (s, fields) in chosen.items()}
-    warmth = _temperature(columns, streams, clock)
+    warmth = _temperature(columns, streams, clock, notes)
     if warmth:
         stream, name = warmth
         (arrays[TEMPERATURE],) = _onto(clock, stream, [stream.fields[name]], TEMPERATURE, notes)
         found["temperature"] = f"{stream.name}.{name}"
-        units |= {q: u for q, u in stream.units.items() if q == "temperature"}
-    if all(np.isnan(arrays[name]).all() for name in ANGULAR_RATE):
-        raise RejectedLog(
-            f"{chosen['angular_rate'][0].name} and {clock.name} share no time: their clocks differ"
-        )
-    found["time"] = columns.get("time") or f"{clock.name} stamps"
-    arrays[STAMP] = stamps
+        units |= _stated("temperature", stream)
+    if columns.get("time", True) is not None:
+        found["time"] = columns.get("time") or f"{clock.name} stamps"
+        arrays[STAMP] = stamps
 
     def batches():
         for begin in range(0, len(stamps), batch_rows):
@@ -113,6 +117,17 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
     )
 
 
+def _signed(stream):
+    """Return the stream with stamps that can be subtracted."""
+    if np.asarray(stream.stamps).dtype.kind in "iu":
+        return replace(stream, stamps=np.asarray(stream.stamps).astype(np.int64))
+    return replace(stream, stamps=np.asarray(stream.stamps, dtype=float))
+
+
+def _stated(quantity, stream):
+    return {q: unit for q, unit in stream.units.items() if q == quantity}
+
+
 def _declared(quantity, columns, streams):
     """Return the declared (stream, fields), or None."""
     declared = columns.get(quantity)
@@ -120,7 +135,16 @@ def _declared(quantity, columns, streams):
         return None
     if isinstance(declared, str):
         stream = _named(quantity, declared, streams)
-        return _only(quantity, _guessed(quantity, [stream]), [stream])
+        # what is declared needs no usual name
+        found = _guessed(quantity, [stream]) or _triples(stream)
+        if len(found) != 1:
+            raise ImuloopError(
+                f"columns.{quantity}: {declared} holds {', '.join(stream.fields)}; name x, y and z "
+                f"of it as {declared}.FIELD"
+            )
+        return found[0]
+    if len(declared) != len(AXES):
+        raise ImuloopError(f"columns.{quantity}: {declared!r} is not a list of three columns")
     located = [_locate(quantity, each, streams) for each in declared]
     if len({stream.name for stream, _ in located}) > 1:
         raise ImuloopError(f"columns.{quantity}: x, y and z are not in one stream")
@@ -158,7 +182,15 @@ def _guessed(quantity, streams):
         names = list(stream.fields)
         for positions, _ in guess(names).get(quantity, ()):
             found.append((stream, [names[i] for i in positions]))
-    return found
+    # a stream that holds nothing is no choice where another does
+    return [each for each in found if len(each[0].stamps)] or found
+
+
+def _triples(stream):
+    """Return (stream, fields) of all fields of a stream that end in x, y and z alike."""
+    stems = [name.removesuffix("x") for name in stream.fields if name.endswith("x")]
+    triples = [[f"{stem}{axis}" for axis in AXES] for stem in stems]
+    return [(stream, names) for names in triples if set(names) <= set(stream.fields)]
 
 
 def _only(quantity, found, streams):
@@ -173,7 +205,7 @@ def _only(quantity, found, streams):
     raise ImuloopError(f"{listed} all look like {quantity}; name one of them in columns.{quantity}")
 
 
-def _temperature(columns, streams, clock):
+def _temperature(columns, streams, clock, notes):
     """Return the stream and field of the temperature; None without, or where it is not told."""
     if "temperature" in columns:
         declared = columns["temperature"]
@@ -182,34 +214,45 @@ def _temperature(columns, streams, clock):
     for stream in streams:
         names = list(stream.fields)
         found = [(stream, names[i]) for i, _ in guess(names).get("temperature", ())]
-        (own if stream is clock else others).extend(found[:1])
-    return own[0] if own else others[0] if len(others) == 1 else None
+        if len(stream.stamps):
+            (own if stream is clock else others).extend(found[:1])
+    if not own and len(others) > 1:
+        listed = ", ".join(f"{stream.name}.{name}" for stream, name in others)
+        notes.append(f"temperature not read: {listed}; name one of them in columns.temperature")
+        return None
+    return (own or others or [None])[0]
 
 
+# stamps of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
 def _onto(clock, stream, values, quantity, notes):
     """Return fields of a stream at the stamps of the clock; not-a-number where there are none."""
     values = [np.asarray(x, dtype=float) for x in values]
     if stream is clock or np.array_equal(stream.stamps, clock.stamps):
         return values
-    # from the first stamp on, so that none loses digits
-    origin = clock.stamps[0]
+    # from a stamp on, so that none loses digits
+    origin = next((s for s in clock.stamps if np.isfinite(s)), 0)
     at, known = (np.asarray(s - origin, dtype=float) for s in (clock.stamps, stream.stamps))
     finite = np.isfinite(known) & np.all(np.isfinite(values), axis=0)
     later = np.maximum.accumulate(np.where(finite, known, -np.inf))
     used = finite & np.r_[True, known[1:] > later[:-1]]
-    if used.sum() < 2:
-        return [np.full(len(at), np.nan) for _ in values]
     left_out = int((~used).sum())
     known, values = known[used], [x[used] for x in values]
-    after = np.clip(np.searchsorted(known, at, side="right"), 1, len(known) - 1)
-    step = known[after] - known[after - 1]
-    share = (at - known[after - 1]) / step
-    between = (share >= 0) & (share <= 1) & (step <= GAP_STEPS * np.median(np.diff(known)))
-    # on a stamp nothing is interpolated, however far the next one is
-    between |= np.isin(at, known)
-    kept = np.mean((share**2 + (1 - share) ** 2)[between]) if between.any() else np.nan
+    between = np.zeros(len(at), dtype=bool)
+    if len(known) > 1:
+        after = np.clip(np.searchsorted(known, at, side="right"), 1, len(known) - 1)
+        step = known[after] - known[after - 1]
+        near = step <= GAP_STEPS * np.median(np.diff(known))
+        # on a stamp nothing is interpolated, however far the next one is
+        between = (near & (at >= known[0]) & (at <= known[-1])) | np.isin(at, known)
+    if not between.any():
+        if quantity == TEMPERATURE:
+            return [np.full(len(at), np.nan)]
+        raise RejectedLog(f"{stream.name} and {clock.name} share no time: their clocks differ")
     note = f"{quantity} of {stream.name} interpolated linearly onto the stamps of {clock.name}"
-    if quantity != TEMPERATURE and between.any():
+    if quantity != TEMPERATURE:
+        share = ((at - known[after - 1]) / step)[between]
+        kept = np.mean(share**2 + (1 - share) ** 2)
         note += f": white noise keeps {kept:.0%} of its variance"
     if left_out:
         note += f"; {left_out} of its rows missing, repeated or out of order are left out"
