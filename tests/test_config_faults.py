@@ -4,6 +4,7 @@ import json
 import os
 import textwrap
 
+import netCDF4
 import pytest
 import yaml
 from snakemake.common.configfile import load_configfile
@@ -164,6 +165,14 @@ ONE_FAULT = {
         session(f"{SOUND}, columns: {{acceleration: [ax, ay]}}"),
         "devices.imu.sessions.a.columns.acceleration: 2 entries, 3 needed",
     ),
+    "one text for three": (
+        session(f"{SOUND}, columns: {{acceleration: acc}}"),
+        "devices.imu.sessions.a.columns.acceleration: 'acc' is not a list of three columns x, y, z",
+    ),
+    "number for three": (
+        session(f"{SOUND}, columns: {{acceleration: 3}}"),
+        "devices.imu.sessions.a.columns.acceleration: 3 is not a list or text",
+    ),
     "unknown column": (
         session(f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}"),
         "devices.imu.sessions.a.columns.acceleration: no column 'azz'; "
@@ -233,6 +242,19 @@ ONE_FAULT = {
 @pytest.mark.parametrize(("text", "line"), ONE_FAULT.values(), ids=ONE_FAULT)
 def test_a_fault_names_its_key_and_the_remedy(faults, text, line):
     assert faults(text) == [line]
+
+
+def test_one_variable_can_hold_all_three(faults, tmp_path):
+    with netCDF4.Dataset(tmp_path / "log.nc", "w") as data:
+        data.createDimension("time", 4)
+        data.createDimension("axis", 3)
+        for name in ("force", "turn"):
+            data.createVariable(name, "f8", ("time", "axis"))
+    text = session("kind: static, file: log.nc, rate: 100, columns: {acceleration: %s}")
+    columns = "force, angular_rate: turn"
+    assert faults(text % columns) == []
+    [line] = faults(text % columns.replace("force", "forces"))
+    assert line.startswith("devices.imu.sessions.a.columns.acceleration: no variable 'forces'")
 
 
 def test_numbers_of_a_json_config_are_what_they_look_like(faults):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import delimited, imu_tk, netcdf, parquet
+from imuloop.ingest import delimited, imu_tk, matlab, netcdf, parquet
 
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
@@ -37,6 +37,7 @@ FORMATS = {
     "imu_tk": Format(imu_tk.read, imu_tk.ENDINGS, imu_tk.FILES),
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
+    "matlab": Format(matlab.read, matlab.ENDINGS),
 }
 
 
@@ -76,7 +77,7 @@ def guess_format(paths):
     if path.suffix.lower() in _PACKED:
         path = path.with_suffix("")
     for name, form in FORMATS.items():
-        if path.suffix.lower() in form.endings:
+        if path.suffix.lower() in form.endings and len(form.files) == len(paths):
             return name
     raise ImuloopError(
         f"the name {path.name} does not say its format; add format: {' | '.join(FORMATS)}"
