@@ -103,9 +103,9 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
 
 def find_layout(path):
-    """Return the layout of a text table, from its first lines."""
+    """Return the layout of a text table (path or file object), from its first lines."""
     try:
-        with pa.input_stream(str(path), compression="detect") as stream:
+        with pa.input_stream(path, compression="detect") as stream:
             head = stream.read(_HEAD)
     except OSError as error:
         raise _unreadable(error) from error
@@ -116,10 +116,14 @@ def find_layout(path):
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
         raise RejectedLog("the file has no rows")
-    best = max(_SEPARATORS, key=lambda s: _numeric_share([texts[i] for i in rows], s))
-    if _numeric_share([texts[i] for i in rows], best) < 0.5:
+    table = [texts[i] for i in rows]
+    best = max(_SEPARATORS, key=lambda s: _numeric_share(table, s))
+    if _numeric_share(table, best) < 0.5:
         raise RejectedLog("the file is not a table of numbers in rows and columns")
-    width = Counter(len(_fields(texts[i], best)) for i in rows).most_common(1)[0][0]
+    width = _width(table, best)
+    # as many tabs as blanks: the blanks are inside of the header's names
+    if best == _BLANKS and _width(table, "\t") == width:
+        best = "\t"
     first = next(i for i in rows if len(_fields(texts[i], best)) == width)
     fields = _fields(texts[first], best)
     names, headed = [str(i) for i in range(width)], False
@@ -149,9 +153,9 @@ def text_batches(path, layout, positions, batch_rows, log):
     every = [str(i) for i in range(len(layout.names))]
     wanted = [str(i) for i in positions]
     blanks = layout.separator == _BLANKS
-    stream = pa.input_stream(str(path), compression="detect")
+    stream = pa.input_stream(path, compression="detect")
     with stream:
-        stream.read(min(layout.start, stream.size()) if stream.seekable() else layout.start)
+        stream.read(layout.start)
         try:
             reader = pyarrow.csv.open_csv(
                 pa.PythonFile(_Cleaned(stream, squeeze=blanks), mode="r"),
@@ -212,6 +216,10 @@ def _is_number(text):
     except ValueError:
         return False
     return True
+
+
+def _width(lines, separator):
+    return Counter(len(_fields(line, separator)) for line in lines).most_common(1)[0][0]
 
 
 def _numeric_share(lines, separator):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import delimited, imu_tk, matlab, netcdf, parquet
+from imuloop.ingest import delimited, imu_tk, matlab, netcdf, parquet, phone
 
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
@@ -38,6 +38,9 @@ FORMATS = {
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
     "matlab": Format(matlab.read, matlab.ENDINGS),
+    "phone": Format(phone.read, phone.ENDINGS),
+    # a .csv as others; told by its name here or by what it holds
+    "sensorlog": Format(phone.read_sensorlog, ()),
 }
 
 

@@ -1,0 +1,356 @@
+"""Zips of phyphox and Sensor Logger, and SensorLog's CSV."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.units import STANDARD_GRAVITY
+
+ACCELERATION, RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
+START = 1_718_030_736_872_695_300
+# stamps of Sensor Logger, whole nanoseconds
+STEPS = 10_000_000 * np.arange(500)
+
+
+def table(header, columns, write="{}".format, separator=",", decimal="."):
+    """Return the text of a CSV table."""
+    lines = [separator.join(header)]
+    for row in zip(*columns, strict=True):
+        lines.append(separator.join(write(x).replace(".", decimal) for x in row))
+    return "\n".join(lines) + "\n"
+
+
+def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal="."):
+    """Return name -> text as phyphox exports it: ten digits, an experiment's own names."""
+    layout = {"write": "{:.9E}".format, "separator": separator, "decimal": decimal}
+    members = {
+        "meta/device.csv": f'"property"{separator}"value"\n"version"{separator}"1.2.0"\n'
+        f'"deviceModel"{separator}"Pixel <6a>"\n',
+        "meta/time.csv": '"event","experiment time","system time","system time text"\n',
+    }
+    for file, name, axes, unit in (
+        ("Accelerometer", kind[0], ACCELERATION, "m/s^2"),
+        ("Gyroscope", kind[1], RATE, "rad/s"),
+    ):
+        header = ['"Time (s)"'] + [f'"{f"{name} {a}".strip()} ({unit})"' for a in "xyz"]
+        members[f"{file}.csv"] = table(header, [log.t, *(log[a] for a in axes)], **layout)
+    return members
+
+
+def sensor_logger(log, named, about=("android", "false"), late=0):
+    """Return name -> text as Sensor Logger exports it: `named` maps files to columns of the log."""
+    t = START + STEPS
+    members = {
+        f"{file}.csv": table(
+            ["time", "seconds_elapsed", "z", "y", "x"],
+            [t + late * (columns is RATE), log.t, *(log[c] for c in columns[::-1])],
+        )
+        for file, columns in named.items()
+    }
+    members["Annotation.csv"] = "time,seconds_elapsed,text,millisecond_press_duration\n"
+    if about:
+        members["Metadata.csv"] = (
+            "version,device name,recording epoch time,platform,appVersion,standardisation\n"
+            f"3,A phone,{START // 1_000_000},{about[0]},1.59,{about[1]}\n"
+        )
+    return members
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a zip of name -> text; give its path."""
+
+    def call(members, method=zipfile.ZIP_DEFLATED):
+        path = tmp_path / "log.zip"
+        with zipfile.ZipFile(path, "w", method) as archive:
+            for name, text in members.items():
+                archive.writestr(name, text)
+        return path
+
+    return call
+
+
+@pytest.fixture
+def refused(run, write):
+    """Give the reason for which a zip is rejected."""
+
+    def call(members):
+        path = members if hasattr(members, "read_bytes") else write(members)
+        (reason,) = run(path).quality["reasons"]
+        return reason
+
+    return call
+
+
+def check(done, log, scale=1, t=None):
+    np.testing.assert_array_equal(done.samples.t, log.t if t is None else t)
+    for name in ACCELERATION:
+        np.testing.assert_array_equal(done.samples[name], scale * log[name])
+    for name in RATE:
+        np.testing.assert_array_equal(done.samples[name], log[name])
+
+
+@pytest.mark.parametrize("kind", [("Acceleration", "Gyroscope"), ("", ""), ("Accelerometer", "")])
+@pytest.mark.parametrize(("separator", "decimal"), [",.", "\t.", ";.", "\t,", ";,"])
+def test_phyphox(log, run, write, kind, separator, decimal):
+    done = run(write(phyphox(log, kind, separator, decimal)))
+    check(done, log)
+    assert done.metadata["units"] == {
+        "time": "s",
+        "acceleration": "m/s^2",
+        "angular_rate": "rad/s",
+    }
+    assert "recorded by phyphox on Pixel <6a>" in done.quality["warnings"]
+    assert done.quality["rows"] == 500
+
+
+def test_phyphox_in_one_table_and_a_folder(log, run, write):
+    header = ["Time (s)", *(f"Acceleration {a} (m/s^2)" for a in "xyz"), "Absolute (m/s^2)"]
+    header += [f"Gyroscope {a} (rad/s)" for a in "xyz"]
+    columns = [log.t, *(log[a] for a in ACCELERATION), log.az, *(log[a] for a in RATE)]
+    done = run(write({"run/Raw Data.csv": table(header, columns), "__MACOSX/run/._a.csv": "\0"}))
+    check(done, log)
+    assert done.quality["columns"]["acceleration"][0] == "Raw Data.Acceleration x (m/s^2)"
+
+
+def test_batches_do_not_matter(log, run, write):
+    path = write(phyphox(log))
+    assert run(path).path.read_bytes() == run(path, batch_rows=9).path.read_bytes()
+
+
+def test_acceleration_without_gravity_is_not_taken(log, run, write, refused):
+    members = phyphox(log)
+    linear = phyphox(log * 0.1, ("Linear Acceleration", ""))["Accelerometer.csv"]
+    done = run(write({"Linear Acceleration.csv": linear, **members}))
+    check(done, log)
+    assert (
+        "acceleration is that of Accelerometer, not of Linear Acceleration (without gravity)"
+        in done.quality["warnings"]
+    )
+    members["Accelerometer.csv"] = linear
+    assert refused(members) == (
+        "Accelerometer is without gravity, and no other acceleration is logged"
+    )
+    # unless the user wants it
+    names = [f"Accelerometer.Linear Acceleration {a} (m/s^2)" for a in "xyz"]
+    assert run(write(members), columns={"acceleration": names}).quality["mean_specific_force"] < 1
+
+
+def test_sensor_logger(log, run, write):
+    named = {"Accelerometer": RATE, "TotalAcceleration": ACCELERATION, "Gyroscope": RATE}
+    done = run(write(sensor_logger(log, named)))
+    check(done, log, t=1e-9 * STEPS)
+    assert done.metadata["start"] == "2024-06-10T14:45:36.872695300Z"
+    assert done.quality["columns"]["time"] == "TotalAcceleration stamps"
+    assert done.quality["warnings"] == [
+        "recorded by Sensor Logger on A phone android",
+        "acceleration is that of TotalAcceleration, not of Accelerometer (without gravity)",
+    ]
+
+
+def test_sensor_logger_before_corrections(log, run, write):
+    log2 = log.assign(bx=log.ax + 1, by=log.ay + 1, bz=log.az + 1, hx=0.5, hy=0.5, hz=0.5)
+    named = {
+        "TotalAcceleration": ["bx", "by", "bz"],
+        "AccelerometerUncalibrated": ACCELERATION,
+        "Gyroscope": ["hx", "hy", "hz"],
+        "GyroscopeUncalibrated": RATE,
+    }
+    path = write(sensor_logger(log2, named))
+    check(run(path), log, t=1e-9 * STEPS)
+    done = run(path, columns={"acceleration": "TotalAcceleration", "angular_rate": "Gyroscope"})
+    np.testing.assert_array_equal(done.samples.ay, log2.by)
+    assert set(done.samples.gz) == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("about", "scale", "unit"),
+    [
+        (("android", "false"), 1, "m/s^2"),
+        (("ios", "true"), 1, "m/s^2"),
+        (("ios", "false"), -STANDARD_GRAVITY, "g"),
+        (None, 1, "m/s^2"),
+    ],
+)
+def test_sensor_logger_on_ios(log, run, write, about, scale, unit):
+    if unit == "g":
+        log[ACCELERATION] = np.round(-log[ACCELERATION] / STANDARD_GRAVITY, 6)
+    named = {"AccelerometerUncalibrated": ACCELERATION, "Gyroscope": RATE}
+    done = run(write(sensor_logger(log, named, about)))
+    check(done, log, scale, t=1e-9 * STEPS)
+    assert done.metadata["units"]["acceleration"] == unit
+    assert done.samples.az.mean() > 9
+    warned = " ".join(done.quality["warnings"])
+    assert ("the sign of iOS is turned" in warned) == (unit == "g")
+    assert ("no Metadata.csv" in warned) == (about is None)
+
+
+def test_sensor_logger_split_into_motion_and_gravity(log, run, write, refused):
+    log2 = log.assign(dx=0.0, dy=0.0, dz=-9.75)
+    named = {"Accelerometer": ACCELERATION, "Gravity": ["dx", "dy", "dz"], "Gyroscope": RATE}
+    log2[ACCELERATION] = log2[["gx", "gy", "gz"]]
+    done = run(write(sensor_logger(log2, named, ("ios", "false"))))
+    np.testing.assert_array_equal(done.samples.az, 9.75 - log.gz)
+    np.testing.assert_array_equal(done.samples.gz, log.gz)
+    assert done.quality["columns"]["acceleration"][0] == "Accelerometer+Gravity.x"
+    del named["Gravity"]
+    assert "without gravity" in refused(sensor_logger(log2, named))
+
+
+def test_each_table_has_its_clock(log, run, write):
+    late = 2_500_000
+    named = {"TotalAcceleration": ACCELERATION, "Gyroscope": RATE}
+    done = run(write(sensor_logger(log, named, late=late)))
+    np.testing.assert_array_equal(done.samples.ax, log.ax[1:])
+    between = 0.25 * log.gx[:-1].to_numpy() + 0.75 * log.gx[1:].to_numpy()
+    np.testing.assert_allclose(done.samples.gx, between, atol=1e-15)
+    assert any("white noise keeps 62%" in line for line in done.quality["warnings"])
+    members = sensor_logger(log, {"TotalAcceleration": ACCELERATION})
+    members |= sensor_logger(log, {"Gyroscope": RATE}, late=10**15)
+    assert "share no time" in " ".join(run(write(members)).quality["reasons"])
+
+
+def test_damaged_rows_are_counted(log, run, write):
+    members = phyphox(log)
+    lines = members["Accelerometer.csv"].splitlines()
+    lines[3], lines[5], lines[7] = "what", "x,1,2,3", "0.06,1,NaN,3"
+    members["Accelerometer.csv"] = "\n".join(lines)
+    done = run(write(members))
+    assert done.quality["bad_lines"] == 2
+    assert done.quality["non_finite"] == 1
+    np.testing.assert_array_equal(done.samples.gx, log.gx.drop([2, 4, 6]))
+
+
+def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
+    members = phyphox(log)
+    twice = {**members, "Second.csv": members["Gyroscope.csv"]}
+    with pytest.raises(ImuloopError, match="Gyroscope and Second both hold angular_rate; name"):
+        run(write(twice))
+    check(run(write(twice), columns={"angular_rate": "Second"}), log)
+    with pytest.raises(ImuloopError, match=r"no stream 'Secnod'.*did you mean 'Second'"):
+        run(write(twice), columns={"angular_rate": "Secnod"})
+    members["Gyroscope.csv"] = '"Time (s)","X (rad/s)"\n'
+    assert refused(members).startswith("no angular_rate found; the zip holds Accelerometer (Accel")
+    assert refused({"a.txt": "a"}) == (
+        "the zip holds no table of phyphox or Sensor Logger, but 'a.txt'"
+    )
+    assert "but nothing" in refused({})
+
+
+@pytest.mark.parametrize("name", ["/a.csv", "../a.csv", "b/../../a.csv", "C:\\a.csv", "..\\a"])
+def test_a_path_outside(log, refused, tmp_path, name):
+    assert refused({**phyphox(log), name: "1,2,3"}) == (
+        f"the zip holds a file outside of it: {name!r}"
+    )
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.zip", "out"]
+
+
+def test_bombs(log, refused):
+    zeros = "0,0,0,0\n" * 1_000_000
+    assert "more than 200 times" in refused({**phyphox(log), "zeros.csv": zeros})
+    inner = io.BytesIO()
+    zipfile.ZipFile(inner, "w").close()
+    assert refused({**phyphox(log), "a.ZIP": inner.getvalue()}) == (
+        "the zip holds a zip, 'a.ZIP': give that one instead"
+    )
+
+
+def patched(path, offset, value, size=2):
+    """Overwrite a field of the first entry of the zip's directory, at `offset` from its start."""
+    data = bytearray(path.read_bytes())
+    begin = data.index(b"PK\1\2") + offset
+    data[begin : begin + size] = value.to_bytes(size, "little")
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "size", "reason"),
+    [
+        (8, 1, 2, "'Accelerometer.csv' in the zip is encrypted"),
+        (10, 14, 2, "'Accelerometer.csv' in the zip is packed by method 14, not by deflate"),
+        (16, 7, 4, "'Accelerometer.csv' in the zip is damaged: Bad CRC-32"),
+        (24, 1000, 4, "'Accelerometer.csv' in the zip is damaged: Bad CRC-32"),
+        (24, 2**32 - 2, 4, "more than 200 times its"),
+        (42, 9, 4, "'Accelerometer.csv' in the zip is damaged: "),
+    ],
+)
+def test_a_directory_that_does_not_fit(log, refused, write, offset, value, size, reason):
+    members = phyphox(log)
+    first = {"Accelerometer.csv": members.pop("Accelerometer.csv")}
+    assert reason in refused(patched(write(first | members), offset, value, size))
+
+
+def test_two_files_of_one_name(log, refused, write):
+    path = write(phyphox(log))
+    with pytest.warns(UserWarning, match="Duplicate"), zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("Gyroscope.csv", "1,2,3")
+    assert refused(path) == "the zip holds two files 'Gyroscope.csv': give one recording"
+    members = phyphox(log)
+    members["second/Gyroscope.csv"] = members["Gyroscope.csv"]
+    assert "two files 'Gyroscope.csv'" in refused(members)
+
+
+def test_cut_or_changed_anywhere(log, run, write):
+    path = write(phyphox(log))
+    whole = path.read_bytes()
+    for length in range(0, len(whole), len(whole) // 12):
+        path.write_bytes(whole[:length])
+        assert "not a whole zip" in run(path).quality["reasons"][0]
+    rng = np.random.default_rng(3)
+    for place in rng.integers(len(whole), size=40):
+        data = bytearray(whole)
+        data[place] ^= 1 << rng.integers(8)
+        path.write_bytes(data)
+        done = run(path)
+        assert done.quality["reasons"] or len(done.samples) == 500
+
+
+def sensorlog(log, rate="gyroRotation", unit="(rad/s)"):
+    """Return the text of a SensorLog CSV: iOS signs, a row each 10 ms, stamps since the boot."""
+    names = [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]
+    names += [f"{rate}{a}{unit}" for a in "XYZ"]
+    clock = "gyro" if rate.startswith("gyro") else "motion"
+    head = ["loggingTime(txt)", "accelerometerTimestamp_sinceReboot(s)"]
+    head += [f"{clock}Timestamp_sinceReboot(s)", *names]
+    written = [f"2021-09-20 08:52:{t:06.3f} +0200" for t in log.t]
+    stamps = [f"{t:.2f}" for t in 62608 + log.t]
+    return table(head, [written, stamps, stamps, *(log[a] for a in ACCELERATION + RATE)])
+
+
+@pytest.mark.parametrize("rate", ["gyroRotation", "motionRotationRate"])
+def test_sensorlog(log, run, tmp_path, rate):
+    path = tmp_path / "log.csv"
+    path.write_text(sensorlog(log, rate))
+    done = run(path, format="sensorlog")
+    # as exact as float64 holds stamps since the boot
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-11)
+    check(done, log, -STANDARD_GRAVITY, t=done.samples.t)
+    assert done.metadata["units"]["acceleration"] == "g"
+    warned = " ".join(done.quality["warnings"])
+    assert "sign turned into specific force" in warned
+    assert ("less the bias" in warned) == (rate == "motionRotationRate")
+    small = run(path, format="sensorlog", batch_rows=7).path.read_bytes()
+    assert run(path, format="sensorlog").path.read_bytes() == small
+
+
+def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    lines = sensorlog(log).splitlines()
+    path.write_text("\n".join([lines[0], *(line for line in lines[1:] for _ in range(2))]))
+    done = run(path, format="sensorlog")
+    assert done.quality["rows"] == 500
+    assert done.quality["duplicates"] == 0
+    assert "500 rows have no new sample of gyro" in done.quality["warnings"]
+
+
+def test_a_csv_that_is_not_of_sensorlog(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    log.to_csv(path, index=False)
+    assert run(path, format="sensorlog").quality["reasons"] == [
+        "the file holds no accelerometer and gyroscope as SensorLog names them: "
+        "t, ax, ay, az, gx, gy, gz"
+    ]

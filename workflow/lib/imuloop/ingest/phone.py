@@ -1,0 +1,423 @@
+"""What phones export: zips of phyphox and Sensor Logger, a table a sensor, and SensorLog's table.
+
+Android gives specific force in m/s^2. iOS gives its opposite, in g: a phone that lies face up
+reads z = -1. phyphox turns that into Android's convention, Sensor Logger does where it is asked
+to standardise, SensorLog never does. Here all become specific force.
+"""
+
+import csv
+import re
+import zipfile
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path, PureWindowsPath
+from types import SimpleNamespace
+
+import numpy as np
+
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.ingest.columns import AXES, guess, stated_unit
+from imuloop.ingest.delimited import find_layout, numbers, text_batches
+from imuloop.ingest.packed import check_unpacked
+from imuloop.ingest.stamps import parse_stamps, stamp_values
+from imuloop.ingest.streams import Stream, raw_log
+
+ENDINGS = (".zip",)
+
+# read of a table about the phone
+_ABOUT_BYTES = 1 << 16
+# "Acceleration x (m/s^2)", "X (m/s^2)", "accelerationX" or "x": sensor, axis, unit
+_AXIS = re.compile(r"(.*?)\s*([xyz])\s*(?:\((.*)\))?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class _App:
+    """How an app writes: its time and other columns that tell it, its sensors, the best first."""
+
+    name: str
+    marks: tuple[str, ...]
+    time_unit: str
+    acceleration: tuple[str, ...]
+    angular_rate: tuple[str, ...]
+    # words of the sensors that have gravity taken out
+    without_gravity: str
+
+
+_APPS = (
+    _App(
+        *("phyphox", ("time (s)",), "s"),
+        acceleration=("acceleration", "accelerometer"),
+        angular_rate=("gyroscope",),
+        without_gravity="linear|without",
+    ),
+    _App(
+        *("Sensor Logger", ("time", "seconds_elapsed"), "ns"),
+        # before the corrections that the phone makes at run time
+        acceleration=("accelerometeruncalibrated", "totalacceleration", "accelerometer+gravity"),
+        angular_rate=("gyroscopeuncalibrated", "gyroscope"),
+        without_gravity="accelerometer$",
+    ),
+)
+# what Sensor Logger logs of an acceleration in two files
+_SPLIT = ("accelerometer", "gravity")
+# units of Sensor Logger's accelerations from iOS, which have its sign unless standardised
+_IOS_UNITS = {
+    "accelerometer": "m/s^2",
+    "gravity": "m/s^2",
+    "totalacceleration": "m/s^2",
+    "accelerometeruncalibrated": "g",
+}
+# time and sensor columns of SensorLog, without unit and axis, lower case; the best first
+_SENSORLOG = {
+    "accelerometer": ("accelerometertimestamp_sincereboot", "accelerometeracceleration"),
+    "gyro": ("gyrotimestamp_sincereboot", "gyrorotation"),
+    "motion": ("motiontimestamp_sincereboot", "motionrotationrate"),
+}
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table on one clock; `sensors` maps sensors, lower case, to their columns x, y, z."""
+
+    app: _App
+    stream: Stream
+    sensors: dict
+    bad_lines: int = 0
+
+
+def read(paths, columns=None, batch_rows=1 << 16):
+    """Read a zip of CSV tables as phyphox and Sensor Logger export it.
+
+    Nothing is unpacked to disk. Of Sensor Logger, what is not calibrated by the phone goes before
+    what is; acceleration without gravity is never taken by itself.
+
+    Parameters
+    ----------
+    paths : dict
+        ``{"log": path}``.
+    columns : dict, optional
+        Quantity to ``FILE.COLUMN``, the file without its ending, three of them for a sensor; or
+        to the file, where it holds one sensor.
+    batch_rows : int
+        Rows read and given at once, about.
+
+    Raises
+    ------
+    ImuloopError
+        If a declared column is not there, or two files hold the same sensor.
+    RejectedLog
+        If the file is no whole zip of such tables, or not one that is safe to read.
+    """
+    path = Path(paths["log"])
+    with _checked("the file is not a whole zip", zipfile.ZipFile, path) as archive:
+        members = _members(archive, path.stat().st_size)
+        about = _about(archive, members)
+        tables = [
+            table
+            for name, info in members.items()
+            if (table := _table(name, partial(_Member, archive, info), batch_rows))
+        ]
+    if not tables:
+        listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
+        raise RejectedLog(f"the zip holds no table of phyphox or Sensor Logger, but {listed}")
+    app = tables[0].app
+    tables = [table for table in tables if table.app is app]
+    notes = [
+        f"recorded by {app.name} on {about['device']}" if about else f"an export of {app.name}"
+    ]
+    if app.name == "Sensor Logger":
+        tables = _specific_force(tables, about, notes)
+    columns = dict(columns or {})
+    for quantity in ("acceleration", "angular_rate"):
+        if columns.get(quantity) is None:
+            columns[quantity] = _usual(quantity, tables, notes)
+        for table in tables:
+            if columns[quantity] == table.stream.name and len(table.sensors) == 1:
+                columns[quantity] = _full_names(table, *table.sensors)
+    log = raw_log([table.stream for table in tables], columns, batch_rows)
+    log.notes[:0] = notes
+    used = {log.found[quantity][0] for quantity in ("acceleration", "angular_rate")}
+    for table in tables:
+        if any(f"{table.stream.name}.{field}" in used for field in table.stream.fields):
+            log.bad_lines += table.bad_lines
+    return log
+
+
+def read_sensorlog(paths, columns=None, batch_rows=1 << 16):
+    """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
+
+    Parameters
+    ----------
+    paths : dict
+        ``{"log": path}``.
+    columns : dict, optional
+        Quantity to ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
+        is not logged, ``motion``.
+    batch_rows : int
+        Rows read and given at once, about.
+
+    Raises
+    ------
+    ImuloopError
+        If a declared column is not there.
+    RejectedLog
+        If the file is no table with SensorLog's columns.
+    """
+    path = paths["log"]
+    layout = find_layout(path)
+    bare = [re.sub(r"\s*\(.*\)$", "", name).lower() for name in layout.names]
+    streams, notes, bad_lines = {}, [], 0
+    for name, (time, sensor) in _SENSORLOG.items():
+        wanted = [time, *(sensor + axis for axis in AXES)]
+        if not set(wanted) <= set(bare) or (name == "motion" and "gyro" in streams):
+            continue
+        positions = [bare.index(each) for each in wanted]
+        stamps, values, bad, unstamped = _series(path, layout, positions, batch_rows)
+        fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
+        if not fresh.any():
+            continue
+        if left_out := unstamped + int((~fresh).sum()):
+            notes.append(f"{left_out} rows have no new sample of {name}")
+        sign = -1 if name == "accelerometer" else 1
+        fields = {
+            layout.names[i]: sign * x[fresh] for i, x in zip(positions[1:], values, strict=True)
+        }
+        units = {"time": "s", "acceleration": "g", "angular_rate": "rad/s"}
+        streams[name] = Stream(name, stamps[fresh], fields, units)
+        if name == "accelerometer":
+            bad_lines = bad
+    if "accelerometer" not in streams or len(streams) < 2:
+        raise RejectedLog(
+            "the file holds no accelerometer and gyroscope as SensorLog names them: "
+            f"{', '.join(layout.names)[:200]}"
+        )
+    notes.insert(0, "an export of SensorLog: acceleration in g, sign turned into specific force")
+    if "motion" in streams:
+        notes.append("the angular rate is that of the motion, less the bias that iOS estimates")
+    log = raw_log(list(streams.values()), columns, batch_rows)
+    log.notes[:0] = notes
+    log.bad_lines = bad_lines
+    return log
+
+
+class _Damaged(RejectedLog):
+    """A zip or a file in it that cannot be inflated."""
+
+
+class _Member:
+    """A file in a zip as it inflates; one that is damaged is a rejected log."""
+
+    closed = False
+
+    def __init__(self, archive, info):
+        self._name = f"{info.filename[:80]!r} in the zip is damaged"
+        self._stream = _checked(self._name, archive.open, info)
+
+    def read(self, size=-1):
+        """Return up to `size` bytes."""
+        return _checked(self._name, self._stream.read, size)
+
+    def readable(self):
+        """Return True."""
+        return True
+
+    def writable(self):
+        """Return False."""
+        return False
+
+    def seekable(self):
+        """Return False: going back would inflate all again."""
+        return False
+
+    def close(self):
+        """Close."""
+        self._stream.close()
+        self.closed = True
+
+
+def _checked(what, call, *arguments):
+    """Return what zipfile's call gives; its dozen kinds of errors become one."""
+    try:
+        return call(*arguments)
+    except Exception as error:
+        why = (str(error) or type(error).__name__).splitlines()[0]
+        raise _Damaged(f"{what}: {why}") from error
+
+
+def _members(archive, packed):
+    """Return name without folder and ending -> ZipInfo of the CSV files, all safe to read."""
+    infos = archive.infolist()
+    for info in infos:
+        place = PureWindowsPath(info.filename)
+        # splits at / as well
+        if place.anchor or ".." in place.parts:
+            raise RejectedLog(f"the zip holds a file outside of it: {info.filename[:80]!r}")
+        if place.suffix.lower() == ".zip":
+            raise RejectedLog(f"the zip holds a zip, {info.filename[:80]!r}: give that one instead")
+    members, inflated = {}, 0
+    for info in infos:
+        if not info.filename.lower().endswith(".csv") or info.filename.startswith("__MACOSX/"):
+            continue
+        name = f"{info.filename[:80]!r} in the zip"
+        if info.flag_bits & 1:
+            raise RejectedLog(f"{name} is encrypted")
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise RejectedLog(f"{name} is packed by method {info.compress_type}, not by deflate")
+        inflated += info.file_size
+        check_unpacked(info.compress_size, info.file_size)
+        check_unpacked(packed, inflated, held=True)
+        place = PureWindowsPath(info.filename)
+        key = "meta/" * (place.parent.name == "meta") + place.stem
+        if key in members:
+            raise RejectedLog(f"the zip holds two files {place.name[:80]!r}: give one recording")
+        members[key] = info
+    return members
+
+
+def _about(archive, members):
+    """Return what phyphox or Sensor Logger say of the phone, `device` for a reader; or {}."""
+    rows = []
+    for name, info in members.items():
+        if name.lower() in ("meta/device", "metadata"):
+            text = _Member(archive, info).read(_ABOUT_BYTES).decode("utf-8-sig", "replace")
+            head = text.partition("\n")[0]
+            rows = [*csv.reader(text.splitlines(), delimiter=max(",;\t", key=head.count))]
+            # a row a property, or a row of names and one of values
+            if name.lower() == "metadata":
+                rows = zip(*rows[:2], strict=False)
+    about = {row[0].strip().lower(): row[1].strip() for row in rows if len(row) > 1}
+    if about:
+        words = ("devicebrand", "devicemodel", "device name", "platform", "platform version")
+        told = " ".join(about[word] for word in words if about.get(word, "null") != "null")
+        about["device"] = "".join(c for c in told if c.isprintable())[:80] or "a phone"
+    return about
+
+
+def _table(name, opened, batch_rows):
+    """Return the table, or None where it is none of a sensor's."""
+    try:
+        layout = find_layout(opened())
+    except _Damaged:
+        raise
+    except RejectedLog:
+        # notes of the user, a header without rows
+        return None
+    lower = [each.lower() for each in layout.names]
+    app = next((app for app in _APPS if {*app.marks} <= {*lower}), None)
+    sensors = _sensors(name, layout.names)
+    if app is None or not (sensors or guess(layout.names)["temperature"]):
+        return None
+    time = lower.index(app.marks[0])
+    others = {each: i for i, each in reversed([*enumerate(layout.names)]) if i != time}
+    positions = [time, *others.values()]
+    stamps, values, bad, unstamped = _series(opened(), layout, positions, batch_rows)
+    fields = dict(zip(others, values, strict=True))
+    units = {"time": app.time_unit, "acceleration": "m/s^2", "angular_rate": "rad/s"}
+    for quantity in ("acceleration", "angular_rate"):
+        told = [stated_unit(quantity, _AXIS.fullmatch(axes[0])[3]) for axes in sensors.values()]
+        units[quantity] = next(filter(None, told), units[quantity])
+    return _Table(app, Stream(name, stamps, fields, units), sensors, bad + unstamped)
+
+
+def _sensors(file, names):
+    """Return sensor, lower case -> names of its columns x, y, z."""
+    found = {}
+    for name in names:
+        match = _AXIS.fullmatch(name) if len(name) < 100 else None
+        if match:
+            # a file of one sensor may call its columns x, y, z
+            own = match[1] and not re.search("linear|without", file, re.IGNORECASE)
+            axes = found.setdefault((match[1] if own else file).lower(), {})
+            axes.setdefault(match[2].lower(), name)
+    return {sensor: [axes[a] for a in AXES] for sensor, axes in found.items() if len(axes) == 3}
+
+
+def _series(source, layout, positions, batch_rows):
+    """Return the stamps in the first of the columns, the numbers in the others, and two counts.
+
+    The counts are of lines that are no row, and of rows without a stamp; both are left out.
+    """
+    count = SimpleNamespace(bad_lines=0)
+    stamps, values, unstamped = [], [], 0
+    for text in text_batches(source, layout, positions, batch_rows, count):
+        x, readable, dates = stamp_values(parse_stamps(text[0]))
+        readable = readable & (not dates)
+        unstamped += int((~readable).sum())
+        stamps.append(x[readable])
+        rows = [numbers(column).to_numpy(zero_copy_only=False) for column in text.columns[1:]]
+        values.append([column[readable] for column in rows])
+    if not stamps:
+        return np.empty(0), [np.empty(0)] * (len(positions) - 1), count.bad_lines, unstamped
+    joined = [np.concatenate(column) for column in zip(*values, strict=True)]
+    return np.concatenate(stamps), joined, count.bad_lines, unstamped
+
+
+def _specific_force(tables, about, notes):
+    """Return Sensor Logger's tables in Android's signs, and the sum of what is logged split."""
+    if not about:
+        notes.append("no Metadata.csv: taken as SI with Android's signs; see units.acceleration")
+    if (
+        about.get("platform", "").lower() == "ios"
+        and about.get("standardisation", "").lower() != "true"
+    ):
+        notes.append("the sign of iOS is turned into that of specific force")
+        tables = [_turned(table) for table in tables]
+    split = {name: table for table in tables for name in table.sensors if name in _SPLIT}
+    streams = [table.stream for table in split.values()]
+    if len(split) == 2 and np.array_equal(streams[0].stamps, streams[1].stamps):
+        total = {axis: streams[0].fields[axis] + streams[1].fields[axis] for axis in AXES}
+        stream = replace(streams[0], name="Accelerometer+Gravity", fields=total)
+        sensors = {stream.name.lower(): list(AXES)}
+        tables = [*tables, replace(split[_SPLIT[0]], stream=stream, sensors=sensors)]
+    return tables
+
+
+def _turned(table):
+    """Return a table of iOS with specific force where it has its opposite."""
+    fields, units = dict(table.stream.fields), dict(table.stream.units)
+    for sensor in _IOS_UNITS.keys() & table.sensors.keys():
+        units["acceleration"] = _IOS_UNITS[sensor]
+        for name in table.sensors[sensor]:
+            fields[name] = -fields[name]
+    return replace(table, stream=replace(table.stream, fields=fields, units=units))
+
+
+def _usual(quantity, tables, notes):
+    """Return the names of the three columns that the app has for a quantity, the best it has."""
+    app = tables[0].app
+    found = [
+        (sensor, table)
+        for sensor in getattr(app, quantity)
+        for table in tables
+        if sensor in table.sensors and len(table.stream.stamps)
+    ]
+    linear = [
+        table.stream.name
+        for table in tables
+        if any(re.search(app.without_gravity, sensor) for sensor in table.sensors)
+    ]
+    if not found and linear and quantity == "acceleration":
+        raise RejectedLog(f"{linear[0]} is without gravity, and no other acceleration is logged")
+    if not found:
+        listed = ", ".join(
+            f"{table.stream.name} ({', '.join(table.stream.fields)})" for table in tables
+        )
+        raise RejectedLog(
+            f"no {quantity} found; the zip holds {listed[:300]}; name it in columns.{quantity}"
+        )
+    best, table = found[0]
+    twins = [other.stream.name for sensor, other in found if sensor == best]
+    if len(twins) > 1:
+        raise ImuloopError(
+            f"{' and '.join(twins)} both hold {quantity}; name one in columns.{quantity}"
+        )
+    others = [other.stream.name for _, other in found[1:]]
+    if quantity == "acceleration":
+        others += [f"{name} (without gravity)" for name in linear]
+    if others:
+        notes.append(f"{quantity} is that of {table.stream.name}, not of {', '.join(others)}")
+    return _full_names(table, best)
+
+
+def _full_names(table, sensor):
+    return [f"{table.stream.name}.{name}" for name in table.sensors[sensor]]
