@@ -1,9 +1,8 @@
 """Text tables, however they are written."""
 
-import gzip
-
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from imuloop.core.errors import ImuloopError
@@ -45,10 +44,58 @@ def test_decimal_commas(log, run, tmp_path):
     assert same(run(path).samples, log)
 
 
-def test_compressed_and_no_newline_at_the_end(log, run, tmp_path):
-    path = tmp_path / "log.csv.gz"
-    path.write_bytes(gzip.compress(log.to_csv(index=False).rstrip("\n").encode()))
+@pytest.mark.parametrize("kind", ["gz", "zst", "bz2"])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_packed_and_no_newline_at_the_end(log, run, tmp_path, kind, separator):
+    path = tmp_path / f"log.csv.{kind}"
+    content = log.to_csv(index=False, sep=separator).rstrip("\n").encode()
+    with pa.output_stream(path, compression="detect") as stream:
+        stream.write(content)
+    done = run(path)
+    assert same(done.samples, log)
+    assert done.quality["bad_lines"] == 0
+    assert path.stat().st_size < len(content)
+
+
+@pytest.mark.parametrize("kind", ["gz", "zst"])
+def test_packed_in_parts_as_loggers_append_them(log, run, tmp_path, kind):
+    content = log.to_csv(index=False).encode()
+    packed = b""
+    for part in (content[:5000], content[5000:]):
+        path = tmp_path / f"log.csv.{kind}"
+        with pa.output_stream(path, compression="detect") as stream:
+            stream.write(part)
+        packed += path.read_bytes()
+    path.write_bytes(packed)
     assert same(run(path).samples, log)
+
+
+@pytest.mark.parametrize("kind", ["gz", "zst"])
+@pytest.mark.parametrize("line", [b"0.1,1,2,3,4,5,6\n", b"0.1 1 2 3 4 5 6\n"])
+def test_a_bomb_is_refused(run, tmp_path, kind, line):
+    path = tmp_path / f"log.csv.{kind}"
+    with pa.output_stream(path, compression="detect") as stream:
+        for _ in range(8):
+            stream.write(line * (1 << 16))
+    columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
+    [reason] = run(path, columns=columns).quality["reasons"]
+    assert reason == (
+        f"unpacked, the file is more than 200 times its {path.stat().st_size} bytes: refused"
+    )
+
+
+@pytest.mark.parametrize(
+    ("separator", "reason"),
+    [(b" ", "a line is longer than 16 MB: no table"), (b",", "the file cannot be read to its end")],
+)
+def test_a_line_without_end(run, tmp_path, separator, reason):
+    path = tmp_path / "log.txt"
+    with open(path, "wb") as file:
+        file.write(b"0 0 0 9.8 0 0 0\n".replace(b" ", separator) * 5000)
+        for _ in range(20):
+            file.write((b"0" + separator) * (1 << 19))
+    columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
+    assert run(path, columns=columns).quality["reasons"][0].startswith(reason)
 
 
 def test_byte_order_mark_preamble_blank_lines_and_other_columns(log, run, tmp_path):
@@ -63,21 +110,31 @@ def test_byte_order_mark_preamble_blank_lines_and_other_columns(log, run, tmp_pa
     assert done.quality["warnings"] == ["1 line(s) before the table skipped"]
 
 
-def test_header_in_a_comment_as_euroc_writes_it(run, tmp_path):
+@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
+def test_euroc(run, tmp_path, batch_rows):
     path = tmp_path / "data.csv"
     header = (
         "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
         "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
     )
-    start = 1403636579763555584
-    rows = [f"{start + 5_000_000 * i},0.1,0.2,0.{i % 3},8.1,-0.3,-{i % 3}.2" for i in range(600)]
-    path.write_text("\n".join([header, *rows]) + "\n")
-    done = run(path)
-    assert done.metadata["units"]["time"] == "ns"
-    np.testing.assert_array_equal(done.samples.t, np.arange(600) * 5_000_000 * 1e-9)
-    assert done.samples.gy[0] == 0.2
-    assert done.samples.ax[0] == 8.1
     # published start of the sequence, 2014-06-24
+    start = 1403636579763555584
+    noise = np.random.default_rng(1).normal([0, 0, 0, 8.1, -0.3, -3.2], size=(500, 6))
+    rows = [
+        ",".join(map(repr, [start + 5_000_000 * i, *row])) for i, row in enumerate(noise.tolist())
+    ]
+    path.write_text("\r\n".join([header, *rows]) + "\r\n")
+    done = run(path, batch_rows=batch_rows)
+    assert done.quality["status"] == "ok"
+    np.testing.assert_array_equal(done.samples.t, np.arange(500) * 5_000_000 * 1e-9)
+    written = np.array([row.split(",")[1:] for row in rows], dtype=float)
+    axes = ["gx", "gy", "gz", "ax", "ay", "az"]
+    np.testing.assert_array_equal(done.samples[axes], written)
+    assert done.metadata["units"] == {
+        "time": "ns",
+        "acceleration": "m/s^2",
+        "angular_rate": "rad/s",
+    }
     assert done.metadata["start"] == "2014-06-24T19:02:59.763555584Z"
 
 

@@ -1,6 +1,7 @@
 """Text tables: comma, tab, semicolon or runs of blanks, with or without a header."""
 
 import csv
+import os
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import pyarrow.csv
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import resolve
+from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import parse_stamps
 
@@ -25,6 +27,8 @@ _SEPARATORS = (",", "\t", ";", _BLANKS)
 _COMMENT = re.compile(r"\s*(#|%|//)")
 _MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
+# a longer line is no row, bytes
+_LONGEST_LINE = 1 << 24
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
 
@@ -153,12 +157,14 @@ def text_batches(path, layout, positions, batch_rows, log):
     every = [str(i) for i in range(len(layout.names))]
     wanted = [str(i) for i in positions]
     blanks = layout.separator == _BLANKS
+    # who gives a file object bounds what it unpacks
+    packed = os.path.getsize(path) if isinstance(path, (str, os.PathLike)) else None
     stream = pa.input_stream(path, compression="detect")
     with stream:
         stream.read(layout.start)
         try:
             reader = pyarrow.csv.open_csv(
-                pa.PythonFile(_Cleaned(stream, squeeze=blanks), mode="r"),
+                pa.PythonFile(_Cleaned(stream, blanks, packed), mode="r"),
                 read_options=pyarrow.csv.ReadOptions(
                     column_names=every,
                     # one row must fit at least
@@ -238,21 +244,33 @@ _ASCII = bytes(i if 0 < i < 128 else ord("?") for i in range(256))
 
 
 class _Cleaned:
-    """A stream in plain ASCII, runs of blanks turned into commas if `squeeze`, piece by piece."""
+    """A stream in plain ASCII, runs of blanks turned into commas if `squeeze`, piece by piece.
+
+    `packed` is the size of the file that it comes out of, None where that is of no concern.
+    """
 
     closed = False
 
-    def __init__(self, stream, squeeze):
-        self._stream, self._squeeze = stream, squeeze
-        self._rest, self._ready = b"", b""
+    def __init__(self, stream, squeeze, packed):
+        self._stream, self._squeeze, self._packed = stream, squeeze, packed
+        self._rest, self._ready, self._taken = b"", b"", 0
+
+    def _take(self, size):
+        piece = self._stream.read(size)
+        self._taken += len(piece)
+        if self._packed is not None:
+            check_unpacked(self._packed, self._taken)
+        return piece.translate(_ASCII)
 
     def read(self, size=-1):
         """Return up to `size` bytes."""
         if not self._squeeze:
-            return self._stream.read(size).translate(_ASCII)
+            return self._take(size)
         while not self._ready:
-            piece = self._stream.read(1 << 20).translate(_ASCII)
+            piece = self._take(1 << 20)
             lines, newline, self._rest = (self._rest + piece).rpartition(b"\n")
+            if len(self._rest) > _LONGEST_LINE:
+                raise RejectedLog(f"a line is longer than {_LONGEST_LINE >> 20} MB: no table")
             lines += newline
             if not piece:
                 lines, self._rest = self._rest, b""
