@@ -12,7 +12,7 @@ ingest(
     **params.declared,
     nominal=params.nominal,
     full_scale=params.full_scale,
-    paths=list(snakemake.input),
+    paths=list(snakemake.input.log),
     samples_path=snakemake.output.samples,
     quality_path=snakemake.output.quality,
 )

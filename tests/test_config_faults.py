@@ -257,6 +257,16 @@ def test_one_variable_can_hold_all_three(faults, tmp_path):
     assert line.startswith("devices.imu.sessions.a.columns.acceleration: no variable 'forces'")
 
 
+def test_a_log_can_be_a_folder(faults, tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.db3").write_text("damaged, for the job to find")
+    assert faults(session("kind: static, file: bag")) == []
+    line = "devices.imu.sessions.a.file: bag is a folder, not a file"
+    assert faults(session("kind: static, file: bag, format: csv")) == [line]
+    (tmp_path / "bag" / "bag_0.db3").unlink()
+    assert faults(session("kind: static, file: bag")) == [line]
+
+
 def test_numbers_of_a_json_config_are_what_they_look_like(faults):
     config = {"imu": {"sessions": {"a": {"kind": "static", "file": "poses.csv", "rate": 1}}}}
     assert faults(json.dumps({"devices": config}).replace(": 1}", ": 1e2}")) == []

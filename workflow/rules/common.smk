@@ -71,6 +71,12 @@ def source_files(wildcards):
     return [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
 
 
+def files_inside(wildcards):
+    """Return the files in a session's folder: where one changes, the folder's own time stays."""
+    folders = [Path(path) for path in source_files(wildcards) if Path(path).is_dir()]
+    return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
+
+
 def setting(key):
     """Return a function that gives one value of a job's device."""
     return lambda wildcards: device_of(wildcards)[key]

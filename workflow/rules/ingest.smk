@@ -17,7 +17,8 @@ rule ingest_fetch:
 
 rule ingest:
     input:
-        source_files,
+        log=source_files,
+        inside=files_inside,
     output:
         samples="results/{device}/{session}/samples.parquet",
         quality="results/{device}/{session}/quality.json",

@@ -259,13 +259,17 @@ def _file_faults(session, replicas):
     except ImuloopError as error:
         yield ("file",), str(error)
         return
-    there = [role for role, source in given.items() if Path(source.get("path", "")).is_file()]
+    there = [role for role, source in given.items() if _is_there(source.get("path"))]
     for role in (role for role in given if role not in there):
         text = "path" in given[role] and _missing(names[role], replicas)
         if text:
             yield ("file", *(() if role == "log" else (role,))), text
     if len(there) == len(given):
         yield from _column_faults(session, log_format, names)
+
+
+def _is_there(path):
+    return path is not None and (Path(path).is_file() or Path(path).is_dir())
 
 
 def _column_faults(session, log_format, names):

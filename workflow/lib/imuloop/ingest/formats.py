@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import delimited, imu_tk, matlab, netcdf, parquet, phone
+from imuloop.ingest import delimited, imu_tk, matlab, netcdf, parquet, phone, ros
 
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
@@ -22,11 +22,14 @@ class Format:
         Endings of the file names that stand for the format, lower case.
     files : tuple of str
         Roles of its files; ``("log",)`` for a format of one file.
+    folder : bool
+        Whether it may be a folder with files of these endings.
     """
 
     read: Callable
     endings: tuple[str, ...]
     files: tuple[str, ...] = ("log",)
+    folder: bool = False
 
 
 # a new format is one reader and one line here
@@ -38,6 +41,7 @@ FORMATS = {
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
     "matlab": Format(matlab.read, matlab.ENDINGS),
+    "ros": Format(ros.read, ros.ENDINGS, folder=True),
     "phone": Format(phone.read, phone.ENDINGS),
     # a .csv as others; told by its name here or by what it holds
     "sensorlog": Format(phone.read_sensorlog, ()),
@@ -68,6 +72,9 @@ def find_format(name, paths):
             f"format {name} is read from {' and '.join(FORMATS[name].files)}, "
             f"given {' and '.join(paths)}"
         )
+    for path in paths.values():
+        if Path(path).is_dir() and not FORMATS[name].folder:
+            raise ImuloopError(f"{path} is a folder, not a file")
     return FORMATS[name]
 
 
@@ -77,6 +84,12 @@ def guess_format(paths):
         if len(form.files) > 1 and set(form.files) == set(paths):
             return name
     path = PurePath(next(iter(paths.values())))
+    if Path(path).is_dir():
+        inside = {PurePath(p.name.removesuffix(".zstd")).suffix for p in Path(path).iterdir()}
+        for name, form in FORMATS.items():
+            if form.folder and inside & {*form.endings}:
+                return name
+        raise ImuloopError(f"{path} is a folder, not a file")
     if path.suffix.lower() in _PACKED:
         path = path.with_suffix("")
     for name, form in FORMATS.items():

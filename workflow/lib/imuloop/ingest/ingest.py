@@ -50,7 +50,7 @@ def ingest(
     device, session, kind : str
         Names, and what was done with the device.
     paths : list of path-like
-        Files of the log, in the order of `sources`.
+        Files of the log, or its folder, in the order of `sources`.
     samples_path, quality_path : path-like
         Files to write, each in one step.
     format : str, optional
@@ -82,7 +82,7 @@ def ingest(
     counts, reasons = Counts(), []
     try:
         for path in paths:
-            if not path.is_file():
+            if not (path.is_file() or path.is_dir()):
                 raise ImuloopError("there is no such file; see file: in the config")
         form = find_format(format, files)
         try:
@@ -180,6 +180,9 @@ def _units(log, declared):
 
 
 def _hashes(paths):
-    """Return file name (path, where names repeat) -> SHA-256."""
-    distinct = len({path.name for path in paths}) == len(paths)
-    return {path.name if distinct else str(path): sha256(path) for path in paths}
+    """Return file name (path, where names repeat) -> SHA-256; of a folder, its files."""
+    files = []
+    for path in paths:
+        files += sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    distinct = len({path.name for path in files}) == len(files)
+    return {path.name if distinct else str(path): sha256(path) for path in files}

@@ -1,5 +1,7 @@
 """What was recorded: sessions, quality, source, and what the segmentation made of them."""
 
+from itertools import cycle
+
 from imuloop.core.segments import KINDS
 from imuloop.report.numbers import NO_NUMBER, duration, number
 from imuloop.report.table import Table
@@ -88,7 +90,10 @@ def source_table(device):
         (session.name, file, _origin(source), digest)
         for session in device.sessions
         for source, (file, digest) in zip(
-            session.source["source"].values(), session.source["sha256"].items(), strict=False
+            # a folder is one source of several files
+            cycle(session.source["source"].values()),
+            session.source["sha256"].items(),
+            strict=False,
         )
     ]
     return Table("Log files", ("Session", "File", "Source", "SHA-256"), tuple(rows))

@@ -1,0 +1,389 @@
+"""ROS 1 bags, ROS 2 bags and MCAP files."""
+
+import bz2
+import re
+import shutil
+import sqlite3
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from backports import zstd
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from imuloop.core.errors import ImuloopError
+from imuloop.ingest import ros
+
+ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+START = 1_700_000_000 * 10**9
+IMU = "sensor_msgs/msg/Imu"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
+TEMPERATURE = "sensor_msgs/msg/Temperature"
+KINDS = ["bag", "bag bz2", "bag lz4", "db3", "db3 message", "db3 file", "mcap", "mcap storage"]
+BOTH = ["acceleration", "angular_rate"]
+
+
+@pytest.fixture
+def stamps(log):
+    """Whole nanoseconds that no float64 holds."""
+    return START + np.rint(log.t.to_numpy() * 1e9).astype(np.int64) + np.arange(len(log)) % 7
+
+
+def message(store, name, stamp, values):
+    """Make a message from its type, its stamp in ns and its numbers."""
+    types = store.types
+    sequence = {"seq": 0} if store is ROS1 else {}
+    moment = types["builtin_interfaces/msg/Time"](*divmod(int(stamp), 10**9))
+    header = types["std_msgs/msg/Header"](stamp=moment, frame_id="imu", **sequence)
+    vector = types["geometry_msgs/msg/Vector3"]
+    if name == TEMPERATURE:
+        return types[name](header, *values, 0.0)
+    if name == VECTOR:
+        return types[name](header, vector(*values))
+    if name != IMU:
+        part = types[name.removesuffix("Stamped")]
+        return types[name](header, part(vector(*values[:3]), vector(*values[3:])))
+    turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    unknown = np.zeros(9)
+    return types[name](
+        header, turn, unknown, vector(*values[3:]), unknown, vector(*values[:3]), unknown
+    )
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write topics, name -> (type, stamps, rows); give the path of the bag."""
+
+    def call(kind, topics, received=START, name="log"):
+        kind, _, packing = kind.partition(" ")
+        store = ROS1 if kind == "bag" else ROS2
+        path = tmp_path / (f"{name}.bag" if kind == "bag" else name)
+        if kind == "bag":
+            writer, serialize = Writer1(path), store.serialize_ros1
+            if packing:
+                writer.set_compression(Writer1.CompressionFormat[packing.upper()])
+        else:
+            plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
+            writer, serialize = Writer2(path, version=9, storage_plugin=plugin), store.serialize_cdr
+            if packing:
+                mode = CompressionMode[packing.upper()]
+                writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
+            for topic, (type_, stamps, rows) in topics.items():
+                connection = writer.add_connection(topic, type_, typestore=store)
+                for i, (stamp, row) in enumerate(zip(stamps, rows, strict=True)):
+                    data = serialize(message(store, type_, stamp, row), type_)
+                    writer.write(connection, received + 10**7 * i, data)
+        return path
+
+    return call
+
+
+@pytest.fixture
+def imu(log, stamps):
+    """One topic with all of the log."""
+    return {"/imu/data": (IMU, stamps, log.to_numpy()[:, 1:])}
+
+
+def reasons(done):
+    """Return the reasons of a rejection."""
+    assert done.quality["status"] == "rejected"
+    return done.quality["reasons"]
+
+
+def is_log(done, log, stamps):
+    """Compare samples with the log, bit by bit."""
+    assert done.quality["status"] == "ok", done.quality["reasons"]
+    np.testing.assert_array_equal(done.samples.iloc[:, 1:7], log.to_numpy()[:, 1:])
+    np.testing.assert_array_equal(done.samples.t, (stamps - stamps[0]) * 1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_imu_topic_comes_back_exactly(log, stamps, imu, run, write, kind):
+    done = run(write(kind, imu))
+    is_log(done, log, stamps)
+    assert done.metadata["start"] == "2023-11-14T22:13:20Z"
+    assert done.metadata["units"] == {
+        "time": "ns",
+        "acceleration": "m/s^2",
+        "angular_rate": "rad/s",
+    }
+    assert done.quality["columns"]["time"] == "/imu/data stamps"
+
+
+@pytest.mark.parametrize("kind", ["bag", "db3", "mcap"])
+def test_batches_do_not_matter(imu, run, write, kind):
+    path = write(kind, imu)
+    assert run(path).path.read_bytes() == run(path, batch_rows=9).path.read_bytes()
+
+
+def test_stamps_keep_every_nanosecond(stamps, imu, write):
+    log = ros.read({"log": write("mcap", imu)}, None, 9)
+    read = np.concatenate([batch.column("stamp") for batch in log.batches])
+    np.testing.assert_array_equal(read, stamps)
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_a_bare_storage_file_of_any_name(log, stamps, imu, run, write, tmp_path, kind):
+    (inner,) = write(kind, imu).glob(f"*.{kind}")
+    path = shutil.copy(inner, tmp_path / f"run #3 100% a?b.{kind}")
+    is_log(run(path), log, stamps)
+    packed = tmp_path / f"log.{kind}.zst"
+    packed.write_bytes(zstd.compress(inner.read_bytes()))
+    is_log(run(packed), log, stamps)
+
+
+def test_a_folder_has_the_hash_of_each_file(imu, run, write):
+    done = run(write("db3", imu))
+    assert set(done.metadata["sha256"]) == {"log.db3", "metadata.yaml"}
+
+
+def test_bags_that_are_older_than_definitions(log, stamps, imu, run, write):
+    # as ROS 2 wrote SQLite until Humble
+    path = write("db3", imu) / "log.db3"
+    with sqlite3.connect(path) as base:
+        base.executescript(
+            "DROP TABLE schema; DROP TABLE metadata; DROP TABLE message_definitions;"
+            "ALTER TABLE topics DROP COLUMN type_description_hash;"
+        )
+    base.close()
+    is_log(run(path), log, stamps)
+
+
+def test_a_recording_in_several_files(log, stamps, imu, run, write, tmp_path):
+    folder = tmp_path / "split"
+    folder.mkdir()
+    pieces = [slice(0, 200), slice(200, 400), slice(400, 500)]
+    names = ["log_2.mcap", "log_10.mcap", "log_11.mcap"]
+    for part, name in zip(pieces, names, strict=True):
+        type_, times, rows = imu["/imu/data"]
+        piece = write("mcap", {"/imu/data": (type_, times[part], rows[part])}, name=name[:-5])
+        shutil.copy(piece / name, folder / name)
+    done = run(folder)
+    is_log(done, log, stamps)
+    assert "the folder has no metadata.yaml" in done.quality["warnings"][0]
+    listed = "rosbag2_bagfile_information:\n  relative_file_paths:\n"
+    (folder / "metadata.yaml").write_text(listed + "".join(f"  - split/{n}\n" for n in names))
+    is_log(run(folder), log, stamps)
+    (folder / names[1]).unlink()
+    assert reasons(run(folder)) == [
+        "log_10.mcap is missing from the bag; its metadata.yaml lists it"
+    ]
+    for text in ("", "a: b", "[", "rosbag2_bagfile_information: {relative_file_paths: [1]}"):
+        (folder / "metadata.yaml").write_text(text)
+        assert reasons(run(folder)) == ["metadata.yaml does not say which files the bag has"]
+    (folder / "metadata.yaml").unlink()
+    (folder / "log.bag").write_text("")
+    assert "bags of several kinds" in reasons(run(folder))[0]
+
+
+def test_a_folder_without_a_bag(run, tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ImuloopError, match="empty is a folder, not a file"):
+        run(tmp_path / "empty")
+    assert "the folder holds no bag" in reasons(run(tmp_path / "empty", format="ros"))[0]
+
+
+@pytest.mark.parametrize("kind", ["bag", "db3"])
+def test_topics_of_one_sensor_each(log, stamps, run, write, kind):
+    table = log.to_numpy()
+    topics = {
+        "/acc": (VECTOR, stamps, table[:, 1:4]),
+        "/rate": ("geometry_msgs/msg/TwistStamped", stamps, table[:, [1, 2, 3, 4, 5, 6]]),
+        "/mag": (VECTOR, stamps, table[:, 1:4]),
+        "/temp": (TEMPERATURE, stamps, 20 + table[:, :1]),
+    }
+    path = write(kind, topics)
+    rate = [f"/rate.twist.angular.{axis}" for axis in "xyz"]
+    done = run(path, columns={"acceleration": "/acc", "angular_rate": rate})
+    is_log(done, log, stamps)
+    np.testing.assert_array_equal(done.samples.temperature, 20 + log.t)
+    with pytest.raises(ImuloopError, match="no acceleration found; the log holds /acc"):
+        run(path)
+    with pytest.raises(ImuloopError, match=r"no stream '/accel'.*did you mean '/acc'"):
+        run(path, columns={"acceleration": "/accel"})
+
+
+def test_an_acceleration_topic(log, stamps, run, write):
+    name = "geometry_msgs/msg/AccelStamped"
+    path = write("mcap", {"/a": (name, stamps, log.to_numpy()[:, 1:])})
+    columns = {
+        quantity: [f"/a.accel.{part}.{axis}" for axis in "xyz"]
+        for quantity, part in zip(BOTH, ("linear", "angular"), strict=True)
+    }
+    is_log(run(path, columns=columns), log, stamps)
+
+
+def test_two_imus_are_told_apart(log, stamps, imu, run, write):
+    other = (IMU, stamps, 2 * log.to_numpy()[:, 1:])
+    path = write("bag", {"/other": other, **imu})
+    with pytest.raises(ImuloopError, match=r"/other .* and /imu/data .* all look like accel"):
+        run(path)
+    is_log(run(path, columns=dict.fromkeys(BOTH, "/imu/data")), log, stamps)
+
+
+def test_two_chips_in_a_message_each(log, stamps, run, write):
+    table = log.to_numpy()[:, 1:]
+    none = np.zeros((len(log), 3))
+    topics = {
+        "/accel": (IMU, stamps, np.hstack([table[:, :3], none])),
+        "/gyro": (IMU, stamps, np.hstack([none, table[:, 3:]])),
+    }
+    done = run(write("bag lz4", topics))
+    is_log(done, log, stamps)
+    assert done.quality["warnings"] == [
+        "/accel: angular_velocity.x, angular_velocity.y, angular_velocity.z are all zero, "
+        "so not measured",
+        "/gyro: linear_acceleration.x, linear_acceleration.y, linear_acceleration.z are all zero, "
+        "so not measured",
+    ]
+
+
+@pytest.mark.parametrize("stamp", [0, START])
+def test_times_of_receipt_where_headers_have_none(log, stamps, imu, run, write, stamp):
+    type_, _, rows = imu["/imu/data"]
+    done = run(write("mcap", {"/imu/data": (type_, np.full(len(log), stamp), rows)}))
+    is_log(done, log, START + 10**7 * np.arange(len(log)))
+    note = "/imu/data: its header stamps never change; times of receipt are used"
+    assert note in done.quality["warnings"]
+
+
+def test_other_types_are_passed_over_and_no_definition_of_the_bag_is_run(log, run, tmp_path):
+    path = tmp_path / "log.bag"
+    with Writer1(path) as writer:
+        other = writer.add_connection(
+            "/a", "x/msg/Y", msgdef="this is (no definition", md5sum="0" * 32
+        )
+        writer.write(other, START, b"\x01")
+        false = writer.add_connection("/b", IMU, msgdef="float64 x\n", md5sum="1" * 32)
+        writer.write(false, START, b"\x01" * 8)
+    assert reasons(run(path)) == [f"/b: its {IMU} is not the one that ROS defines"]
+
+
+def test_a_bag_without_such_topics(run, tmp_path):
+    path = tmp_path / "log.bag"
+    with Writer1(path) as writer:
+        other = writer.add_connection("/a", "std_msgs/msg/Float64", typestore=ROS1)
+        writer.write(other, START, b"\x01" * 8)
+    assert reasons(run(path)) == ["the log has no rows"]
+
+
+def test_a_damaged_message_is_a_row_without_values(log, stamps, run, tmp_path):
+    path = tmp_path / "log"
+    with Writer2(path, version=9) as writer:
+        connection = writer.add_connection("/imu", IMU, typestore=ROS2)
+        for i, (stamp, row) in enumerate(zip(stamps, log.to_numpy()[:, 1:], strict=True)):
+            data = ROS2.serialize_cdr(message(ROS2, IMU, stamp, row), IMU)
+            writer.write(connection, START + i, b"\x00" if i in (0, 7) else data)
+    done = run(path)
+    kept = ~np.isin(np.arange(len(log)), [0, 7])
+    is_log(done, log[kept], stamps[kept])
+    assert done.quality["non_finite"] == 2
+    assert "/imu: 2 messages are damaged, rows without values" in done.quality["warnings"]
+
+
+def test_what_sqlite_had_not_written_is_said(imu, run, write):
+    path = write("db3", imu) / "log.db3"
+    Path(f"{path}-wal").write_bytes(b"x")
+    note = "log.db3-wal holds what SQLite had not yet written; it is not read"
+    assert note in run(path).quality["warnings"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "tool"),
+    [("bag", "rosbag reindex"), ("db3", "sqlite3 with .recover"), ("mcap", "mcap recover")],
+)
+def test_a_file_cut_off_is_rejected(imu, run, write, kind, tool):
+    path = write(kind, imu)
+    path = path if kind == "bag" else path / f"log.{kind}"
+    whole = path.read_bytes()
+    for share in (0.0, 0.0001, 0.01, 0.3, 0.7, 0.99):
+        path.write_bytes(whole[: int(share * len(whole))])
+        (reason,) = reasons(run(path))
+        mended = f"; if it was cut off, try {tool}"
+        assert re.fullmatch(f"log.{kind} is (empty|neither .*|not a whole bag: .*{mended})", reason)
+
+
+@pytest.mark.parametrize("kind", ["bag bz2", "db3", "mcap storage"])
+def test_damage_is_no_crash(log, stamps, imu, run, write, kind):
+    path = write(kind, imu)
+    path = path if kind[:3] == "bag" else path / f"log.{kind.split()[0]}"
+    whole = np.frombuffer(path.read_bytes(), np.uint8)
+    rng = np.random.default_rng(5)
+    for _ in range(25):
+        data = whole.copy()
+        data[rng.integers(0, len(data), 30)] = rng.integers(0, 256, 30)
+        path.write_bytes(data.tobytes())
+        try:
+            done = run(path)
+        except ImuloopError as error:
+            # the name of a topic or of its type
+            assert "found" in str(error) or "declared" in str(error)
+            continue
+        assert len(done.samples) <= len(log)
+
+
+def test_garbage_is_rejected(run, tmp_path):
+    for name in ("log.bag", "log.db3", "log.mcap"):
+        (tmp_path / name).write_bytes(np.random.default_rng(3).bytes(5000))
+        assert "neither a ROS 1 bag" in reasons(run(tmp_path / name))[0]
+    (tmp_path / "log.bag").write_bytes(b"\x28\xb5\x2f\xfd" + b"x" * 100)
+    assert reasons(run(tmp_path / "log.bag")) == ["log.bag is damaged: it cannot be unpacked"]
+
+
+def bomb_in_bag(path):
+    data = bz2.compress(bytes(10**8))
+    writer = Writer1(path)
+    writer.set_compression(Writer1.CompressionFormat.BZ2)
+    writer.compressor = lambda _: data
+    with writer:
+        connection = writer.add_connection("/imu", IMU, typestore=ROS1)
+        writer.write(connection, START, b"")
+
+
+def bomb_in_mcap(path):
+    data = zstd.compress(bytes(10**8))
+    writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        writer.storage.compressor = lambda _: data
+        connection = writer.add_connection("/imu", IMU, typestore=ROS2)
+        writer.write(connection, START, b"")
+
+
+def bomb_in_message(path):
+    writer = Writer2(path, version=9)
+    with writer:
+        connection = writer.add_connection("/imu", IMU, typestore=ROS2)
+        writer.write(connection, START, zstd.compress(bytes(10**8)))
+
+
+@pytest.mark.parametrize("bomb", [bomb_in_bag, bomb_in_mcap, bomb_in_message])
+def test_a_bomb_is_not_unpacked(run, tmp_path, bomb):
+    path = tmp_path / "log.bag" if bomb is bomb_in_bag else tmp_path / "log"
+    bomb(path)
+    (reason,) = reasons(run(path))
+    assert reason.startswith("unpacked, the file is more than 200 times its ")
+
+
+def test_an_index_that_is_given_again_and_again(log, stamps, run, tmp_path):
+    path = tmp_path / "log.bag"
+    with Writer1(path) as writer:
+        connection = writer.add_connection("/imu", IMU, typestore=ROS1)
+        for stamp, row in zip(stamps, log.to_numpy()[:, 1:], strict=True):
+            data = ROS1.serialize_ros1(message(ROS1, IMU, stamp, row), IMU)
+            writer.write(connection, stamp, data)
+        writer.write_chunk(writer.chunks[-1])
+        writer.chunks = [writer.chunks[0]] * 1000
+    assert reasons(run(path)) == ["log.bag is damaged: its index repeats itself"]
+
+
+def test_the_missing_extra_is_named(imu, run, write, monkeypatch):
+    path = write("bag", imu)
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(ImuloopError, match=r"needs the package rosbags.*pip install '\.\[ros\]'"):
+        run(path)
