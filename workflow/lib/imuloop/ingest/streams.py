@@ -117,11 +117,25 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
     )
 
 
+def stream_names(columns):
+    """Return the names of the streams that are declared, whole or by their fields."""
+    flat = []
+    for value in (columns or {}).values():
+        flat += value if isinstance(value, (list, tuple)) else [value]
+    return {str(value).partition(".")[0] for value in flat if value is not None}
+
+
 def _signed(stream):
-    """Return the stream with stamps that can be subtracted."""
+    """Return the stream with stamps that can be subtracted, and names that fit in a line."""
+    fields = {_printable(name): x for name, x in stream.fields.items()}
+    stream = replace(stream, name=_printable(stream.name), fields=fields)
     if np.asarray(stream.stamps).dtype.kind in "iu":
         return replace(stream, stamps=np.asarray(stream.stamps).astype(np.int64))
     return replace(stream, stamps=np.asarray(stream.stamps, dtype=float))
+
+
+def _printable(text):
+    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def _stated(quantity, stream):

@@ -1,0 +1,308 @@
+"""PX4 ULog files, written with the format's own library."""
+
+import struct
+import sys
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pyulog import ULog
+
+from imuloop.core.errors import ImuloopError
+
+ACCELERATION, ANGULAR_RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
+# PX4 counts from its start; odd, so that no stamp is a whole number of anything
+STAMPS = (12_345_678_901 + 10_003 * np.arange(500)).astype("u8")
+# bytes of a row of `combined`: header, number of the topic, stamp, six axes
+ROW = 3 + 2 + 8 + 6 * 4
+TYPES = {"u8": "uint64_t", "f4": "float", "i4": "int32_t", "i2": "int16_t", "u1": "uint8_t"}
+TYPES |= {"u4": "uint32_t"}
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write topics, a list of (name, instance, fields); give the path."""
+
+    def call(*topics, name="log.ulg", dropouts=()):
+        log = ULog(None)
+        for number, (topic, instance, fields) in enumerate(topics):
+            fields = {key: np.asarray(x) for key, x in fields.items()}
+            kinds = [ULog._FieldData(key, TYPES[x.dtype.str[1:]]) for key, x in fields.items()]
+            formats, sizes = [], {}
+            for field in kinds:
+                stem, array, _ = field.field_name.partition("[")
+                sizes[stem] = sizes.get(stem, 0) + bool(array)
+            for field in kinds:
+                stem = field.field_name.partition("[")[0]
+                if (field.type_str, sizes[stem], stem) not in formats:
+                    formats.append((field.type_str, sizes[stem], stem))
+            log._message_formats[topic] = SimpleNamespace(name=topic, fields=formats)
+            log._data_list.append(
+                SimpleNamespace(
+                    multi_id=instance, msg_id=number, name=topic, field_data=kinds, data=fields
+                )
+            )
+        for duration, stamp in dropouts:
+            header = SimpleNamespace()
+            log._dropouts.append(
+                ULog.MessageDropout(struct.pack("<H", duration), header, int(stamp))
+            )
+        path = tmp_path / name
+        log.write_ulog(str(path))
+        return path
+
+    return call
+
+
+@pytest.fixture
+def single(log):
+    """The log as PX4 keeps it: single precision, whole microseconds."""
+    return log.astype(np.float32).assign(t=np.arange(500) * 10_003 * 1e-6)
+
+
+def message(kind, body):
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def vector(table, columns, name):
+    return {name.format(i): table[c].to_numpy(np.float32) for i, c in enumerate(columns)}
+
+
+def axes(table, columns):
+    return {axis: table[c].to_numpy(np.float32) for axis, c in zip("xyz", columns, strict=True)}
+
+
+def combined(table, **more):
+    fields = {"timestamp": STAMPS, **vector(table, ANGULAR_RATE, "gyro_rad[{}]")}
+    return (
+        "sensor_combined",
+        0,
+        fields | more | vector(table, ACCELERATION, "accelerometer_m_s2[{}]"),
+    )
+
+
+def sensor(table, kind, instance, shift=0, **more):
+    columns = ACCELERATION if kind == "accel" else ANGULAR_RATE
+    stamps = {"timestamp": STAMPS + np.uint64(700), "timestamp_sample": STAMPS + np.uint64(shift)}
+    return f"sensor_{kind}", instance, stamps | axes(table, columns) | more
+
+
+def assert_equal(done, table):
+    for name in ACCELERATION + ANGULAR_RATE:
+        np.testing.assert_array_equal(done.samples[name], table[name].to_numpy(float))
+    np.testing.assert_array_equal(done.samples.t, (STAMPS - STAMPS[0]).astype(float) * 1e-6)
+
+
+def test_sensor_combined(run, single, write):
+    done = run(write(combined(single), name="log.ulog"))
+    assert_equal(done, single)
+    assert done.quality["columns"]["acceleration"][0] == "sensor_combined_0.acceleration.x"
+    assert done.metadata["units"]["time"] == "us"
+    assert any("PX4's own calibration" in note for note in done.quality["warnings"])
+
+
+def test_raw_sensors_at_the_same_times(run, single, write):
+    warm = np.linspace(20, 30, 500, dtype=np.float32)
+    path = write(sensor(single, "accel", 2, temperature=warm), sensor(single, "gyro", 1))
+    done = run(path)
+    assert_equal(done, single)
+    np.testing.assert_array_equal(done.samples.temperature, warm)
+    assert done.quality["columns"]["angular_rate"][2] == "sensor_gyro_1.angular_rate.z"
+    assert done.quality["warnings"] == []
+
+
+def test_raw_sensors_at_different_times(run, single, write):
+    done = run(write(sensor(single, "accel", 0), sensor(single, "gyro", 0, shift=2_500)))
+    np.testing.assert_array_equal(done.samples.ax, single.ax[1:])
+    share = 1 - 2_500 / 10_003
+    expected = single.gx.to_numpy(float)
+    expected = expected[:-1] + share * np.diff(expected)
+    np.testing.assert_allclose(done.samples.gx, expected, rtol=0, atol=1e-12)
+    assert "interpolated linearly onto" in done.quality["warnings"][0]
+
+
+def test_instances_are_chosen_by_name(run, single, log, write):
+    other = log.astype(np.float32) + 1
+    topics = [sensor(t, k, i) for i, t in ((0, other), (1, single)) for k in ("accel", "gyro")]
+    path = write(*topics)
+    with pytest.raises(ImuloopError) as error:
+        run(path)
+    assert "sensor_accel_0 (" in str(error.value) and "sensor_accel_1 (" in str(error.value)
+    assert "columns.acceleration" in str(error.value)
+    columns = {"acceleration": "sensor_accel_1", "angular_rate": "sensor_gyro_1"}
+    assert_equal(run(path, columns=columns), single)
+    columns["acceleration"] = [f"sensor_accel_1.{axis}" for axis in "xyz"]
+    assert_equal(run(path, columns=columns), single)
+    with pytest.raises(ImuloopError, match=r"no stream 'sensor_accel_7'.*did you mean"):
+        run(path, columns={"acceleration": "sensor_accel_7"})
+
+
+def test_a_topic_that_is_not_of_px4(run, single, write):
+    fields = {"timestamp": STAMPS, **vector(single, ACCELERATION, "force[{}]")}
+    path = write(("my_imu", 3, fields | axes(single, ANGULAR_RATE)))
+    columns = {"acceleration": [f"my_imu_3.force[{i}]" for i in range(3)]}
+    columns["angular_rate"] = [f"my_imu_3.{axis}" for axis in "xyz"]
+    assert_equal(run(path, columns=columns), single)
+    assert "no rows of sensor_combined, sensor_accel" in run(path).quality["reasons"][0]
+
+
+def test_an_accelerometer_read_later_than_the_gyroscope(run, single, write):
+    path = write(combined(single, accelerometer_timestamp_relative=np.full(500, -2_500, "i4")))
+    done = run(path)
+    np.testing.assert_array_equal(done.samples.ay, single.ay[1:])
+    assert "interpolated linearly" in " ".join(done.quality["warnings"])
+    late = np.zeros(500, "i4")
+    late[[3, 4]] = 0x7FFFFFFF
+    done = run(write(combined(single, accelerometer_timestamp_relative=late)))
+    np.testing.assert_array_equal(done.samples.ay, single.ay.drop([3, 4]))
+    assert done.quality["non_finite"] == 2
+
+
+def test_increments_over_their_own_interval(run, single, write):
+    rng = np.random.default_rng(3)
+    dt = {n: rng.integers(4000, 6000, 500).astype("u4") for n in ("delta_angle", "delta_velocity")}
+    fields = {"timestamp": STAMPS + np.uint64(90), "timestamp_sample": STAMPS}
+    increments = {}
+    for name, columns in (("delta_angle", ANGULAR_RATE), ("delta_velocity", ACCELERATION)):
+        for i, column in enumerate(columns):
+            increments[column] = (single[column] * dt[name] * 1e-6).to_numpy(np.float32)
+            fields[f"{name}[{i}]"] = increments[column]
+        fields[f"{name}_dt"] = dt[name]
+    fields["delta_angle_dt"] = fields["delta_angle_dt"].copy()
+    fields["delta_angle_dt"][7] = 0
+    done = run(write(("vehicle_imu", 0, fields)))
+    kept = np.arange(500) != 7
+    for column in ACCELERATION + ANGULAR_RATE:
+        step = dt["delta_velocity" if column in ACCELERATION else "delta_angle"]
+        rate = increments[column].astype(float) / (step * 1e-6)
+        np.testing.assert_allclose(done.samples[column], rate[kept], rtol=4e-16)
+    assert done.quality["non_finite"] == 1
+    # rates of a still sensor whose interval jitters by 20 % are as quiet as the log's
+    np.testing.assert_allclose(done.samples.az, single.az[kept], rtol=1e-6)
+
+
+def test_buffers_are_one_row_a_sample(run, single, write):
+    counts = np.random.default_rng(1).integers(-3000, 3000, (6, 500)).astype("i2")
+    sizes = np.tile([2, 4, 3, 1], 50)
+    ends = np.cumsum(sizes)
+    times = 12_345_678_901 + 125.5 * np.arange(500)
+    topics = []
+    for name, rows in (("accel", counts[:3]), ("gyro", counts[3:])):
+        buffers = np.zeros((3, 4, 200), "i2")
+        for i, (end, size) in enumerate(zip(ends, sizes, strict=True)):
+            buffers[:, :size, i] = rows[:, end - size : end]
+        fields = {"timestamp": STAMPS[:200], "timestamp_sample": times[ends - 1].astype("u8")}
+        fields |= {"dt": np.full(200, 125.5, "f4"), "scale": np.full(200, 0.1, "f4")}
+        fields["samples"] = sizes.astype("u1")
+        fields |= {f"{axis}[{k}]": buffers[a, k] for a, axis in enumerate("xyz") for k in range(4)}
+        topics.append((f"sensor_{name}_fifo", 0, fields))
+    done = run(write(*topics), units={"time": "ms"})
+    scale = float(np.float32(0.1))
+    for name, x in zip(ACCELERATION + ANGULAR_RATE, counts, strict=True):
+        np.testing.assert_array_equal(done.samples[name], x * scale)
+    # stamps of whole microseconds, steps of 125.5
+    np.testing.assert_allclose(np.diff(done.samples.t) * 1e3, 125.5, atol=1)
+
+
+def test_dropouts_are_told(run, single, write):
+    path = write(combined(single), dropouts=[(30, STAMPS[100]), (1500, STAMPS[200])])
+    assert "2 dropouts while logging, 1.53 s together" in run(path).quality["warnings"]
+
+
+def test_batches_do_not_matter(run, single, write):
+    path = write(combined(single))
+    assert run(path).path.read_bytes() == run(path, batch_rows=7).path.read_bytes()
+
+
+def test_the_extra_is_named_when_missing(run, single, write, monkeypatch):
+    path = write(combined(single))
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    with pytest.raises(ImuloopError, match=r"pip install '\.\[ulog\]'"):
+        run(path)
+
+
+def test_a_log_cut_off_is_read_up_to_there(run, single, write):
+    path = write(combined(single))
+    content = path.read_bytes()
+    for lost in (1, ROW - 1, ROW, 100 * ROW + 5):
+        path.write_bytes(content[:-lost])
+        done = run(path)
+        rows = (500 * ROW - lost) // ROW
+        np.testing.assert_array_equal(done.samples.az, single.az[:rows])
+        told = "the file ends inside a message: the log was cut off" in done.quality["warnings"]
+        assert told == bool(lost % ROW)
+    for size in (0, 5, 16, 40, 100, len(content) - 500 * ROW):
+        path.write_bytes(content[:size])
+        assert run(path).quality["status"] == "rejected"
+
+
+@pytest.mark.parametrize("noise", [b"no", b"ULog\x01\x12\x35" + bytes(5000), bytes(5000)])
+def test_other_files_are_rejected(run, tmp_path, noise):
+    path = tmp_path / "log.ulg"
+    path.write_bytes(noise)
+    done = run(path)
+    assert done.quality["status"] == "rejected" and "\n" not in done.quality["reasons"][0]
+
+
+def test_damage_costs_its_rows(run, single, write, capfd):
+    path = write(combined(single))
+    content = path.read_bytes()
+    # PX4 marks a place to go on from several times a second
+    rows = [content[at : at + ROW] for at in range(len(content) - 500 * ROW, len(content), ROW)]
+    marked = (
+        b"".join([*rows[i : i + 20], message("S", ULog.SYNC_BYTES)]) for i in range(0, 500, 20)
+    )
+    content = content[: -500 * ROW] + b"".join(marked)
+    half = len(content) // 2
+    path.write_bytes(content[:half] + b"\x03" * 200 + content[half + 200 :])
+    done = run(path)
+    assert 460 <= len(done.samples) < 500
+    assert "parts of the file are damaged" in " ".join(done.quality["warnings"])
+    # a row whose end alone is overwritten cannot be told
+    assert np.isin(done.samples.az, single.az).sum() >= len(done.samples) - 1
+    assert done.quality["gaps"]["count"] == 1
+    # the library's warnings are not the user's
+    assert capfd.readouterr().out == ""
+
+
+def test_mutated_logs_give_one_line_at_most(run, single, write):
+    path = write(combined(single))
+    content = bytearray(path.read_bytes())[:4000]
+    rng = np.random.default_rng(11)
+    for _ in range(150):
+        mutated = content.copy()
+        for at in rng.integers(0, rng.choice([300, len(mutated)]), rng.integers(1, 9)):
+            mutated[at] = rng.integers(256)
+        path.write_bytes(mutated)
+        begin = time.monotonic()
+        try:
+            run(path)
+        except ImuloopError as error:
+            assert "\n" not in str(error)
+        assert time.monotonic() - begin < 10
+
+
+def test_nested_arrays_do_not_fill_the_memory(run, tmp_path):
+    path = tmp_path / "log.ulg"
+    start = ULog.HEADER_BYTES + bytes(9)
+    deep = [*(f"a{i}:a{i + 1}[60000] x;" for i in range(8)), "a8:bool x;"]
+    wide = ["a0:uint64_t timestamp;" + "".join(f"bool[60000] x{i};" for i in range(50))]
+    loop = ["a0:a1 x;", "a1:a0 x;"]
+    for formats in (deep, wide, loop):
+        data = start + b"".join(message("F", text.encode()) for text in formats)
+        data += b"".join(message("A", struct.pack("<BH", 0, i) + b"a0") for i in range(60_000))
+        path.write_bytes(data)
+        begin = time.monotonic()
+        assert run(path).quality["status"] == "rejected"
+        assert time.monotonic() - begin < 5
+
+
+def test_a_header_that_leads_back_does_not_hang(run, tmp_path):
+    path = tmp_path / "log.ulg"
+    data = ULog.HEADER_BYTES + bytes(9) + message("F", b"a0:uint64_t timestamp;") * 300
+    # an unknown message, longer than what is left: the library steps back by its length
+    path.write_bytes(data + struct.pack("<HB", 10_001, 1) + bytes(5))
+    begin = time.monotonic()
+    assert run(path).quality["status"] == "rejected"
+    assert time.monotonic() - begin < 10

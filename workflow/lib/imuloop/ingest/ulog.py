@@ -1,0 +1,215 @@
+"""PX4 ULog files: the topics of the inertial sensors, each instance a stream."""
+
+import contextlib
+import io
+import re
+
+import numpy as np
+
+from imuloop.core.errors import RejectedLog
+from imuloop.ingest.columns import AXES
+from imuloop.ingest.extras import needed
+from imuloop.ingest.streams import Stream, raw_log, stream_names
+
+ENDINGS = (".ulg", ".ulog")
+
+_UNITS = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
+
+
+def _indexed(name):
+    return tuple(f"{name}[{i}]" for i in range(3))
+
+
+# topic of PX4 to the fields of each sensor
+_SENSORS = {
+    "sensor_combined": {
+        "acceleration": _indexed("accelerometer_m_s2"),
+        "angular_rate": _indexed("gyro_rad"),
+    },
+    "sensor_accel": {"acceleration": AXES},
+    "sensor_gyro": {"angular_rate": AXES},
+    "sensor_accel_fifo": {"acceleration": AXES},
+    "sensor_gyro_fifo": {"angular_rate": AXES},
+    "vehicle_imu": {
+        "acceleration": _indexed("delta_velocity"),
+        "angular_rate": _indexed("delta_angle"),
+    },
+}
+# length of the intervals, in us, of the increments
+_INTERVALS = {"delta_velocity": "delta_velocity_dt", "delta_angle": "delta_angle_dt"}
+# PX4 has taken its own calibration out of these
+_CORRECTED = ("sensor_combined", "vehicle_imu")
+# accelerometer_timestamp_relative of a row without acceleration
+_NO_ACCELERATION = 0x7FFFFFFF
+# fields that all topics of a log may have together; PX4 logs some thousands
+_MOST_FIELDS = 1_000_000
+
+
+def read(paths, columns=None, batch_rows=1 << 16):
+    """Read a ULog file.
+
+    The streams are the topics with their instance, ``sensor_accel_0``. Increments become rates by
+    their own interval; first-in first-out buffers become one row a sample.
+
+    Parameters
+    ----------
+    paths : dict
+        ``{"log": path}``.
+    columns : dict, optional
+        Quantity to stream or ``STREAM.FIELD``; topics other than the inertial sensors' are read
+        where they are named.
+    batch_rows : int
+        Rows given at once.
+
+    Raises
+    ------
+    ImuloopError
+        If a declared column is not there, or a quantity is in no stream or in several.
+    RejectedLog
+        If the file is no ULog file, or holds no inertial sensor.
+    """
+    topics = {*_SENSORS, *(re.sub(r"_\d+$", "", name) for name in stream_names(columns))}
+    log, notes = _parsed(paths["log"], sorted(topics))
+    streams = []
+    for topic in log.data_list:
+        streams += _streams(topic.name, topic.multi_id, topic.data)
+    if not streams:
+        raise RejectedLog(f"the log holds no rows of {', '.join(_SENSORS)}")
+    raw = raw_log(streams, columns, batch_rows)
+    for topic in _CORRECTED:
+        if any(name.startswith(topic) for name in raw.found["acceleration"]):
+            notes.append(
+                f"{topic} is corrected by PX4's own calibration; in newer logs sensor_accel and "
+                "sensor_gyro are not"
+            )
+    raw.notes[:0] = notes
+    return raw
+
+
+class _Tape(io.BytesIO):
+    """A file in memory that tells afterwards where reading ended; reading it for ever fails."""
+
+    def __init__(self, data):
+        super().__init__(data)
+        self.size, self.cut, self.cost = len(data), False, 0
+
+    def read(self, size=-1):
+        got = super().read(size)
+        # the next header's three bytes may be missing, nothing else
+        self.cut |= len(got) < size and (size != 3 or bool(got))
+        self.cost += 32 + len(got)
+        if self.cost > 1e8 + 50 * self.size:
+            raise RejectedLog("the ULog file is too damaged to find its messages")
+        return got
+
+    def close(self):
+        pass
+
+
+def _parsed(path, topics):
+    """Return the log as the library reads it, and what it did not read."""
+    ulog = needed("pyulog", "ulog").ULog
+    sizes, described = {}, 0
+
+    class Bounded(ulog):
+        # a few bytes of nested arrays would describe more fields than fit into memory
+        class _MessageAddLogged(ulog._MessageAddLogged):
+            def _parse_format(self, formats):
+                nonlocal described
+                described += _field_count(self.message_name, formats, sizes, ulog._UNPACK_TYPES)
+                if described > _MOST_FIELDS:
+                    raise RejectedLog(f"the ULog file describes more than {_MOST_FIELDS} fields")
+                super()._parse_format(formats)
+
+    with open(path, "rb") as file:
+        tape = _Tape(file.read())
+    try:
+        # the library prints its warnings
+        with contextlib.redirect_stdout(None):
+            log = Bounded(tape, topics)
+    except RejectedLog:
+        raise
+    except Exception as error:
+        raise RejectedLog("the file is not a whole ULog file") from error
+    notes, left = [], tape.size - tape.tell()
+    if tape.cut:
+        notes.append("the file ends inside a message: the log was cut off")
+    if log.file_corruption:
+        notes.append("parts of the file are damaged; the rows in them are lost")
+    if left > 0:
+        notes.append(f"the last {left} of {tape.size} bytes cannot be read")
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts) / 1000
+        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
+    return log, notes
+
+
+def _field_count(name, formats, known, basic):
+    """Return how many fields a topic has, those of nested topics counted."""
+    if name not in known:
+        known[name] = sum(
+            max(1, size) * (1 if kind in basic else 1 + _field_count(kind, formats, known, basic))
+            for kind, size, _ in formats[name].fields
+        )
+    return known[name]
+
+
+# damaged numbers can be any, a signalling one too
+@np.errstate(over="ignore", invalid="ignore")
+def _streams(topic, instance, data):
+    """Return the streams of one topic and instance: its fields, and the sensors' usual names."""
+    sampled = data.get("timestamp_sample")
+    stamps = sampled if sampled is not None and sampled.any() else data.get("timestamp")
+    if stamps is None or stamps.dtype.kind not in "iu":
+        return []
+    stamps, fields = stamps.astype(np.int64), dict(data)
+    if topic.endswith("_fifo"):
+        stamps, fields = _unpacked(stamps, fields)
+    for quantity, names in _SENSORS.get(topic, {}).items():
+        if all(name in fields for name in names):
+            rate = _rate(names, fields)
+            fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, rate, strict=True)}
+    name = f"{topic}_{instance}"
+    relative = fields.get("accelerometer_timestamp_relative")
+    if relative is None or "acceleration.x" not in fields:
+        return [Stream(name, stamps, fields, _UNITS)]
+    missing = relative == _NO_ACCELERATION
+    later = np.where(missing, 0, relative.astype(np.int64))
+    force = {f"acceleration.{axis}": fields.pop(f"acceleration.{axis}") for axis in AXES}
+    force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
+    if not later.any():
+        return [Stream(name, stamps, fields | force, _UNITS)]
+    # the two sensors were sampled at different times
+    return [
+        Stream(name, stamps, fields, _UNITS),
+        Stream(f"{name}.accelerometer", stamps + later, force, _UNITS),
+    ]
+
+
+def _rate(names, fields):
+    """Return the fields of a sensor; increments over their interval."""
+    interval = fields.get(_INTERVALS.get(names[0].partition("[")[0]))
+    if interval is None:
+        return [fields[name] for name in names]
+    # 1e6 times float32 is exact, so that only the division rounds
+    dt = np.where(interval > 0, interval, np.nan)
+    return [1e6 * fields[name].astype(float) / dt for name in names]
+
+
+def _unpacked(stamps, fields):
+    """Return stamps and x, y, z of each sample of first-in first-out buffers.
+
+    `timestamp_sample` is the last sample's, `dt` the step between two, in us.
+    """
+    width = sum(name.startswith("x[") for name in fields)
+    needs = {"dt", "scale", "samples", *(f"{axis}[{k}]" for axis in AXES for k in range(width))}
+    if not width or not needs <= set(fields):
+        return stamps, fields
+    count = np.minimum(fields["samples"].astype(int), width)[:, None]
+    k = np.arange(width)
+    used = k < count
+    step, scale = (fields[name].astype(float)[:, None] for name in ("dt", "scale"))
+    values = {
+        axis: (np.stack([fields[f"{axis}[{i}]"] for i in k], axis=1) * scale)[used] for axis in AXES
+    }
+    return (stamps[:, None] - (count - 1 - k) * step)[used], values
