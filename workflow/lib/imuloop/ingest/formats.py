@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import delimited, imu_tk, matlab, netcdf, parquet, phone, ros, ulog
+from imuloop.ingest import dataflash, delimited, imu_tk, matlab, netcdf, parquet, phone, ros, ulog
 
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
@@ -46,6 +46,7 @@ FORMATS = {
     # a .csv as others; told by its name here or by what it holds
     "sensorlog": Format(phone.read_sensorlog, ()),
     "ulog": Format(ulog.read, ulog.ENDINGS),
+    "dataflash": Format(dataflash.read, dataflash.ENDINGS),
 }
 
 

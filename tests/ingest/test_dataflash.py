@@ -1,0 +1,264 @@
+"""ArduPilot DataFlash logs, written as the format defines them, read again by its own library."""
+
+import struct
+import sys
+import time
+
+import numpy as np
+import pytest
+from pymavlink import DFReader
+
+from imuloop.core.errors import ImuloopError
+
+ACCELERATION, ANGULAR_RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
+CHANNELS = ANGULAR_RATE + ACCELERATION
+# microseconds since the start
+STAMPS = 987_654_321 + 10_003 * np.arange(500)
+# messages of ArduPilot: format, names of the fields
+IMU = "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
+OLD_IMU = "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+ACC = "QBQfff", "TimeUS,I,SampleUS,AccX,AccY,AccZ"
+GYR = "QBQfff", "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
+IMT = "QBfffffffff", "TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"
+PARM = "QNf", "TimeUS,Name,Value"
+CODES = dict(Q="Q", B="B", f="f", I="I", H="H", c="h", n="4s", N="16s", Z="64s")
+FORMAT = struct.Struct("<3BBB4s16s64s")
+
+
+def packed(codes):
+    return struct.Struct("<3B" + "".join(CODES[code] for code in codes))
+
+
+def definition(number, name, codes, names):
+    texts = name.encode(), codes.encode(), names.encode()
+    return FORMAT.pack(0xA3, 0x95, 0x80, number, packed(codes).size, *texts)
+
+
+def binary(*messages):
+    """Return a log of (name, (format, names), rows), the rows of all messages in turn."""
+    log = definition(0x80, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+    kinds = [*messages, ("PARM", PARM, [(7, b"INS_ACCOFFS_X", 0.5)])]
+    for number, (name, (codes, names), _) in enumerate(kinds, 0x90):
+        log += definition(number, name, codes, names)
+    turns = [
+        (i, number, codes, row)
+        for number, (_, (codes, _), rows) in enumerate(kinds, 0x90)
+        for i, row in enumerate(rows)
+    ]
+    for _, number, codes, row in sorted(turns, key=lambda turn: turn[:2]):
+        log += packed(codes).pack(0xA3, 0x95, number, *row)
+    return log
+
+
+def text(*messages):
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    for number, (name, (codes, names), _) in enumerate(messages, 0x90):
+        lines.append(f"FMT, {number}, {packed(codes).size}, {name}, {codes}, {names}")
+    for name, _, rows in messages:
+        lines += [", ".join([name, *(str(x) for x in row)]) for row in rows]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def imu(table, instance=0):
+    warm = np.linspace(20, 30, 500, dtype=np.float32)
+    rows = zip(STAMPS, table[CHANNELS].to_numpy(), warm, strict=True)
+    return [(t, instance, *x, 0, 0, w, 1, 1, 1000, 1000) for t, x, w in rows]
+
+
+def sampled(table, columns, instance=0, shift=0):
+    rows = zip(STAMPS, table[columns].to_numpy(), strict=True)
+    return [(t + 5000, instance, t + shift, *x) for t, x in rows]
+
+
+@pytest.fixture
+def single(log):
+    """The log in single precision."""
+    return log.astype(np.float32)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def call(content, name="log.bin"):
+        path = tmp_path / name
+        path.write_bytes(content)
+        return path
+
+    return call
+
+
+def assert_equal(done, table):
+    for name in CHANNELS:
+        np.testing.assert_array_equal(done.samples[name], table[name].to_numpy(float))
+    np.testing.assert_array_equal(done.samples.t, (STAMPS - STAMPS[0]) * 1e-6)
+
+
+def test_imu_messages(run, single, write):
+    path = write(binary(("IMU", IMU, imu(single))))
+    done = run(path)
+    assert_equal(done, single)
+    np.testing.assert_array_equal(done.samples.temperature, np.linspace(20, 30, 500).astype("f4"))
+    assert done.quality["columns"]["acceleration"] == [f"IMU_0.Acc{axis}" for axis in "XYZ"]
+    assert done.quality["bad_lines"] == 0
+    assert "after its own calibration" in done.quality["warnings"][0]
+    assert len(done.quality["warnings"]) == 1
+
+
+@pytest.mark.parametrize("kind", [binary, text])
+def test_the_same_as_the_library_reads(run, single, write, kind):
+    path = write(kind(("IMU", IMU, imu(single)), ("ACC", ACC, sampled(single, ACCELERATION))))
+    done = run(path, format="dataflash")
+    reader = DFReader.DFReader_binary if kind is binary else DFReader.DFReader_text
+    log = reader(str(path))
+    rows = []
+    while (row := log.recv_match(type="IMU", strict=True)) is not None:
+        rows.append(
+            [row.TimeUS, row.T, *(getattr(row, f"{s}{a}") for s in ("Gyr", "Acc") for a in "XYZ")]
+        )
+    rows = np.array(rows)
+    assert len(rows) == 500
+    np.testing.assert_array_equal(done.samples[CHANNELS], rows[:, 2:])
+    np.testing.assert_array_equal(done.samples.temperature, rows[:, 1])
+    np.testing.assert_array_equal(done.samples.t, (rows[:, 0] - rows[0, 0]) * 1e-6)
+
+
+def test_a_text_log_keeps_the_digits_of_its_text(run, log, write):
+    content = text(("IMU", IMU, imu(log))).replace(b"\n", b"\r\n")
+    assert_equal(run(write(content, "log.log"), format="dataflash"), log)
+    assert_equal(run(write(content.replace(b", ", b","), "log.log"), format="dataflash"), log)
+
+
+def test_raw_messages_are_stamped_by_the_sample(run, single, write):
+    messages = [
+        ("ACC", ACC, sampled(single, ACCELERATION)),
+        ("GYR", GYR, sampled(single, ANGULAR_RATE)),
+    ]
+    assert_equal(run(write(binary(*messages))), single)
+    messages[1] = "GYR", GYR, sampled(single, ANGULAR_RATE, shift=2_500)
+    done = run(write(binary(*messages)))
+    np.testing.assert_array_equal(done.samples.ax, single.ax[1:])
+    assert "GYR_0 interpolated linearly onto the stamps of ACC_0" in " ".join(
+        done.quality["warnings"]
+    )
+
+
+def test_instances_are_chosen_by_name(run, single, write):
+    path = write(binary(("IMU", IMU, [*imu(single + 1, 0), *imu(single, 2)])))
+    with pytest.raises(ImuloopError, match=r"IMU_0 \(AccX.* and IMU_2 \(AccX.*all look like acc"):
+        run(path)
+    columns = {"acceleration": "IMU_2", "angular_rate": "IMU_2"}
+    assert_equal(run(path, columns=columns), single)
+    columns["acceleration"] = [f"IMU_2.Acc{axis}" for axis in "XYZ"]
+    assert_equal(run(path, columns=columns), single)
+
+
+def test_older_logs_number_the_message(run, single, write):
+    rows = [(t // 1000, *x) for t, x in zip(STAMPS, single[CHANNELS].to_numpy(), strict=True)]
+    path = write(binary(("IMU", OLD_IMU, rows), ("IMU2", OLD_IMU, rows)))
+    done = run(path, columns={"acceleration": "IMU2", "angular_rate": "IMU2"})
+    np.testing.assert_array_equal(done.samples[CHANNELS], single[CHANNELS].to_numpy(float))
+    np.testing.assert_array_equal(
+        done.samples.t, (STAMPS // 1000 - STAMPS[0] // 1000) * 1000 * 1e-6
+    )
+
+
+def test_increments_over_their_own_interval(run, single, write):
+    dt = np.random.default_rng(3).uniform(0.009, 0.011, (500, 2)).astype("f4")
+    dt[7] = 0
+    change = single[CHANNELS].to_numpy() * dt[:, [1, 1, 1, 0, 0, 0]]
+    rows = [(t, 0, 0.01, *d, *x) for t, d, x in zip(STAMPS, dt, change, strict=True)]
+    done = run(write(binary(("IMT", IMT, rows))))
+    kept = np.arange(500) != 7
+    expected = change[kept].astype(float) / dt[kept][:, [1, 1, 1, 0, 0, 0]].astype(float)
+    np.testing.assert_array_equal(done.samples[CHANNELS], expected)
+    assert done.quality["non_finite"] == 1
+
+
+def test_another_message_and_scaled_integers(run, single, write):
+    counts = np.random.default_rng(5).integers(-30_000, 30_000, (500, 6))
+    names = "TimeUS,I,ax,ay,az,gx,gy,gz"
+    rows = [(t, 0, *x) for t, x in zip(STAMPS, counts, strict=True)]
+    path = write(binary(("MINE", ("QBcccccc", names), rows)))
+    columns = {"acceleration": "MINE_0", "angular_rate": "MINE_0"}
+    done = run(path, columns=columns)
+    np.testing.assert_array_equal(done.samples[ACCELERATION + ANGULAR_RATE], counts / 100)
+    assert run(path).quality["reasons"] == ["the log holds no rows of IMU, ACC, GYR or IMT"]
+
+
+def test_batches_do_not_matter(run, single, write):
+    path = write(binary(("IMU", IMU, imu(single))))
+    assert run(path).path.read_bytes() == run(path, batch_rows=7).path.read_bytes()
+
+
+def test_the_extra_is_named_when_missing(run, single, write, monkeypatch):
+    path = write(binary(("IMU", IMU, imu(single))))
+    monkeypatch.setitem(sys.modules, "pymavlink.DFReader", None)
+    with pytest.raises(ImuloopError, match=r"pip install '\.\[dataflash\]'"):
+        run(path)
+
+
+def test_a_log_cut_off_is_read_up_to_there(run, single, write):
+    content = binary(("IMU", IMU, imu(single)))
+    row = packed(IMU[0]).size
+    for lost in (1, row - 1, row, 100 * row + 5):
+        done = run(write(content[:-lost]))
+        rows = (500 * row - lost) // row
+        np.testing.assert_array_equal(done.samples.az, single.az[:rows])
+        told = f"{-lost % row} of {len(content) - lost} bytes are no message"
+        assert (told in done.quality["warnings"]) == bool(lost % row)
+    for size in (0, 1, 3, 50, 89, 89 * 3, 89 * 3 + 20):
+        assert run(write(content[:size])).quality["status"] == "rejected"
+
+
+def test_a_text_log_cut_off(run, single, write):
+    content = text(("IMU", IMU, imu(single)))
+    done = run(write(content[:-5], "log.txt"), format="dataflash")
+    assert len(done.samples) == 499 and done.quality["bad_lines"] == 1
+    damaged = content.replace(b"\nIMU, 98", b"\nIMU, x\xff98", 3)
+    done = run(write(damaged, "log.txt"), format="dataflash")
+    assert len(done.samples) == 497 and done.quality["bad_lines"] == 3
+    for size in (0, 3, 30, 200):
+        done = run(write(content[:size], "log.txt"), format="dataflash")
+        assert done.quality["status"] == "rejected"
+
+
+@pytest.mark.parametrize("noise", [b"no", bytes(5000), b"\xa3\x95" * 3000, b"FMT, 1\n" * 9])
+def test_other_files_are_rejected(run, write, noise):
+    done = run(write(noise))
+    assert done.quality["status"] == "rejected" and "\n" not in done.quality["reasons"][0]
+
+
+def test_damage_costs_its_rows(run, single, write, capfd):
+    content = binary(("IMU", IMU, imu(single)))
+    row = packed(IMU[0]).size
+    begin = len(content) - 250 * row + 7
+    noise = np.random.default_rng(2).bytes(200).replace(b"\xa3", b"\xa4")
+    done = run(write(content[:begin] + noise + content[begin + 200 :]))
+    lost = 1 + (7 + 200 - 1) // row
+    # the row before the damage is whole: a header follows it
+    rows = np.r_[0:250, 250 + lost : 500]
+    np.testing.assert_array_equal(done.samples.az, single.az.to_numpy(float)[rows])
+    assert f"{lost * row} of {len(content)} bytes are no message" in done.quality["warnings"]
+    # a message of an unknown number ends the library's index, not the log
+    at = len(content) - 100 * row + 2
+    done = run(write(content[:at] + b"\x11" + content[at + 1 :]))
+    assert len(done.samples) == 499
+    # an instance that is there once is no second sensor
+    done = run(write(content[: at + 9] + b"\x4d" + content[at + 10 :]))
+    assert len(done.samples) == 499 and done.quality["bad_lines"] == 1
+    assert capfd.readouterr() == ("", "")
+
+
+def test_mutated_logs_give_one_line_at_most(run, single, write):
+    rng = np.random.default_rng(11)
+    for kind in (binary, text):
+        content = kind(("IMU", IMU, imu(single)))[:8000]
+        for _ in range(100):
+            mutated = bytearray(content)
+            for at in rng.integers(0, rng.choice([500, len(mutated)]), rng.integers(1, 9)):
+                mutated[at] = rng.integers(256)
+            begin = time.monotonic()
+            try:
+                run(write(mutated), format="dataflash")
+            except ImuloopError as error:
+                assert "\n" not in str(error)
+            assert time.monotonic() - begin < 10
