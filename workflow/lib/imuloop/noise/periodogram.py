@@ -129,21 +129,22 @@ def periodogram(layout, stretches, spectrum):
     if band is None:
         return None
     # single precision: its rounding lies 14 decades below the variance
-    power = fft.rfft(_filled(layout, stretches, band.padded))[band.edges[0] : band.edges[-1]]
-    power = power.real**2 + power.imag**2
-    power *= 2 / (band.samples * band.rate)
-    edges = band.edges - band.edges[0]
+    transform = fft.rfft(_filled(layout, stretches, band.padded))
+    ratio = np.empty(band.edges[-1] - band.edges[0], np.float32)
     medians = np.empty(band.sizes.size)
-    for b, (i, j) in enumerate(pairwise(edges)):
+    for b, (i, j) in enumerate(pairwise(band.edges)):
         # a spectrum is straight between so many places in a block
         nodes = np.linspace(i, j - 1, min(NODES, j - i))
-        density = spectrum(band.step * (nodes + band.edges[0]))
+        density = spectrum(band.step * nodes)
         if not (density > 0).all():
             return None
-        power[i:j] /= np.interp(np.arange(i, j), nodes, density)
+        power = transform.real[i:j] ** 2 + transform.imag[i:j] ** 2
+        power *= 2 / (band.samples * band.rate)
+        power /= np.interp(np.arange(i, j), nodes, density)
         # every other one: those between are not independent
-        medians[b] = np.median(power[i:j:2])
-    return Search(band, spectrum, power, medians) if medians.all() else None
+        medians[b] = np.median(power[::2])
+        ratio[i - band.edges[0] : j - band.edges[0]] = power
+    return Search(band, spectrum, ratio, medians) if medians.all() else None
 
 
 def _filled(layout, stretches, padded):
