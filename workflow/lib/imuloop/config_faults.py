@@ -17,6 +17,9 @@ from imuloop.yaml_traps import yaml_faults
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
+# a log that has to be read as a whole is judged before the run up to so many bytes, else by its job
+CHECKED = 1 << 25
+
 # other spellings of the units, in small letters: by similarity dps would be rad/s
 _SPELLINGS = {
     "s": ("sec", "secs", "second", "seconds"),
@@ -255,7 +258,7 @@ def _file_faults(session, replicas):
     given = sources(session["file"])
     names = {role: source.get("path") or file_name(source) for role, source in given.items()}
     try:
-        log_format = find_format(session.get("format"), names)
+        _, log_format = find_format(session.get("format"), names)
     except ImuloopError as error:
         yield ("file",), str(error)
         return
@@ -264,8 +267,15 @@ def _file_faults(session, replicas):
         text = "path" in given[role] and _missing(names[role], replicas)
         if text:
             yield ("file", *(() if role == "log" else (role,))), text
-    if len(there) == len(given):
+    if len(there) == len(given) and not (log_format.whole and _size(names) > CHECKED):
         yield from _column_faults(session, log_format, names)
+
+
+def _size(names):
+    """Return the bytes of a session's files, those inside of folders too."""
+    paths = [Path(name) for name in names.values()]
+    files = [f for path in paths for f in (path.iterdir() if path.is_dir() else [path])]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _is_there(path):

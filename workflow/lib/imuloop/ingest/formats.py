@@ -1,4 +1,4 @@
-"""The log formats: a name, a reader, the endings of file names that stand for it."""
+"""The log formats: a name, a reader, and what tells them: first bytes, else the file's name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,12 +24,15 @@ class Format:
         Roles of its files; ``("log",)`` for a format of one file.
     folder : bool
         Whether it may be a folder with files of these endings.
+    whole : bool
+        Whether `read` takes in the whole log, not its head alone.
     """
 
     read: Callable
     endings: tuple[str, ...]
     files: tuple[str, ...] = ("log",)
     folder: bool = False
+    whole: bool = False
 
 
 # a new format is one reader and one line here
@@ -37,21 +40,38 @@ FORMATS = {
     "csv": Format(delimited.read, delimited.ENDINGS),
     # the separator is found in the file; the name is there for those who look for it
     "tsv": Format(delimited.read, (".tsv", ".tab")),
-    "imu_tk": Format(imu_tk.read, imu_tk.ENDINGS, imu_tk.FILES),
+    "imu_tk": Format(imu_tk.read, (), imu_tk.FILES),
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
-    "matlab": Format(matlab.read, matlab.ENDINGS),
-    "ros": Format(ros.read, ros.ENDINGS, folder=True),
-    "phone": Format(phone.read, phone.ENDINGS),
+    "matlab": Format(matlab.read, matlab.ENDINGS, whole=True),
+    "ros": Format(ros.read, ros.ENDINGS, folder=True, whole=True),
+    "phone": Format(phone.read, phone.ENDINGS, whole=True),
     # a .csv as others; told by its name here or by what it holds
-    "sensorlog": Format(phone.read_sensorlog, ()),
-    "ulog": Format(ulog.read, ulog.ENDINGS),
-    "dataflash": Format(dataflash.read, dataflash.ENDINGS),
+    "sensorlog": Format(phone.read_sensorlog, (), whole=True),
+    "ulog": Format(ulog.read, ulog.ENDINGS, whole=True),
+    "dataflash": Format(dataflash.read, dataflash.ENDINGS, whole=True),
 }
+
+# how files begin, whatever their name
+SIGNATURES = {
+    b"PAR1": "parquet",
+    b"CDF": "netcdf",
+    b"MATLAB ": "matlab",
+    b"#ROSBAG": "ros",
+    b"\x89MCAP0": "ros",
+    b"SQLite format 3\0": "ros",
+    b"PK\x03\x04": "phone",
+    b"ULog\x01\x12\x35": "ulog",
+    b"\xa3\x95\x80": "dataflash",
+    b"FMT, 128": "dataflash",
+}
+# in the header of a text table that is SensorLog's
+_SENSORLOG = (b"accelerometertimestamp_sincereboot", b"accelerometeraccelerationx")
+_HEAD = 1 << 14
 
 
 def find_format(name, paths):
-    """Return a format by its declared name, or by its files where none is declared.
+    """Return the name of a format and the Format: that declared, else that its files tell.
 
     Parameters
     ----------
@@ -77,11 +97,11 @@ def find_format(name, paths):
     for path in paths.values():
         if Path(path).is_dir() and not FORMATS[name].folder:
             raise ImuloopError(f"{path} is a folder, not a file")
-    return FORMATS[name]
+    return name, FORMATS[name]
 
 
 def guess_format(paths):
-    """Return the name of the format that the files' keys or names stand for."""
+    """Return the name of the format that the files' keys, first bytes or names stand for."""
     for name, form in FORMATS.items():
         if len(form.files) > 1 and set(form.files) == set(paths):
             return name
@@ -92,6 +112,8 @@ def guess_format(paths):
             if form.folder and inside & {*form.endings}:
                 return name
         raise ImuloopError(f"{path} is a folder, not a file")
+    if told := _told(Path(path)):
+        return told
     if path.suffix.lower() in _PACKED:
         path = path.with_suffix("")
     for name, form in FORMATS.items():
@@ -100,3 +122,19 @@ def guess_format(paths):
     raise ImuloopError(
         f"the name {path.name} does not say its format; add format: {' | '.join(FORMATS)}"
     )
+
+
+def _told(path):
+    """Return the format that a file's first bytes tell, or None."""
+    if not path.is_file():
+        return None
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return None
+    for signature, name in SIGNATURES.items():
+        if head.startswith(signature):
+            return name
+    line = head.partition(b"\n")[0].lower()
+    return "sensorlog" if all(word in line for word in _SENSORLOG) else None

@@ -10,7 +10,6 @@ from imuloop.ingest.delimited import find_layout, numbers, text_batches
 from imuloop.ingest.raw_log import STAMP, RawLog, rechunked
 from imuloop.ingest.stamps import parse_stamps, stamp_values
 
-ENDINGS = (".mat",)
 FILES = ("acceleration", "angular_rate")
 
 

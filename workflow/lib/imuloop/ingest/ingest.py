@@ -84,7 +84,7 @@ def ingest(
         for path in paths:
             if not (path.is_file() or path.is_dir()):
                 raise ImuloopError("there is no such file; see file: in the config")
-        form = find_format(format, files)
+        name, form = find_format(format, files)
         try:
             log = form.read(files, columns or None, batch_rows)
         except RejectedLog as error:
@@ -98,6 +98,7 @@ def ingest(
             "device": device,
             "session": session,
             "kind": kind,
+            "log_format": name,
             "source": dict(sources or {role: {"path": str(p)} for role, p in files.items()}),
             "sha256": _hashes(paths),
             "units": units,

@@ -62,6 +62,7 @@ def _quality(session):
         "Constant channels": text_of(q.get("constant")),
         "Temperature, °C": _span(q.get("temperature_range")),
         "Start": text_of(q.get("start")),
+        "Format": text_of(q.get("log_format")),
         "Units as logged": text_of(q.get("units")),
     }
 
