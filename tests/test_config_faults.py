@@ -390,3 +390,16 @@ def test_config_is_named_as_it_was_given():
     assert as_given("/home/some/c.yaml", arguments) == "../some/c.yaml"
     assert as_given("/home/c.yaml", ["--configfile=/home/c.yaml"]) == "/home/c.yaml"
     assert as_given("config.yaml", ["results/report.html"]) == "config.yaml"
+
+
+def test_links_that_lead_nowhere_and_files_that_may_not_be_read(faults, tmp_path, monkeypatch):
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    (tmp_path / "gone.csv").symlink_to("nowhere.csv")
+    for name in ("loop.csv", "gone.csv"):
+        assert faults(session(f"kind: static, file: {name}")) == [
+            f"devices.imu.sessions.a.file: {name} is a link that leads to no file"
+        ]
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    assert faults(session(SOUND)) == [
+        "devices.imu.sessions.a.file: poses.csv cannot be read: permission denied"
+    ]

@@ -84,18 +84,36 @@ def test_a_bomb_is_refused(run, tmp_path, kind, line):
     )
 
 
-@pytest.mark.parametrize(
-    ("separator", "reason"),
-    [(b" ", "a line is longer than 16 MB: no table"), (b",", "the file cannot be read to its end")],
-)
-def test_a_line_without_end(run, tmp_path, separator, reason):
+@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
+@pytest.mark.parametrize("separator", [" ", ","])
+@pytest.mark.parametrize("size", [1 << 16, (1 << 16) + 1, 1 << 20, (1 << 21) + 3])
+def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size, batch_rows):
     path = tmp_path / "log.txt"
-    with open(path, "wb") as file:
-        file.write(b"0 0 0 9.8 0 0 0\n".replace(b" ", separator) * 5000)
-        for _ in range(20):
-            file.write((b"0" + separator) * (1 << 19))
-    columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
-    assert run(path, columns=columns).quality["reasons"][0].startswith(reason)
+    lines = log.to_csv(index=False, sep=separator).splitlines(keepends=True)
+    # the longest line of all that counts has a row's columns
+    lines[300] = lines[300].rstrip("\n").ljust(size - 1, "0") + "\n"
+    lines.append("0" * size)
+    path.write_text("".join(lines))
+    done = run(path, batch_rows=batch_rows)
+    whole = size <= 1 << 16
+    assert done.quality["bad_lines"] == (1 if whole else 2)
+    kept = log if whole else log.drop(index=299).reset_index(drop=True)
+    np.testing.assert_allclose(done.samples.gz, kept.gz, rtol=1e-4)
+    assert same(done.samples, kept.drop(columns="gz"))
+
+
+@pytest.mark.parametrize("separator", [" ", ","])
+def test_an_open_quote_costs_its_own_line(log, run, tmp_path, separator):
+    path = tmp_path / "log.csv"
+    log = log.astype(object)
+    log.loc[7, "ax"] = '"0.1'
+    log["note"] = '"as,ever"' if separator == "," else '"ever"'
+    text = "\n".join(separator.join(map(str, row)) for row in [list(log.columns), *log.to_numpy()])
+    path.write_text(text)
+    done = run(path)
+    assert done.quality["bad_lines"] == 1
+    kept = log.drop(index=7, columns="note").reset_index(drop=True).astype(float)
+    assert same(done.samples, kept)
 
 
 def test_byte_order_mark_preamble_blank_lines_and_other_columns(log, run, tmp_path):

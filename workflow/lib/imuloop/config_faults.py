@@ -9,7 +9,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from imuloop.config import merged_devices, sources, without_dates
-from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
+from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean, one_line
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
 from imuloop.yaml_traps import yaml_faults
@@ -81,7 +81,7 @@ def config_faults(config, files, schema, replicas, mirror=None):
     wrong = {key for key, _ in declared} | trapped
     declared += _meaning_faults(config, wrong, replicas)
     found += [(key, text, _origin(contents, key)) for key, text in declared if key not in trapped]
-    lines = [f"{name}: {'.'.join(map(str, key))}: {text}" for key, text, name in found]
+    lines = [one_line(f"{name}: {'.'.join(map(str, key))}: {text}") for key, text, name in found]
     if mirror and not Path(mirror).is_dir():
         lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
     return list(dict.fromkeys(lines))
@@ -267,7 +267,10 @@ def _file_faults(session, replicas):
         text = "path" in given[role] and _missing(names[role], replicas)
         if text:
             yield ("file", *(() if role == "log" else (role,))), text
-    if len(there) == len(given) and not (log_format.whole and _size(names) > CHECKED):
+    locked = [names[role] for role in there if not os.access(names[role], os.R_OK)]
+    if locked:
+        yield ("file",), f"{locked[0]} cannot be read: permission denied"
+    elif len(there) == len(given) and not (log_format.whole and _size(names) > CHECKED):
         yield from _column_faults(session, log_format, names)
 
 
@@ -331,6 +334,8 @@ def _missing(path, replicas):
     if not simulated:
         if Path(path).is_dir():
             return f"{path} is a folder, not a file"
+        if Path(path).is_symlink() and not Path(path).exists():
+            return f"{path} is a link that leads to no file"
         return (
             f"{path} is not a regular file" if Path(path).exists() else f"there is no file {path}"
         )

@@ -3,6 +3,8 @@
 import logging
 import sys
 
+from imuloop.core.errors import one_line
+
 
 def open_log(path, job):
     """Send all that a job logs, warnings and a last traceback to its log file.
@@ -25,7 +27,7 @@ def open_log(path, job):
 
     def fail(kind, error, traceback):
         logging.critical("failed", exc_info=(kind, error, traceback))
-        line = " ".join(str(error).split()) or kind.__name__
+        line = one_line(error) or kind.__name__
         print(f"{job}: {line} (more in {path})", file=sys.__stderr__)
 
     sys.excepthook = fail

@@ -11,6 +11,11 @@ class RejectedLog(ImuloopError):
     """What is wrong lies in the data: the session is rejected, the run goes on."""
 
 
+def one_line(text):
+    """Return `text` on one line, without what a terminal would obey: it can come from a log."""
+    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+
+
 def did_you_mean(name, known, cutoff=0.6):
     """Return the end of a message that names the nearest of the known names; empty without one.
 

@@ -1,13 +1,22 @@
 """Result files: written beside and renamed, so that a kill leaves nothing half-written."""
 
+import errno
+import fcntl
+import glob
 import json
 import math
 import os
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
+
+from imuloop.core.errors import ImuloopError
+
+_PARTIAL = ".partial"
+# no room on the disk, in the quota, in the limit of the process
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
@@ -22,12 +31,20 @@ def replaced(path):
     Yields
     ------
     Path
-        Where to write meanwhile; removed if the block raises.
+        Where to write meanwhile; removed if the block raises, after a kill by the next writer.
+
+    Raises
+    ------
+    ImuloopError
+        If the disk is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
+    _remove_left_behind(path)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_PARTIAL, dir=path.parent)
+    # held as long as the writer lives; some file systems of clusters have no locks
+    with suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_EX)
     temporary = Path(name)
     try:
         yield temporary
@@ -36,8 +53,21 @@ def replaced(path):
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
         temporary.replace(path)
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        raise ImuloopError(f"{path} cannot be written: {os.strerror(error.errno)}") from error
     finally:
         temporary.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _remove_left_behind(path):
+    """Remove what killed writers of a file left half-written."""
+    for each in path.parent.glob(f".{glob.escape(path.name)}.*{_PARTIAL}"):
+        with suppress(OSError), open(each, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            each.unlink()
 
 
 def plain(value):

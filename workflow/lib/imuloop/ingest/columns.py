@@ -22,6 +22,8 @@ TIME_NAMES = (
     " elapsed elapsed_time"
 ).split()
 TEMPERATURE_NAMES = "temperature temp tmp temperature_imu chip_temperature".split()
+# most names in a message
+_SHOWN = 60
 # words that say where, not what
 _PLACE = {"imu", "raw", "sensor", "field", "data"}
 
@@ -137,7 +139,7 @@ def resolve(names, declared=None, headed=True):
             units[quantity] = unit
     for quantity in ("acceleration", "angular_rate"):
         if chosen.get(quantity) is None:
-            listed = ", ".join(names) if headed else f"no header, {len(names)} columns"
+            listed = _listed(names) if headed else f"no header, {len(names)} columns"
             how = "by name" if headed else "by number from 0"
             raise ImuloopError(
                 f"no columns of {quantity} found ({listed}); name its x, y, z {how} in "
@@ -178,10 +180,16 @@ def _position(quantity, value, names, headed):
         )
     if value not in names:
         raise ImuloopError(
-            f"columns.{quantity}: no column '{value}'; there are {', '.join(names)}"
+            f"columns.{quantity}: no column '{value}'; there are {_listed(names)}"
             f"{did_you_mean(value, names, 0.5)}"
         )
     return names.index(value)
+
+
+def _listed(names):
+    """Return names as a message shows them: a file can have very many."""
+    shown = ", ".join(name[:80] for name in names[:_SHOWN])
+    return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"
 
 
 def guess(names):

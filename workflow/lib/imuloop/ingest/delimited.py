@@ -27,8 +27,10 @@ _SEPARATORS = (",", "\t", ";", _BLANKS)
 _COMMENT = re.compile(r"\s*(#|%|//)")
 _MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
-# a longer line is no row, bytes
-_LONGEST_LINE = 1 << 24
+# a longer line is no row, bytes; what has none in its head is no table
+_LONGEST_LINE = _HEAD
+# how much is read at once, bytes
+_PIECE = 1 << 20
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
 
@@ -113,6 +115,8 @@ def find_layout(path):
             head = stream.read(_HEAD)
     except OSError as error:
         raise _unreadable(error) from error
+    if fault := _no_text(head):
+        raise RejectedLog(fault)
     lines = head.split(b"\n")
     if len(head) == _HEAD:
         lines.pop()
@@ -164,11 +168,11 @@ def text_batches(path, layout, positions, batch_rows, log):
         stream.read(layout.start)
         try:
             reader = pyarrow.csv.open_csv(
-                pa.PythonFile(_Cleaned(stream, blanks, packed), mode="r"),
+                pa.PythonFile(_Cleaned(stream, blanks, packed, log), mode="r"),
                 read_options=pyarrow.csv.ReadOptions(
                     column_names=every,
-                    # one row must fit at least
-                    block_size=max(batch_rows * _ROW_BYTES, 4096),
+                    # any row must fit
+                    block_size=max(batch_rows * _ROW_BYTES, _LONGEST_LINE),
                     use_threads=False,
                 ),
                 parse_options=pyarrow.csv.ParseOptions(
@@ -184,7 +188,10 @@ def text_batches(path, layout, positions, batch_rows, log):
             )
             for batch in reader:
                 text = [_point(batch.column(name), layout) for name in wanted]
-                yield pa.RecordBatch.from_arrays(text, names=[str(i) for i in range(len(wanted))])
+                names = [str(i) for i in range(len(wanted))]
+                table = pa.RecordBatch.from_arrays(text, names=names)
+                for begin in range(0, table.num_rows, batch_rows):
+                    yield table.slice(begin, batch_rows)
         except (pa.ArrowInvalid, OSError) as error:
             raise _unreadable(error) from error
 
@@ -203,6 +210,22 @@ def _point(text, layout):
 
 def _unreadable(error):
     return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
+
+
+def _no_text(head):
+    """Return why a file that begins like this is no text in lines, or None."""
+    for mark in ("utf-32", "utf-16"):
+        if head.startswith(("\ufeff".encode(f"{mark}-le"), "\ufeff".encode(f"{mark}-be"))):
+            return f"the text is {mark.upper()}: save it as UTF-8 (iconv -f {mark} -t utf-8)"
+    start = head[:256]
+    if start and not start.strip(b"\0"):
+        return "the file begins with zeros: no table"
+    if len(head) == _HEAD and b"\n" not in head:
+        return f"the first line is longer than {_LONGEST_LINE >> 10} kB: no table"
+    # every second byte, or three of four
+    if start.count(0) > 0.4 * len(start):
+        return "the text looks like UTF-16 or UTF-32: save it as UTF-8"
+    return None
 
 
 def _fields(line, separator):
@@ -244,40 +267,62 @@ _ASCII = bytes(i if 0 < i < 128 else ord("?") for i in range(256))
 
 
 class _Cleaned:
-    """A stream in plain ASCII, runs of blanks turned into commas if `squeeze`, piece by piece.
+    """A stream in plain ASCII without the lines that are no row, piece by piece.
 
-    `packed` is the size of the file that it comes out of, None where that is of no concern.
+    Left out, and counted in `log`, are lines that are too long and those with an open quote.
+    Runs of blanks become commas if `squeeze`; `packed` is the size of the file that it comes out
+    of, None where that is of no concern.
     """
 
     closed = False
 
-    def __init__(self, stream, squeeze, packed):
-        self._stream, self._squeeze, self._packed = stream, squeeze, packed
-        self._rest, self._ready, self._taken = b"", b"", 0
+    def __init__(self, stream, squeeze, packed, log):
+        self._stream, self._squeeze, self._packed, self._log = stream, squeeze, packed, log
+        self._rest, self._ready, self._taken, self._ended = b"", b"", 0, False
 
-    def _take(self, size):
-        piece = self._stream.read(size)
+    def _take(self):
+        piece = self._stream.read(_PIECE)
         self._taken += len(piece)
         if self._packed is not None:
             check_unpacked(self._packed, self._taken)
+        self._ended = not piece
         return piece.translate(_ASCII)
 
-    def read(self, size=-1):
-        """Return up to `size` bytes."""
-        if not self._squeeze:
-            return self._take(size)
-        while not self._ready:
-            piece = self._take(1 << 20)
-            lines, newline, self._rest = (self._rest + piece).rpartition(b"\n")
-            if len(self._rest) > _LONGEST_LINE:
-                raise RejectedLog(f"a line is longer than {_LONGEST_LINE >> 20} MB: no table")
-            lines += newline
-            if not piece:
-                lines, self._rest = self._rest, b""
-                if not lines:
-                    return b""
+    def _lines(self):
+        """Return the next whole lines, perhaps none."""
+        text, begin, kept = self._rest + self._take(), 0, []
+        # from the last line end within reach to the next one
+        while len(text) - begin > _LONGEST_LINE:
+            end = text.rfind(b"\n", begin, begin + _LONGEST_LINE) + 1
+            if end:
+                kept.append(text[begin:end])
+            elif end := text.find(b"\n", begin) + 1:
+                self._log.bad_lines += 1
+            else:
+                break
+            begin = end
+        last = len(text) if self._ended else text.rfind(b"\n", begin) + 1 or begin
+        if last - begin > _LONGEST_LINE:
+            self._log.bad_lines += 1
+        else:
+            kept.append(text[begin:last])
+        # enough of a line to tell that it is too long
+        self._rest = text[last : last + _LONGEST_LINE + 1]
+        lines = b"".join(kept)
+        if b'"' in lines:
+            rows = lines.splitlines(keepends=True)
+            whole = [row for row in rows if row.count(b'"') % 2 == 0]
+            self._log.bad_lines += len(rows) - len(whole)
+            lines = b"".join(whole)
+        if self._squeeze:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
-            self._ready = re.sub(rb"[ \t]+", b",", lines)
+            lines = re.sub(rb"[ \t]+", b",", lines)
+        return lines
+
+    def read(self, size=-1):
+        """Return `size` bytes, fewer at the end only: so that every row lies in two blocks."""
+        while not self._ended and (size is None or size < 0 or len(self._ready) < size):
+            self._ready += self._lines()
         size = len(self._ready) if size is None or size < 0 else size
         head, self._ready = self._ready[:size], self._ready[size:]
         return head

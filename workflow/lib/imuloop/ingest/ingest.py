@@ -1,5 +1,6 @@
 """One raw log into canonical samples and its quality figures."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -84,6 +85,7 @@ def ingest(
         for path in paths:
             if not (path.is_file() or path.is_dir()):
                 raise ImuloopError("there is no such file; see file: in the config")
+        before = _state(paths)
         name, form = find_format(format, files)
         try:
             log = form.read(files, columns or None, batch_rows)
@@ -115,13 +117,16 @@ def ingest(
             except RejectedLog as error:
                 reasons = [str(error)]
                 _write(temporary, (), log, origin, counts)
+            if _state(paths) != before:
+                reasons = ["the file changed while it was read"]
             figures = quality.measure(temporary, full_scale)
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines)
             if reasons:
                 _write(temporary, (), log, origin, counts)
-    except ImuloopError as error:
+    except (ImuloopError, PermissionError) as error:
         names = ", ".join(str(path) for path in paths)
-        raise ImuloopError(f"{device}/{session}: {names}: {error}") from error
+        said = error if isinstance(error, ImuloopError) else error.strerror
+        raise ImuloopError(f"{device}/{session}: {names}: {said}") from error
     notes = quality.warnings(figures, counts, log, rate=rate, unit=raw_units["acceleration"])
     write_json(
         quality_path,
@@ -180,10 +185,27 @@ def _units(log, declared):
     return used, doubts
 
 
-def _hashes(paths):
-    """Return file name (path, where names repeat) -> SHA-256; of a folder, its files."""
+def _files(paths):
+    """Return the files at paths; of a folder, those in it."""
     files = []
     for path in paths:
         files += sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    return files
+
+
+def _state(paths):
+    """Return what differs once a file is written to or another takes its place."""
+    found = []
+    for path in _files(paths):
+        # one that is gone differs, too
+        with suppress(FileNotFoundError):
+            state = path.stat()
+            found.append((path, state.st_ino, state.st_size, state.st_mtime_ns))
+    return found
+
+
+def _hashes(paths):
+    """Return file name (path, where names repeat) -> SHA-256; of a folder, its files."""
+    files = _files(paths)
     distinct = len({path.name for path in files}) == len(files)
     return {path.name if distinct else str(path): sha256(path) for path in files}

@@ -1,0 +1,332 @@
+"""Hostile files: one clear line, memory bounded, nothing half-written, nothing outside."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import zipfile
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json, replaced, write_json
+from imuloop.ingest import ingest as stage
+
+# more than the libraries and a block of a log take, far less than the files below, MB
+MEMORY = 120
+
+
+@contextmanager
+def seconds(limit):
+    """Fail instead of waiting for ever."""
+
+    def late(*_):
+        raise TimeoutError(f"not done within {limit} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(limit)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def rejected(done):
+    """Return the one reason of a rejected log, which left nothing but its two results."""
+    assert done.quality["status"] == "rejected"
+    assert len(done.samples) == 0
+    assert {p.name for p in done.path.parent.iterdir()} == {"samples.parquet", "quality.json"}
+    [reason] = done.quality["reasons"]
+    assert reason.isprintable() and len(reason) < 300
+    return reason
+
+
+def in_child(folder, code):
+    """Run code in a process of its own in a folder; return what it prints."""
+    head = """
+        import resource
+        from pathlib import Path
+        from imuloop.core.files import read_json
+        from imuloop.ingest.ingest import ingest
+
+        def memory():
+            return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+
+        def run(path):
+            ingest(device="imu", session="poses", kind="static", paths=[path],
+                   samples_path="out/samples.parquet", quality_path="out/quality.json")
+            return read_json("out/quality.json")
+    """
+    library = Path(stage.__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(head) + textwrap.dedent(code)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(library)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def text(log, **options):
+    return log.to_csv(index=False, **options).encode()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "reason"),
+    [
+        ("utf-16", "the text is UTF-16: save it as UTF-8 (iconv -f utf-16 -t utf-8)"),
+        ("utf-32", "the text is UTF-32: save it as UTF-8 (iconv -f utf-32 -t utf-8)"),
+        ("utf-16-le", "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
+        ("utf-16-be", "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
+        ("utf-32-be", "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
+        ("cp500", "the file is not a table of numbers in rows and columns"),
+    ],
+)
+def test_an_encoding_that_is_not_read(log, run, tmp_path, encoding, reason):
+    (tmp_path / "log.csv").write_bytes(text(log.head(300)).decode().encode(encoding))
+    assert rejected(run(tmp_path / "log.csv")).startswith(reason)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "the file has no rows"),
+        (b"\n \r\n\n" * 9, "the file has no rows"),
+        (bytes(1 << 17), "the file begins with zeros: no table"),
+        (b"7" * (1 << 17), "the first line is longer than 64 kB: no table"),
+    ],
+)
+def test_a_file_that_holds_nothing(run, tmp_path, content, reason):
+    (tmp_path / "log.csv").write_bytes(content)
+    columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
+    assert rejected(run(tmp_path / "log.csv", columns=columns)).startswith(reason)
+
+
+@pytest.mark.parametrize("line", ["7", "0 ", "0,", "\\0", '"'])
+def test_a_line_of_100_MB_costs_a_line_and_little_memory(log, tmp_path, line):
+    half = len(log) // 2
+    with open(tmp_path / "log.csv", "wb") as file:
+        file.write(text(log.head(half)))
+        if line == "\\0":
+            # what a logger's disk holds after its power failed: a hole of zeros
+            file.seek(100 << 20, os.SEEK_CUR)
+        for _ in range(0 if line == "\\0" else 100):
+            file.write(line.encode() * ((1 << 20) // len(line)))
+        file.write(b"\n" + text(log.tail(half), header=False))
+    found = in_child(
+        tmp_path,
+        """
+        before = memory()
+        quality = run("log.csv")
+        print(quality["status"], quality["rows"], quality["bad_lines"], memory() - before)
+        """,
+    ).split()
+    assert found[:3] == ["ok", "500", "1"]
+    assert int(found[3]) < MEMORY
+
+
+def test_a_hundred_thousand_columns(log, run, tmp_path):
+    wide = b",".join([b"0"] * 100_000)
+    header = b",".join(b"c%d" % i for i in range(100_000))
+    rows = text(log.head(20)).splitlines()
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"\n".join(r + b"," + (wide if i else header) for i, r in enumerate(rows)))
+    assert rejected(run(path)) == "the first line is longer than 64 kB: no table"
+
+
+def test_as_many_columns_as_a_first_line_holds(log, run, tmp_path):
+    rows = text(log.head(60)).splitlines()
+    wide = [[b"c%d" % i if row == 0 else b"0" for i in range(3000)] for row in range(61)]
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"\n".join(b",".join([r, *w]) for r, w in zip(rows, wide, strict=True)))
+    assert run(path).quality["rows"] == 60
+    with pytest.raises(ImuloopError, match=r"no column 'q'; .* and 2947 more") as raised:
+        run(path, columns={"time": "q"})
+    assert len(str(raised.value)) < 1000
+
+
+def test_names_in_a_header_that_a_terminal_would_obey(run, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "log.csv"
+    path.write_text("t,\x1b[31max,ay,\x07az,gx,gy,gz\n" + "0,1,2,3,4,5,6\n" * 20)
+    from imuloop.job_log import open_log
+
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
+    monkeypatch.setattr(sys, "__stderr__", sys.stderr)
+    open_log(tmp_path / "job.log", "ingest imu/poses")
+    with pytest.raises(ImuloopError) as raised:
+        run(path)
+    sys.excepthook(raised.type, raised.value, None)
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and line[:-1].isprintable() and "?[31max" in line
+
+
+@pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
+@pytest.mark.parametrize("name", ["log.csv", "log.mat", "log.zip", "log.bag", "log"])
+def test_what_is_no_file_is_told_and_never_waited_for(run, tmp_path, kind, name):
+    path = tmp_path / name
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind != "none":
+        path.symlink_to({"loop": path, "dangling": tmp_path / "gone", "device": "/dev/zero"}[kind])
+    message = "is a folder" if kind == "folder" else "there is no such file"
+    with seconds(10), pytest.raises(ImuloopError, match=message):
+        run(path)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["a.db3", "metadata.yaml"])
+def test_a_folder_with_a_fifo_and_links_in_a_loop(run, tmp_path, name):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    os.mkfifo(folder / name)
+    (folder / "b.mcap").symlink_to("b.mcap")
+    (folder / "up").symlink_to(folder)
+    with seconds(10):
+        assert "no bag" in rejected(run(folder, format="ros"))
+
+
+@pytest.mark.parametrize("listed", ["../secret.mcap", "/etc/passwd"])
+def test_a_bag_that_names_a_file_outside(run, tmp_path, listed):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    (tmp_path / "secret.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (folder / "metadata.yaml").write_text(
+        f"rosbag2_bagfile_information: {{relative_file_paths: [{listed}]}}"
+    )
+    assert "is missing from the bag" in rejected(run(folder, format="ros"))
+
+
+def test_members_of_a_zip_that_point_outside(log, run, tmp_path):
+    path = tmp_path / "in" / "log.zip"
+    path.parent.mkdir()
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in ("../Accelerometer.csv", "/tmp/Gyroscope.csv"):
+            archive.writestr(name, text(log))
+    before = {p for p in tmp_path.rglob("*")}
+    rejected(run(path))
+    assert {p for p in tmp_path.rglob("*") if "out" not in p.parts} == before
+
+
+@pytest.fixture
+def unprivileged(tmp_path, monkeypatch):
+    """Run the test as a user that may not read everything, in tmp_path."""
+    monkeypatch.chdir(tmp_path)
+    if os.geteuid():
+        yield
+        return
+    tmp_path.chmod(0o777)
+    os.seteuid(65534)
+    yield
+    os.seteuid(0)
+
+
+def test_a_file_that_may_not_be_read(log, unprivileged):
+    path = Path("log.csv")
+    path.write_bytes(text(log))
+    path.chmod(0)
+    with pytest.raises(ImuloopError, match=r"imu/poses: log\.csv: Permission denied"):
+        stage.ingest(
+            device="imu",
+            session="poses",
+            kind="static",
+            paths=[path],
+            samples_path="samples.parquet",
+            quality_path="quality.json",
+        )
+    assert os.listdir() == ["log.csv"]
+
+
+@pytest.mark.parametrize("change", ["grow", "cut", "replace", "remove"])
+def test_a_file_that_changes_while_it_is_read(log, run, tmp_path, monkeypatch, change):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text(log))
+    convert = stage.si_batches
+
+    def changing(*args, **options):
+        yield from convert(*args, **options)
+        if change == "grow":
+            with open(path, "ab") as file:
+                file.write(b"9,0,0,9.8,0,0,0\n")
+        elif change == "cut":
+            os.truncate(path, 3000)
+        elif change == "replace":
+            (tmp_path / "new").write_bytes(path.read_bytes())
+            (tmp_path / "new").replace(path)
+        else:
+            path.unlink()
+
+    monkeypatch.setattr(stage, "si_batches", changing)
+    assert rejected(run(path)) == "the file changed while it was read"
+
+
+def test_a_full_disk_leaves_the_old_results_and_one_line(log, tmp_path):
+    (tmp_path / "log.csv").write_bytes(text(log))
+    rng = np.random.default_rng(0)
+    table = np.column_stack([np.arange(20_000) / 100, rng.normal(9, 1, size=(20_000, 6))])
+    header = "t,ax,ay,az,gx,gy,gz"
+    np.savetxt(tmp_path / "big.csv", table, delimiter=",", header=header, comments="")
+    said = in_child(
+        tmp_path,
+        """
+        import signal
+        run("log.csv")
+        old = {p.name: p.read_bytes() for p in Path("out").iterdir()}
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 18, 1 << 18))
+        try:
+            run("big.csv")
+        except Exception as error:
+            print(type(error).__name__, error)
+        assert {p.name: p.read_bytes() for p in Path("out").iterdir()} == old
+        """,
+    )
+    assert said == (
+        "ImuloopError imu/poses: big.csv: out/samples.parquet cannot be written: File too large\n"
+    )
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+def test_a_disk_without_room_is_told_in_one_line(tmp_path, number):
+    with pytest.raises(ImuloopError, match=r"a\.json cannot be written: "):
+        with replaced(tmp_path / "a.json") as temporary:
+            temporary.write_text("half")
+            raise OSError(number, "library's own words")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_one(tmp_path):
+    said = in_child(
+        tmp_path,
+        """
+        import os, signal
+        from imuloop.core.files import replaced
+        if not os.fork():
+            with replaced("a.json") as temporary:
+                temporary.write_text("half")
+                os.kill(os.getpid(), signal.SIGKILL)
+        os.wait()
+        [left] = Path().glob(".a.json.*")
+        print(left)
+        """,
+    )
+    [left] = tmp_path.iterdir()
+    assert left.name == said.strip() and left.read_text() == "half"
+    (tmp_path / ".a.json.swp").touch()
+    with replaced(tmp_path / "a.json") as temporary:
+        # a writer that lives keeps what it has
+        temporary.write_text("1")
+        write_json(tmp_path / "a.json", 2)
+        assert temporary.read_text() == "1"
+    assert read_json(tmp_path / "a.json") == 1
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".a.json.swp", "a.json"]
