@@ -9,8 +9,15 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
+from imuloop.ingest.clocks import Clock, ahead
 from imuloop.ingest.raw_log import STAMP
-from imuloop.ingest.stamps import absolute_nanoseconds, is_iso, iso_nanoseconds, stamp_values
+from imuloop.ingest.stamps import (
+    NANOSECONDS,
+    absolute_nanoseconds,
+    is_iso,
+    iso_nanoseconds,
+    stamp_values,
+)
 
 
 @dataclass
@@ -37,6 +44,8 @@ class Counts:
         Moment of the first sample, ns since 1970; None where the stamps are no dates.
     time_unit : str or None
         Unit of the stamps, as found; None before the first row.
+    clock : Clock
+        What was mended in the stamps.
     """
 
     read: int = 0
@@ -48,6 +57,7 @@ class Counts:
     missing_values: dict = field(default_factory=dict)
     start_ns: int | None = None
     time_unit: str | None = None
+    clock: Clock = field(default_factory=Clock)
 
 
 def si_batches(log, *, units, raw_units, rate, time_range, counts):
@@ -81,9 +91,8 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     counts.missing_values.update(dict.fromkeys(channels, 0))
     origin = newest = zero = window = dated = stamped = None
-    for batch in log.batches:
+    for (x, readable, absolute, scale, batch), after in ahead(_clocked(log, units, rate)):
         raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
-        x, readable, absolute, scale = _clock(batch, log, units, rate, counts.read)
         counts.read += batch.num_rows
         if not readable.any() and origin is None:
             if batch.num_rows:
@@ -91,6 +100,12 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
                     f"time column '{log.found.get('time')}' holds neither numbers nor ISO 8601 "
                     "stamps; name the right one in columns.time"
                 )
+            continue
+        if STAMP in batch.schema.names:
+            tick = None if absolute else NANOSECONDS[units["time"]]
+            x, readable = counts.clock.mended(x, readable, after, tick)
+        if not readable.any() and origin is None:
+            counts.non_finite += batch.num_rows
             continue
         if origin is None:
             origin, dated = x[readable.argmax()].item(), absolute
@@ -132,6 +147,14 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
         if log.temperature:
             samples[TEMPERATURE] = raw[TEMPERATURE][keep] - ZERO_OFFSETS[units["temperature"]]
         yield pa.RecordBatch.from_pydict(samples)
+
+
+def _clocked(log, units, rate):
+    """Give stamps, which are readable, whether they are dates, seconds per unit, and the batch."""
+    row = 0
+    for batch in log.batches:
+        yield *_clock(batch, log, units, rate, row), batch
+        row += batch.num_rows
 
 
 def _clock(batch, log, units, rate, row):

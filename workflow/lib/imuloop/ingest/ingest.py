@@ -9,7 +9,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
 from imuloop.core.units import TEMPERATURE, TIME, raw_unit
-from imuloop.ingest import quality
+from imuloop.ingest import clocks, quality
 from imuloop.ingest.columns import stated_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
@@ -134,8 +134,9 @@ def ingest(
             "format": 1,
             "status": "rejected" if reasons else "ok",
             "reasons": reasons,
-            "warnings": doubts + notes,
+            "warnings": doubts + counts.clock.warnings() + notes,
             **figures,
+            "clock": clocks.figures(counts.clock, figures, rate),
             "duplicates": counts.duplicates,
             "out_of_order": counts.out_of_order,
             "non_finite": counts.non_finite,

@@ -1,0 +1,227 @@
+"""Clocks that roll over, start again, or stray; late rows are none of these."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.ingest.clocks import AHEAD, RESET_STEPS, Clock, ahead, span
+
+STEP = 10_000
+
+
+def mended(stamps, size=None, tick=1000, valid=None):
+    """Mend stamps, in parts of a size."""
+    x = np.asarray(stamps)
+    valid = np.ones(len(x), dtype=bool) if valid is None else valid
+    size = size or len(x)
+    parts = [(x[i : i + size], valid[i : i + size]) for i in range(0, len(x), size)]
+    clock = Clock()
+    done = [clock.mended(*part, after, tick) for part, after in ahead(parts)]
+    return *(np.concatenate(each) for each in zip(*done, strict=True)), clock
+
+
+def events(clock):
+    return clock.rollovers, clock.resets, clock.strays
+
+
+@pytest.mark.parametrize("size", [None, 7, 64])
+@pytest.mark.parametrize("lost", [0, 3])
+@pytest.mark.parametrize(
+    ("width", "tick"),
+    [(2**32, 1000), (2**31, 1), (2**24, 1000), (10**9, 1000), (2**32 * 1000, 1),
+     (604_800_000, 10**6)],
+)  # fmt: skip
+def test_a_counter_that_rolls_over(width, tick, lost, size):
+    rng = np.random.default_rng(1)
+    true = width - 200 * STEP + np.cumsum(rng.integers(STEP - 99, STEP + 99, 500))
+    true = np.delete(true, np.flatnonzero(true >= width)[0] + np.arange(-1, lost - 1))
+    x, readable, clock = mended(true % width, size, tick)
+    np.testing.assert_array_equal(x, true)
+    assert x.dtype == np.int64
+    assert readable.all()
+    assert events(clock) == (1, 0, 0)
+    assert clock.span_s == pytest.approx(width * tick * 1e-9)
+
+
+def test_roll_overs_of_a_small_signed_counter():
+    true = 7 * np.arange(50_000)
+    x, _, clock = mended((true + 2**15) % 2**16 - 2**15, 1000)
+    np.testing.assert_array_equal(x, true)
+    assert clock.rollovers == (7 * 49_999 + 2**15) // 2**16
+
+
+@pytest.mark.parametrize("width", [2**32 * 1e-6, 2**16 * 1e-3, 1000.0, 86400.0])
+def test_decimal_stamps_that_roll_over(width):
+    true = width - 2 + np.arange(500) / 100
+    x, _, clock = mended(true % width, 50, 10**9)
+    np.testing.assert_allclose(x, true, rtol=0, atol=1e-10)
+    assert events(clock) == (1, 0, 0)
+
+
+def test_the_span_nearest_to_a_step_is_taken():
+    assert span(65_530, 4, 10) == 2**16
+    assert span(99_990, 0, 10) == 10**5
+    assert span(32_760, -32_766, 10) == 2**16
+    assert span(65_530.5, 4.5, 10.0) == 2**16
+    # neither starts at zero nor lies in the middle
+    assert span(70_000, 70_000 - 65_526, 10) is None
+    assert span(50_000, 4, 10) is None
+
+
+@pytest.mark.parametrize("size", [None, 7])
+@pytest.mark.parametrize("start", [0, 12_345])
+@pytest.mark.parametrize("rows", [30, 777])
+def test_stamps_that_start_again(rows, start, size):
+    first = 10**9 + STEP * np.arange(rows)
+    again = start + STEP * np.arange(400)
+    x, readable, clock = mended(np.concatenate((first, again, again)), size)
+    np.testing.assert_array_equal(x[:rows], first)
+    steps = np.diff(x)
+    assert steps[[rows - 1, rows + 399]].tolist() == [RESET_STEPS * STEP] * 2
+    assert (np.delete(steps, [rows - 1, rows + 399]) == STEP).all()
+    assert readable.all()
+    assert events(clock) == (0, 2, 0)
+
+
+def test_an_early_reset_whose_stamps_pass_the_old_ones():
+    x, _, clock = mended(np.r_[STEP * np.arange(40), STEP * np.arange(400)], 9)
+    assert (np.diff(x) > 0).all()
+    assert events(clock) == (0, 1, 0)
+
+
+@pytest.mark.parametrize("size", [None, 7])
+@pytest.mark.parametrize("block", [1, 2, 20, 60])
+def test_late_rows_stay_late(block, size):
+    stamps = STEP * np.arange(500)
+    late = np.concatenate((np.delete(stamps, np.s_[100 : 100 + block]), stamps[100 : 100 + block]))
+    for at in (161, 300, 499 - block):
+        rows = np.concatenate((late[:at], late[500 - block :], late[at : 500 - block]))
+        x, readable, clock = mended(rows, size)
+        np.testing.assert_array_equal(x, rows)
+        assert readable.all()
+        assert events(clock) == (0, 0, 0)
+
+
+def test_jitter_that_turns_stamps_round_is_not_mended():
+    rows = STEP * np.arange(5000) + np.random.default_rng(2).normal(0, STEP, 5000).round()
+    x, _, clock = mended(rows)
+    np.testing.assert_array_equal(x, rows)
+    assert clock.resets == clock.rollovers == 0
+
+
+@pytest.mark.parametrize("size", [None, 1, 7])
+@pytest.mark.parametrize("at", [0, 1, 250, 497])
+def test_one_stamp_far_ahead_is_missing(at, size):
+    rows = STEP * np.arange(500)
+    rows[at] += 2**40
+    x, readable, clock = mended(rows, size)
+    assert np.flatnonzero(~readable).tolist() == [at]
+    np.testing.assert_array_equal(x[readable], rows[readable])
+    assert events(clock) == (0, 0, 1)
+
+
+def test_no_order_at_all_is_not_mended():
+    rows = np.random.default_rng(3).permutation(STEP * np.arange(2000))
+    _, _, clock = mended(rows)
+    assert clock.resets == 0
+
+
+def test_missing_stamps_and_any_batches():
+    rng = np.random.default_rng(4)
+    true = 2**32 - 1500 * STEP + STEP * np.arange(3000)
+    rows = true % 2**32
+    rows[2000:] -= rows[2000] - 77
+    rows[rng.integers(0, 3000, 30)] += rng.integers(-(10**7), 10**7, 30)
+    valid = rng.random(3000) > 0.1
+    whole = mended(rows, valid=valid)
+    assert events(whole[2])[:2] == (1, 1)
+    for size in (1, 13, 99, 100, 101, 1024):
+        parts = mended(rows, size, valid=valid)
+        np.testing.assert_array_equal(parts[0][parts[1]], whole[0][whole[1]])
+        np.testing.assert_array_equal(parts[1], whole[1])
+        assert events(parts[2]) == events(whole[2])
+
+
+@pytest.mark.parametrize("dtype", [np.int64, float])
+def test_stamps_of_any_size_do_no_harm(dtype):
+    rng = np.random.default_rng(5)
+    limits = np.iinfo(np.int64)
+    rows = rng.choice([limits.min, limits.max, 0, 1, -1, 2**62, -(2**62)], 300).astype(dtype)
+    mended(rows, 17)
+    mended(np.r_[rows[:50], np.arange(200), rows[:50], np.arange(200)].astype(dtype), 17)
+
+
+def test_parts_come_with_the_rows_that_follow():
+    x = np.arange(1000)
+    parts = [(x[i : i + 30], x[i : i + 30] > 0) for i in range(0, 1000, 30)]
+    for part, (stamps, readable) in ahead(parts):
+        end = part[0][-1] + 1
+        assert stamps.tolist() == x[end : end + AHEAD].tolist()
+        assert len(readable) == len(stamps)
+
+
+@pytest.fixture
+def quality(log, run, tmp_path):
+    """Samples and quality of the log with other stamps, the same in small batches."""
+
+    def call(stamps, **declared):
+        log["t"] = stamps
+        log.to_parquet(tmp_path / "log.parquet", index=False)
+        done = run(tmp_path / "log.parquet", **declared)
+        whole, told = done.path.read_bytes(), done.quality
+        small = run(tmp_path / "log.parquet", batch_rows=7, **declared)
+        assert small.path.read_bytes() == whole
+        assert small.quality == told
+        return done
+
+    return call
+
+
+def test_a_roll_over_costs_no_row(quality):
+    true = 2**32 - 10**6 + STEP * np.arange(500)
+    done = quality(true % 2**32, units={"time": "us"})
+    np.testing.assert_array_equal(done.samples.t, STEP * np.arange(500) * 1e-6)
+    assert done.quality["status"] == "ok"
+    assert done.quality["clock"]["rollovers"] == 1
+    assert done.quality["clock"]["span_s"] == pytest.approx(4294.967296)
+    assert done.quality["gaps"]["count"] == 0
+    assert done.quality["warnings"] == [
+        "the stamps roll over after 4294.967296 s, once: the span is added"
+    ]
+
+
+def test_a_reset_is_a_gap(quality):
+    done = quality(np.r_[100 + np.arange(200) / 100, np.arange(300) / 100])
+    assert len(done.samples) == 500
+    assert (done.quality["status"], done.quality["clock"]["resets"]) == ("ok", 1)
+    assert done.quality["gaps"]["count"] == 1
+    assert done.quality["gaps"]["list"][0]["start_s"] == pytest.approx(1.99)
+    assert done.quality["gaps"]["total_s"] == pytest.approx(0.1)
+    assert "the stamps start again once" in done.quality["warnings"][0]
+    assert len(quality(done.samples.t, time_range=[2.05, None]).samples) == 300
+
+
+def test_dates_that_start_again(quality):
+    moments = pd.Timestamp("2024-10-27T02:59:58") + pd.to_timedelta(np.arange(500) * 10, "ms")
+    done = quality(moments.where(np.arange(500) < 200, moments - pd.Timedelta("1h")))
+    assert done.quality["clock"]["resets"] == 1
+    assert done.metadata["start"] == "2024-10-27T02:59:58Z"
+    assert done.samples.t.max() == pytest.approx(5.08)
+
+
+def test_a_stamp_far_ahead_costs_its_row(quality):
+    stamps = np.arange(500) / 100
+    stamps[[0, 70]] = 1e9
+    done = quality(stamps)
+    assert done.quality["rows"] == 498
+    assert done.quality["non_finite"] == done.quality["clock"]["strays"] == 2
+    assert done.samples.t.max() == pytest.approx(4.98)
+
+
+def test_jitter_and_drift(quality):
+    clock = quality(np.arange(500) / 100, rate=100.01).quality["clock"]
+    assert clock["drift_ppm"] == pytest.approx(-99.99, rel=1e-6)
+    assert clock["jitter_ppm"] < 1e-3
+    clock = quality((np.arange(500) + np.tile([0, 0.1], 250)) / 100).quality["clock"]
+    assert clock["drift_ppm"] is None
+    assert clock["jitter_ppm"] == pytest.approx(1e5, rel=1e-2)

@@ -1,0 +1,259 @@
+"""A log's clock: stamps that roll over, start again or stray are told apart and mended."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+# rows after a fall of the stamps that tell what it is
+AHEAD = 100
+# a counter's last stamp and its first after the roll-over lie at most so many steps apart
+ROLL_STEPS = 10
+# stamps that fall by fewer steps are late, not a clock that starts again
+RESET_STEPS = 10
+# a step longer than this many usual ones is a leap
+_LEAP = 1.5
+# of the steps after a reset, at least so many go forward
+_FORWARD = 0.9
+# a clock that falls more often is left as it is
+MOST_FALLS = 10_000
+# largest stamp that is mended, and largest fall: their sums fit 64 bits
+_LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
+
+# spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
+SPANS = sorted(
+    {2**k * tick for k in range(8, 61) for tick in (1, 10**3, 10**6, 10**9)}
+    | {10**k for k in range(5, 19)}
+    | {s * 10**9 for s in (60, 3600, 86400, 604800)}
+)
+
+
+def ahead(parts, rows=AHEAD):
+    """Give each part with the stamps of at least the next `rows` rows, fewer at the end.
+
+    Parameters
+    ----------
+    parts : iterable of tuple
+        Stamps, which of them are readable, and anything else.
+    rows : int
+        How far to look.
+
+    Yields
+    ------
+    part : tuple
+    after : (ndarray, ndarray of bool)
+        The following stamps, and which are readable.
+    """
+    held = deque()
+    for part in parts:
+        held.append(part)
+        while sum(len(x) for x, *_ in held) - len(held[0][0]) >= rows:
+            yield held.popleft(), _joined(held, rows)
+    while held:
+        yield held.popleft(), _joined(held, rows)
+
+
+def _joined(parts, rows):
+    if not parts:
+        return np.empty(0), np.empty(0, dtype=bool)
+    return tuple(np.concatenate([part[i][:rows] for part in parts])[:rows] for i in (0, 1))
+
+
+def span(last, first, step, tick=1):
+    """Return the span of a counter that rolls over from `last` to `first`; None if none fits.
+
+    The spans are `SPANS`; the counter starts at 0, or at minus half of its span.
+
+    Parameters
+    ----------
+    last, first : int or float
+        Stamps before and after; whole ones give a whole span.
+    step : float
+        Usual step of the stamps.
+    tick : int
+        Nanoseconds per unit of the stamps.
+    """
+    whole = isinstance(last, int) and isinstance(first, int)
+    best = None
+    for ns in SPANS:
+        width = (ns + tick // 2) // tick if whole else ns / tick
+        away = width - (last - first)
+        if not 0 < away <= ROLL_STEPS * step or width < AHEAD * step:
+            continue
+        low = 0 if first >= 0 else -width / 2
+        fits = low <= first and last <= low + width
+        if fits and (best is None or abs(away - step) < abs(best - (last - first) - step)):
+            best = width
+    return best
+
+
+@dataclass
+class Clock:
+    """What is known of a clock after some rows, and what was mended in them.
+
+    Attributes
+    ----------
+    rollovers : int
+        Times that the stamps rolled over; the span of the counter was added.
+    span_s : float or None
+        Span of the counter, s.
+    resets : int
+        Times that the stamps started again; they go on `RESET_STEPS` usual steps after the last.
+    strays : int
+        Stamps ahead of at least two rows that follow in their place; taken as missing.
+    """
+
+    rollovers: int = 0
+    span_s: float | None = None
+    resets: int = 0
+    strays: int = 0
+    _shift: float = 0
+    _newest: float | None = None
+    _recent: np.ndarray | None = None
+    _last: float | None = None
+    _falls: int = 0
+
+    def mended(self, x, readable, after, tick=None):
+        """Return stamps as of a clock that never falls, and which of them can be used.
+
+        Single late rows stay as they are: rows that follow leap back to where the stamps were.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            Stamps as logged, of the rows after those of the last call.
+        readable : ndarray of bool, shape (n,)
+        after : (ndarray, ndarray of bool)
+            The next `AHEAD` stamps and which are readable, fewer only at the end of the log.
+        tick : int or None
+            Nanoseconds per unit; None for dates, which do not roll over.
+        """
+        own = np.flatnonzero(readable)
+        if not own.size:
+            return x, readable
+        values = x[own]
+        following = after[0][after[1]][:1]
+        around = np.concatenate(([values[0] if self._last is None else self._last], values))
+        falls = np.append(around[1:] < around[:-1], following < values[-1])
+        self._last = values[-1].item()
+        if not falls.any():
+            self._extend(values)
+            return x + self._shift if self._shift else x, readable
+
+        known, valid = x, readable
+        if len(after[0]):
+            known, valid = np.concatenate((x, after[0])), np.concatenate((readable, after[1]))
+        readable, mended, begin = readable.copy(), x + self._shift, 0
+        # the row after a fall, and the one before it
+        for i in np.flatnonzero(falls[: own.size] | np.append(falls[1:], False)[: own.size]):
+            if self._falls == MOST_FALLS:
+                break
+            self._falls += 1
+            self._extend(values[begin:i])
+            begin, row = i, own[i]
+            window = slice(row, row + AHEAD)
+            stamps = known[window][valid[window]]
+            if self._strays(stamps):
+                readable[row] = False
+                self.strays += 1
+                begin = i + 1
+            elif self._newest is not None and values[i] < self._newest:
+                shift = self._judged(stamps, len(known[window]) == AHEAD, tick)
+                if shift:
+                    self._shift += shift
+                    self._newest = None
+                    mended[row:] = x[row:] + self._shift
+        self._extend(values[begin:])
+        return mended, readable
+
+    def _extend(self, values):
+        """Take note of stamps as logged."""
+        if values.size:
+            newest = values.max().item()
+            self._newest = newest if self._newest is None else max(self._newest, newest)
+            parts = (values,) if self._recent is None else (self._recent, values[-AHEAD:])
+            self._recent = np.concatenate(parts)[-AHEAD:]
+
+    def _strays(self, stamps):
+        """Tell whether the rows after the first go on as if it were not there."""
+        low = -np.inf if self._newest is None else self._newest
+        first, rest = stamps[0], stamps[1:]
+        if not (rest.size and low < rest[0] < first):
+            return False
+        return np.count_nonzero((rest > low) & (rest <= first)) >= 2
+
+    # stamps of a broken log can be of any size
+    @np.errstate(over="ignore", invalid="ignore")
+    def _judged(self, stamps, whole_window, tick):
+        """Return what is to be added from a fall of the stamps on; 0 for a late row."""
+        first, last = stamps[0].item(), self._newest
+        steps = np.concatenate((np.diff(self._recent), np.diff(stamps)))
+        largest = max(abs(first), abs(last), abs(self._shift))
+        if not (steps > 0).any() or largest > _LARGEST or last - first > _LARGEST_FALL:
+            return 0
+        step = np.median(steps[steps > 0]).item()
+        if last - first < RESET_STEPS * step:
+            return 0
+        returned = np.flatnonzero(stamps > last)
+        if returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > _LEAP * step:
+            return 0
+        width = tick and span(last, first, step, tick)
+        if width:
+            self.rollovers += 1
+            self.span_s = width * tick * 1e-9
+            return width
+        forward = np.count_nonzero(np.diff(stamps) >= 0)
+        if not whole_window or len(stamps) < AHEAD / 2 or forward < _FORWARD * (len(stamps) - 1):
+            return 0
+        self.resets += 1
+        gap = RESET_STEPS * step
+        return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
+
+    def warnings(self):
+        """Return what was mended, a line each."""
+        found = []
+        if self.rollovers:
+            found.append(
+                f"the stamps roll over after {self.span_s:.10g} s, {_times(self.rollovers)}: "
+                "the span is added"
+            )
+        if self.resets:
+            found.append(
+                f"the stamps start again {_times(self.resets)}: t goes on after {RESET_STEPS} "
+                "usual steps, a gap whose length is not known"
+            )
+        if self.strays:
+            found.append(
+                f"{self.strays} stamps lie ahead of rows that follow in their place: "
+                "taken as missing"
+            )
+        return found
+
+
+def _times(count):
+    return "once" if count == 1 else f"{count} times"
+
+
+def figures(clock, measured, rate=None):
+    """Return what quality.json says of a log's clock.
+
+    Parameters
+    ----------
+    clock : Clock
+        After the last row.
+    measured : dict
+        ``rate_hz`` and ``jitter`` of the samples.
+    rate : float or None
+        Declared rate, Hz.
+    """
+    hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
+    return {
+        "rollovers": clock.rollovers,
+        "span_s": clock.span_s,
+        "resets": clock.resets,
+        "strays": clock.strays,
+        # of a step
+        "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
+        # of the stamps' rate from the declared one
+        "drift_ppm": None if hertz is None or not rate else (hertz / rate - 1) * 1e6,
+    }
