@@ -1,0 +1,7 @@
+"""A run that is killed at any moment and run again ends with the results of a calm run."""
+
+from bench.kill import kills
+
+
+def test_killed_runs_end_with_the_results_of_a_calm_one(checkout, tmp_path):
+    assert kills(checkout, tmp_path, count=3, seed=1, target="results/imu/noise.json") >= 1
