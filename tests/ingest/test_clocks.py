@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.ingest.clocks import AHEAD, RESET_STEPS, Clock, ahead, span
+from imuloop.ingest.clocks import AHEAD, RESET_STEPS, Clock, Points, ahead, span
 
 STEP = 10_000
 
@@ -225,3 +225,89 @@ def test_jitter_and_drift(quality):
     clock = quality((np.arange(500) + np.tile([0, 0.1], 250)) / 100).quality["clock"]
     assert clock["drift_ppm"] is None
     assert clock["jitter_ppm"] == pytest.approx(1e5, rel=1e-2)
+
+
+def bursts(rows, size=5, rate=100, spacing=0.002, seed=6):
+    """Return stamps of a host to whom samples come `size` at once, some milliseconds late."""
+    rng = np.random.default_rng(seed)
+    first = np.arange(rows) // size
+    sent = (first + 1) * size / rate
+    late = rng.gamma(2, 0.001, first[-1] + 1)[first]
+    return sent + late + spacing * (np.arange(rows) % size)
+
+
+def test_bursts_are_rebuilt(log, quality):
+    log.loc[[7, 300], "ax"] = np.nan
+    done = quality(bursts(500))
+    clock = done.quality["clock"]
+    # a row that is dropped keeps its place
+    rows = np.delete(np.arange(500), [7, 300])
+    np.testing.assert_allclose(done.samples.t, rows / 100, rtol=1e-3, atol=1e-12)
+    assert done.quality["status"] == "ok"
+    assert clock["rebuilt"]
+    assert clock["jitter_ppm"] < 1e-3
+    # 99 pauses, and a row dropped in the middle of a burst
+    assert clock["logged"]["gaps"]["count"] == 100
+    assert clock["logged"]["jitter"]["std_s"] > 0
+    # the two rows dropped
+    assert done.quality["gaps"]["count"] == 2
+    assert "in bursts (median step 2 ms, mean 9.97 ms)" in done.quality["warnings"][0]
+
+
+def test_the_rate_of_bursts_is_that_of_the_sensor(log, run, tmp_path):
+    rows = 50_000
+    table = pd.DataFrame({name: np.resize(log[name], rows) for name in log})
+    table["t"] = bursts(rows, rate=204.8, spacing=1e-4)
+    # a stall of the host, and no row lost
+    table.loc[20_000:20_400, "t"] = table.t[20_400] + 1e-6 * np.arange(401)
+    table.loc[20_401:, "t"] += 4e-4
+    table.to_parquet(tmp_path / "log.parquet", index=False)
+    done = run(tmp_path / "log.parquet", rate=205)
+    assert done.quality["clock"]["rebuilt"]
+    assert done.quality["rate_hz"] == pytest.approx(204.8, rel=5e-6)
+
+
+@pytest.mark.parametrize("declared", [{}, {"rate": 500}])
+def test_rows_lost_or_a_sensor_that_pauses_are_not_rebuilt(quality, declared):
+    stamps = bursts(500)
+    if not declared:
+        stamps[250:] += 3
+    done = quality(stamps, **declared)
+    assert not done.quality["clock"]["rebuilt"]
+    assert done.quality["clock"]["logged"] is None
+    np.testing.assert_array_equal(done.samples.t, stamps - stamps[0])
+
+
+def test_bursts_of_dates_and_a_reset_that_no_line_may_cross(quality):
+    stamps = pd.Timestamp("2024-02-29") + pd.to_timedelta((bursts(500) * 1e9).astype(int), "ns")
+    done = quality(stamps)
+    assert done.quality["clock"]["rebuilt"]
+    assert done.metadata["start"].startswith("2024-02-29T00:00:00.05")
+    np.testing.assert_allclose(done.samples.t, np.arange(500) / 100, rtol=1e-3)
+    done = quality(stamps.where(np.arange(500) < 250, stamps - pd.Timedelta("1h")))
+    assert (done.quality["clock"]["resets"], done.quality["clock"]["rebuilt"]) == (1, False)
+
+
+def test_long_pauses_and_single_gaps_are_the_sensors_own(quality):
+    t = np.arange(500) / 100
+    assert not quality(t + np.arange(500) // 20)[1]["clock"]["rebuilt"]
+    assert not quality(t + 100 * (np.arange(500) // 250))[1]["clock"]["rebuilt"]
+
+
+def test_points_are_few_and_the_same_for_any_batches(monkeypatch):
+    monkeypatch.setattr("imuloop.ingest.clocks._POINTS", 50)
+    rows, held = np.delete(np.arange(1000), [0, 64, 65]), []
+    for size in (1, 10, 333, 1000):
+        held.append(Points())
+        for begin in range(0, len(rows), size):
+            held[-1].add(rows[begin : begin + size], rows[begin : begin + size] / 8)
+    assert held[0].rows.tolist() == [r for r in range(32, 1000, 32) if r != 64]
+    for each in held:
+        np.testing.assert_array_equal(each.rows, held[0].rows)
+        np.testing.assert_array_equal(each.t, each.rows / 8)
+
+
+def test_times_of_any_size_are_on_no_line(quality):
+    for largest in (1e18, 1e100):
+        stamps = np.sort(np.random.default_rng(8).random(500) ** 40) * largest
+        assert not quality(stamps).quality["clock"]["rebuilt"]

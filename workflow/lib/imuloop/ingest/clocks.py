@@ -1,9 +1,11 @@
-"""A log's clock: stamps that roll over, start again or stray are told apart and mended."""
+"""A log's clock: stamps that roll over, start again, stray or come in bursts are mended."""
 
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+
+from imuloop.ingest.quality import GAP_STEPS
 
 # rows after a fall of the stamps that tell what it is
 AHEAD = 100
@@ -11,14 +13,25 @@ AHEAD = 100
 ROLL_STEPS = 10
 # stamps that fall by fewer steps are late, not a clock that starts again
 RESET_STEPS = 10
-# a step longer than this many usual ones is a leap
-_LEAP = 1.5
 # of the steps after a reset, at least so many go forward
 _FORWARD = 0.9
 # a clock that falls more often is left as it is
 MOST_FALLS = 10_000
 # largest stamp that is mended, and largest fall: their sums fit 64 bits
 _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
+
+# stamps come in bursts where the median step is less than this share of the mean step
+_BURST = 0.5
+# no transfer holds samples back longer, s: a longer pause is of the sensor
+_LONGEST_PAUSE = 0.5
+# points of a line, at most
+_POINTS = 1 << 18
+# parts of a log whose stamps must lie on one line
+_PARTS = 20
+# a line whose rate differs more from the declared one is not the sensor's
+_RATE_SHARE = 0.02
+# figures of the stamps as logged, kept where they are rebuilt
+_LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
 
 # spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
 SPANS = sorted(
@@ -195,7 +208,7 @@ class Clock:
         if last - first < RESET_STEPS * step:
             return 0
         returned = np.flatnonzero(stamps > last)
-        if returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > _LEAP * step:
+        if returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > GAP_STEPS * step:
             return 0
         width = tick and span(last, first, step, tick)
         if width:
@@ -209,9 +222,25 @@ class Clock:
         gap = RESET_STEPS * step
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
-    def warnings(self):
-        """Return what was mended, a line each."""
+    def warnings(self, logged=None, step=None):
+        """Return what was mended, a line each.
+
+        Parameters
+        ----------
+        logged : dict or None
+            Figures of the samples as stamped, where the stamps were rebuilt.
+        step : float or None
+            Seconds from row to row, where they were.
+        """
         found = []
+        if logged:
+            median = logged["gaps"]["longer_than_s"] / GAP_STEPS
+            mean = logged["duration_s"] / (logged["rows"] - 1)
+            found.append(
+                f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean "
+                f"{mean * 1e3:.3g} ms): t is rebuilt from the row number at "
+                f"{1 / step:.6g} Hz; where the sensor itself pauses, declare its rate"
+            )
         if self.rollovers:
             found.append(
                 f"the stamps roll over after {self.span_s:.10g} s, {_times(self.rollovers)}: "
@@ -234,7 +263,70 @@ def _times(count):
     return "once" if count == 1 else f"{count} times"
 
 
-def figures(clock, measured, rate=None):
+class Points:
+    """Every so many rows' number and time: few enough to hold, the same for any batches.
+
+    Attributes
+    ----------
+    rows, t : ndarray, shape (n,)
+    """
+
+    def __init__(self):
+        self.rows, self.t, self._stride = np.empty(0, dtype=np.int64), np.empty(0), 1
+
+    def add(self, rows, t):
+        """Take further rows."""
+        chosen = rows % self._stride == 0
+        self.rows = np.concatenate((self.rows, rows[chosen]))
+        self.t = np.concatenate((self.t, t[chosen]))
+        while True:
+            chosen = self.rows % self._stride == 0
+            if np.count_nonzero(chosen) <= _POINTS:
+                break
+            self._stride *= 2
+        self.rows, self.t = self.rows[chosen], self.t[chosen]
+
+
+# times of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def line_step(counts, measured, rate=None):
+    """Return the seconds from row to row of stamps that come in bursts; None where they do not.
+
+    A host stamps what it receives, and a transfer brings several samples: the steps are short
+    within a transfer and long between. The sensor's own step is the slope of time over row
+    number, by Theil's method: the median slope of pairs half a log apart. It is taken only where
+    the medians of time about the line, of `_PARTS` parts of the log, lie within the scatter of
+    one part: else rows are lost, or the sensor pauses. No line goes on over a reset.
+
+    Parameters
+    ----------
+    counts : Counts
+        With `clock`, and `points`: number and time (s) of rows.
+    measured : dict
+        ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
+    rate : float or None
+        Declared rate, Hz.
+    """
+    points = counts.points
+    if counts.clock.resets or len(points.rows) < 10 * _PARTS:
+        return None
+    mean = measured["duration_s"] / (measured["rows"] - 1)
+    if not measured["gaps"]["longer_than_s"] / GAP_STEPS < _BURST * mean:
+        return None
+    rows, t = points.rows - points.rows[0], points.t
+    half = len(rows) // 2
+    step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    parts = np.array_split(t - step * rows, _PARTS)
+    levels = [np.median(part) for part in parts]
+    scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
+    if not np.ptp(levels) <= scatter <= _LONGEST_PAUSE:
+        return None
+    if rate and abs(step * rate - 1) > _RATE_SHARE:
+        return None
+    return step
+
+
+def figures(clock, measured, rate=None, logged=None):
     """Return what quality.json says of a log's clock.
 
     Parameters
@@ -245,6 +337,8 @@ def figures(clock, measured, rate=None):
         ``rate_hz`` and ``jitter`` of the samples.
     rate : float or None
         Declared rate, Hz.
+    logged : dict or None
+        Figures of the samples as stamped, where the stamps were rebuilt.
     """
     hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
     return {
@@ -252,6 +346,8 @@ def figures(clock, measured, rate=None):
         "span_s": clock.span_s,
         "resets": clock.resets,
         "strays": clock.strays,
+        "rebuilt": logged is not None,
+        "logged": logged and {key: logged[key] for key in _LOGGED},
         # of a step
         "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
         # of the stamps' rate from the declared one

@@ -9,7 +9,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest.clocks import Clock, ahead
+from imuloop.ingest.clocks import Clock, Points, ahead
 from imuloop.ingest.raw_log import STAMP
 from imuloop.ingest.stamps import (
     NANOSECONDS,
@@ -46,6 +46,8 @@ class Counts:
         Unit of the stamps, as found; None before the first row.
     clock : Clock
         What was mended in the stamps.
+    points : Points
+        Row number and time as stamped, of some of the samples.
     """
 
     read: int = 0
@@ -58,9 +60,10 @@ class Counts:
     start_ns: int | None = None
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
+    points: Points = field(default_factory=Points)
 
 
-def si_batches(log, *, units, raw_units, rate, time_range, counts):
+def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
     """Give the samples of a log, batch by batch.
 
     Parameters
@@ -77,6 +80,8 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
         Half-open crop: seconds from the log's first stamp, or ISO 8601 stamps; None is open.
     counts : Counts
         Filled on the way.
+    step : float, optional
+        Seconds from row to row; `t` is then rebuilt from the row number.
 
     Yields
     ------
@@ -90,9 +95,10 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     counts.missing_values.update(dict.fromkeys(channels, 0))
-    origin = newest = zero = window = dated = stamped = None
+    origin = newest = zero = first = window = dated = stamped = None
     for (x, readable, absolute, scale, batch), after in ahead(_clocked(log, units, rate)):
         raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
+        rows = np.arange(counts.read, counts.read + batch.num_rows)
         counts.read += batch.num_rows
         if not readable.any() and origin is None:
             if batch.num_rows:
@@ -137,10 +143,14 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts):
         if not keep.any():
             continue
         if zero is None:
-            zero = x[keep][0].item()
+            zero, first = x[keep][0].item(), rows[keep][0].item()
             if stamped:
                 counts.start_ns = absolute_nanoseconds(zero, units["time"], absolute)
         samples = {TIME: (x[keep] - zero) * scale}
+        if step is not None:
+            samples = {TIME: (rows[keep] - first) * step}
+        elif stamped:
+            counts.points.add(rows[keep], samples[TIME])
         for i, name in enumerate(CHANNELS):
             unit = raw_units["acceleration" if i < 3 else "angular_rate"]
             samples[name] = unit.to_si(raw[name][keep])

@@ -80,7 +80,7 @@ def ingest(
     paths = [Path(path) for path in paths]
     roles = sources or (["log"] if len(paths) == 1 else ["acceleration", "angular_rate"])
     files = dict(zip(roles, paths, strict=True))
-    counts, reasons = Counts(), []
+    counts, reasons, logged, step = Counts(), [], None, None
     try:
         for path in paths:
             if not (path.is_file() or path.is_dir()):
@@ -108,18 +108,26 @@ def ingest(
             "simulated": log.simulated,
             "start": None,
         }
-        samples = si_batches(
-            log, units=units, raw_units=raw_units, rate=rate, time_range=time_range, counts=counts
-        )
+        declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
+        samples = si_batches(log, **declared, counts=counts)
         with replaced(samples_path) as temporary:
             try:
                 _write(temporary, samples if not reasons else (), log, origin, counts)
+                figures = quality.measure(temporary, full_scale)
+                step = clocks.line_step(counts, figures, rate)
+                if step:
+                    # once more from the start, now that the line is known
+                    counts, logged = Counts(), figures
+                    log = form.read(files, columns or None, batch_rows)
+                    samples = si_batches(log, **declared, counts=counts, step=step)
+                    _write(temporary, samples, log, origin, counts)
+                    figures = quality.measure(temporary, full_scale)
             except RejectedLog as error:
-                reasons = [str(error)]
+                reasons, logged = [str(error)], None
                 _write(temporary, (), log, origin, counts)
+                figures = quality.measure(temporary, full_scale)
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
-            figures = quality.measure(temporary, full_scale)
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines)
             if reasons:
                 _write(temporary, (), log, origin, counts)
@@ -134,9 +142,9 @@ def ingest(
             "format": 1,
             "status": "rejected" if reasons else "ok",
             "reasons": reasons,
-            "warnings": doubts + counts.clock.warnings() + notes,
+            "warnings": doubts + counts.clock.warnings(logged, step) + notes,
             **figures,
-            "clock": clocks.figures(counts.clock, figures, rate),
+            "clock": clocks.figures(counts.clock, figures, rate, logged),
             "duplicates": counts.duplicates,
             "out_of_order": counts.out_of_order,
             "non_finite": counts.non_finite,
