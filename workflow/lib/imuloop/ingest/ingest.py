@@ -135,7 +135,7 @@ def ingest(
         names = ", ".join(str(path) for path in paths)
         said = error if isinstance(error, ImuloopError) else error.strerror
         raise ImuloopError(f"{device}/{session}: {names}: {said}") from error
-    notes = quality.warnings(figures, counts, log, rate=rate, unit=raw_units["acceleration"])
+    notes = quality.warnings(figures, counts, log, rate=rate, units=raw_units)
     write_json(
         quality_path,
         {

@@ -6,6 +6,7 @@ import pyarrow.parquet as pq
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.ingest import faults
 
 # a step longer than this many median steps is a gap: one sample lost makes it two
 GAP_STEPS = 1.5
@@ -22,8 +23,6 @@ MOST_DROPPED = 0.05
 PLAUSIBLE_RATE = (0.05, 1e5)
 # the mean magnitude of specific force of a log made by hand or at rest, m/s^2
 PLAUSIBLE_FORCE = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
-# no hand turns faster than this on average, rad/s
-PLAUSIBLE_TURN = 10.0
 
 TREATMENT = (
     "Rows whose stamp or one of the six axes is missing or not finite, rows whose stamp repeats "
@@ -31,7 +30,8 @@ TREATMENT = (
     "filled, interpolated or clipped. A temperature that is missing stays missing. A step longer "
     f"than {GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
     f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
-    "rejected."
+    "rejected. Zeros on all axes, stuck, clipped, held or copied values and spikes are counted and "
+    "named; they stay in the samples."
 )
 
 
@@ -51,7 +51,8 @@ def measure(path, full_scale=None):
         As in quality.json; figures that the rows cannot give are None.
     """
     with pq.ParquetFile(path) as file:
-        return {**_time_figures(file), **_channel_figures(file, full_scale or {})}
+        figures = {**_time_figures(file), **_channel_figures(file, full_scale or {})}
+        return {**figures, "faults": faults.measure(file, figures)}
 
 
 def _steps(file):
@@ -137,6 +138,10 @@ def _channel_figures(file, full_scale):
     return {
         "clipped": clipped,
         "constant": [name for name in names if low[name] == high[name]],
+        "range": {
+            name: [float(low[name]), float(high[name])] if low[name] <= high[name] else None
+            for name in names
+        },
         "quantisation_step": {name: step[name] if step[name] < np.inf else None for name in names},
         "mean_specific_force": magnitude["acceleration"] / rows if rows else None,
         "mean_angular_rate": magnitude["angular_rate"] / rows if rows else None,
@@ -210,7 +215,7 @@ def _time_hint(rate):
     return f"; a unit of time {' or '.join(fits)} would fit, see units.time" if fits else ""
 
 
-def warnings(figures, counts, log, *, rate, unit):
+def warnings(figures, counts, log, *, rate, units):
     """Return what a user should look at, though the log can be used.
 
     Parameters
@@ -223,21 +228,16 @@ def warnings(figures, counts, log, *, rate, unit):
         The log, read to its end.
     rate : float or None
         Declared rate, Hz.
-    unit : RawUnit
-        Unit of the acceleration.
+    units : dict
+        Raw unit of each sensor, `RawUnit`.
     """
     found = list(log.notes)
     if not figures["rows"]:
         return found
     force = figures["mean_specific_force"]
     if not PLAUSIBLE_FORCE[0] <= force <= PLAUSIBLE_FORCE[1]:
-        found.append(f"the mean specific force is {force:.4g} m/s^2{_force_hint(force, unit)}")
-    turn = figures["mean_angular_rate"]
-    if turn > PLAUSIBLE_TURN:
-        found.append(
-            f"the mean angular rate is {turn:.4g} rad/s, too much for a turn by hand: "
-            "see units.angular_rate"
-        )
+        hint = _force_hint(force, units["acceleration"])
+        found.append(f"the mean specific force is {force:.4g} m/s^2{hint}")
     dead = [name for name in figures["constant"] if name in CHANNELS]
     if dead:
         found.append(f"never changing: {', '.join(dead)}")
@@ -257,7 +257,7 @@ def warnings(figures, counts, log, *, rate, unit):
     missing = counts.missing_values.get(TEMPERATURE)
     if missing:
         found.append(f"{missing} temperatures are missing")
-    return found
+    return found + faults.warnings(figures, units)
 
 
 def _force_hint(force, unit):

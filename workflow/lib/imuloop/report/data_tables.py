@@ -60,11 +60,31 @@ def _quality(session):
         **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},
         "Clipped, values": _clipped(q.get("clipped")),
         "Constant channels": text_of(q.get("constant")),
+        **_faults(q.get("faults") or {}),
         "Temperature, °C": _span(q.get("temperature_range")),
         "Start": text_of(q.get("start")),
         "Format": text_of(q.get("log_format")),
         "Units as logged": text_of(q.get("units")),
     }
+
+
+def _faults(found):
+    """Return the faults of the values themselves, which stay in the samples."""
+    stuck, clipped, near = (
+        found.get(key, {}) for key in ("stuck", "clipped_at", "noise_near_nyquist")
+    )
+    held = {sensor: n for sensor, n in found.get("rows_a_value", {}).items() if n > 1}
+    shares = [share for share in near.values() if share is not None]
+    figures = {
+        "Zero on all axes, rows": text_of(found.get("zero_rows")),
+        "Stuck at one value, rows": text_of({k: v["rows"] for k, v in stuck.items()}),
+        "Spikes of one sample": text_of(found.get("spikes")),
+        "Clipped at a repeated extreme, rows": text_of({k: v["rows"] for k, v in clipped.items()}),
+        "Rows a value is held": text_of(held) if held else "1",
+        "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
+        "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
+    }
+    return figures if found else dict.fromkeys(figures, NO_NUMBER)
 
 
 def _clipped(counts):

@@ -1,0 +1,336 @@
+"""Faults put into logs of a known good device: each found and named, and none in good logs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from scipy.signal import butter, lfilter
+
+from imuloop.core.files import read_json
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, read_samples
+from imuloop.core.units import DEGREE, STANDARD_GRAVITY
+from imuloop.ingest.ingest import ingest
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth, read_truth
+
+KINDS = ("static", "multi_position")
+# least significant bits as of a common part: noise of 3 and of 1.5 of them
+STEPS = {**dict.fromkeys(ACCELERATION, 0.0048), **dict.fromkeys(ANGULAR_RATE, 0.00106)}
+
+
+def good_log(kind, seed=5):
+    """Seventy seconds at rest, or eight poses; in steps, with a thermometer that warms up."""
+    truth = example_truth()
+    changed = {"static": {"duration_s": 70.0}, "multi_position": {"poses": 8}}[kind]
+    sessions = {kind: replace(truth.sessions[kind], **changed)}
+    log = simulate_session(replace(truth, sessions=sessions), kind, seed)
+    for name, step in STEPS.items():
+        log[name] = np.round(log[name] / step) * step
+    noise = np.random.default_rng(seed).normal(size=len(log))
+    log[TEMPERATURE] = np.round(25 + 5 * log.t / log.t.iloc[-1] + 0.02 * noise, 2)
+    return log
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return {kind: good_log(kind) for kind in KINDS}
+
+
+def taken(folder, log, kind, **declared):
+    """Ingest a log, give its samples and quality."""
+    folder.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.Table.from_pandas(log, preserve_index=False), folder / "log.parquet")
+    ingest(
+        **{"device": "imu", "session": kind, "kind": kind, **declared},
+        paths=[folder / "log.parquet"],
+        samples_path=folder / "samples.parquet",
+        quality_path=folder / "quality.json",
+    )
+    return read_samples(folder / "samples.parquet"), read_json(folder / "quality.json")
+
+
+def at(log, first, last=None):
+    """Rows by share of the log, or a count of rows after the first."""
+    start = int(first * len(log))
+    return slice(start, start + last - 1 if last else None)
+
+
+def put(rows, names, value):
+    """A fault: columns set to a value, or to what they were at the first row."""
+
+    def change(log):
+        where = at(log, *rows)
+        for name in names:
+            log.loc[where, name] = log[name].iloc[where.start] if value is None else value
+
+    return change
+
+
+def spike(size, *names):
+    def change(log):
+        for share in (0.2, 0.5, 0.8):
+            # the quietest place nearby
+            spread = log[names[0]].rolling(17, center=True).std()
+            near = spread.iloc[int(share * len(log)) : int(share * len(log)) + 500]
+            for name in names:
+                log.loc[near.idxmin(), name] += size
+
+    return change
+
+
+def clip(name, share):
+    def change(log):
+        limit = np.sort(log[name].to_numpy())[int(share * len(log))]
+        log[name] = log[name].clip(upper=limit) if share > 0.5 else log[name].clip(lower=limit)
+
+    return change
+
+
+def held(names, n):
+    def change(log):
+        where = np.floor(np.floor(np.arange(len(log)) / n) * n).astype(int)
+        for name in names:
+            log[name] = log[name].to_numpy()[where]
+
+    return change
+
+
+def passed(names, b, a=1.0):
+    def change(log):
+        for name in names:
+            first = log[name].iloc[0]
+            log[name] = lfilter(b, a, log[name] - first) + first
+
+    return change
+
+
+def stretched(names, n):
+    def change(log):
+        where = np.arange(len(log))
+        for name in names:
+            log[name] = np.interp(where, where[::n], log[name][::n])
+
+    return change
+
+
+def scaled(names, factor, offset=0.0):
+    def change(log):
+        log[list(names)] = log[list(names)] * factor + offset
+
+    return change
+
+
+def moved(first, seconds):
+    def change(log):
+        log.loc[at(log, first), "t"] += seconds
+
+    return change
+
+
+def swapped(*shares):
+    def change(log):
+        for share in shares:
+            rows = [int(share * len(log)), int(share * len(log)) + 1]
+            log.loc[rows, "t"] = log.t[rows[::-1]].to_numpy()
+
+    return change
+
+
+def copied(one, other):
+    def change(log):
+        log[other] = log[one]
+
+    return change
+
+
+# the samples that the converter drops are no part of this list: each fault leaves its rows alone
+KEPT = {
+    "zeros amid the log": (
+        put((0.4, 200), CHANNELS, 0.0),
+        "zero on all axes: acceleration in 200 rows, angular_rate in 200",
+    ),
+    "zeros to the end": (put((0.8,), CHANNELS, 0.0), "exactly zero on all axes: acceleration in 1"),
+    "one row of zeros": (put((0.3, 1), CHANNELS, 0.0), "zero on all axes: acceleration in 1 rows"),
+    "zeros of acceleration": (
+        put((0.6, 30), ACCELERATION, 0.0),
+        "zero on all axes: acceleration in 30 rows;",
+    ),
+    "zeros of the gyroscope": (
+        put((0.6, 300), ANGULAR_RATE, 0.0),
+        "zero on all axes: angular_rate in 300 rows;",
+    ),
+    "an axis stuck": (put((0.3, 500), ["ay"], None), "stuck at one value: ay 500 samples, 1 times"),
+    "an axis stuck briefly": (put((0.3, 120), ["gz"], None), "stuck at one value: gz 1"),
+    "an axis stuck at zero": (put((0.3, 500), ["ax"], 0.0), "stuck at one value: ax 500 samples"),
+    "a sensor stuck": (put((0.5, 400), ACCELERATION, None), "az 40"),
+    "a gyroscope stuck to the end": (put((0.7,), ANGULAR_RATE, None), "stuck at one value: gx"),
+    "all stuck": (put((0.5, 150), CHANNELS, None), "stuck at one value: ax 15"),
+    "spikes": (spike(3.0, "gz"), "spikes of a single sample: gz 3;"),
+    "spikes of all axes": (
+        spike(-300.0, *CHANNELS),
+        "spikes of a single sample: ax 3, ay 3, az 3, gx 3, gy 3, gz 3;",
+    ),
+    "spikes of the thermometer": (spike(60.0, TEMPERATURE), "single sample: temperature 3;"),
+    "clipped above": (clip("ax", 0.93), "clipped at a repeated extreme value: ax "),
+    "clipped below": (clip("gy", 0.05), "clipped at a repeated extreme value: gy "),
+    "every sample twice": (held(CHANNELS, 2), "held: acceleration for 2 rows (50 Hz"),
+    "a gyroscope held": (held(ANGULAR_RATE, 4), "a value is held: angular_rate for 4 rows"),
+    "40 Hz in 100 Hz": (held(ACCELERATION, 2.5), "a value is held: acceleration for 2.5 rows"),
+    "a mean of eight": (passed(["ax"], np.ones(8) / 8), "of the noise below"),
+    "a low pass": (passed(CHANNELS, *butter(2, 0.1)), "power is lacking above 37.5 Hz"),
+    "drawn out from 25 Hz": (stretched(["gx", "gy"], 4), "power is lacking above 37.5 Hz"),
+    "a copy": (copied("ax", "ay"), "ay is a copy of ax: see columns"),
+    "a copy of the gyroscope": (copied("gz", "gy"), "gz is a copy of gy: see columns"),
+    "a copy of another sensor": (copied("ax", "gx"), "gx is a copy of ax: see columns"),
+    "a dead axis": (put((0,), ["gx"], 0.25), "never changing: gx"),
+    "temperature in counts": (scaled([TEMPERATURE], 340, -12420), "counts, or failed reads"),
+    "temperature in K": (scaled([TEMPERATURE], 1, 273.15), "it looks like K"),
+    "temperature dead": (put((0,), [TEMPERATURE], 21.0), "temperature is 21 degC throughout"),
+    "acceleration in g": (
+        scaled(ACCELERATION, 1 / STANDARD_GRAVITY),
+        "taken as m/s^2, it looks like g",
+    ),
+    "gravity taken out": (scaled(ACCELERATION, 0.01), "has gravity been taken out"),
+    "rate in deg/s": (
+        scaled(ANGULAR_RATE, 1 / DEGREE),
+        {"static": "the angular rate is 1.2", "multi_position": "it looks like deg/s"},
+    ),
+    "rate in counts": (scaled(ANGULAR_RATE, 1e4), "too much for a turn by hand"),
+    "stamps in ms": (scaled(["t"], 1e3), "0.1 Hz is unusual for an IMU: see units.time"),
+    "a gap": (moved(0.5, 0.7), "1 gaps, 0.71 s together"),
+}
+FULL_SCALE = {"acceleration": 9.0, "angular_rate": 30.0}
+# fault, what is declared, text in warnings or reasons, and the figure that counts it
+OTHER = {
+    "at full scale": (clip("az", 0.9), {"full_scale": FULL_SCALE}, "at the end of the full scale:"),
+    "missing values": (put((0.5, 20), ["gy"], np.nan), {}, "non_finite"),
+    "infinite values": (put((0.5, 20), ["az"], np.inf), {}, "non_finite"),
+    "stamps twice": (held(["t"], 1.02), {}, "duplicates"),
+    "out of order": (swapped(0.5, 0.7), {}, "out_of_order"),
+    "not read": (put((0,), ACCELERATION, 0.5), {}, "the acceleration never changes"),
+    "stamps in us": (scaled(["t"], 1e6), {}, "a million times smaller"),
+    "deg/s that are rad/s": (
+        scaled(CHANNELS, 1.0),
+        {"units": {"angular_rate": "deg/s"}},
+        {"multi_position": "taken as deg/s, it looks like rad/s"},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", KEPT)
+def test_a_fault_is_named_and_its_samples_kept(logs, tmp_path, kind, name):
+    change, text = KEPT[name]
+    log = logs[kind].copy()
+    change(log)
+    samples, found = taken(tmp_path, log, kind)
+    text = text[kind] if isinstance(text, dict) else text
+    named = [line for line in found["warnings"] if text in line]
+    assert len(named) == 1, found["warnings"]
+    np.testing.assert_array_equal(samples[[*CHANNELS, TEMPERATURE]], log[[*CHANNELS, TEMPERATURE]])
+    # nothing is read into one fault but itself
+    assert len(found["warnings"]) == 1, found["warnings"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", OTHER)
+def test_a_fault_of_rows_stamps_or_units(logs, tmp_path, kind, name):
+    change, declared, text = OTHER[name]
+    log = logs[kind].copy()
+    change(log)
+    found = taken(tmp_path, log, kind, **declared)[1]
+    text = text.get(kind) if isinstance(text, dict) else text
+    if text in found:
+        assert found[text] > 0
+    elif text:
+        assert any(text in line for line in found["warnings"] + found["reasons"]), found
+
+
+def test_a_fault_of_one_session_changes_no_other(logs, tmp_path):
+    def content():
+        return {p.name: p.read_bytes() for p in (tmp_path / "good").iterdir()}
+
+    taken(tmp_path / "good", logs["static"], "static")
+    before = content()
+    for change, _ in list(KEPT.values())[::4]:
+        log = logs["static"].copy()
+        change(log)
+        taken(tmp_path / "bad", log, "static")
+    assert content() == before
+    taken(tmp_path / "good", logs["static"], "static")
+    assert content() == before
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_figures_over_row_groups(logs, tmp_path, kind, monkeypatch):
+    log = logs[kind].copy()
+    for name in ("zeros amid the log", "an axis stuck", "spikes"):
+        KEPT[name][0](log)
+    whole = taken(tmp_path, log, kind)[1]["faults"]
+    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 1000)
+    parts = taken(tmp_path, log, kind)[1]["faults"]
+    for key in ("zero_rows", "stuck", "spikes", "clipped_at", "copies", "rows_a_value"):
+        assert parts[key] == whole[key], key
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_good_log_has_none(tmp_path, kind, seed):
+    assert taken(tmp_path, good_log(kind, seed), kind)[1]["warnings"] == []
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("replica", ["iphone_6", "ipad_pro"])
+def test_replicas_have_none(repository, tmp_path, replica, seed):
+    truth = read_truth(repository / f"data/replicas/{replica}.yaml")
+    for name, session in truth.sessions.items():
+        short = replace(session, duration_s=300.0, disturbances=()) if name == "static" else session
+        log = simulate_session(replace(truth, sessions={name: short}), name, seed)
+        assert taken(tmp_path, log, session.kind)[1]["warnings"] == []
+
+
+def test_noise_far_below_the_step_is_not_stuck(tmp_path):
+    # two levels near the edge of a step, one between: runs of thousands of samples are its nature
+    rng = np.random.default_rng(4)
+    log = pd.DataFrame({"t": np.arange(30_000) / 100})
+    drift = 0.4 * np.sin(np.arange(30_000) / 3000)
+    for i, name in enumerate(CHANNELS):
+        mean = 9.8 if name == "az" else 0.3 * i
+        log[name] = np.round((mean + drift) / 0.15 + 0.1 * rng.normal(size=30_000)) * 0.15
+    found = taken(tmp_path, log, "static")[1]["faults"]
+    assert not any(f["stretches"] for f in found["stuck"].values())
+    assert not any(f["rows"] for f in found["clipped_at"].values())
+    assert found["rows_a_value"] == {"acceleration": 1, "angular_rate": 1}
+    assert found["copies"] == []
+
+
+def test_measured_sessions_have_none(repository, recordings, tmp_path):
+    devices = yaml.safe_load((repository / "config/measured.yaml").read_text())["devices"]
+    for device, entry in devices.items():
+        for session, declared in entry["sessions"].items():
+            declared = dict(declared)
+            source = declared.pop("file")
+            sources = [source] if "url" in source else source.values()
+            paths = [recordings(s["url"].rsplit("/", 1)[1]) for s in sources]
+            target = tmp_path / device
+            ingest(
+                **{"device": device, "session": session, "nominal": entry.get("nominal")},
+                **declared,
+                paths=paths,
+                samples_path=target / "samples.parquet",
+                quality_path=target / "quality.json",
+            )
+            assert read_json(target / "quality.json")["warnings"] == [], device
+
+
+def test_a_long_record_in_coarse_steps_has_none(recordings, tmp_path):
+    paths = [recordings("adis_16405_imu1.parquet")]
+    units = {"acceleration": "g", "angular_rate": "deg/s"}
+    names = {"device": "adis", "session": "static", "kind": "static"}
+    files = {"samples_path": tmp_path / "s.parquet", "quality_path": tmp_path / "q.json"}
+    ingest(**names, **files, paths=paths, units=units, rate=100)
+    assert read_json(tmp_path / "q.json")["warnings"] == []
