@@ -225,6 +225,9 @@ def test_jitter_and_drift(quality):
     clock = quality((np.arange(500) + np.tile([0, 0.1], 250)) / 100).quality["clock"]
     assert clock["drift_ppm"] is None
     assert clock["jitter_ppm"] == pytest.approx(1e5, rel=1e-2)
+    # rows stamped by the declared rate say nothing of it
+    unstamped = quality(np.arange(500) / 100, rate=100, columns={"time": None})
+    assert unstamped.quality["clock"]["drift_ppm"] is None
 
 
 def bursts(rows, size=5, rate=100, spacing=0.002, seed=6):

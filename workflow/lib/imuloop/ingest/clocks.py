@@ -336,7 +336,7 @@ def figures(clock, measured, rate=None, logged=None):
     measured : dict
         ``rate_hz`` and ``jitter`` of the samples.
     rate : float or None
-        Declared rate, Hz.
+        Declared rate, Hz, of a log with stamps.
     logged : dict or None
         Figures of the samples as stamped, where the stamps were rebuilt.
     """

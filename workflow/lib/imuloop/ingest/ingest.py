@@ -144,7 +144,7 @@ def ingest(
             "reasons": reasons,
             "warnings": doubts + counts.clock.warnings(logged, step) + notes,
             **figures,
-            "clock": clocks.figures(counts.clock, figures, rate, logged),
+            "clock": clocks.figures(counts.clock, figures, "time" in log.found and rate, logged),
             "duplicates": counts.duplicates,
             "out_of_order": counts.out_of_order,
             "non_finite": counts.non_finite,
