@@ -157,7 +157,7 @@ def _declared(quantity, columns, streams):
                 f"of it as {declared}.FIELD"
             )
         return found[0]
-    if len(declared) != len(AXES):
+    if not isinstance(declared, (list, tuple)) or len(declared) != len(AXES):
         raise ImuloopError(f"columns.{quantity}: {declared!r} is not a list of three columns")
     located = [_locate(quantity, each, streams) for each in declared]
     if len({stream.name for stream, _ in located}) > 1:
