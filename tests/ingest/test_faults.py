@@ -131,11 +131,26 @@ def moved(first, seconds):
     return change
 
 
+def deadened(names, width):
+    def change(log):
+        for name in names:
+            log[name] = np.where(np.abs(log[name]) < width, 0.0, log[name])
+
+    return change
+
+
 def swapped(*shares):
     def change(log):
         for share in shares:
             rows = [int(share * len(log)), int(share * len(log)) + 1]
             log.loc[rows, "t"] = log.t[rows[::-1]].to_numpy()
+
+    return change
+
+
+def coarse(name, step):
+    def change(log):
+        log[name] = np.round(log[name] / step) * step
 
     return change
 
@@ -147,6 +162,10 @@ def copied(one, other):
     return change
 
 
+DEAD_BAND = {
+    "static": "never changing: gx, gy, gz",
+    "multi_position": "no noise at rest: gx, gy, gz;",
+}
 # the samples that the converter drops are no part of this list: each fault leaves its rows alone
 KEPT = {
     "zeros amid the log": (
@@ -186,6 +205,11 @@ KEPT = {
     "a copy": (copied("ax", "ay"), "ay is a copy of ax: see columns"),
     "a copy of the gyroscope": (copied("gz", "gy"), "gz is a copy of gy: see columns"),
     "a copy of another sensor": (copied("ax", "gx"), "gx is a copy of ax: see columns"),
+    "a dead band": (deadened(ANGULAR_RATE, 0.04), DEAD_BAND),
+    "a step too coarse": (
+        coarse("gy", 0.02),
+        {"static": "never changing: gy", "multi_position": "no noise at rest: gy;"},
+    ),
     "a dead axis": (put((0,), ["gx"], 0.25), "never changing: gx"),
     "temperature in counts": (scaled([TEMPERATURE], 340, -12420), "counts, or failed reads"),
     "temperature in K": (scaled([TEMPERATURE], 1, 273.15), "it looks like K"),
@@ -306,6 +330,7 @@ def test_noise_far_below_the_step_is_not_stuck(tmp_path):
     assert not any(f["rows"] for f in found["clipped_at"].values())
     assert found["rows_a_value"] == {"acceleration": 1, "angular_rate": 1}
     assert found["copies"] == []
+    assert found["silent_at_rest"] == []
 
 
 def test_measured_sessions_have_none(repository, recordings, tmp_path):

@@ -51,6 +51,8 @@ BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
 LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
 # the noise near Nyquist is lacking below this share; a log with more drift is moving
 LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
+# an axis is silent at rest where it never changes in this share of the quieter blocks
+SILENT_SHARE = 0.8
 # what a thermometer beside an IMU can show, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
 # a temperature may well stay the same for so long, s
@@ -126,16 +128,28 @@ def measure(file, figures):
         rests.append(np.array([spread, np.sqrt((means**2).sum(axis=0))]))
         row += table.num_rows
     stuck = {name: runs[name].stuck() for name in CHANNELS}
+    rests, spectra = np.hstack(rests), {name: np.hstack(spectra[name]) for name in CHANNELS}
+    silent = [
+        name
+        for name in CHANNELS
+        # once or twice is a fault of a moment
+        if len(stuck[name]) not in (1, 2)
+        and name not in figures["constant"]
+        and _silent(spectra[name][0], rests[0])
+    ]
+    stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
-    silent = [{(n, at) for n, at, value in stuck[name] if value == zeros["angular_rate"][i]}
+    zeroed = [{(n, at) for n, at, value in stuck[name] if value == zeros["angular_rate"][i]}
               for i, name in enumerate(ANGULAR_RATE)]  # fmt: skip
     rate, clipped = figures["rate_hz"], {}
     for name in CHANNELS:
         clipped[name] = _clipped(
             limits[name], figures["range"][name], stuck[name], spikes[name], runs[name], rate
         )
+        if name in silent:
+            clipped[name] = {"values": [], "rows": 0}
         stuck[name] = [run for run in stuck[name] if run[2] not in clipped[name]["values"]]
-    for length, start in set.intersection(*silent):
+    for length, start in set.intersection(*zeroed):
         zero_rows["angular_rate"] += length
         for name in ANGULAR_RATE:
             stuck[name] = [run for run in stuck[name] if run[:2] != (length, start)]
@@ -151,8 +165,11 @@ def measure(file, figures):
             for pair, (changed, common) in pairs.items()
             if changed >= LEAST_CHANGES and common >= COPIED_SHARE * changed
         ],
-        "noise_near_nyquist": {name: _lacking(np.hstack(spectra[name])) for name in CHANNELS},
-        "rate_at_rest": _rate_at_rest(np.hstack(rests)),
+        "silent_at_rest": silent,
+        "noise_near_nyquist": {
+            name: None if name in silent else _lacking(spectra[name]) for name in CHANNELS
+        },
+        "rate_at_rest": _rate_at_rest(rests),
         "turn_ratio": turns.ratio(),
     }
 
@@ -368,6 +385,12 @@ def _lacking(found):
     return float(high[quiet].sum() / middle[quiet].sum())
 
 
+def _silent(variance, spread):
+    """Tell whether an axis hardly ever changes while the force does not move."""
+    quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
+    return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())
+
+
 def _rate_at_rest(found):
     """Return the mean angular rate of the quietest blocks, rad/s."""
     spread, rate = found[:, np.isfinite(found).all(axis=0)]
@@ -441,6 +464,11 @@ def warnings(figures, units):
             for name, f in stuck.items()
         )
         lines.append(f"stuck at one value: {listed}; crop them with time_range")
+    if found["silent_at_rest"]:
+        lines.append(
+            f"no noise at rest: {', '.join(found['silent_at_rest'])}; a step too coarse, or "
+            "firmware that holds the value: noise and bias cannot be told from this log"
+        )
     spikes = {name: n for name, n in found["spikes"].items() if n}
     if spikes:
         listed = ", ".join(f"{name} {n}" for name, n in spikes.items())

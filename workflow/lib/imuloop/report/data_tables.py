@@ -78,6 +78,7 @@ def _faults(found):
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
         "Stuck at one value, rows": text_of({k: v["rows"] for k, v in stuck.items()}),
+        "Without noise at rest": text_of(found.get("silent_at_rest")),
         "Spikes of one sample": text_of(found.get("spikes")),
         "Clipped at a repeated extreme, rows": text_of({k: v["rows"] for k, v in clipped.items()}),
         "Rows a value is held": text_of(held) if held else "1",
