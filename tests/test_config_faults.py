@@ -399,6 +399,11 @@ def test_links_that_lead_nowhere_and_files_that_may_not_be_read(faults, tmp_path
         assert faults(session(f"kind: static, file: {name}")) == [
             f"devices.imu.sessions.a.file: {name} is a link that leads to no file"
         ]
+    assert faults(session(f"kind: static, file: {300 * 'x'}.csv")) == [
+        "devices.imu.sessions.a.file: cannot be read: File name too long"
+    ]
+    [fault] = faults(f"mirror: {300 * 'x'}\n{session(SOUND)}")
+    assert fault.startswith("mirror: there is no folder xxx")
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     assert faults(session(SOUND)) == [
         "devices.imu.sessions.a.file: poses.csv cannot be read: permission denied"

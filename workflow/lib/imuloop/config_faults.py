@@ -206,7 +206,7 @@ def _nearest_unit(name, known, cutoff):
 def _meaning_faults(config, wrong, replicas):
     """Return (key, text) for what a schema cannot say, of everything that is not wrong yet."""
     found = []
-    if ("mirror",) not in wrong and "mirror" in config and not Path(config["mirror"]).is_dir():
+    if ("mirror",) not in wrong and "mirror" in config and not os.path.isdir(config["mirror"]):
         found.append((("mirror",), f"there is no folder {config['mirror']}"))
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return found
@@ -261,6 +261,10 @@ def _file_faults(session, replicas):
         _, log_format = find_format(session.get("format"), names)
     except ImuloopError as error:
         yield ("file",), str(error)
+        return
+    except OSError as error:
+        # a name too long, a folder that may not be entered
+        yield ("file",), f"cannot be read: {error.strerror}"
         return
     there = [role for role, source in given.items() if _is_there(source.get("path"))]
     for role in (role for role in given if role not in there):
