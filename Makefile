@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report test lint format bench bench-noise study coverage setup lock clean
+.PHONY: report test lint format bench bench-noise study coverage fuzz kill setup lock clean
 
 report: setup
 	$(BIN)/snakemake -c$(CORES) results/report.html
@@ -43,6 +43,14 @@ study: setup
 SEEDS ?= 40
 coverage: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/coverage.py --seeds $(SEEDS)
+
+# mutated logs and configs through ingest and the config check; some eight minutes
+fuzz: setup
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz --cases 20000
+
+# runs killed at random moments and run again, compared byte by byte with a calm one
+kill: setup
+	PYTHONPATH=workflow/lib $(BIN)/python -m bench.kill --kills 30
 
 setup: $(READY)
 
