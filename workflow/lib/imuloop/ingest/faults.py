@@ -18,20 +18,11 @@ from imuloop.core.samples import (
     TIME,
 )
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
+from imuloop.ingest.turns import PLAUSIBLE_RATIO, Turns
 
 SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 
-# a value repeated fewer times is never called stuck
-LEAST_STUCK = 10
-# a stuck run is so many times longer than the longest of the others; where these vary more than
-# chance lets them (noise below the quantisation step), so many times
-STUCK_FACTOR, STUCK_FACTOR_COARSE = 5, 50
-# runs of the others needed to know what is usual
-LEAST_RUNS = 50
-# at most so many long runs of an axis are kept, the longest
-KEPT_RUNS = 1000
-# run lengths are counted one by one up to here
-LENGTHS = 256
 # a spike lies so many times farther from the middle of its neighbours, REACH each side, than any
 # of these does: a knock on the table comes to 17, a rare jump of a good sensor to 10
 SPIKE_FACTOR, REACH = 20.0, 8
@@ -39,10 +30,6 @@ SPIKE_FACTOR, REACH = 20.0, 8
 # least 0.3 n1/n2 of what the next one inside holds: n1^2/n2 = 60 leave e^-15 for none beyond;
 # of coarser noise it holds so many times as many as each of the next levels
 LEAST_CLIPPED, CUT_TAIL, STEEP, LEVELS = 20, 60, 4, 4
-# steps that the noise of 64 rows spans: to tell runs, and to tell a cut tail
-SPAN, WIDE_SPAN = 1.5, 3.5
-# values are held where rows a new value are at least this many, and this share of runs near it
-LEAST_HELD, HELD_SHARE = 1.25, 0.98
 # an axis is a copy where this share of its changes is the other's, of at least so many
 COPIED_SHARE, LEAST_CHANGES = 0.99, 50
 # blocks for spectra: rows a block, blocks a row group, blocks needed
@@ -59,9 +46,6 @@ PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
 CONSTANT_TEMPERATURE = 60.0
 # no sensor at rest shows more; no hand turns faster than this on average, rad/s
 PLAUSIBLE_REST, PLAUSIBLE_TURN = 1.0, 10.0
-# turning angle by rate over that by force, of steps of this time (s) and of at least so much
-# (rad), so many of them: between rotation about the vertical and a wrong unit lies a factor
-TURN_TIME, LEAST_TURN, LEAST_TURNS, PLAUSIBLE_RATIO = 0.5, 0.1, 10, (0.2, 15.0)
 # rates that an IMU's log has, Hz; others are read but told
 USUAL_RATE = (0.5, 4e4)
 
@@ -88,14 +72,14 @@ def measure(file, figures):
     names = [name for name in file.schema_arrow.names if name != TIME]
     steps = figures["quantisation_step"]
     zeros = _zeros(file)
-    runs = {name: _Runs(steps[name]) for name in CHANNELS}
+    runs = {name: Runs(steps[name]) for name in CHANNELS}
     held = {sensor: np.zeros(LENGTHS + 1, dtype=int) for sensor in SENSORS}
     zero_rows = dict.fromkeys(SENSORS, 0)
     spikes = dict.fromkeys(names, 0)
     limits = {name: np.zeros((2, LEVELS + 1), dtype=int) for name in CHANNELS}
     pairs = {pair: np.zeros(2, dtype=int) for pair in combinations(names, 2)}
     spectra = {name: [] for name in CHANNELS}
-    rests, turns = [], _Turns(figures["rate_hz"])
+    rests, turns = [], Turns(figures["rate_hz"])
     tail, row = None, 0
     for group in range(file.num_row_groups):
         table = file.read_row_group(group, columns=names)
@@ -112,7 +96,7 @@ def measure(file, figures):
         for pair, count in pairs.items():
             count += _common_changes(*(x[name] for name in pair), *(changes[n] for n in pair))
         for sensor, axes in SENSORS.items():
-            held[sensor] += _held_lengths([changes[name] for name in axes], len(x[axes[0]]))
+            held[sensor] += held_lengths([changes[name] for name in axes], len(x[axes[0]]))
         for name in CHANNELS:
             runs[name].add(x[name], row)
             limits[name] += _at_limits(x[name], figures["range"][name], steps[name])
@@ -153,7 +137,7 @@ def measure(file, figures):
         zero_rows["angular_rate"] += length
         for name in ANGULAR_RATE:
             stuck[name] = [run for run in stuck[name] if run[:2] != (length, start)]
-    held = {sensor: _rows_a_value(lengths) for sensor, lengths in held.items()}
+    held = {sensor: rows_a_value(lengths) for sensor, lengths in held.items()}
     return {
         "zero_rows": zero_rows,
         "stuck": {name: _stuck_figures(stuck[name], rate, file) for name in CHANNELS},
@@ -190,68 +174,6 @@ def _all_at(x, axes, values):
     return np.all([x[name] == value for name, value in zip(axes, values, strict=True)], axis=0)
 
 
-class _Runs:
-    """Runs of one value on an axis, over row groups: their lengths, and the longest."""
-
-    def __init__(self, step):
-        self.step = step
-        self.counts = np.zeros(LENGTHS + 1, dtype=int)
-        self.long = []
-        self.open, self.last, self.rows = 0, np.nan, 0
-        self.varied = self.lively = self.wide = 0
-
-    def add(self, x, row):
-        """Take in a row group that starts at `row`."""
-        starts = np.flatnonzero(np.concatenate(([x[0] != self.last], x[1:] != x[:-1])))
-        if len(starts):
-            ends = starts + row
-            lengths = np.diff(ends, prepend=self.open)
-            values = np.where(starts > 0, x[starts - 1], self.last)
-            self._keep(lengths, ends - lengths, values)
-            self.open = int(ends[-1])
-        self.last, self.rows = x[-1], row + len(x)
-        # whether noise spans the quantisation step: else long runs are its nature
-        blocks = x[: len(x) // 64 * 64].reshape(-1, 64)
-        width = blocks.max(axis=1) - blocks.min(axis=1)
-        self.varied += int((width > 0).sum())
-        self.lively += int((width > SPAN * (self.step or 0.0)).sum())
-        self.wide += int((width > WIDE_SPAN * (self.step or 0.0)).sum())
-
-    def _keep(self, lengths, starts, values):
-        self.counts += np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
-        chosen = np.flatnonzero(lengths >= LEAST_STUCK)
-        self.long += [(int(lengths[i]), int(starts[i]), float(values[i])) for i in chosen]
-        if len(self.long) > KEPT_RUNS:
-            self.long = sorted(self.long, reverse=True)[:KEPT_RUNS]
-
-    @property
-    def fine(self):
-        """Whether the noise spans the quantisation step."""
-        return self.lively >= 0.5 * self.varied > 0
-
-    def stuck(self):
-        """Return (rows, first row, value) of each run too long for chance."""
-        if self.rows > self.open:
-            length = self.rows - self.open
-            self._keep(np.array([length]), np.array([self.open]), np.array([self.last]))
-            self.open = self.rows
-        long = sorted((run for run in self.long if np.isfinite(run[2])), reverse=True)
-        # the zero-th count is the empty run before the first row
-        counts = self.counts[1:].copy()
-        short = np.flatnonzero(counts[: LEAST_STUCK - 1])
-        lengths = [run[0] for run in long] + [int(short[-1]) + 1 if len(short) else 1]
-        usual = np.arange(1, LENGTHS + 1)
-        for k in range(len(long) - 1, -1, -1):
-            rest = np.where(usual <= lengths[k + 1], counts, 0)
-            n = rest.sum()
-            if n < LEAST_RUNS or not self.fine:
-                continue
-            even = lengths[k + 1] <= 1 + 3 * (rest @ usual) / n * np.log(n)
-            if lengths[k] >= (STUCK_FACTOR if even else STUCK_FACTOR_COARSE) * lengths[k + 1]:
-                return long[: k + 1]
-        return []
-
-
 def _stuck_figures(found, rate, file):
     """Return how often, for how many rows, how long at most and from when an axis was stuck."""
     return {
@@ -282,32 +204,6 @@ def _common_changes(x, y, at_x, at_y):
         return max(len(at_x), len(at_y)), 0
     both = at_x[x[at_x] == y[at_x]]
     return max(len(at_x), len(at_y)), int((x[both + 1] == y[both + 1]).sum())
-
-
-def _held_lengths(changes, rows):
-    """Return how many runs of rows without a change on any axis there are, by length."""
-    changed = np.zeros(rows, dtype=bool)
-    for at in changes:
-        changed[at + 1] = True
-    # runs cut by the row group's ends are left out
-    lengths = np.diff(np.flatnonzero(changed))
-    return np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
-
-
-def _rows_a_value(counts):
-    """Return how many rows a value of a sensor is held, 1 where it is not."""
-    lengths = np.arange(LENGTHS)
-    n = counts[:LENGTHS].sum()
-    if n < LEAST_RUNS:
-        return 1.0
-    # the median, so that a few stuck stretches do not count
-    middle = lengths[np.searchsorted(np.cumsum(counts[:LENGTHS]), n / 2)]
-    near = np.abs(lengths - middle) <= max(1.0, 0.15 * middle)
-    kept = counts[:LENGTHS] * near
-    mean = float(kept @ lengths / kept.sum())
-    near = np.abs(lengths - mean) <= max(1.0, 0.15 * mean)
-    share = counts[:LENGTHS][near].sum() / counts.sum()
-    return mean if mean >= LEAST_HELD and share >= HELD_SHARE else 1.0
 
 
 def _at_limits(x, limits, step):
@@ -398,42 +294,6 @@ def _rate_at_rest(found):
         return None
     quiet = np.argsort(spread)[: max(len(spread) // 4, LEAST_BLOCKS)]
     return float(np.median(rate[quiet]))
-
-
-class _Turns:
-    """How far the angular rate turns the device, beside how far gravity turns in its axes."""
-
-    # decades of the ratio
-    edges = np.linspace(-8, 8, 321)
-
-    def __init__(self, rate):
-        self.rows, self.dt = max(round(TURN_TIME * rate), 1), 1 / rate
-        self.counts = np.zeros(len(self.edges) - 1, dtype=int)
-
-    def add(self, x):
-        """Take in a row group."""
-        m = len(x["ax"]) // self.rows
-        force, rate = (
-            np.array([x[n][: m * self.rows].reshape(m, self.rows).mean(axis=1) for n in axes])
-            for axes in SENSORS.values()
-        )
-        size = np.sqrt((force**2).sum(axis=0))
-        # where gravity is most of the force
-        steady = np.abs(size / np.median(size) - 1) < 0.2 if m else size > 0
-        force = force / np.where(size > 0, size, 1.0)
-        angle = 2 * np.arcsin(np.minimum(np.sqrt((np.diff(force) ** 2).sum(axis=0)) / 2, 1))
-        turn = np.sqrt(((rate[:, 1:] + rate[:, :-1]) ** 2).sum(axis=0)) / 2 * self.rows * self.dt
-        used = steady[1:] & steady[:-1] & (angle > LEAST_TURN)
-        decades = np.clip(np.log10(turn[used] / angle[used]), -7.99, 7.99)
-        self.counts += np.histogram(decades, self.edges)[0]
-
-    def ratio(self):
-        """Return the median ratio; None where the device hardly turns."""
-        n = self.counts.sum()
-        if n < LEAST_TURNS:
-            return None
-        i = np.searchsorted(np.cumsum(self.counts), n / 2)
-        return float(10 ** (self.edges[i : i + 2].mean()))
 
 
 def warnings(figures, units):
