@@ -1,16 +1,19 @@
 """Mutated logs and configs, a small part of ``python -m bench.fuzz``; and whether it would see."""
 
+import gzip
 import os
 import time
 from pathlib import Path
 
 import pytest
 
-from bench import fuzz
+from bench.fuzz import worker
+from bench.fuzz.run import fuzz
+from bench.fuzz.seeds import all_seeds
 
 
 def test_mutated_files_are_read_rejected_or_told_in_one_line():
-    ends, faults = fuzz.fuzz(250)
+    ends, faults = fuzz(250)
     assert faults == []
     assert {end for _, end in ends} == {"ok", "rejected", "declared", "faults", "unreadable"}
     assert len({kind for kind, _ in ends}) == 9
@@ -18,13 +21,13 @@ def test_mutated_files_are_read_rejected_or_told_in_one_line():
 
 @pytest.mark.parametrize("kind", ["csv", "ulog", "matlab", "zip", "ros", "dataflash", "table"])
 def test_what_is_mutated_was_a_sound_log(kind, tmp_path, monkeypatch):
-    seeds = fuzz.all_seeds(tmp_path)[kind]
+    seeds = all_seeds(tmp_path)[kind]
     monkeypatch.chdir(tmp_path)
     for name, content in seeds:
-        Path(name).write_bytes(fuzz.gzip.compress(content) if name.endswith("gz") else content)
+        Path(name).write_bytes(gzip.compress(content) if name.endswith("gz") else content)
         numbered = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
         declared = {"columns": numbered} if name == "log.txt" else {}
-        assert fuzz.judge_log(name, declared) == ("ok", None)
+        assert worker.judge_log(name, declared) == ("ok", None)
 
 
 @pytest.mark.parametrize(
@@ -40,14 +43,14 @@ def test_what_is_mutated_was_a_sound_log(kind, tmp_path, monkeypatch):
     ],
 )
 def test_harm_is_seen(monkeypatch, harm, end, told):
-    read = fuzz.ingest
+    read = worker.ingest
 
     def harmful(**declared):
         harm()
         Path("log.csv").write_text("")
         read(**{**declared, "paths": ["log.csv"], "columns": None})
 
-    monkeypatch.setattr(fuzz, "ingest", harmful)
-    monkeypatch.setattr(fuzz, "SECONDS", 1)
-    ends, [(_, _, fault)] = fuzz.fuzz(1, only="csv")
+    monkeypatch.setattr(worker, "ingest", harmful)
+    monkeypatch.setattr(worker, "SECONDS", 1)
+    ends, [(_, _, fault)] = fuzz(1, only="csv")
     assert [*ends] == [("csv", end)] and told in fault
