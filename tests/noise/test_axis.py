@@ -200,3 +200,17 @@ def test_nothing_to_fit_is_a_result(x):
 def test_a_ramp_without_noise_is_a_ramp():
     noise = estimate_record(1e-3 * np.arange(2000.0), 1.0, SETTINGS).noise
     assert noise.R.value == pytest.approx(1e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [1e-3, 0.0, 1e3])
+def test_where_the_fit_begins_does_not_matter(share):
+    x = record(3, Q=2e-3, B=4e-3, K=3e-4)
+    plain = estimate_axis([WHOLE], BASIS, [[x]], SETTINGS).noise
+    start = np.array([0.02, 0.01 / share if share else 1.0, 4e-3, 3e-4 * share]) ** 2
+    begun = estimate_axis([WHOLE], BASIS, [[x]], SETTINGS, start).noise
+    for name in "QNBK":
+        one, other = getattr(plain, name), getattr(begun, name)
+        assert one.identifiable == other.identifiable
+        assert other.upper95 == pytest.approx(one.upper95, rel=1e-2)
+        if one.identifiable:
+            assert other.value == pytest.approx(one.value, rel=1e-2)

@@ -49,7 +49,7 @@ def estimate_record(x, rate, settings):
     return estimate_axis([layout], modes([layout]), [[np.asarray(x, float)]], settings)
 
 
-def estimate_axis(layouts, basis, values, settings):
+def estimate_axis(layouts, basis, values, settings, start=None):
     """Estimate the noise of one axis.
 
     Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
@@ -66,6 +66,8 @@ def estimate_axis(layouts, basis, values, settings):
         Samples of each stretch of each session, SI.
     settings : NoiseSettings
         Levels of the tests.
+    start : ndarray, shape (4,), optional
+        Squares of Q, N, B, K to begin with, as the Allan curve gives them.
 
     Returns
     -------
@@ -74,16 +76,17 @@ def estimate_axis(layouts, basis, values, settings):
     """
     if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-    lines, search = find_lines(layouts, basis, values, settings)
+    lines, search = find_lines(layouts, basis, values, settings, start)
     slow, fast = search.likelihood.slow, search.likelihood.fast
     highest = _highest(search)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
-    search = _search(basis, slow, fast, count, settings)
+    search = _search(basis, slow, fast, count, settings, start)
     terms = search.select()
     epsilon = _misfit(search, terms, count, number, settings.significance)
     if epsilon.any():
-        search = _search(basis, slow, fast, count * weights(epsilon, count, number), settings)
+        count = count * weights(epsilon, count, number)
+        search = _search(basis, slow, fast, count, settings, start)
         terms = search.select()
     noise = axis_noise(search, terms)
     noise = replace(
@@ -94,12 +97,12 @@ def estimate_axis(layouts, basis, values, settings):
     return AxisEstimate(noise, float(epsilon.max()), highest)
 
 
-def find_lines(layouts, basis, values, settings):
+def find_lines(layouts, basis, values, settings, start=None):
     """Find lines and take them out one by one, each against the noise fitted beside those before.
 
     Parameters
     ----------
-    layouts, basis, values, settings
+    layouts, basis, values, settings, start
         As `estimate_axis` takes them.
 
     Returns
@@ -111,7 +114,7 @@ def find_lines(layouts, basis, values, settings):
     """
     lines = []
     while True:
-        search = _search(basis, *basis.amplitudes(values), basis.count, settings)
+        search = _search(basis, *basis.amplitudes(values), basis.count, settings, start)
         if len(lines) == LINES:
             break
         density = _density(search, search.select())
@@ -151,9 +154,9 @@ def _slow_line(layouts, values, search):
     return found and find_line(layouts, values, density, level)
 
 
-def _search(basis, slow, fast, count, settings):
+def _search(basis, slow, fast, count, settings, start=None):
     likelihood = Likelihood(slow, fast, count, basis.ramp)
-    return Search(basis, likelihood, settings.significance, settings.hump_significance)
+    return Search(basis, likelihood, settings.significance, settings.hump_significance, start)
 
 
 def _sinusoid(line, rate):

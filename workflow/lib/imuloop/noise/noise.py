@@ -126,15 +126,17 @@ def estimate_noise(device, sessions, settings, uncut=True):
         for axis in CHANNELS:
             columns = [record.column(axis) for record in records]
             values = [record.cut(x) for record, x in zip(records, columns, strict=True)]
-            estimate = _estimate(axis, layouts, basis, values, settings, notes)
+            curve = allan_variance([x for each in values for x in each], factors)
+            fitted = fit_curve(factors / rate, curve, spread)
+            curves[axis] = dict(zip(TERMS, fitted, strict=True))
+            start = np.square(fitted[:4]) if any(fitted[:4]) else None
+            estimate = _estimate(axis, layouts, basis, values, settings, notes, start)
             if added > 0.5 / rate:
                 every = [record.cut(x) for record, x in zip(whole, columns, strict=True)]
-                other = _estimate(axis, whole_layouts, whole_basis, every, settings, [])
+                other = _estimate(axis, whole_layouts, whole_basis, every, settings, [], start)
                 uncut_axes[axis] = asdict(other.noise)
             axes[axis] = estimate.noise
             spectra[axis] = {"misfit": estimate.misfit, "band_hz": estimate.band_hz}
-            curve = allan_variance([x for each in values for x in each], factors)
-            curves[axis] = dict(zip(TERMS, fit_curve(factors / rate, curve, spread), strict=True))
             for record, stretches in zip(records, values, strict=True):
                 name = record.session.name
                 statistics[name][axis] = summary(stretches, record.rate)
@@ -165,7 +167,7 @@ def estimate_noise(device, sessions, settings, uncut=True):
     )
 
 
-def _estimate(axis, layouts, basis, values, settings, notes):
+def _estimate(axis, layouts, basis, values, settings, notes, start):
     """Return the AxisEstimate of one axis, with notes on what stands in its way."""
     nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
     if not all(np.isfinite(x).all() for each in values for x in each):
@@ -174,7 +176,7 @@ def _estimate(axis, layouts, basis, values, settings, notes):
     if not any(np.ptp(x) for each in values for x in each):
         notes.append(f"{axis}: output is constant, no coefficient estimated")
         return nothing
-    estimate = estimate_axis(layouts, basis, values, settings)
+    estimate = estimate_axis(layouts, basis, values, settings, start)
     if not any(getattr(estimate.noise, n).upper95 for n in TERMS):
         notes.append(f"{axis}: too few samples for a coefficient")
     if estimate.misfit:

@@ -78,12 +78,15 @@ class Search:
         Of the axis.
     level, hump_level : float
         Levels at which one of the five terms, and a Gauss-Markov process, counts as supported.
+    start : ndarray, shape (4,), optional
+        Squares of Q, N, B, K that the first fit begins with.
     """
 
     modes: object
     likelihood: object
     level: float
     hump_level: float
+    start: np.ndarray | None = None
 
     def units(self, terms):
         """Return the unit spectra of terms, ramp excepted, shape (r, p)."""
@@ -140,7 +143,8 @@ class Search:
         beside them, best first, a Gauss-Markov process only where no other does; and again.
         """
         names = tuple(n for n in NAMES if n in self.candidates)
-        full = self.fit(Terms(names))
+        start = None if self.start is None else self.start[[NAMES.index(n) for n in names]]
+        full = self.likelihood.fit(self.units(Terms(names)), start=start)
         terms = Terms(tuple(n for n, v in zip(names, full.theta, strict=True) if v > 0))
         seen = []
         while terms not in seen:
