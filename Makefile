@@ -11,7 +11,7 @@ report: setup
 	@echo "Open results/report.html"
 
 test: setup
-	$(BIN)/pytest
+	$(BIN)/pytest -n $(CORES) --dist loadgroup
 
 lint: setup
 	$(BIN)/ruff check .

@@ -14,6 +14,16 @@ settings.load_profile("repeatable")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+# their tests share a run of the workflow
+TOGETHER = ("published", "workflow")
+
+
+def pytest_collection_modifyitems(items):
+    """Keep on one worker what shares a fixture: a file, or a folder with a run of the workflow."""
+    for item in items:
+        folder = item.path.parent.name
+        group = folder if folder in TOGETHER else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session")
