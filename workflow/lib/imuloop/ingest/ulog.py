@@ -8,7 +8,6 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
-from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -46,7 +45,7 @@ _NO_ACCELERATION = 0x7FFFFFFF
 _MOST_FIELDS = 1_000_000
 
 
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read a ULog file.
 
     The streams are the topics with their instance, ``sensor_accel_0``. Increments become rates by
@@ -61,8 +60,6 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         where they are named.
     batch_rows : int
         Rows given at once.
-    most : int
-        Bytes read of the log's head, where only its names count; -1 is all.
 
     Raises
     ------
@@ -72,18 +69,13 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         If the file is no ULog file, or holds no inertial sensor.
     """
     topics = {*_SENSORS, *(re.sub(r"_\d+$", "", name) for name in stream_names(columns))}
-    log, damage = _parsed(paths["log"], sorted(topics), most)
+    log, notes = _parsed(paths["log"], sorted(topics))
     streams = []
     for topic in log.data_list:
         streams += _streams(topic.name, topic.multi_id, topic.data)
     if not streams:
         raise RejectedLog(f"the log holds no rows of {', '.join(_SENSORS)}")
-    with blamed_for_loss(damage):
-        raw = raw_log(streams, columns, batch_rows)
-    notes = list(damage)
-    if log.dropouts:
-        lost = sum(dropout.duration for dropout in log.dropouts) / 1000
-        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
+    raw = raw_log(streams, columns, batch_rows)
     for topic in _CORRECTED:
         if any(name.startswith(topic) for name in raw.found["acceleration"]):
             notes.append(
@@ -114,8 +106,8 @@ class _Tape(io.BytesIO):
         pass
 
 
-def _parsed(path, topics, most):
-    """Return the log as the library reads it, and what of it is damaged or cut off."""
+def _parsed(path, topics):
+    """Return the log as the library reads it, and what it did not read."""
     ulog = needed("pyulog", "ulog").ULog
     sizes, described = {}, 0
 
@@ -130,7 +122,7 @@ def _parsed(path, topics, most):
                 super()._parse_format(formats)
 
     with open(path, "rb") as file:
-        tape = _Tape(file.read(most))
+        tape = _Tape(file.read())
     try:
         # the library prints its warnings
         with contextlib.redirect_stdout(None):
@@ -139,14 +131,17 @@ def _parsed(path, topics, most):
         raise
     except Exception as error:
         raise RejectedLog("the file is not a whole ULog file") from error
-    damage, left = [], tape.size - tape.tell()
+    notes, left = [], tape.size - tape.tell()
     if tape.cut:
-        damage.append("the file ends inside a message: the log was cut off")
+        notes.append("the file ends inside a message: the log was cut off")
     if log.file_corruption:
-        damage.append("parts of the file are damaged; the rows in them are lost")
+        notes.append("parts of the file are damaged; the rows in them are lost")
     if left > 0:
-        damage.append(f"the last {left} of {tape.size} bytes cannot be read")
-    return log, damage
+        notes.append(f"the last {left} of {tape.size} bytes cannot be read")
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts) / 1000
+        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
+    return log, notes
 
 
 def _field_count(name, formats, known, basic):
