@@ -1,8 +1,10 @@
 """Faults of a config: all are told, one a line, each with its key and the remedy."""
 
+import dataclasses
 import json
 import os
 import textwrap
+import zipfile
 
 import netCDF4
 import pytest
@@ -11,6 +13,8 @@ from snakemake.common.configfile import load_configfile
 
 from imuloop.config import merge
 from imuloop.config_faults import as_given, config_faults, unreadable
+from imuloop.ingest import phone
+from imuloop.ingest.formats import FORMATS
 
 REPLICAS = {"iphone_6": ["static", "six_position"]}
 SHA = "0" * 64
@@ -265,6 +269,30 @@ def test_a_log_can_be_a_folder(faults, tmp_path):
     assert faults(session("kind: static, file: bag, format: csv")) == [line]
     (tmp_path / "bag" / "bag_0.db3").unlink()
     assert faults(session("kind: static, file: bag")) == [line]
+
+
+@pytest.mark.parametrize("checked", [1, 1 << 25])
+def test_streams_of_a_large_log_are_checked_before_the_run(faults, tmp_path, monkeypatch, checked):
+    monkeypatch.setattr("imuloop.config_faults.CHECKED", checked)
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        for name in ("Accelerometer", "Gyroscope"):
+            rows = "".join(f"{i / 100},0,0,1\n" for i in range(100_000))
+            archive.writestr(f"{name}.csv", f"Time (s),{name} x,{name} y,{name} z\n{rows}")
+    read, most = phone.read, []
+
+    def spy(*arguments, **options):
+        most.append(options.get("most"))
+        return read(*arguments, **options)
+
+    sound = dataclasses.replace(FORMATS["phone"], read=spy)
+    monkeypatch.setitem(FORMATS, "phone", sound)
+    text = session("kind: static, file: log.zip, columns: {angular_rate: %s}")
+    assert faults(text % "Gyroscope") == []
+    assert most == ([1] if checked == 1 else [None])
+    [line] = faults(text % "Gyrosope")
+    assert "no stream 'Gyrosope'" in line and line.endswith("did you mean 'Gyroscope'?")
+    # what the head lacks may come later; then once more for the other columns
+    assert most[1:] == ([1, None, 1] if checked == 1 else [None, None])
 
 
 def test_numbers_of_a_json_config_are_what_they_look_like(faults):

@@ -248,6 +248,25 @@ def test_damage_costs_its_rows(run, single, write, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("kind", [binary, text])
+def test_a_sensor_lost_to_damage_is_a_fault_of_the_data(run, single, write, kind):
+    messages = [
+        ("ACC", ACC, sampled(single, ACCELERATION)),
+        ("GYR", GYR, sampled(single, ANGULAR_RATE)),
+    ]
+    content = kind(*messages)
+    columns = {"angular_rate": "GYR_0"}
+    # its definition alone: the length, or the number of fields
+    at = content.index(b"GYR")
+    damaged = content[: at - 1] + b"\xff" + content[at:]
+    if kind is text:
+        damaged = content.replace(b", SampleUS,Gyr".replace(b" ", b""), b"Gyr")
+    (reason,) = run(write(damaged), columns=columns, format="dataflash").quality["reasons"]
+    assert reason.startswith("the log is damaged: ") and "no stream 'GYR_0'" in reason
+    with pytest.raises(ImuloopError, match="no stream 'GYR_0'"):
+        run(write(kind(messages[0])), columns=columns, format="dataflash")
+
+
 def test_mutated_logs_give_one_line_at_most(run, single, write):
     rng = np.random.default_rng(11)
     for kind in (binary, text):

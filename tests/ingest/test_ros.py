@@ -293,6 +293,16 @@ def test_what_sqlite_had_not_written_is_said(imu, run, write):
     assert note in run(path).quality["warnings"]
 
 
+def test_a_topic_lost_to_damage_is_a_fault_of_the_data(imu, run, write):
+    path = write("db3", imu) / "log.db3"
+    declared = {"angular_rate": "/gyro"}
+    with pytest.raises(ImuloopError, match="no stream '/gyro'"):
+        run(path, columns=declared)
+    Path(f"{path}-wal").write_bytes(b"x")
+    (reason,) = reasons(run(path, columns=declared))
+    assert reason.startswith("the log is damaged: log.db3-wal") and "no stream '/gyro'" in reason
+
+
 @pytest.mark.parametrize(
     ("kind", "tool"),
     [("bag", "rosbag reindex"), ("db3", "sqlite3 with .recover"), ("mcap", "mcap recover")],
@@ -368,6 +378,25 @@ def test_a_bomb_is_not_unpacked(run, tmp_path, bomb):
     bomb(path)
     (reason,) = reasons(run(path))
     assert reason.startswith("unpacked, the file is more than 200 times its ")
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "ALTER TABLE messages ADD COLUMN more BLOB AS (zeroblob(900000000))",
+        "ALTER TABLE messages RENAME COLUMN data TO held;"
+        "ALTER TABLE messages ADD COLUMN data BLOB AS (zeroblob(900000000))",
+        "DROP TABLE schema; CREATE VIEW schema AS WITH RECURSIVE n(schema_version) AS "
+        "(SELECT 1 UNION ALL SELECT 1 FROM n) SELECT max(schema_version) AS schema_version FROM n",
+        "ALTER TABLE messages RENAME TO old; CREATE VIRTUAL TABLE messages USING fts4(data)",
+    ],
+)
+def test_tables_that_compute_their_rows_are_refused(imu, run, write, sql):
+    path = write("db3", imu) / "log.db3"
+    with sqlite3.connect(path) as base:
+        base.executescript(sql)
+    base.close()
+    assert "computed by SQL" in reasons(run(path))[0]
 
 
 def test_an_index_that_is_given_again_and_again(log, stamps, run, tmp_path):

@@ -266,6 +266,22 @@ def test_damage_costs_its_rows(run, single, write, capfd):
     assert capfd.readouterr().out == ""
 
 
+@pytest.mark.parametrize("declared", [None, {"angular_rate": "sensor_gyro_0"}])
+def test_a_sensor_lost_to_damage_is_a_fault_of_the_data(run, single, write, declared):
+    path = write(sensor(single, "accel", 0), sensor(single, "gyro", 0))
+    content = path.read_bytes()
+    # of the gyroscope's subscription, the kind of message
+    at = content.index(b"sensor_gyro", content.index(b"sensor_gyro") + 1) - 4
+    path.write_bytes(content[:at] + b"\xff" + content[at + 1 :])
+    (reason,) = run(path, columns=declared).quality["reasons"]
+    assert reason.startswith("the log is damaged: ")
+    lacks = "no stream 'sensor_gyro_0'" if declared else "no angular_rate found"
+    assert f"{lacks}; there" in reason or f"{lacks}; the log holds sensor_accel_0" in reason
+    # a log that is whole never had one
+    with pytest.raises(ImuloopError, match=lacks):
+        run(write(sensor(single, "accel", 0)), columns=declared)
+
+
 def test_mutated_logs_give_one_line_at_most(run, single, write):
     path = write(combined(single))
     content = bytearray(path.read_bytes())[:4000]

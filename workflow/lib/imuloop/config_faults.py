@@ -2,6 +2,7 @@
 
 import os
 import re
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from imuloop.yaml_traps import yaml_faults
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
-# a log that has to be read as a whole is judged before the run up to so many bytes, else by its job
+# most bytes judged before the run of a log that is read as a whole, unless a fault is in them
 CHECKED = 1 << 25
 
 # other spellings of the units, in small letters: by similarity dps would be rad/s
@@ -274,7 +275,7 @@ def _file_faults(session, replicas):
     locked = [names[role] for role in there if not os.access(names[role], os.R_OK)]
     if locked:
         yield ("file",), f"{locked[0]} cannot be read: permission denied"
-    elif len(there) == len(given) and not (log_format.whole and _size(names) > CHECKED):
+    elif len(there) == len(given):
         yield from _column_faults(session, log_format, names)
 
 
@@ -295,7 +296,7 @@ def _column_faults(session, log_format, names):
     wrong = set()
     while True:
         try:
-            log = log_format.read(names, declared)
+            log = _read(log_format, names, declared)
             break
         except RejectedLog:
             # a fault of the data, for the job to find
@@ -314,6 +315,15 @@ def _column_faults(session, log_format, names):
     timed = "time" in {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
         yield ("rate",), f"missing; {names['log']} has no time column"
+
+
+def _read(log_format, names, declared):
+    """Return the log, of a large one the head where nothing is amiss in it."""
+    if log_format.whole and _size(names) > CHECKED:
+        # a stream that the head lacks may come later
+        with suppress(ImuloopError):
+            return log_format.read(names, declared, most=CHECKED)
+    return log_format.read(names, declared)
 
 
 def _time_range_fault(start, end):

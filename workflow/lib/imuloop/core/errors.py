@@ -7,6 +7,10 @@ class ImuloopError(Exception):
     """What the user declared or gave cannot be used; one line, no traceback needed."""
 
 
+class Lacking(ImuloopError):
+    """A log does not hold what was declared or is needed."""
+
+
 class RejectedLog(ImuloopError):
     """What is wrong lies in the data: the session is rejected, the run goes on."""
 

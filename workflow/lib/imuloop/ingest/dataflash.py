@@ -8,6 +8,7 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
+from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -27,7 +28,7 @@ _HEAD, _FORMAT, _FORMAT_LENGTH = b"\xa3\x95", 0x80, 89
 _LEAST_SHARE = 0.01
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a DataFlash log.
 
     The streams are messages with their instance, ``IMU_0``; in older logs without instances
@@ -42,6 +43,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
         where they are named.
     batch_rows : int
         Rows given at once.
+    most : int
+        Bytes read of the log's head, where only its names count; -1 is all.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     """
     library = needed("pymavlink.DFReader", "dataflash")
     with open(paths["log"], "rb") as file:
-        data = file.read()
+        data = file.read(most)
     declared = {re.sub(r"_\d+$", "", name) for name in stream_names(columns)}
 
     def wanted(name):
@@ -61,7 +64,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     head = data[:4096]
     if _HEAD not in head and b"FMT," not in head:
         raise RejectedLog("the file is no DataFlash log")
-    messages, bad, notes = (_binary if _HEAD in head else _text)(library, data, wanted)
+    messages, bad, damage = (_binary if _HEAD in head else _text)(library, data, wanted)
     streams = []
     for name, fields in messages:
         parts = _streams(name, fields)
@@ -73,9 +76,11 @@ def read(paths, columns=None, batch_rows=1 << 16):
                 bad += len(part.stamps)
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
-    raw = raw_log(streams, columns, batch_rows)
+    lost = [f"{bad} rows cannot be read"] if bad and not damage else damage
+    with blamed_for_loss(lost):
+        raw = raw_log(streams, columns, batch_rows)
     raw.notes[:0] = [
-        *notes,
+        *damage,
         "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before",
     ]
     raw.bad_lines = bad
@@ -83,7 +88,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
 
 def _binary(library, data, wanted):
-    """Return (name, fields) of the wanted messages, the rows that cannot be read, and notes.
+    """Return (name, fields) of the wanted messages, the rows that cannot be read, and the damage.
 
     A message counts where the next one or the end of the file follows it. (The library's own
     index ends at the first message that it does not know, as damage makes them.)
@@ -133,7 +138,7 @@ def _fields(library, data, rows, codes, names, size):
 
 
 def _text(library, data, wanted):
-    """Return (name, fields) of the wanted messages, the rows that cannot be read, and notes."""
+    """Return (name, fields) of the wanted messages, the rows not read, and the damage."""
     formats, rows = {}, {}
     *lines, rest = data.split(b"\n")
     # where the log was cut off, nobody knows whether its last number is whole

@@ -17,7 +17,7 @@ class Format:
     Attributes
     ----------
     read : callable
-        ``read(paths, columns, batch_rows) -> RawLog``.
+        ``read(paths, columns, batch_rows) -> RawLog``; with `most` too where `whole`.
     endings : tuple of str
         Endings of the file names that stand for the format, lower case.
     files : tuple of str
@@ -25,7 +25,7 @@ class Format:
     folder : bool
         Whether it may be a folder with files of these endings.
     whole : bool
-        Whether `read` takes in the whole log, not its head alone.
+        Whether `read` takes in the whole log unless `most` says how many bytes of it, about.
     """
 
     read: Callable
@@ -43,7 +43,7 @@ FORMATS = {
     "imu_tk": Format(imu_tk.read, (), imu_tk.FILES),
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
-    "matlab": Format(matlab.read, matlab.ENDINGS, whole=True),
+    "matlab": Format(matlab.read, matlab.ENDINGS),
     "ros": Format(ros.read, ros.ENDINGS, folder=True, whole=True),
     "phone": Format(phone.read, phone.ENDINGS, whole=True),
     # a .csv as others; told by its name here or by what it holds

@@ -85,7 +85,7 @@ class _Table:
     bad_lines: int = 0
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a zip of CSV tables as phyphox and Sensor Logger export it.
 
     Nothing is unpacked to disk. Of Sensor Logger, what is not calibrated by the phone goes before
@@ -100,6 +100,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
         to the file, where it holds one sensor.
     batch_rows : int
         Rows read and given at once, about.
+    most : int
+        Bytes read of each table's head, where only its names count; -1 is all.
 
     Raises
     ------
@@ -115,7 +117,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         tables = [
             table
             for name, info in members.items()
-            if (table := _table(name, partial(_Member, archive, info), batch_rows))
+            if (table := _table(name, partial(_Member, archive, info), batch_rows, most))
         ]
     if not tables:
         listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
@@ -143,7 +145,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     return log
 
 
-def read_sensorlog(paths, columns=None, batch_rows=1 << 16):
+def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
 
     Parameters
@@ -155,6 +157,8 @@ def read_sensorlog(paths, columns=None, batch_rows=1 << 16):
         is not logged, ``motion``.
     batch_rows : int
         Rows read and given at once, about.
+    most : int
+        Bytes read of the table's head, where only its names count; -1 is all.
 
     Raises
     ------
@@ -172,7 +176,7 @@ def read_sensorlog(paths, columns=None, batch_rows=1 << 16):
         if not set(wanted) <= set(bare) or (name == "motion" and "gyro" in streams):
             continue
         positions = [bare.index(each) for each in wanted]
-        stamps, values, bad, unstamped = _series(path, layout, positions, batch_rows)
+        stamps, values, bad, unstamped = _series(path, layout, positions, batch_rows, most)
         fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
         if not fresh.any():
             continue
@@ -293,7 +297,7 @@ def _about(archive, members):
     return about
 
 
-def _table(name, opened, batch_rows):
+def _table(name, opened, batch_rows, most):
     """Return the table, or None where it is none of a sensor's."""
     try:
         layout = find_layout(opened())
@@ -310,7 +314,7 @@ def _table(name, opened, batch_rows):
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(layout.names)]) if i != time}
     positions = [time, *others.values()]
-    stamps, values, bad, unstamped = _series(opened(), layout, positions, batch_rows)
+    stamps, values, bad, unstamped = _series(opened(), layout, positions, batch_rows, most)
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit, "acceleration": "m/s^2", "angular_rate": "rad/s"}
     for quantity in ("acceleration", "angular_rate"):
@@ -332,13 +336,13 @@ def _sensors(file, names):
     return {sensor: [axes[a] for a in AXES] for sensor, axes in found.items() if len(axes) == 3}
 
 
-def _series(source, layout, positions, batch_rows):
+def _series(source, layout, positions, batch_rows, most):
     """Return the stamps in the first of the columns, the numbers in the others, and two counts.
 
     The counts are of lines that are no row, and of rows without a stamp; both are left out.
     """
     count = SimpleNamespace(bad_lines=0)
-    stamps, values, unstamped = [], [], 0
+    stamps, values, unstamped, held = [], [], 0, 0
     for text in text_batches(source, layout, positions, batch_rows, count):
         x, readable, dates = stamp_values(parse_stamps(text[0]))
         readable = readable & (not dates)
@@ -346,6 +350,9 @@ def _series(source, layout, positions, batch_rows):
         stamps.append(x[readable])
         rows = [numbers(column).to_numpy(zero_copy_only=False) for column in text.columns[1:]]
         values.append([column[readable] for column in rows])
+        held += text.nbytes
+        if 0 <= most < held:
+            break
     if not stamps:
         return np.empty(0), [np.empty(0)] * (len(positions) - 1), count.bad_lines, unstamped
     joined = [np.concatenate(column) for column in zip(*values, strict=True)]

@@ -14,6 +14,7 @@ import yaml
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
+from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
 from imuloop.ingest.packed import MOST_HELD, MOST_TIMES, check_unpacked
 from imuloop.ingest.streams import Stream, raw_log
@@ -39,9 +40,16 @@ _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "tempe
 _BAG, _SQLITE, _MCAP = b"#ROSBAG", b"SQLite format 3\0", b"\x89MCAP0\r\n"
 _MENDED_BY = {_BAG: "rosbag reindex", _SQLITE: "sqlite3 with .recover", _MCAP: "mcap recover"}
 _ZSTD = b"\x28\xb5\x2f\xfd"
+# tables of a bag that compute what they hold: a file of 10 kB can give a row of 1 GB, or no end
+_COMPUTED = """
+    SELECT 1 FROM sqlite_master AS held
+    LEFT JOIN pragma_table_xinfo(held.name) AS part ON part.hidden > 1
+    WHERE held.name IN ('messages', 'topics', 'schema', 'message_definitions') AND (
+        held.type = 'view' OR part.name IS NOT NULL OR held.sql LIKE 'CREATE VIRTUAL%')
+"""
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read the topics of inertial messages of a bag.
 
     The stamps are those of the headers in ns; where a topic's never change, the times of receipt.
@@ -54,6 +62,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
         Quantity to a topic, or to ``TOPIC.FIELD``; see `imuloop.ingest.streams.raw_log`.
     batch_rows : int
         Rows given at once.
+    most : int
+        Bytes read of each file's messages, where only their names count; -1 is all.
 
     Raises
     ------
@@ -64,14 +74,18 @@ def read(paths, columns=None, batch_rows=1 << 16):
     """
     needed("rosbags.typesys", "ros")
     files, notes = _files(Path(paths["log"]))
-    topics = {}
+    topics, damage = {}, []
     for path in files:
         for beside in (Path(f"{path}{end}") for end in ("-wal", "-journal")):
             if beside.is_file() and beside.stat().st_size:
-                notes.append(f"{beside.name} holds what SQLite had not yet written; it is not read")
-        _gather(_File(path), topics, notes)
+                damage.append(
+                    f"{beside.name} holds what SQLite had not yet written; it is not read"
+                )
+        _gather(_File(path), topics, damage, most)
     _leave_out_zeros(list(topics.values()))
-    log = raw_log([topic.stream() for topic in topics.values()], columns, batch_rows)
+    with blamed_for_loss(damage):
+        log = raw_log([topic.stream() for topic in topics.values()], columns, batch_rows)
+    notes += damage
     found = [name for each in log.found.values() for name in np.atleast_1d(each)]
     for topic in topics.values():
         if any(name.startswith(f"{topic.name}.") for name in found):
@@ -225,8 +239,8 @@ class _File:
         return unpacked
 
 
-def _gather(file, topics, notes):
-    """Add the messages of a file to the topics."""
+def _gather(file, topics, damage, most):
+    """Add the messages of a file to the topics, and what it lacks to the damage."""
     typesys = needed("rosbags.typesys", "ros")
     ros1 = file.head.startswith(_BAG)
     # never the definitions in the bag: the library makes them Python code and runs it
@@ -243,6 +257,8 @@ def _gather(file, topics, notes):
                 topics.setdefault(key, _Topic(connection))
             left = sum(connection.msgcount for connection in wanted)
             for connection, received, data in reader.messages(wanted) if wanted else ():
+                if 0 <= most < file.out:
+                    return
                 left -= 1
                 if not ros1 and data[:4] == _ZSTD:
                     data = file.inflate("zstd", data)
@@ -253,7 +269,7 @@ def _gather(file, topics, notes):
                     message = None
                 topics[connection.topic, connection.msgtype].add(received, message)
             if left > 0:
-                notes.append(f"{file.path.name} lacks {left} messages that its index announces")
+                damage.append(f"{file.path.name} lacks {left} messages that its index announces")
     except RejectedLog:
         raise
     except Exception as error:
@@ -291,9 +307,10 @@ def _opened(file):
             if file.head
             else f"{file.path.name} is empty"
         )
-    # the library inflates without limit; while it reads this file, it does with one
-    tables = bag.decompressors, mcap.DECOMPRESSORS
+    # the library inflates and queries without limit; while it reads this file, it does with one
+    tables, hooks = (bag.decompressors, mcap.DECOMPRESSORS), needed("apsw", "ros").connection_hooks
     usual = [dict(table) for table in tables]
+    hooks.append(partial(_bound_rows, file.size))
     try:
         for table in tables:
             packings = table.keys() & {"bz2", "lz4", "zstd"}
@@ -304,8 +321,17 @@ def _opened(file):
         finally:
             reader.close()
     finally:
+        hooks.pop()
         for table, each in zip(tables, usual, strict=True):
             table.update(each)
+
+
+def _bound_rows(size, connection):
+    """Keep SQLite from rows longer than the file."""
+    apsw = needed("apsw", "ros")
+    connection.limit(apsw.SQLITE_LIMIT_LENGTH, min(size, MOST_HELD >> 2))
+    if connection.execute(_COMPUTED).fetchone():
+        raise RejectedLog("the bag's tables are computed by SQL, which no recorder writes: refused")
 
 
 def _bounded_bag(base):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
+from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE
 from imuloop.ingest.columns import AXES, guess
 from imuloop.ingest.quality import GAP_STEPS
@@ -170,7 +170,7 @@ def _named(quantity, name, streams):
         if stream.name == name:
             return stream
     known = [stream.name for stream in streams]
-    raise ImuloopError(
+    raise Lacking(
         f"columns.{quantity}: no stream '{name}'; there are {', '.join(known)}"
         f"{did_you_mean(name, known, 0.5)}"
     )
@@ -183,7 +183,7 @@ def _locate(quantity, column, streams):
         for name in stream.fields:
             if column == f"{stream.name}.{name}":
                 return stream, name
-    raise ImuloopError(
+    raise Lacking(
         f"columns.{quantity}: no column '{column}'{did_you_mean(str(column), known, 0.5)}; "
         f"the log's streams are {', '.join(stream.name for stream in streams)}"
     )
@@ -212,7 +212,7 @@ def _only(quantity, found, streams):
         return found[0]
     if not found:
         listed = ", ".join(f"{s.name} ({', '.join(s.fields)})" for s in streams) or "nothing"
-        raise ImuloopError(
+        raise Lacking(
             f"no {quantity} found; the log holds {listed}; name it in columns.{quantity}"
         )
     listed = " and ".join(f"{s.name} ({', '.join(fields)})" for s, fields in found)

@@ -8,6 +8,7 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
+from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -45,7 +46,7 @@ _NO_ACCELERATION = 0x7FFFFFFF
 _MOST_FIELDS = 1_000_000
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a ULog file.
 
     The streams are the topics with their instance, ``sensor_accel_0``. Increments become rates by
@@ -60,6 +61,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
         where they are named.
     batch_rows : int
         Rows given at once.
+    most : int
+        Bytes read of the log's head, where only its names count; -1 is all.
 
     Raises
     ------
@@ -69,13 +72,18 @@ def read(paths, columns=None, batch_rows=1 << 16):
         If the file is no ULog file, or holds no inertial sensor.
     """
     topics = {*_SENSORS, *(re.sub(r"_\d+$", "", name) for name in stream_names(columns))}
-    log, notes = _parsed(paths["log"], sorted(topics))
+    log, damage = _parsed(paths["log"], sorted(topics), most)
     streams = []
     for topic in log.data_list:
         streams += _streams(topic.name, topic.multi_id, topic.data)
     if not streams:
         raise RejectedLog(f"the log holds no rows of {', '.join(_SENSORS)}")
-    raw = raw_log(streams, columns, batch_rows)
+    with blamed_for_loss(damage):
+        raw = raw_log(streams, columns, batch_rows)
+    notes = list(damage)
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts) / 1000
+        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
     for topic in _CORRECTED:
         if any(name.startswith(topic) for name in raw.found["acceleration"]):
             notes.append(
@@ -106,8 +114,8 @@ class _Tape(io.BytesIO):
         pass
 
 
-def _parsed(path, topics):
-    """Return the log as the library reads it, and what it did not read."""
+def _parsed(path, topics, most):
+    """Return the log as the library reads it, and what of it is damaged or cut off."""
     ulog = needed("pyulog", "ulog").ULog
     sizes, described = {}, 0
 
@@ -122,7 +130,7 @@ def _parsed(path, topics):
                 super()._parse_format(formats)
 
     with open(path, "rb") as file:
-        tape = _Tape(file.read())
+        tape = _Tape(file.read(most))
     try:
         # the library prints its warnings
         with contextlib.redirect_stdout(None):
@@ -131,17 +139,14 @@ def _parsed(path, topics):
         raise
     except Exception as error:
         raise RejectedLog("the file is not a whole ULog file") from error
-    notes, left = [], tape.size - tape.tell()
+    damage, left = [], tape.size - tape.tell()
     if tape.cut:
-        notes.append("the file ends inside a message: the log was cut off")
+        damage.append("the file ends inside a message: the log was cut off")
     if log.file_corruption:
-        notes.append("parts of the file are damaged; the rows in them are lost")
+        damage.append("parts of the file are damaged; the rows in them are lost")
     if left > 0:
-        notes.append(f"the last {left} of {tape.size} bytes cannot be read")
-    if log.dropouts:
-        lost = sum(dropout.duration for dropout in log.dropouts) / 1000
-        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
-    return log, notes
+        damage.append(f"the last {left} of {tape.size} bytes cannot be read")
+    return log, damage
 
 
 def _field_count(name, formats, known, basic):
