@@ -17,9 +17,10 @@ from imuloop.core.samples import (
     METADATA_KEY,
     TIME,
 )
-from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest import rests
+from imuloop.ingest.axes import Axes
 from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
-from imuloop.ingest.turns import PLAUSIBLE_RATIO, Turns
+from imuloop.ingest.turns import Turns
 
 SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 
@@ -32,22 +33,6 @@ SPIKE_FACTOR, REACH = 20.0, 8
 LEAST_CLIPPED, CUT_TAIL, STEEP, LEVELS = 20, 60, 4, 4
 # an axis is a copy where this share of its changes is the other's, of at least so many
 COPIED_SHARE, LEAST_CHANGES = 0.99, 50
-# blocks for spectra: rows a block, blocks a row group, blocks needed
-BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
-# share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
-LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
-# the noise near Nyquist is lacking below this share; a log with more drift is moving
-LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
-# an axis is silent at rest where it never changes in this share of the quieter blocks
-SILENT_SHARE = 0.8
-# what a thermometer beside an IMU can show, degC
-PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
-# a temperature may well stay the same for so long, s
-CONSTANT_TEMPERATURE = 60.0
-# no sensor at rest shows more; no hand turns faster than this on average, rad/s
-PLAUSIBLE_REST, PLAUSIBLE_TURN = 1.0, 10.0
-# rates that an IMU's log has, Hz; others are read but told
-USUAL_RATE = (0.5, 4e4)
 
 
 # a damaged file may hold 1e306, which a sum of squares does not
@@ -79,12 +64,14 @@ def measure(file, figures):
     limits = {name: np.zeros((2, LEVELS + 1), dtype=int) for name in CHANNELS}
     pairs = {pair: np.zeros(2, dtype=int) for pair in combinations(names, 2)}
     spectra = {name: [] for name in CHANNELS}
-    rests, turns = [], Turns(figures["rate_hz"])
+    rate = figures["rate_hz"]
+    quiet, turns, way = [], Turns(rate), Axes(rate)
     tail, row = None, 0
     for group in range(file.num_row_groups):
         table = file.read_row_group(group, columns=names)
         x = {name: table[name].to_numpy() for name in names}
         turns.add(x)
+        way.add(x)
         padded = {sensor: _all_at(x, SENSORS[sensor], zeros[sensor]) for sensor in SENSORS}
         # a gyroscope at rest may well show three zeros; an accelerometer never does
         padded["angular_rate"] &= padded["acceleration"]
@@ -104,28 +91,28 @@ def measure(file, figures):
         for name in names:
             spikes[name] += _spikes(whole[name], steps[name] or 0.0)
         tail = {name: column[-2 * REACH :] for name, column in whole.items()}
-        blocks = {name: _blocks(x[name]) for name in CHANNELS}
+        blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
         for name in CHANNELS:
-            spectra[name].append(_bands(blocks[name]))
+            spectra[name].append(rests.bands(blocks[name]))
         means = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
         spread = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        rests.append(np.array([spread, np.sqrt((means**2).sum(axis=0))]))
+        quiet.append(np.array([spread, np.sqrt((means**2).sum(axis=0))]))
         row += table.num_rows
     stuck = {name: runs[name].stuck() for name in CHANNELS}
-    rests, spectra = np.hstack(rests), {name: np.hstack(spectra[name]) for name in CHANNELS}
+    quiet, spectra = np.hstack(quiet), {name: np.hstack(spectra[name]) for name in CHANNELS}
     silent = [
         name
         for name in CHANNELS
         # once or twice is a fault of a moment
         if len(stuck[name]) not in (1, 2)
         and name not in figures["constant"]
-        and _silent(spectra[name][0], rests[0])
+        and rests.silent(spectra[name][0], quiet[0])
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
     zeroed = [{(n, at) for n, at, value in stuck[name] if value == zeros["angular_rate"][i]}
               for i, name in enumerate(ANGULAR_RATE)]  # fmt: skip
-    rate, clipped = figures["rate_hz"], {}
+    clipped = {}
     for name in CHANNELS:
         clipped[name] = _clipped(
             limits[name], figures["range"][name], stuck[name], spikes[name], runs[name], rate
@@ -151,10 +138,11 @@ def measure(file, figures):
         ],
         "silent_at_rest": silent,
         "noise_near_nyquist": {
-            name: None if name in silent else _lacking(spectra[name]) for name in CHANNELS
+            name: None if name in silent else rests.lacking(spectra[name]) for name in CHANNELS
         },
-        "rate_at_rest": _rate_at_rest(rests),
+        "rate_at_rest": rests.rate_at_rest(quiet),
         "turn_ratio": turns.ratio(),
+        "axes": way.fit(),
     }
 
 
@@ -253,179 +241,3 @@ def _spikes(x, step):
         spread = np.maximum(np.abs(near - middle[:, None]).max(axis=1), max(step, usual))
         count += int((np.abs(x[part] - middle) > SPIKE_FACTOR * spread).sum())
     return count
-
-
-def _blocks(x):
-    """Return a few whole blocks of rows, evenly spread, shape (n, BLOCK)."""
-    blocks = x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
-    return blocks[:: max(-(-len(blocks) // BLOCKS), 1)]
-
-
-def _bands(blocks):
-    """Return variance and the mean power in the bands of each block, shape (4, n)."""
-    away = blocks - blocks.mean(axis=1, keepdims=True)
-    power = np.abs(np.fft.rfft(away * np.hanning(BLOCK), axis=1)) ** 2
-    top = BLOCK // 2
-    bands = [power[:, int(a * top) : int(b * top)].mean(axis=1) for a, b in (LOW, MIDDLE, HIGH)]
-    return np.array([away.var(axis=1), *bands])
-
-
-def _lacking(found):
-    """Return the noise near Nyquist as a share of that below; None where nothing rests."""
-    variance, low, middle, high = found[:, np.isfinite(found).all(axis=0) & (found[0] > 0)]
-    if len(variance) < LEAST_BLOCKS:
-        return None
-    quiet = np.argsort(variance)[: max(len(variance) // 4, LEAST_BLOCKS)]
-    if not middle[quiet].sum() or low[quiet].sum() > MOST_DRIFT * middle[quiet].sum():
-        return None
-    return float(high[quiet].sum() / middle[quiet].sum())
-
-
-def _silent(variance, spread):
-    """Tell whether an axis hardly ever changes while the force does not move."""
-    quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
-    return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())
-
-
-def _rate_at_rest(found):
-    """Return the mean angular rate of the quietest blocks, rad/s."""
-    spread, rate = found[:, np.isfinite(found).all(axis=0)]
-    if len(spread) < LEAST_BLOCKS:
-        return None
-    quiet = np.argsort(spread)[: max(len(spread) // 4, LEAST_BLOCKS)]
-    return float(np.median(rate[quiet]))
-
-
-def warnings(figures, units):
-    """Return one line for each kind of fault found: where, how much, and what to do.
-
-    Parameters
-    ----------
-    figures : dict
-        Quality figures, `faults` among them.
-    units : dict
-        Raw unit of each sensor, `RawUnit`.
-    """
-    found, rate = figures["faults"], figures["rate_hz"]
-    if not found:
-        return []
-    lines = []
-    zero = {sensor: n for sensor, n in found["zero_rows"].items() if n}
-    if zero:
-        listed = ", ".join(f"{sensor} in {n} rows" for sensor, n in zero.items())
-        lines.append(
-            f"exactly zero on all axes: {listed}; padding or failed reads, no motion: crop them "
-            "with time_range or take them out of the log"
-        )
-    stuck = {name: f for name, f in found["stuck"].items() if f["stretches"]}
-    if stuck:
-        listed = ", ".join(
-            f"{name} {f['rows']} samples, {f['stretches']} times, first at {f['first_s']:.6g} s"
-            for name, f in stuck.items()
-        )
-        lines.append(f"stuck at one value: {listed}; crop them with time_range")
-    if found["silent_at_rest"]:
-        lines.append(
-            f"no noise at rest: {', '.join(found['silent_at_rest'])}; a step too coarse, or "
-            "firmware that holds the value: noise and bias cannot be told from this log"
-        )
-    spikes = {name: n for name, n in found["spikes"].items() if n}
-    if spikes:
-        listed = ", ".join(f"{name} {n}" for name, n in spikes.items())
-        lines.append(f"spikes of a single sample: {listed}; check the wiring and the logger")
-    full = figures["clipped"]
-    clipped = {n: f for n, f in found["clipped_at"].items() if f["values"] and not full.get(n)}
-    if clipped:
-        listed = ", ".join(
-            f"{name} {f['rows']} samples at {' and '.join(f'{v:.6g}' for v in f['values'])}"
-            for name, f in clipped.items()
-        )
-        lines.append(
-            f"clipped at a repeated extreme value: {listed}; choose a wider range or move more "
-            "gently, and declare full_scale"
-        )
-    held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
-    if held:
-        listed = ", ".join(
-            f"{sensor} for {n:.3g} rows ({rate / n:.4g} Hz of new values in {rate:.4g} Hz)"
-            for sensor, n in held.items()
-        )
-        lines.append(
-            f"a value is held: {listed}; log each new value once, else noise comes out wrong"
-        )
-    for one, other in found["copies"]:
-        lines.append(f"{other} is a copy of {one}: see columns")
-    lacking = {
-        name: share
-        for name, share in found["noise_near_nyquist"].items()
-        if share is not None
-        and share < LACKING_SHARE
-        # what is held, or a copy, is told above
-        and not (set(held) & {s for s, axes in SENSORS.items() if name in axes})
-    }
-    if lacking:
-        listed = ", ".join(f"{name} {share:.2%}" for name, share in lacking.items())
-        lines.append(
-            f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
-            f"resampled): {listed} of the noise below; log the sensor's own output"
-        )
-    return lines + _temperature(figures) + _units(figures, found, units)
-
-
-def _temperature(figures):
-    """Tell a temperature that is none."""
-    limits = figures["temperature_range"]
-    if not limits or not np.isfinite(limits).all():
-        return []
-    low, high = limits
-    least, most = PLAUSIBLE_TEMPERATURE
-    if not least <= low <= high <= most:
-        hint = "counts, or failed reads"
-        if least <= low - 273.15 <= high - 273.15 <= most:
-            hint = "it looks like K"
-        elif least <= low + 273.15 <= high + 273.15 <= most:
-            hint = "it looks like degC taken as K"
-        return [f"temperature from {low:.5g} to {high:.5g} degC: {hint}, see units.temperature"]
-    if low == high and figures["duration_s"] >= CONSTANT_TEMPERATURE:
-        return [
-            f"temperature is {low:.5g} degC throughout: not read, or too coarse; it can show no "
-            "effect of temperature"
-        ]
-    return []
-
-
-def _units(figures, found, units):
-    """Tell units of angular rate and time that rest, motion and rate deny."""
-    lines, rate, unit = [], figures["rate_hz"], units["angular_rate"]
-    if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
-        lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
-    rest, ratio = found["rate_at_rest"], found["turn_ratio"]
-    turn = figures["mean_angular_rate"]
-    # what is stuck or padded turns nothing, whatever its unit
-    live = not found["zero_rows"]["angular_rate"] and not any(
-        found["stuck"][name]["stretches"] or name in figures["constant"] for name in ANGULAR_RATE
-    )
-    if turn > PLAUSIBLE_TURN:
-        lines.append(
-            f"the mean angular rate is {turn:.4g} rad/s, too much for a turn by hand: "
-            "see units.angular_rate"
-        )
-    elif live and ratio and not PLAUSIBLE_RATIO[0] <= ratio <= PLAUSIBLE_RATIO[1]:
-        hint = "see units.angular_rate, nominal.angular_rate and units.time"
-        fits = [
-            name
-            for name, scale in ANGULAR_RATE_UNITS.items()
-            if unit.name != "count" and 0.5 <= ratio * scale / unit.scale <= 5
-        ]
-        if fits:
-            hint = f"taken as {unit.name}, it looks like {fits[0]}; or see units.time"
-        lines.append(
-            f"the angular rate turns the device {ratio:.3g} times as far as gravity turns in its "
-            f"axes: {hint}"
-        )
-    elif rest and rest > PLAUSIBLE_REST:
-        lines.append(
-            f"the angular rate is {rest:.4g} rad/s in the quietest stretches, too much for a bias: "
-            "see units.angular_rate and nominal.angular_rate"
-        )
-    return lines

@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.ingest import faults
+from imuloop.ingest import fault_lines, faults
 
 # a step longer than this many median steps is a gap: one sample lost makes it two
 GAP_STEPS = 1.5
@@ -257,7 +257,7 @@ def warnings(figures, counts, log, *, rate, units):
     missing = counts.missing_values.get(TEMPERATURE)
     if missing:
         found.append(f"{missing} temperatures are missing")
-    return found + faults.warnings(figures, units)
+    return found + fault_lines.warnings(figures, units)
 
 
 def _force_hint(force, unit):

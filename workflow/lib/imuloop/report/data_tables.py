@@ -84,6 +84,9 @@ def _faults(found):
         "Rows a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
         "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
+        "Turns by angular rate and by gravity alike, 1 at best": number(
+            (found.get("axes") or {}).get("agreement")
+        ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
 

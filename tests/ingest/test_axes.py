@@ -1,0 +1,200 @@
+"""Axes of the two sensors that do not fit: told, with what mends them, and never in good logs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from imuloop.core.files import read_json
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.ingest.axes import KEPT, MAPPINGS, Axes, Thinned
+from imuloop.ingest.ingest import ingest
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+
+KINDS = {"multi_position": {"poses": 10, "initial_rest_s": 10.0}, "six_position": {"repeats": 2}}
+MIRRORED = "swapped or mirrored axes, a left-handed frame"
+
+
+def simulated(kind, seed=7, **changed):
+    truth = example_truth()
+    sessions = {kind: replace(truth.sessions[kind], **KINDS[kind], **changed)}
+    return simulate_session(replace(truth, sessions=sessions), kind, seed)
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return {kind: simulated(kind) for kind in KINDS}
+
+
+def turned(acceleration, angular_rate):
+    """What is logged as x, y, z of each sensor: the number of its true axis, with the sign."""
+
+    def change(log):
+        for names, numbers in ((ACCELERATION, acceleration), (ANGULAR_RATE, angular_rate)):
+            true = log[list(names)].to_numpy()
+            log[list(names)] = true[:, np.abs(numbers) - 1] * np.sign(numbers)
+
+    return change
+
+
+def fitted(log, rate=100, rows=1 << 17):
+    axes = Axes(rate)
+    for start in range(0, len(log), rows):
+        axes.add({name: log[name].to_numpy()[start : start + rows] for name in CHANNELS})
+    return axes.fit()
+
+
+def told(tmp_path, x):
+    """Return the warnings of a log."""
+    pq.write_table(pa.table({name: np.array(x[name]) for name in x}), tmp_path / "log.parquet")
+    ingest(
+        **{"device": "imu", "session": "s", "kind": "multi_position"},
+        paths=[tmp_path / "log.parquet"],
+        samples_path=tmp_path / "samples.parquet",
+        quality_path=tmp_path / "quality.json",
+    )
+    return read_json(tmp_path / "quality.json")["warnings"]
+
+
+GOOD = (1, 2, 3)
+# of the acceleration and the angular rate, and the line's words
+FAULTS = {
+    "two axes of the gyroscope swapped": (
+        GOOD,
+        (2, 1, 3),
+        f"x as gy, y as gx, z as gz: {MIRRORED}",
+    ),
+    "the three cycled": (GOOD, (2, 3, 1), "x as gz, y as gx, z as gy: turned axes; as well with"),
+    "one axis of the gyroscope flipped": (GOOD, (1, -2, 3), f"y as -gy, z as gz: {MIRRORED}"),
+    "two axes of the gyroscope flipped": (
+        *(GOOD, (-1, 2, -3)),
+        "x as -gx, y as gy, z as -gz: turned axes; as well with an acceleration of ax, -ay, az;",
+    ),
+    "the three flipped": (GOOD, (-1, -2, -3), f"x as -gx, y as -gy, z as -gz: {MIRRORED}"),
+    "one axis of the accelerometer flipped": (
+        *((1, 2, -3), GOOD),
+        "x as -gx, y as -gy, z as gz: turned axes; as well with an acceleration of ax, ay, -az;",
+    ),
+    "two axes of the accelerometer swapped": (
+        *((2, 1, 3), GOOD),
+        "x as -gy, y as -gx, z as -gz: turned axes; as well with an acceleration of ay, ax, az;",
+    ),
+    "the accelerometer cycled": (
+        *((3, 1, 2), GOOD),
+        "x as gz, y as gx, z as gy: turned axes; as well with an acceleration of ay, az, ax;",
+    ),
+    "both in one frame with an axis mirrored": (
+        *((1, -2, 3), (1, -2, 3)),
+        f"x as -gx, y as -gy, z as -gz: {MIRRORED}",
+    ),
+    "both in one frame with two axes swapped": (
+        *((2, 1, 3), (2, 1, 3)),
+        f"x as -gx, y as -gy, z as -gz: {MIRRORED}",
+    ),
+    "the gyroscope mounted on its side": (GOOD, (1, 3, -2), "x as gx, y as -gz, z as gy: turned"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_axes_that_do_not_fit_are_told(logs, tmp_path, kind, fault):
+    acceleration, angular_rate, text = FAULTS[fault]
+    log = logs[kind].copy()
+    turned(acceleration, angular_rate)(log)
+    lines = told(tmp_path, log)
+    assert len(lines) == 1
+    assert text in lines[0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_the_line_says_mends_the_log(logs, kind):
+    for mapping in MAPPINGS[1:]:
+        log = logs[kind].copy()
+        log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].to_numpy() @ mapping
+        found = fitted(log)
+        assert found["mapping"] == (mapping @ [1, 2, 3]).tolist()
+        turned(GOOD, found["mapping"])(log)
+        np.testing.assert_array_equal(log, logs[kind])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_bias_scale_lost_rows_and_a_narrow_range_change_nothing(kind, swapped):
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        log = simulated(kind, seed)
+        # 0.3 rad/s of bias, misalignments of 5 degrees, scale errors of 10 %
+        mixing = (np.eye(3) + 0.08 * rng.normal(size=(3, 3))) * rng.uniform(0.9, 1.1, 3)
+        rates = log[list(ANGULAR_RATE)].to_numpy() @ mixing + rng.uniform(-0.3, 0.3, 3)
+        limit = 0.6 * np.abs(rates).max()
+        log[list(ANGULAR_RATE)] = np.clip(rates, -limit, limit)
+        if swapped:
+            turned(GOOD, (1, -3, 2))(log)
+        kept = rng.random(len(log)) > 0.03
+        kept[2000:2150] = False
+        assert fitted(log[kept])["mapping"] == ([1, 3, -2] if swapped else None)
+
+
+@pytest.mark.parametrize("rate", [12.5, 400.0])
+def test_other_rates(logs, rate):
+    log = logs["multi_position"].copy()
+    turned(GOOD, (3, 2, 1))(log)
+    t = np.arange(0, log["t"].iloc[-1], 1 / rate)
+    other = {name: np.interp(t, log["t"], log[name]) for name in CHANNELS}
+    axes = Axes(rate)
+    axes.add(other)
+    assert axes.fit()["mapping"] == [3, 2, 1]
+
+
+def test_small_parts_give_the_same(logs):
+    log = logs["multi_position"].copy()
+    turned(GOOD, (3, 2, 1))(log)
+    assert fitted(log, rows=1000)["mapping"] == fitted(log)["mapping"] == [3, 2, 1]
+
+
+def about_x(rng):
+    """A device turned to and fro about its x axis alone."""
+    t = np.arange(6000) / 100
+    angle = 1.2 * np.sin(2 * np.pi * t / 6) * (t > 6)
+    force = 9.8 * np.array([0 * t, np.sin(angle), np.cos(angle)])
+    rate = np.array([np.gradient(angle, t), 0 * t, 0 * t])
+    x = np.concatenate([force, rate]) + rng.normal(size=(6, len(t))) * 0.02
+    return {"t": t, **dict(zip(CHANNELS, x, strict=True))}
+
+
+def test_turns_about_one_axis_tell_that_axis_alone(tmp_path):
+    x = about_x(np.random.default_rng(1))
+    assert told(tmp_path, x) == []
+    # what is never turned may be swapped or not: nobody can tell
+    assert told(tmp_path, {**x, "gy": x["gz"], "gz": -x["gy"]}) == []
+    lines = told(tmp_path, {**x, "gx": x["gy"], "gy": -x["gx"]})
+    assert len(lines) == 1
+    assert "with x as -gy: swapped or mirrored axes (the turns of this log leave" in lines[0]
+
+
+def test_a_device_at_rest_tells_nothing():
+    rng = np.random.default_rng(2)
+    x = dict(zip(CHANNELS, rng.normal(size=(6, 5000)) * 0.02, strict=True))
+    axes = Axes(100)
+    axes.add({**x, "az": x["az"] + 9.8})
+    assert axes.fit() is None
+
+
+def test_good_logs_agree():
+    for seed in range(6):
+        for kind in KINDS:
+            found = fitted(simulated(kind, seed))
+            assert found["agreement"] > 0.95
+            assert found["mapping"] is None
+
+
+def test_rows_of_a_long_log_are_thinned_evenly():
+    thinned = Thinned(KEPT)
+    for start in range(0, 100_000, 777):
+        thinned.add(np.arange(start, min(start + 777, 100_000))[:, None])
+    rows = thinned.rows()[:, 0]
+    assert KEPT <= len(rows) <= 2 * KEPT
+    assert set(np.diff(rows)) == {thinned.stride}

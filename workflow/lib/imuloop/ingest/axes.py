@@ -1,0 +1,161 @@
+"""Which way the axes of the two sensors lie to each other, told by the turns of a log.
+
+While a device turns, the direction u of gravity in its axes obeys ``du/dt = u × ω``. Over two
+neighbouring windows of T seconds, whose means are u₁ and u₂, this is without approximation
+
+    u₂ - u₁ = ∫ w u × P (r - b) dt
+
+with w rising from 0 to 1 over the first window and falling over the second, r the angular rate as
+logged, b its bias, and P one of the 48 signed permutations of its axes: the identity in a good
+log. Gravity tells P alone: which of the two sensors is at fault it cannot tell, nor whether the
+accelerometer's three signs are all wrong, since -u obeys the same equation.
+"""
+
+from itertools import permutations, product
+
+import numpy as np
+
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+
+# windows of T, of averages over at least so long, s
+WINDOW, FINE = 0.25, 0.04
+# a step turns gravity by at least so much, rad; its force is gravity's within this share
+LEAST_TURN, MOST_SHAKEN = 0.1, 0.3
+# of a row group about so many steps are used, and so many rests for the bias; of a log at most
+# twice so many of each: every other one, and so on
+TURNS, RESTS, KEPT = 1024, 256, 4096
+# steps in which a mapping has to beat the identity, and how many for each that says otherwise
+LEAST_STEPS, STEPS_AGAINST = 3, 4
+# agreement that a mapping needs, its lead, and the lead that leaves another one possible
+AGREEMENT, LEAD, NEAR = 0.8, 0.05, 0.03
+# signed permutations, the identity first
+MAPPINGS = np.array(
+    [
+        np.eye(3)[list(order)] * np.array(signs)[:, None]
+        for order in permutations(range(3))
+        for signs in product((1, -1), repeat=3)
+    ]
+)
+# u × r as a sum of products
+CROSS = np.zeros((3, 3, 3))
+CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1, -1
+
+
+class Axes:
+    """How well each mapping of the angular rate's axes explains how gravity turns, over a log."""
+
+    def __init__(self, rate):
+        self.rows = max(round(FINE * rate), 1)
+        self.fine = max(round(WINDOW * rate / self.rows), 1)
+        self.dt = self.rows / rate
+        # du, ∫ w u, ∫ w u r of a step; rate of a rest
+        self.steps, self.rests = Thinned(KEPT), Thinned(KEPT)
+        self.gravity = None
+
+    def add(self, x):
+        """Take in a row group."""
+        width = self.rows * self.fine
+        n = len(x["ax"]) // width
+        if n < 2:
+            return
+        force = np.array([_means(x[name][: n * width], self.rows) for name in ACCELERATION])
+        size = np.sqrt((force**2).sum(axis=0))
+        self.gravity = self.gravity or np.median(size)
+        calm = (np.abs(size / self.gravity - 1) < MOST_SHAKEN).reshape(n, -1).all(axis=1)
+        u = (force / np.where(size > 0, size, 1.0)).reshape(3, n, -1)
+        change = np.diff(u.mean(axis=2), axis=1)
+        angle = np.sqrt((change**2).sum(axis=0))
+        calm = calm[1:] & calm[:-1]
+        rests = _some(np.flatnonzero(calm & (angle < LEAST_TURN / 4)), RESTS)
+        turns = _some(np.flatnonzero(calm & (angle > LEAST_TURN)), TURNS)
+        rate = [x[name][: n * width].reshape(n, width) for name in ANGULAR_RATE]
+        self.rests.add(np.array([r[rests].mean(axis=1) for r in rate]).T)
+        # both windows of a step, one after the other
+        both = np.array([np.concatenate([r[turns], r[turns + 1]], axis=1) for r in rate])
+        both = _means(both, self.rows)
+        rise = (np.arange(self.fine) + 0.5) / self.fine * self.dt
+        weighted = np.concatenate([u[:, turns], u[:, turns + 1]], axis=2)
+        weighted *= np.concatenate([rise, rise[::-1]])
+        moment = np.einsum("int,jnt->nij", weighted, both).reshape(-1, 9)
+        self.steps.add(np.hstack([change[:, turns].T, weighted.sum(axis=2).T, moment]))
+
+    def fit(self):
+        """Return how well the axes fit, and what would mend them.
+
+        Returns
+        -------
+        dict or None
+            `agreement` of the axes as logged, of the best mapping `best`, `steps` in favour and
+            against, and `mapping`: for each axis of the acceleration the angular rate's axis that
+            fits, as 1, 2, 3 with its sign and 0 where the turns leave it open; None where the
+            axes as logged fit. None in all where the device hardly turns.
+        """
+        steps = self.steps.rows()
+        if len(steps) < LEAST_STEPS:
+            return None
+        change = steps[:, :3]
+        rests = self.rests.rows()
+        bias = np.median(rests, axis=0) if len(rests) else np.zeros(3)
+        # ∫ w u (r - b), then its share by the cross product for each mapping
+        moment = steps[:, 6:].reshape(-1, 3, 3) - steps[:, 3:6, None] * bias
+        by_axis = np.einsum("ijk,njl->nkli", CROSS, moment)
+        told = np.einsum("pkl,nkli->pni", MAPPINGS, by_axis)
+        size = np.sqrt((told**2).sum(axis=2))
+        # what hardly turns gravity says nothing of the direction
+        usual = np.median(size[0]) if len(size) else 0.0
+        size = np.maximum(size, 0.1 * usual + 1e-12) * np.sqrt((change**2).sum(axis=1))
+        cosine = (told * change).sum(axis=2) / size
+        agreement = cosine.mean(axis=1)
+        best = int(np.argmax(agreement))
+        lead = cosine[best] - cosine[0]
+        favour, against = int((lead > 0.2).sum()), int((lead < -0.2).sum())
+        found = {
+            "agreement": float(agreement[0]),
+            "best": float(agreement[best]),
+            "steps": [favour, against],
+            "mapping": None,
+        }
+        possible = agreement > agreement[best] - NEAR
+        sure = (
+            agreement[best] > AGREEMENT
+            and lead.mean() > LEAD
+            and favour >= LEAST_STEPS
+            and favour >= STEPS_AGAINST * against
+        )
+        if sure and not possible[0]:
+            same = (MAPPINGS[possible] == MAPPINGS[best]).all(axis=(0, 2))
+            found["mapping"] = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
+        return found
+
+
+class Thinned:
+    """Rows evenly spread over all that were added, at most twice `kept`."""
+
+    def __init__(self, kept):
+        self.kept, self.stride, self.seen, self.parts, self.held = kept, 1, 0, [], 0
+
+    def add(self, rows):
+        """Take in rows, shape (n, k)."""
+        if not len(rows):
+            return
+        part = rows[-self.seen % self.stride :: self.stride]
+        self.seen += len(rows)
+        self.parts.append(part)
+        self.held += len(part)
+        while self.held > 2 * self.kept:
+            self.parts = [np.concatenate(self.parts)[::2]]
+            self.held, self.stride = len(self.parts[0]), 2 * self.stride
+
+    def rows(self):
+        """Return those kept, in order."""
+        return np.concatenate(self.parts) if self.parts else np.empty((0, 0))
+
+
+def _some(at, n):
+    """Return n to 2 n of the places, evenly spread."""
+    return at[:: max(len(at) // n, 1)]
+
+
+def _means(x, rows):
+    """Return means of blocks of a few rows: sums of strides, numpy is slow on short axes."""
+    return sum(x[..., i::rows] for i in range(rows)) / rows

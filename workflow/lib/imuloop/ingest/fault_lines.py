@@ -1,0 +1,193 @@
+"""The lines that tell a user what is wrong in the samples: where, how much, and what to do."""
+
+import numpy as np
+
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest.faults import SENSORS
+from imuloop.ingest.rests import HIGH, LACKING_SHARE
+from imuloop.ingest.turns import PLAUSIBLE_RATIO
+
+# what a thermometer beside an IMU can show, degC
+PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
+# a temperature may well stay the same for so long, s
+CONSTANT_TEMPERATURE = 60.0
+# no sensor at rest shows more; no hand turns faster than this on average, rad/s
+PLAUSIBLE_REST, PLAUSIBLE_TURN = 1.0, 10.0
+# rates that an IMU's log has, Hz; others are read but told
+USUAL_RATE = (0.5, 4e4)
+
+
+def warnings(figures, units):
+    """Return one line for each kind of fault found: where, how much, and what to do.
+
+    Parameters
+    ----------
+    figures : dict
+        Quality figures, `faults` among them.
+    units : dict
+        Raw unit of each sensor, `RawUnit`.
+    """
+    found, rate = figures["faults"], figures["rate_hz"]
+    if not found:
+        return []
+    lines = []
+    zero = {sensor: n for sensor, n in found["zero_rows"].items() if n}
+    if zero:
+        listed = ", ".join(f"{sensor} in {n} rows" for sensor, n in zero.items())
+        lines.append(
+            f"exactly zero on all axes: {listed}; padding or failed reads, no motion: crop them "
+            "with time_range or take them out of the log"
+        )
+    stuck = {name: f for name, f in found["stuck"].items() if f["stretches"]}
+    if stuck:
+        listed = ", ".join(
+            f"{name} {f['rows']} samples, {f['stretches']} times, first at {f['first_s']:.6g} s"
+            for name, f in stuck.items()
+        )
+        lines.append(f"stuck at one value: {listed}; crop them with time_range")
+    if found["silent_at_rest"]:
+        lines.append(
+            f"no noise at rest: {', '.join(found['silent_at_rest'])}; a step too coarse, or "
+            "firmware that holds the value: noise and bias cannot be told from this log"
+        )
+    spikes = {name: n for name, n in found["spikes"].items() if n}
+    if spikes:
+        listed = ", ".join(f"{name} {n}" for name, n in spikes.items())
+        lines.append(f"spikes of a single sample: {listed}; check the wiring and the logger")
+    full = figures["clipped"]
+    clipped = {n: f for n, f in found["clipped_at"].items() if f["values"] and not full.get(n)}
+    if clipped:
+        listed = ", ".join(
+            f"{name} {f['rows']} samples at {' and '.join(f'{v:.6g}' for v in f['values'])}"
+            for name, f in clipped.items()
+        )
+        lines.append(
+            f"clipped at a repeated extreme value: {listed}; choose a wider range or move more "
+            "gently, and declare full_scale"
+        )
+    held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
+    if held:
+        listed = ", ".join(
+            f"{sensor} for {n:.3g} rows ({rate / n:.4g} Hz of new values in {rate:.4g} Hz)"
+            for sensor, n in held.items()
+        )
+        lines.append(
+            f"a value is held: {listed}; log each new value once, else noise comes out wrong"
+        )
+    for one, other in found["copies"]:
+        lines.append(f"{other} is a copy of {one}: see columns")
+    lacking = {
+        name: share
+        for name, share in found["noise_near_nyquist"].items()
+        if share is not None
+        and share < LACKING_SHARE
+        # what is held, or a copy, is told above
+        and not (set(held) & {s for s, axes in SENSORS.items() if name in axes})
+    }
+    if lacking:
+        listed = ", ".join(f"{name} {share:.2%}" for name, share in lacking.items())
+        lines.append(
+            f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
+            f"resampled): {listed} of the noise below; log the sensor's own output"
+        )
+    return lines + _temperature(figures) + _units(figures, found, units) + _axes(found)
+
+
+def _temperature(figures):
+    """Tell a temperature that is none."""
+    limits = figures["temperature_range"]
+    if not limits or not np.isfinite(limits).all():
+        return []
+    low, high = limits
+    least, most = PLAUSIBLE_TEMPERATURE
+    if not least <= low <= high <= most:
+        hint = "counts, or failed reads"
+        if least <= low - 273.15 <= high - 273.15 <= most:
+            hint = "it looks like K"
+        elif least <= low + 273.15 <= high + 273.15 <= most:
+            hint = "it looks like degC taken as K"
+        return [f"temperature from {low:.5g} to {high:.5g} degC: {hint}, see units.temperature"]
+    if low == high and figures["duration_s"] >= CONSTANT_TEMPERATURE:
+        return [
+            f"temperature is {low:.5g} degC throughout: not read, or too coarse; it can show no "
+            "effect of temperature"
+        ]
+    return []
+
+
+def _units(figures, found, units):
+    """Tell units of angular rate and time that rest, motion and rate deny."""
+    lines, rate, unit = [], figures["rate_hz"], units["angular_rate"]
+    if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
+        lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
+    rest, ratio = found["rate_at_rest"], found["turn_ratio"]
+    turn = figures["mean_angular_rate"]
+    # what is stuck or padded turns nothing, whatever its unit
+    live = not found["zero_rows"]["angular_rate"] and not any(
+        found["stuck"][name]["stretches"] or name in figures["constant"] for name in ANGULAR_RATE
+    )
+    if turn > PLAUSIBLE_TURN:
+        lines.append(
+            f"the mean angular rate is {turn:.4g} rad/s, too much for a turn by hand: "
+            "see units.angular_rate"
+        )
+    elif live and ratio and not PLAUSIBLE_RATIO[0] <= ratio <= PLAUSIBLE_RATIO[1]:
+        hint = "see units.angular_rate, nominal.angular_rate and units.time"
+        fits = [
+            name
+            for name, scale in ANGULAR_RATE_UNITS.items()
+            if unit.name != "count" and 0.5 <= ratio * scale / unit.scale <= 5
+        ]
+        if fits:
+            hint = f"taken as {unit.name}, it looks like {fits[0]}; or see units.time"
+        lines.append(
+            f"the angular rate turns the device {ratio:.3g} times as far as gravity turns in its "
+            f"axes: {hint}"
+        )
+    elif rest and rest > PLAUSIBLE_REST:
+        lines.append(
+            f"the angular rate is {rest:.4g} rad/s in the quietest stretches, too much for a bias: "
+            "see units.angular_rate and nominal.angular_rate"
+        )
+    return lines
+
+
+def _axes(found):
+    """Tell axes of the two sensors that do not fit, and what would mend them."""
+    mapping = found["axes"] and found["axes"]["mapping"]
+    # one axis in two places fits nowhere, and is told above
+    if not mapping or found["copies"]:
+        return []
+    fits = ", ".join(
+        f"{axis} as {_signed(ANGULAR_RATE, number)}"
+        for axis, number in zip("xyz", mapping, strict=True)
+        if number
+    )
+    line = f"the angular rate fits the turns of gravity with {fits}: "
+    if not all(mapping):
+        line += "swapped or mirrored axes (the turns of this log leave the others open)"
+    elif np.linalg.det(matrix := _matrix(mapping)) < 0:
+        line += (
+            "swapped or mirrored axes, a left-handed frame that no change of the acceleration "
+            "alone would mend"
+        )
+    else:
+        # -u turns as u does: of the two that mend it, the one with fewer signs
+        other = max(matrix.T, -matrix.T, key=np.sum) @ [1, 2, 3]
+        other = ", ".join(_signed(ACCELERATION, int(number)) for number in other)
+        line += f"turned axes; as well with an acceleration of {other}"
+    return [
+        f"{line}; gravity does not tell which sensor is at fault; columns puts axes in order, "
+        "a sign has to be turned in the log"
+    ]
+
+
+def _matrix(mapping):
+    """Return the signed permutation that takes each axis from the one given by number and sign."""
+    return np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
+
+
+def _signed(names, number):
+    """Return an axis's name by its number from 1, with its sign."""
+    return ("-" if number < 0 else "") + names[abs(number) - 1]
