@@ -30,7 +30,10 @@ def faults(tmp_path, schema, monkeypatch):
     """Return a function: the faults of a config text, without the file's name."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "poses.csv").write_text(
-        "t,ax,ay,az,gx,gy,gz\n0,0,0,9.8,0,0,0\n0.01,0,0,9.8,0,0,0\n"
+        "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
+    )
+    (tmp_path / "counts.csv").write_text(
+        "t,ax [lsb],ay [lsb],az [lsb],gx,gy,gz\n" + "0,0,0,9,0,0,0\n" * 9
     )
     (tmp_path / "bare.csv").write_text("0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n")
 
@@ -180,7 +183,7 @@ ONE_FAULT = {
     "unknown column": (
         session(f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}"),
         "devices.imu.sessions.a.columns.acceleration: no column 'azz'; "
-        "there are t, ax, ay, az, gx, gy, gz; did you mean 'az'?",
+        "there are t, ax, ay, az, gx, gy, gz, note; did you mean 'az'?",
     ),
     "no clock": (
         session(
@@ -192,6 +195,30 @@ ONE_FAULT = {
     "range order": (
         session(f"{SOUND}, time_range: [5, 1]"),
         "devices.imu.sessions.a.time_range: the start is not before the end",
+    ),
+    "a date for a clock without": (
+        session(f"{SOUND}, time_range: ['2021-09-20T10:00', null]"),
+        "devices.imu.sessions.a.time_range: '2021-09-20T10:00' is a date, but the log's stamps "
+        "are not; give seconds",
+    ),
+    "dates that are numbers": (
+        session(f"{SOUND}, units: {{time: ISO 8601}}"),
+        "devices.imu.sessions.a.file: units.time is ISO 8601, but column 't' holds numbers; "
+        "use one of s, ms, us, ns",
+    ),
+    "time that is none": (
+        session(f"{SOUND}, columns: {{time: note}}"),
+        "devices.imu.sessions.a.file: time column 'note' holds neither numbers nor ISO 8601 "
+        "stamps; name the right one in columns.time",
+    ),
+    "counts by the log's word": (
+        session("kind: static, file: counts.csv"),
+        "devices.imu.sessions.a.file: acceleration in counts needs nominal.acceleration.scale "
+        "and .offset",
+    ),
+    "no scale for counts": (
+        session("kind: static, file: counts.csv", "nominal: {acceleration: {offset: 1}},"),
+        "devices.imu.nominal.acceleration.scale: missing; acceleration needs it",
     ),
     "range kinds": (
         session(f"{SOUND}, time_range: [5, 2021-09-20T10:00]"),
@@ -293,6 +320,12 @@ def test_streams_of_a_large_log_are_checked_before_the_run(faults, tmp_path, mon
     assert "no stream 'Gyrosope'" in line and line.endswith("did you mean 'Gyroscope'?")
     # what the head lacks may come later; then once more for the other columns
     assert most[1:] == ([1, None, 1] if checked == 1 else [None, None])
+
+
+def test_stamps_that_come_later_are_no_fault(faults, tmp_path):
+    rows = [f"{i / 100 if i > 5000 else ''},0,0,9.8,0,0,0" for i in range(6000)]
+    (tmp_path / "late.csv").write_text("\n".join(["t,ax,ay,az,gx,gy,gz", *rows]))
+    assert faults(session("kind: static, file: late.csv")) == []
 
 
 def test_numbers_of_a_json_config_are_what_they_look_like(faults):

@@ -11,7 +11,10 @@ from jsonschema import Draft202012Validator
 
 from imuloop.config import merged_devices, sources, without_dates
 from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean, one_line
+from imuloop.core.units import raw_unit
+from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
+from imuloop.ingest.ingest import used_units
 from imuloop.ingest.sources import file_name
 from imuloop.yaml_traps import yaml_faults
 
@@ -19,7 +22,7 @@ from imuloop.yaml_traps import yaml_faults
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
 # most bytes judged before the run of a log that is read as a whole, unless a fault is in them
-CHECKED = 1 << 25
+CHECKED = 1 << 23
 
 # other spellings of the units, in small letters: by similarity dps would be rad/s
 _SPELLINGS = {
@@ -232,29 +235,31 @@ def _meaning_faults(config, wrong, replicas):
                         for quantity, unit in content["units"].items()
                         if ("units", quantity) not in below
                     }
+                whole = not below and not any("nominal" in bad for bad in wrong)
                 found += [
                     (_declared(config, (*key, *part)), text)
-                    for part, text in _session_faults(session, sound, device, replicas)
+                    for part, text in _session_faults(session, sound, device, replicas, whole)
                 ]
     return found
 
 
-def _session_faults(name, session, device, replicas):
-    """Yield (key below the session, text) for the sound keys of a session."""
+def _session_faults(name, session, device, replicas, whole):
+    """Yield (key below the session, text) for the sound keys of a session; `whole` if all are."""
     if name == "exports":
         yield (), "'exports' is reserved for a folder of results; name the session otherwise"
     nominal = device.get("nominal") if isinstance(device.get("nominal"), dict) else {}
     for quantity in ("acceleration", "angular_rate"):
         if session.get("units", {}).get(quantity) == "count" and quantity not in nominal:
+            whole = False
             yield ("units", quantity), f"'count' needs the device's nominal.{quantity}"
     text = "time_range" in session and _time_range_fault(*session["time_range"])
     if text:
         yield ("time_range",), text
     if "file" in session:
-        yield from _file_faults(session, replicas)
+        yield from _file_faults(session, nominal, replicas, whole and not text)
 
 
-def _file_faults(session, replicas):
+def _file_faults(session, nominal, replicas, whole):
     """Yield what is wrong with a session's file, as far as it can be seen before the run."""
     given = sources(session["file"])
     names = {role: source.get("path") or file_name(source) for role, source in given.items()}
@@ -276,7 +281,7 @@ def _file_faults(session, replicas):
     if locked:
         yield ("file",), f"{locked[0]} cannot be read: permission denied"
     elif len(there) == len(given):
-        yield from _column_faults(session, log_format, names)
+        yield from _log_faults(session, nominal, log_format, names, whole)
 
 
 def _size(names):
@@ -290,13 +295,13 @@ def _is_there(path):
     return path is not None and (Path(path).is_file() or Path(path).is_dir())
 
 
-def _column_faults(session, log_format, names):
-    """Yield which of the declared columns a log lacks."""
+def _log_faults(session, nominal, log_format, names, whole):
+    """Yield which of the declared columns a log lacks, and what of the rest does not fit it."""
     declared = dict(session.get("columns") or {})
     wrong = set()
     while True:
         try:
-            log = _read(log_format, names, declared)
+            log = _read(log_format, names, declared, 1 << 10)
             break
         except RejectedLog:
             # a fault of the data, for the job to find
@@ -315,15 +320,41 @@ def _column_faults(session, log_format, names):
     timed = "time" in {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
         yield ("rate",), f"missing; {names['log']} has no time column"
+    elif whole and not wrong:
+        text = _fitting_fault(session, nominal, log)
+        if text:
+            # stamps may be missing at first: what few rows show counts where it does for the job
+            log = _read(log_format, names, declared, 1 << 16)
+            text = _fitting_fault(session, nominal, log)
+        key, _, rest = (text or "").partition(": ")
+        if text:
+            told = re.fullmatch(r"time_range|units\.\w+", key)
+            yield (tuple(key.split(".")), rest) if told else (("file",), text)
 
 
-def _read(log_format, names, declared):
+def _fitting_fault(session, nominal, log):
+    """Return why units or range do not fit a log's first rows, or None."""
+    try:
+        units, _ = used_units(log, session.get("units") or {})
+        sensors = ("acceleration", "angular_rate")
+        raw_units = {q: raw_unit(q, units[q], nominal.get(q)) for q in sensors}
+        declared = {key: session.get(key) for key in ("rate", "time_range")}
+        batches = si_batches(log, units=units, raw_units=raw_units, counts=Counts(), **declared)
+        next(batches, None)
+    except RejectedLog:
+        return None
+    except ImuloopError as error:
+        return str(error)
+    return None
+
+
+def _read(log_format, names, declared, rows):
     """Return the log, of a large one the head where nothing is amiss in it."""
     if log_format.whole and _size(names) > CHECKED:
         # a stream that the head lacks may come later
         with suppress(ImuloopError):
-            return log_format.read(names, declared, most=CHECKED)
-    return log_format.read(names, declared)
+            return log_format.read(names, declared, rows, most=CHECKED)
+    return log_format.read(names, declared, rows)
 
 
 def _time_range_fault(start, end):

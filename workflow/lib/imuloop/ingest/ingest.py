@@ -91,7 +91,7 @@ def ingest(
             log = form.read(files, columns or None, batch_rows)
         except RejectedLog as error:
             log, reasons = RawLog(batches=iter(()), temperature=False, found={}), [str(error)]
-        units, doubts = _units(log, units or {})
+        units, doubts = used_units(log, units or {})
         raw_units = {
             quantity: raw_unit(quantity, units[quantity], (nominal or {}).get(quantity))
             for quantity in ("acceleration", "angular_rate")
@@ -174,8 +174,21 @@ def _write(path, batches, log, origin, counts):
             writer.write_table(table.cast(writer.schema), row_group_size=ROW_GROUP)
 
 
-def _units(log, declared):
-    """Return the unit of each quantity, and where the log itself says otherwise."""
+def used_units(log, declared):
+    """Return the unit of each quantity, and where the log itself says otherwise.
+
+    Parameters
+    ----------
+    log : RawLog
+        Log being read.
+    declared : dict
+        Units of the config.
+
+    Raises
+    ------
+    ImuloopError
+        If one is no unit of time or temperature.
+    """
     used, doubts, stated = {}, [], log.units
     for quantity, si in _SI.items():
         used[quantity] = declared.get(quantity) or stated.get(quantity) or si
