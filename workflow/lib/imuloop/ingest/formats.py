@@ -5,7 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import dataflash, delimited, imu_tk, matlab, netcdf, parquet, phone, ros, ulog
+from imuloop.ingest import (
+    dataflash,
+    delimited,
+    euroc,
+    imu_tk,
+    matlab,
+    netcdf,
+    parquet,
+    phone,
+    ros,
+    ulog,
+)
 
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
@@ -40,6 +51,8 @@ FORMATS = {
     "csv": Format(delimited.read, delimited.ENDINGS),
     # the separator is found in the file; the name is there for those who look for it
     "tsv": Format(delimited.read, (".tsv", ".tab")),
+    # the folder; its table alone is a csv
+    "euroc": Format(euroc.read, (), folder=True),
     "imu_tk": Format(imu_tk.read, (), imu_tk.FILES),
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
@@ -111,6 +124,8 @@ def guess_format(paths):
         for name, form in FORMATS.items():
             if form.folder and inside & {*form.endings}:
                 return name
+        if Path(path, euroc.TABLE).is_file():
+            return "euroc"
         raise ImuloopError(f"{path} is a folder, not a file")
     if told := _told(Path(path)):
         return told
