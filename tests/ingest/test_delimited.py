@@ -5,7 +5,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest import delimited
 from imuloop.ingest.delimited import find_layout
 
@@ -198,6 +198,67 @@ def test_memory_is_bounded(tmp_path):
     assert sum(rows) == 100_000
     # a block is 64 bytes a row asked for
     assert max(rows) <= 4100
+
+
+ODD = [" 1.5", "1.5 ", "+2", ".5", "5.", "1e-7", "-inf", " nan", "NULL", "", "oops", "0x1p3", "1_0"]
+BIG = 140363657976355584
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("stamps", "value"),
+    [
+        (lambda i: str(BIG + i), lambda i: BIG + i),
+        (lambda i: f'"{BIG + i}"', lambda i: BIG + i),
+        (lambda i: f" {BIG + i}" if i % 3 else "", lambda i: BIG + i if i % 3 else None),
+        # a first line whose stamp is unlike the others
+        (lambda i: str(BIG + i) if i else "1.5,2", lambda i: BIG + i if i else None),
+        (lambda i: f"{i}.25" if i % 5000 else str(i), lambda i: i + 0.25 if i % 5000 else float(i)),
+        (lambda i: f"{i}.25" if i != 9 else "oops", lambda i: i + 0.25 if i != 9 else None),
+    ],
+)
+def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value, threads):
+    rng = np.random.default_rng(3)
+    exact = rng.normal(size=20_000) * 10.0 ** rng.integers(-300, 300, size=20_000)
+    rows = [f"{stamps(i)},{x!r},0.1,1,2,3,4\n" for i, x in enumerate(exact.tolist())]
+    rows[7000 : 7000 + len(ODD)] = [row.replace(",1,2,", f",{odd},2,") for row, odd in
+                                    zip(rows[7000:], ODD, strict=False)]  # fmt: skip
+    path = tmp_path / "log.csv"
+    path.write_text("t,ax,ay,az,gx,gy,gz\n" + "".join(rows))
+    log = delimited.read({"log": path}, batch_rows=5000)
+    log.threads = threads
+    batches = list(log.batches)
+    columns = {
+        name: [v for batch in batches for v in batch[name].to_pylist()]
+        for name in ("stamp", "ax", "az")
+    }
+    left_out = [i for i in range(20_000) if "," in stamps(i)]
+    kept = [i for i in range(20_000) if i not in left_out]
+    assert log.bad_lines == len(left_out)
+    assert columns["stamp"] == [value(i) for i in kept]
+    assert columns["ax"] == [exact[i] for i in kept]
+    odd = [1.5, 1.5, 2, 0.5, 5, 1e-7, -np.inf] + [np.nan] * 6
+    az = np.ones(20_000)
+    az[7000 : 7000 + len(odd)] = odd
+    np.testing.assert_array_equal(np.array(columns["az"], dtype=float), az[len(left_out) :])
+
+
+def test_what_cannot_be_read_to_its_end_counts_alike_in_threads(log, tmp_path):
+    path = tmp_path / "log.csv.gz"
+    big = pd.concat([log] * 20)
+    big["az"] = np.random.default_rng(1).normal(size=len(big))
+    big.to_csv(path, index=False)
+    path.write_bytes(path.read_bytes()[:-20_000])
+    found = []
+    for threads in (1, 2, 3):
+        broken, rows = delimited.read({"log": path}, batch_rows=1000), 0
+        broken.threads = threads
+        with pytest.raises(RejectedLog, match="cannot be read to its end"):
+            for batch in broken.batches:
+                rows += batch.num_rows
+        assert 0 < broken.position <= path.stat().st_size
+        found.append(rows)
+    assert found[0] == found[1] == found[2] > 0
 
 
 @pytest.mark.parametrize(

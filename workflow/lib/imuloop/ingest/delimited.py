@@ -4,6 +4,7 @@ import csv
 import os
 import re
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 
 import pandas as pd
@@ -14,9 +15,10 @@ import pyarrow.csv
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import resolve
+from imuloop.ingest.in_order import in_order
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
-from imuloop.ingest.stamps import parse_stamps
+from imuloop.ingest.stamps import stamp_array
 
 ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc")
 
@@ -29,8 +31,6 @@ _MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 # a longer line is no row, bytes; what has none in its head is no table
 _LONGEST_LINE = _HEAD
-# how much is read at once, bytes
-_PIECE = 1 << 20
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
 
@@ -94,15 +94,20 @@ def read(paths, columns=None, batch_rows=1 << 16):
     if layout.preamble:
         log.notes.append(f"{layout.preamble} line(s) before the table skipped")
 
+    stamps = [] if chosen.time is None else [chosen.time]
+
+    def parse(text):
+        table, bad_lines = _numbers_or_text(text, layout, chosen.positions(), stamps)
+        arrays = {name: numbers(table[i]) for i, name in enumerate(CHANNELS)}
+        rest = iter(range(len(CHANNELS), table.num_columns))
+        if chosen.time is not None:
+            arrays[STAMP] = stamp_array(table[next(rest)])
+        if chosen.temperature is not None:
+            arrays[TEMPERATURE] = numbers(table[next(rest)])
+        return pa.RecordBatch.from_pydict(arrays), bad_lines
+
     def batches():
-        for text in text_batches(path, layout, chosen.positions(), batch_rows, log):
-            arrays = {name: numbers(text[i]) for i, name in enumerate(CHANNELS)}
-            rest = iter(range(len(CHANNELS), text.num_columns))
-            if chosen.time is not None:
-                arrays[STAMP] = parse_stamps(text[next(rest)])
-            if chosen.temperature is not None:
-                arrays[TEMPERATURE] = numbers(text[next(rest)])
-            yield pa.RecordBatch.from_pydict(arrays)
+        yield from _batches(path, layout, parse, batch_rows, log, log.threads)
 
     log.batches = batches()
     return log
@@ -154,46 +159,110 @@ def find_layout(path):
 def text_batches(path, layout, positions, batch_rows, log):
     """Give the columns at `positions` as text, batch by batch, counting bad lines in `log`."""
 
-    def bad(row):
-        log.bad_lines += 1
-        return "skip"
+    def parse(text):
+        return _parsed(text, layout, positions, dict.fromkeys(positions, pa.string()))
 
-    every = [str(i) for i in range(len(layout.names))]
-    wanted = [str(i) for i in positions]
-    blanks = layout.separator == _BLANKS
-    # who gives a file object bounds what it unpacks
-    packed = os.path.getsize(path) if isinstance(path, (str, os.PathLike)) else None
-    stream = pa.input_stream(path, compression="detect")
-    with stream:
-        stream.read(layout.start)
+    return _batches(path, layout, parse, batch_rows, log)
+
+
+def _batches(source, layout, parse, batch_rows, log, threads=1):
+    """Give what `parse` makes of a text, in batches; bad lines and position go to `log`."""
+    path = os.fspath(source) if isinstance(source, (str, os.PathLike)) else None
+    file = pa.PythonFile(source, mode="r") if path is None else pa.OSFile(path)
+
+    def work(piece):
+        text, bad_lines, position = piece
+        batch, more = parse(text)
+        return batch, bad_lines + more, position
+
+    with file, pa.input_stream(file, compression=path and _packing(path)) as stream:
         try:
-            reader = pyarrow.csv.open_csv(
-                pa.PythonFile(_Cleaned(stream, blanks, packed, log), mode="r"),
-                read_options=pyarrow.csv.ReadOptions(
-                    column_names=every,
-                    # any row must fit
-                    block_size=max(batch_rows * _ROW_BYTES, _LONGEST_LINE),
-                    use_threads=False,
-                ),
-                parse_options=pyarrow.csv.ParseOptions(
-                    delimiter="," if blanks else layout.separator, invalid_row_handler=bad
-                ),
-                convert_options=pyarrow.csv.ConvertOptions(
-                    column_types=dict.fromkeys(wanted, pa.string()),
-                    include_columns=list(dict.fromkeys(wanted)),
-                    strings_can_be_null=True,
-                    null_values=list(_MISSING),
-                    check_utf8=False,
-                ),
-            )
-            for batch in reader:
-                text = [_point(batch.column(name), layout) for name in wanted]
-                names = [str(i) for i in range(len(wanted))]
-                table = pa.RecordBatch.from_arrays(text, names=names)
-                for begin in range(0, table.num_rows, batch_rows):
-                    yield table.slice(begin, batch_rows)
+            stream.read(layout.start)
+            # any row must fit
+            size = max(batch_rows * _ROW_BYTES, _LONGEST_LINE)
+            pieces = _pieces(stream, path and file, size, layout.separator == _BLANKS)
+            for batch, bad_lines, position in in_order(work, pieces, threads):
+                log.bad_lines += bad_lines
+                log.position = position
+                for begin in range(0, batch.num_rows, batch_rows):
+                    yield batch.slice(begin, batch_rows)
         except (pa.ArrowInvalid, OSError) as error:
             raise _unreadable(error) from error
+
+
+def _packing(path):
+    """Return how a file is compressed, by its name; None where it is not."""
+    try:
+        return pa.Codec.detect(path).name
+    except TypeError:
+        return None
+
+
+def _numbers_or_text(text, layout, positions, stamps):
+    """Return columns of a text as numbers, all as text where that is not exact, and bad lines."""
+    kinds = dict.fromkeys(positions, pa.float64())
+    fields = text[: text.find(b"\n")].split(_delimiter(layout).encode())
+    for i in stamps:
+        kinds[i] = _kind(fields[i].strip() if i < len(fields) else b"")
+    with suppress(pa.ArrowInvalid):
+        batch, bad_lines = _parsed(text, layout, positions, kinds)
+        decimal = [batch[positions.index(i)] for i in stamps if kinds[i] == pa.float64()]
+        # stamps that are whole numbers but for the first line's have more digits than these hold
+        if all((x.to_numpy(zero_copy_only=False) % 1).any() for x in decimal):
+            return batch, bad_lines
+    return _parsed(text, layout, positions, dict.fromkeys(positions, pa.string()))
+
+
+def _kind(stamp):
+    """Return the type that fits a stamp."""
+    if re.fullmatch(rb"[+-]?\d+", stamp):
+        return pa.int64()
+    try:
+        float(stamp)
+    except ValueError:
+        return pa.string()
+    return pa.float64()
+
+
+def _delimiter(layout):
+    return "," if layout.separator == _BLANKS else layout.separator
+
+
+def _parsed(text, layout, positions, kinds):
+    """Return the columns of a text, of the kinds given, and how many lines are no row."""
+    bad_lines = 0
+
+    def bad(row):
+        nonlocal bad_lines
+        bad_lines += 1
+        return "skip"
+
+    names = [str(i) for i in positions]
+    table = pyarrow.csv.read_csv(
+        pa.BufferReader(text),
+        read_options=pyarrow.csv.ReadOptions(
+            column_names=[str(i) for i in range(len(layout.names))],
+            block_size=len(text),
+            use_threads=False,
+        ),
+        parse_options=pyarrow.csv.ParseOptions(
+            delimiter=_delimiter(layout), invalid_row_handler=bad
+        ),
+        convert_options=pyarrow.csv.ConvertOptions(
+            column_types={str(i): kind for i, kind in kinds.items()},
+            include_columns=list(dict.fromkeys(names)),
+            strings_can_be_null=True,
+            null_values=list(_MISSING),
+            check_utf8=False,
+            decimal_point="," if layout.decimal_comma else ".",
+        ),
+    )
+    columns = [table[name].combine_chunks() for name in names]
+    if layout.decimal_comma:
+        columns = [
+            pc.replace_substring(c, ",", ".") if c.type == pa.string() else c for c in columns
+        ]
+    return pa.RecordBatch.from_arrays(columns, names=[str(i) for i in range(len(names))]), bad_lines
 
 
 def numbers(text):
@@ -202,10 +271,6 @@ def numbers(text):
         return pc.fill_null(pc.cast(text, pa.float64()), float("nan"))
     except pa.ArrowInvalid:
         return pa.array(pd.to_numeric(text.to_pandas(), errors="coerce").astype(float))
-
-
-def _point(text, layout):
-    return pc.replace_substring(text, ",", ".") if layout.decimal_comma else text
 
 
 def _unreadable(error):
@@ -266,67 +331,57 @@ def _numeric_share(lines, separator):
 _ASCII = bytes(i if 0 < i < 128 else ord("?") for i in range(256))
 
 
-class _Cleaned:
-    """A stream in plain ASCII without the lines that are no row, piece by piece.
+def _pieces(stream, file, size, squeeze):
+    """Give the lines of a stream in plain ASCII, some `size` bytes at once.
 
-    Left out, and counted in `log`, are lines that are too long and those with an open quote.
-    Runs of blanks become commas if `squeeze`; `packed` is the size of the file that it comes out
-    of, None where that is of no concern.
+    Left out are lines that are too long and those with an open quote. Runs of blanks become
+    commas if `squeeze`; `file` is what the stream comes out of, None where that is of no concern.
+
+    Yields
+    ------
+    text : bytes
+        Whole lines, at least one.
+    bad_lines : int
+        Lines left out.
+    position : int
+        Bytes of the file read so far.
     """
-
-    closed = False
-
-    def __init__(self, stream, squeeze, packed, log):
-        self._stream, self._squeeze, self._packed, self._log = stream, squeeze, packed, log
-        self._rest, self._ready, self._taken, self._ended = b"", b"", 0, False
-
-    def _take(self):
-        piece = self._stream.read(_PIECE)
-        self._taken += len(piece)
-        if self._packed is not None:
-            check_unpacked(self._packed, self._taken)
-        self._ended = not piece
-        return piece.translate(_ASCII)
-
-    def _lines(self):
-        """Return the next whole lines, perhaps none."""
-        text, begin, kept = self._rest + self._take(), 0, []
+    rest, taken, bad_lines, ended = b"", 0, 0, False
+    while not ended:
+        piece = stream.read(size)
+        taken += len(piece)
+        if file:
+            check_unpacked(file.size(), taken)
+        ended = not piece
+        if not piece.isascii() or b"\0" in piece:
+            piece = piece.translate(_ASCII)
+        text, begin, kept = rest + piece, 0, []
         # from the last line end within reach to the next one
         while len(text) - begin > _LONGEST_LINE:
             end = text.rfind(b"\n", begin, begin + _LONGEST_LINE) + 1
             if end:
                 kept.append(text[begin:end])
             elif end := text.find(b"\n", begin) + 1:
-                self._log.bad_lines += 1
+                bad_lines += 1
             else:
                 break
             begin = end
-        last = len(text) if self._ended else text.rfind(b"\n", begin) + 1 or begin
+        last = len(text) if ended else text.rfind(b"\n", begin) + 1 or begin
         if last - begin > _LONGEST_LINE:
-            self._log.bad_lines += 1
+            bad_lines += 1
         else:
             kept.append(text[begin:last])
         # enough of a line to tell that it is too long
-        self._rest = text[last : last + _LONGEST_LINE + 1]
+        rest = text[last : last + _LONGEST_LINE + 1]
         lines = b"".join(kept)
         if b'"' in lines:
             rows = lines.splitlines(keepends=True)
             whole = [row for row in rows if row.count(b'"') % 2 == 0]
-            self._log.bad_lines += len(rows) - len(whole)
+            bad_lines += len(rows) - len(whole)
             lines = b"".join(whole)
-        if self._squeeze:
+        if squeeze:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
             lines = re.sub(rb"[ \t]+", b",", lines)
-        return lines
-
-    def read(self, size=-1):
-        """Return `size` bytes, fewer at the end only: so that every row lies in two blocks."""
-        while not self._ended and (size is None or size < 0 or len(self._ready) < size):
-            self._ready += self._lines()
-        size = len(self._ready) if size is None or size < 0 else size
-        head, self._ready = self._ready[:size], self._ready[size:]
-        return head
-
-    def close(self):
-        """Leave the closing to who opened the stream."""
-        self.closed = True
+        if lines or bad_lines:
+            yield lines or b"\n", bad_lines, file.tell() if file else taken
+            bad_lines = 0

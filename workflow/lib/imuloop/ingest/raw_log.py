@@ -30,6 +30,10 @@ class RawLog:
         What a user should know of how the file was read.
     bad_lines : int
         Lines that are no row of the table.
+    position : int
+        Bytes of the file read so far, 0 where the reader does not tell.
+    threads : int
+        How many the reader may use, set before the first batch is taken; changes no result.
     """
 
     batches: Iterator[pa.RecordBatch]
@@ -39,6 +43,8 @@ class RawLog:
     simulated: bool = False
     notes: list[str] = field(default_factory=list)
     bad_lines: int = 0
+    position: int = 0
+    threads: int = 1
 
 
 def rechunked(batches, rows):
