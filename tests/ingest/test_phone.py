@@ -23,13 +23,20 @@ def table(header, columns, write="{}".format, separator=",", decimal="."):
     return "\n".join(lines) + "\n"
 
 
+def timed(separator, decimal, *starts):
+    """Return the text of phyphox's table of starts and pauses."""
+    head = separator.join(["event", "experiment time", "system time", "system time text"])
+    rows = [f"START{separator}{a:.9E}{separator}{b:.3f}{separator}a day" for a, b in starts]
+    return "\n".join([head, *(row.replace(".", decimal) for row in rows)]) + "\n"
+
+
 def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal="."):
     """Return name -> text as phyphox exports it: ten digits, an experiment's own names."""
     layout = {"write": "{:.9E}".format, "separator": separator, "decimal": decimal}
     members = {
         "meta/device.csv": f'"property"{separator}"value"\n"version"{separator}"1.2.0"\n'
         f'"deviceModel"{separator}"Pixel <6a>"\n',
-        "meta/time.csv": '"event","experiment time","system time","system time text"\n',
+        "meta/time.csv": timed(separator, decimal, (0, 1.7e9)),
     }
     for file, name, axes, unit in (
         ("Accelerometer", kind[0], ACCELERATION, "m/s^2"),
@@ -103,8 +110,35 @@ def test_phyphox(log, run, write, kind, separator, decimal):
         "acceleration": "m/s^2",
         "angular_rate": "rad/s",
     }
-    assert "recorded by phyphox on Pixel <6a>" in done.quality["warnings"]
+    assert done.quality["warnings"][:2] == [
+        "recorded by phyphox on Pixel <6a>",
+        "begun at 2023-11-14T22:13:20Z by the phone's clock",
+    ]
     assert done.quality["rows"] == 500
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [",.", ";,"])
+def test_a_pause_of_phyphox_is_a_gap(log, run, write, separator, decimal):
+    members = phyphox(log, ("Acceleration", "Gyroscope"), separator, decimal)
+    # the phone's clock is set back by a minute, then the experiment pauses for 30 s and 7 s
+    starts = [(0, 1.7e9), (1.005, 1.7e9 - 59), (2.005, 1.7e9 + 32.005), (3.005, 1.7e9 + 40.005)]
+    members["meta/time.csv"] = timed(separator, decimal, *starts)
+    done = run(write(members))
+    late = np.select([log.t > 3.005, log.t > 2.005], [37, 30], 0)
+    np.testing.assert_allclose(done.samples.t, log.t + late, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(done.samples.t[:200], log.t[:200])
+    np.testing.assert_array_equal(done.samples.gx, log.gx)
+    assert done.quality["gaps"]["count"] == 2
+    assert any(
+        line.startswith("paused 2 times, 37 s together") for line in done.quality["warnings"]
+    )
+
+
+@pytest.mark.parametrize(
+    "text", ["", "START", "START,a,b", "START,1,inf\nSTART,nan,2", "a\nSTART,1"]
+)
+def test_a_broken_table_of_starts_tells_nothing(log, run, write, text):
+    check(run(write({**phyphox(log), "meta/time.csv": text})), log)
 
 
 def test_phyphox_in_one_table_and_a_folder(log, run, write):

@@ -8,6 +8,7 @@ to standardise, SensorLog never does. Here all become specific force.
 import csv
 import re
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PureWindowsPath
@@ -19,11 +20,13 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import AXES, guess, stated_unit
 from imuloop.ingest.delimited import find_layout, numbers, text_batches
 from imuloop.ingest.packed import check_unpacked
-from imuloop.ingest.stamps import parse_stamps, stamp_values
+from imuloop.ingest.stamps import iso_text, parse_stamps, stamp_values
 from imuloop.ingest.streams import Stream, raw_log
 
 ENDINGS = (".zip",)
 
+# 2200, in seconds since 1970
+_LATEST = 7.3e9
 # read of a table about the phone
 _ABOUT_BYTES = 1 << 16
 # "Acceleration x (m/s^2)", "X (m/s^2)", "accelerationX" or "x": sensor, axis, unit
@@ -114,6 +117,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     with _checked("the file is not a whole zip", zipfile.ZipFile, path) as archive:
         members = _members(archive, path.stat().st_size)
         about = _about(archive, members)
+        events = _events(archive, members)
         tables = [
             table
             for name, info in members.items()
@@ -129,6 +133,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     ]
     if app.name == "Sensor Logger":
         tables = _specific_force(tables, about, notes)
+    else:
+        tables = _with_pauses(tables, events, notes)
     columns = dict(columns or {})
     for quantity in ("acceleration", "angular_rate"):
         if columns.get(quantity) is None:
@@ -283,9 +289,7 @@ def _about(archive, members):
     rows = []
     for name, info in members.items():
         if name.lower() in ("meta/device", "metadata"):
-            text = _Member(archive, info).read(_ABOUT_BYTES).decode("utf-8-sig", "replace")
-            head = text.partition("\n")[0]
-            rows = [*csv.reader(text.splitlines(), delimiter=max(",;\t", key=head.count))]
+            rows = _rows(archive, info)
             # a row a property, or a row of names and one of values
             if name.lower() == "metadata":
                 rows = zip(*rows[:2], strict=False)
@@ -295,6 +299,50 @@ def _about(archive, members):
         told = " ".join(about[word] for word in words if about.get(word, "null") != "null")
         about["device"] = "".join(c for c in told if c.isprintable())[:80] or "a phone"
     return about
+
+
+def _rows(archive, info):
+    """Return the cells of a small table."""
+    text = _Member(archive, info).read(_ABOUT_BYTES).decode("utf-8-sig", "replace")
+    head = text.partition("\n")[0]
+    return [*csv.reader(text.splitlines(), delimiter=max(",;\t", key=head.count))]
+
+
+def _events(archive, members):
+    """Return (seconds of the experiment, seconds since 1970) of each start of phyphox's."""
+    rows = _rows(archive, members["meta/time"]) if "meta/time" in members else []
+    events = []
+    for row in rows:
+        if row and row[0].strip().upper() == "START":
+            # a broken row tells nothing of the sensors
+            with suppress(ValueError, IndexError):
+                events.append([float(cell.replace(",", ".")) for cell in row[1:3]])
+    return np.array([event for event in events if len(event) == 2]).reshape(-1, 2)
+
+
+def _with_pauses(tables, events, notes):
+    """Return tables whose stamps go on in the pauses, in which phyphox stops its clock."""
+    events = events[np.isfinite(events).all(axis=1)]
+    begun = events[:, 1] - events[:, 0]
+    if len(begun) and 0 < begun[0] < _LATEST:
+        notes.append(
+            f"begun at {iso_text(round(begun[0] * 1000) * 1_000_000)} by the phone's clock"
+        )
+    # one that is set back makes no pause
+    late = np.maximum.accumulate(begun - begun[:1])
+    if not late.any():
+        return tables
+    notes.append(
+        f"paused {np.count_nonzero(np.diff(late))} times, {late[-1]:.4g} s together, in which "
+        "phyphox stops its clock: its stamps go on by the phone's, to the ms"
+    )
+    longer = []
+    for table in tables:
+        x = table.stream.stamps
+        passed = np.searchsorted(events[1:, 0], x)
+        stream = replace(table.stream, stamps=np.where(passed > 0, x + late[passed], x))
+        longer.append(replace(table, stream=stream))
+    return longer
 
 
 def _table(name, opened, batch_rows, most):
