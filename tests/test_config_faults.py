@@ -18,6 +18,9 @@ from imuloop.ingest.formats import FORMATS
 
 REPLICAS = {"iphone_6": ["static", "six_position"]}
 SHA = "0" * 64
+# each line a list of ten of the line before
+TOWER = "\n".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]" for i in range(8))
+TOWER = f"a0: &a0 [1]\n{TOWER}"
 
 
 @pytest.fixture
@@ -408,6 +411,11 @@ def test_what_is_no_regular_file_is_said(faults, tmp_path):
         ("devices", "not a mapping of keys; it needs devices"),
         ("devices: [", "line 1, column 11: no YAML: "),
         ("devices:\n\ta: 1\n", "line 2, column 1: no YAML: "),
+        ("devices: 2024-02-30", "a value cannot be: day is out of range for month"),
+        ("devices: !!int a", "a value cannot be: invalid literal"),
+        ("devices: " + 999 * "[", "nested too deeply"),
+        ("devices: &a [*a]", "more than 100000 values, aliases (*name) written out"),
+        (TOWER, "more than 100000 values, aliases (*name) written out"),
         ("devices: {}", None),
     ],
 )

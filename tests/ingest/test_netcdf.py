@@ -37,6 +37,18 @@ def write(log, tmp_path):
     return call
 
 
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+@pytest.mark.parametrize("variant", ["NETCDF4", "NETCDF3_64BIT_DATA", "NETCDF4_CLASSIC"])
+def test_every_bit(hard, hard_stamps, every_bit, tmp_path, kind, variant):
+    stamps = hard_stamps if variant != "NETCDF4_CLASSIC" else hard_stamps * 1e-9
+    with netCDF4.Dataset(tmp_path / "log.nc", "w", format=variant) as data:
+        data.createDimension("time", len(hard))
+        data.createVariable("time", stamps.dtype, ("time",))[:] = stamps
+        for name, column in zip(["ax", "ay", "az", "gx", "gy", "gz"], hard.T, strict=True):
+            data.createVariable(name, kind, ("time",))[:] = column
+    every_bit(tmp_path / "log.nc", hard.astype(kind), stamps)
+
+
 @pytest.mark.parametrize("order", [("time", "axis"), ("axis", "time")])
 def test_variables_with_an_axis_units_and_dates(log, run, write, order):
     done = run(write(order=order))
@@ -79,6 +91,41 @@ def test_declared_variables(log, run, write):
     np.testing.assert_array_equal(done.samples.gx, log.gx)
     with pytest.raises(ImuloopError, match=r"no variable 'gyro' .*; there are acceleration"):
         run(path, columns={"angular_rate": "gyro"})
+
+
+@pytest.mark.parametrize("form", ["NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA"])
+def test_the_classic_format(log, run, tmp_path, form):
+    path = tmp_path / "log.nc"
+    with netCDF4.Dataset(path, "w", format=form) as data:
+        data.title = "odd"
+        data.createDimension("time", None)
+        data.createDimension("three", 3)
+        for name in log.columns:
+            data.createVariable(name, "f8", ("time",))[:] = log[name].to_numpy()
+            data[name].setncatts({"long_name": name, "valid": np.array([1, 2, 3], "i2")})
+    np.testing.assert_array_equal(run(path).samples.gy, log.gy)
+    content = path.read_bytes()
+    # how many variables there are: the library would take memory for all of them
+    at = content.index(b"\0\0\0\x0b") + 4
+    path.write_bytes(content[:at] + b"\x3f" + content[at + 1 :])
+    line = "the file is not a whole NetCDF file: its header is damaged"
+    assert run(path).quality["reasons"] == [line]
+
+
+def test_rows_that_are_only_announced_are_not_read(run, write):
+    path = write()
+    with netCDF4.Dataset(path, "a") as data:
+        data.createDimension("later", 1 << 40)
+        for name in ("ax", "ay", "az", "gx", "gy", "gz"):
+            data.createVariable(name, "f8", ("later",), chunksizes=(1000,))
+    declared = {"acceleration": ["ax", "ay", "az"], "angular_rate": ["gx", "gy", "gz"]}
+    [reason] = run(path, columns=declared, rate=100).quality["reasons"]
+    assert reason.startswith("unpacked, the file is more than 200 times its")
+
+
+def test_units_that_are_no_date_are_told(run, write):
+    reason = "the stamps count from '0001-13-45', which is no date"
+    assert run(write(units="days since 0001-13-45")).quality["reasons"] == [reason]
 
 
 def test_a_file_that_is_none_is_rejected(run, tmp_path):

@@ -24,6 +24,9 @@ SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 # most bytes judged before the run of a log that is read as a whole, unless a fault is in them
 CHECKED = 1 << 23
 
+# a config of a thousand devices holds fewer
+MOST_VALUES = 100_000
+
 # other spellings of the units, in small letters: by similarity dps would be rad/s
 _SPELLINGS = {
     "s": ("sec", "secs", "second", "seconds"),
@@ -102,10 +105,29 @@ def unreadable(path):
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        return f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}"
+        return one_line(f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}")
+    except RecursionError:
+        return f"{path}: nested too deeply"
+    except Exception as error:
+        # a date, a number, a truth value that is none
+        return one_line(f"{path}: a value cannot be: {error}")
     if content is None:
         return f"{path}: empty; it needs devices"
-    return None if isinstance(content, dict) else f"{path}: not a mapping of keys; it needs devices"
+    if not isinstance(content, dict):
+        return f"{path}: not a mapping of keys; it needs devices"
+    if _holds_more(content, MOST_VALUES):
+        return f"{path}: more than {MOST_VALUES} values, aliases (*name) written out"
+    return None
+
+
+def _holds_more(content, most):
+    """Tell whether there are more values than so many; in what holds itself there are."""
+    left = [content]
+    while left and most:
+        value, most = left.pop(), most - 1
+        if isinstance(value, (dict, list)):
+            left += value.values() if isinstance(value, dict) else value
+    return bool(left)
 
 
 def as_given(path, arguments):

@@ -1,6 +1,8 @@
 """NetCDF files: variables over time, a sensor's three axes as one variable or as three."""
 
 import re
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,6 +11,7 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import AXES, resolve, stated_unit
+from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 
 ENDINGS = (".nc", ".nc4", ".cdf", ".netcdf")
@@ -25,6 +28,9 @@ _CF_NANOSECONDS = {
     "hour": 3600 * 10**9,
     "day": 86400 * 10**9,
 }
+# types of the classic format, and the longest header, bytes
+_CLASSIC_BYTES = {3: 2, 4: 4, 5: 4, 6: 8, 8: 2, 9: 4, 10: 8, 11: 8}
+_MOST_HEADER = 1 << 24
 
 
 def read(paths, columns=None, batch_rows=1 << 16):
@@ -49,14 +55,19 @@ def read(paths, columns=None, batch_rows=1 << 16):
     # takes long to import, and most runs need none
     import netCDF4
 
+    path = Path(paths["log"])
+    _check_classic(path)
     try:
-        dataset = netCDF4.Dataset(str(paths["log"]))
-    except OSError as error:
+        dataset = netCDF4.Dataset(str(path))
+    except Exception as error:
         raise RejectedLog("the file is not a whole NetCDF file") from error
     dimension, series = _series(dataset, columns)
     names = list(series)
     chosen = resolve(names, _expanded(columns, dataset, names))
     keys = [names[i] for i in chosen.positions()]
+    used = [dataset[name] for name in {series[key][0] for key in keys}]
+    # sizes that are announced, whatever is in the file
+    check_unpacked(path.stat().st_size, sum(float(v.size) * v.dtype.itemsize for v in used))
     units = {
         quantity: unit
         for quantity, found in chosen.found(names).items()
@@ -91,6 +102,54 @@ def read(paths, columns=None, batch_rows=1 << 16):
         found=chosen.found(names),
         units=units,
     )
+
+
+def _check_classic(path):
+    """Reject a file of the classic format whose header announces more than the file holds.
+
+    The library takes memory for whatever number of dimensions, attributes or variables it reads.
+    """
+    size = path.stat().st_size
+    with open(path, "rb") as file:
+        head = file.read(_MOST_HEADER)
+    if head[:3] != b"CDF":
+        return
+    width, at = (8 if head[3:4] == b"\5" else 4), 4
+
+    def number():
+        nonlocal at
+        at += width
+        value = int.from_bytes(head[at - width : at], "big")
+        if value > size or at > len(head):
+            raise RejectedLog("the file is not a whole NetCDF file: its header is damaged")
+        return value
+
+    def skip(count):
+        nonlocal at
+        at += count + -count % 4
+
+    def entries():
+        skip(4)
+        for _ in range(number()):
+            skip(number())
+            yield
+
+    def attributes():
+        for _ in entries():
+            kind = int.from_bytes(head[at : at + 4], "big")
+            skip(4)
+            skip(_CLASSIC_BYTES.get(kind, 1) * number())
+
+    # of records, then of each dimension: lengths, which may be any
+    skip(width)
+    for _ in entries():
+        skip(width)
+    attributes()
+    for _ in entries():
+        skip(width * number())
+        attributes()
+        # type, size, where it begins
+        skip(4 + width + (4 if head[3:4] == b"\1" else 8))
 
 
 def _series(dataset, columns):
@@ -133,7 +192,14 @@ def _expanded(columns, dataset, names):
 
 def _attribute_unit(dataset, series, quantity, found):
     name = series[found[0] if isinstance(found, list) else found][0]
-    return stated_unit(quantity, getattr(dataset[name], "units", ""))
+    return stated_unit(quantity, _units(dataset[name]))
+
+
+def _units(variable):
+    """Return what a variable says of its units; of those that cannot be read, nothing."""
+    with suppress(Exception):
+        return str(variable.units)
+    return ""
 
 
 def _values(variable, dimension, part):
@@ -141,7 +207,7 @@ def _values(variable, dimension, part):
     along = variable.dimensions[0] == dimension
     try:
         values = np.ma.asarray(variable[part] if along else variable[:, part])
-    except (RuntimeError, OSError) as error:
+    except Exception as error:
         raise RejectedLog(f"the file cannot be read to its end: {error}") from error
     return values if along else values.T
 
@@ -158,11 +224,14 @@ def _float(values):
 def _stamps(values, variable):
     """Return stamps: dates where the variable says `seconds since ...`, else its numbers."""
     mask = np.ma.getmaskarray(values)
-    units = re.fullmatch(r"\s*(\w+?)s?\s+since\s+(.+)", str(getattr(variable, "units", "")))
+    units = re.fullmatch(r"\s*(\w+?)s?\s+since\s+(.+)", _units(variable))
     if not units or units[1] not in _CF_NANOSECONDS:
         return pa.array(np.ma.getdata(values), mask=mask)
-    origin = pd.Timestamp(units[2].replace("UTC", "").strip())
-    origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns").value
+    try:
+        origin = pd.Timestamp(units[2].replace("UTC", "").strip())
+        origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns").value
+    except (ValueError, OverflowError) as error:
+        raise RejectedLog(f"the stamps count from '{units[2]}', which is no date") from error
     step = _CF_NANOSECONDS[units[1]]
     data = np.ma.getdata(values)
     if data.dtype.kind == "f":
