@@ -22,6 +22,7 @@ GYR = "QBQfff", "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
 IMT = "QBfffffffff", "TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"
 PARM = "QNf", "TimeUS,Name,Value"
 CODES = dict(Q="Q", B="B", f="f", I="I", H="H", c="h", n="4s", N="16s", Z="64s")
+CODES |= dict(d="d", b="b", h="h", i="i", q="q", C="H", e="i", E="I", L="i")
 FORMAT = struct.Struct("<3BBB4s16s64s")
 
 
@@ -125,6 +126,41 @@ def test_a_text_log_keeps_the_digits_of_its_text(run, log, write):
     content = text(("IMU", IMU, imu(log))).replace(b"\n", b"\r\n")
     assert_equal(run(write(content, "log.log"), format="dataflash"), log)
     assert_equal(run(write(content.replace(b", ", b","), "log.log"), format="dataflash"), log)
+
+
+NUMBERS = dict(f="f4", d="f8", b="i1", B="u1", h="i2", H="u2", i="i4", I="u4", q="i8")
+SCALED = dict(c=("i2", 100), C=("u2", 100), e=("i4", 100), E=("u4", 100), L=("i4", 10_000_000))
+
+
+@pytest.mark.parametrize("code", [*NUMBERS, *SCALED])
+def test_every_bit(hard, every_bit, write, code):
+    kind, scale = SCALED.get(code) or (NUMBERS[code], 1)
+    if kind in ("f4", "f8"):
+        written = expected = hard.astype(kind)
+    else:
+        low, high = max(np.iinfo(kind).min, -(2**53)), min(np.iinfo(kind).max, 2**53)
+        written = np.random.default_rng(5).integers(low, high, (300, 6))
+        # the float64 nearest to the quotient
+        expected = written / scale
+    stamps = 2**60 + 1 + 10_003 * np.arange(300)
+    rows = [(t, *row) for t, row in zip(stamps, written.tolist(), strict=True)]
+    message = ("MINE", ("Q" + 6 * code, "TimeUS,ax,ay,az,gx,gy,gz"), rows)
+    columns = dict(acceleration="MINE", angular_rate="MINE")
+    path = write(binary(message))
+    every_bit(path, expected, stamps, columns)
+    # what the format's own library reads is the same, but for how it scales
+    log, read = DFReader.DFReader_binary(str(path)), []
+    while (row := log.recv_match(type="MINE")) is not None:
+        read.append([row.TimeUS, *(getattr(row, name) for name in message[1][1].split(",")[1:])])
+    assert [row[0] for row in read] == stamps.tolist()
+    np.testing.assert_allclose([row[1:] for row in read], expected, rtol=3e-16 * (scale > 1))
+
+
+def test_every_bit_of_text(hard, every_bit, write):
+    stamps = 1_700_000_000_123_457 + 10_003 * np.arange(300)
+    rows = [(t, *row) for t, row in zip(stamps, hard.tolist(), strict=True)]
+    content = text(("IMU", ("Qdddddd", "TimeUS,AccX,AccY,AccZ,GyrX,GyrY,GyrZ"), rows))
+    every_bit(write(content, "log.txt"), hard, stamps.astype(float), format="dataflash")
 
 
 def test_raw_messages_are_stamped_by_the_sample(run, single, write):

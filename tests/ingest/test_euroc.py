@@ -37,6 +37,16 @@ def test_folder_and_table_alone_come_back_exactly(log, run, folder, name):
     assert small.path.read_bytes() == run(folder / name).path.read_bytes()
 
 
+def test_every_bit(hard, hard_stamps, every_bit, folder):
+    with open(folder / "data.csv", "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(HEADER)
+        for i, row in enumerate(hard[:, [3, 4, 5, 0, 1, 2]].tolist()):
+            writer.writerow([int(hard_stamps[i]), *row])
+    every_bit(folder, hard, hard_stamps)
+    every_bit(folder / "data.csv", hard, hard_stamps)
+
+
 def test_a_folder_without_a_table(run, folder):
     (folder / "data.csv").unlink()
     os.mkfifo(folder / "data.csv")

@@ -26,6 +26,17 @@ def test_both_files_make_one_table(log, run, pair):
     assert set(done.metadata["sha256"]) == {"acc.mat", "gyro.mat"}
 
 
+@pytest.mark.parametrize("form", ["%.18e", "%.7e", "%.17g", "%r"])
+def test_every_bit(hard, every_bit, tmp_path, form):
+    t = 1e9 + np.arange(300) / 100
+    paths = {"acceleration": tmp_path / "acc.mat", "angular_rate": tmp_path / "gyro.mat"}
+    for path, three in zip(paths.values(), (hard[:, :3], hard[:, 3:]), strict=True):
+        rows = np.column_stack([t, three]).tolist()
+        path.write_text("".join(" ".join(form % x for x in row) + "\n" for row in rows))
+    nearest = np.array([[float(form % x) for x in row] for row in hard.tolist()])
+    every_bit(paths, nearest, np.array([float(form % x) for x in t.tolist()]))
+
+
 def test_batches_do_not_matter(run, pair):
     assert run(*pair).path.read_bytes() == run(*pair, batch_rows=30).path.read_bytes()
 

@@ -98,6 +98,14 @@ def test_single_precision_and_whole_nanoseconds(log, run, arrays, path, save):
 
 
 @EVERY
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_every_bit(hard, hard_stamps, every_bit, path, save, kind):
+    values = hard.astype(kind)
+    save(path, {"t": hard_stamps, "acc": values[:, :3], "gyro": values[:, 3:]})
+    every_bit(path, values, hard_stamps)
+
+
+@EVERY
 @pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"])
 def test_counts_of_every_type(run, arrays, path, save, kind):
     rng = np.random.default_rng(0)

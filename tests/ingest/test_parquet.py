@@ -19,6 +19,16 @@ def test_exact_and_independent_of_batches(log, run, tmp_path):
     assert done.path.read_bytes() == run(path, batch_rows=11).path.read_bytes()
 
 
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+@pytest.mark.parametrize("packing", ["none", "snappy", "gzip", "zstd", "lz4", "brotli"])
+def test_every_bit(hard, hard_stamps, every_bit, tmp_path, kind, packing):
+    path = tmp_path / "log.parquet"
+    values = hard.astype(kind)
+    columns = dict(zip(["ax", "ay", "az", "gx", "gy", "gz"], values.T, strict=True))
+    pq.write_table(pa.table({"t": hard_stamps, **columns}), path, compression=packing)
+    every_bit(path, values, hard_stamps)
+
+
 def test_samples_go_round_exactly(log, run, tmp_path):
     path = tmp_path / "log.parquet"
     rng = np.random.default_rng(3)

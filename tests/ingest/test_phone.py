@@ -150,6 +150,36 @@ def test_phyphox_in_one_table_and_a_folder(log, run, write):
     assert done.quality["columns"]["acceleration"][0] == "Raw Data.Acceleration x (m/s^2)"
 
 
+@pytest.mark.parametrize("digits", ["{:.9E}", "{!r}", "{:.17g}", "{:.30f}"])
+def test_every_bit_of_phyphox(hard, every_bit, write, digits):
+    t = 1 / 3 + np.arange(300) / 100
+    members = {}
+    for name, three in (("Acceleration", hard[:, :3]), ("Gyroscope", hard[:, 3:])):
+        header = ["Time (s)", *(f"{name} {axis} (m/s^2)" for axis in "xyz")]
+        columns = [t.tolist(), *three.T.tolist()]
+        members[f"{name}.csv"] = table(header, columns, digits.format)
+    nearest = np.array([[float(digits.format(x)) for x in row] for row in hard.tolist()])
+    stamps = np.array([float(digits.format(x)) for x in t.tolist()])
+    every_bit(write(members), nearest, stamps)
+
+
+def test_every_bit_of_sensor_logger(hard, hard_stamps, every_bit, write):
+    members = {}
+    for name, three in (("TotalAcceleration", hard[:, :3]), ("Gyroscope", hard[:, 3:])):
+        columns = [hard_stamps.tolist(), (hard_stamps * 1e-9).tolist(), *three.T.tolist()]
+        members[f"{name}.csv"] = table(["time", "seconds_elapsed", *"xyz"], columns)
+    every_bit(write(members), hard, hard_stamps)
+
+
+def test_every_bit_of_sensorlog(hard, every_bit, tmp_path):
+    t = 62608 + np.arange(300) / 100
+    names = [f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"]
+    names += [f"gyroRotation{axis}(rad/s)" for axis in "XYZ"]
+    head = ["accelerometerTimestamp_sinceReboot(s)", "gyroTimestamp_sinceReboot(s)", *names]
+    (tmp_path / "log.csv").write_text(table(head, [t, t, *hard.T.tolist()]))
+    every_bit(tmp_path / "log.csv", hard * [-1, -1, -1, 1, 1, 1], t)
+
+
 def test_batches_do_not_matter(log, run, write):
     path = write(phyphox(log))
     assert run(path).path.read_bytes() == run(path, batch_rows=9).path.read_bytes()

@@ -6,6 +6,7 @@ import time
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from pyulog import ULog
 
@@ -100,6 +101,22 @@ def test_sensor_combined(run, single, write):
     assert done.quality["columns"]["acceleration"][0] == "sensor_combined_0.acceleration.x"
     assert done.metadata["units"]["time"] == "us"
     assert any("PX4's own calibration" in note for note in done.quality["warnings"])
+
+
+@pytest.mark.parametrize("topic", ["combined", "single sensors"])
+def test_every_bit(hard, every_bit, write, topic):
+    values = pd.DataFrame(hard.astype("f4"), columns=ACCELERATION + ANGULAR_RATE)
+    # beyond what float64 holds
+    stamps = (2**60 + 1 + 10_003 * np.arange(300)).astype("u8")
+    fields = {"timestamp": stamps, "timestamp_sample": stamps}
+    force = {**fields, **axes(values, ACCELERATION)}
+    rate = {**fields, **axes(values, ANGULAR_RATE)}
+    topics = [("sensor_accel", 0, force), ("sensor_gyro", 0, rate)]
+    if topic == "combined":
+        vectors = vector(values, ANGULAR_RATE, "gyro_rad[{}]")
+        vectors |= vector(values, ACCELERATION, "accelerometer_m_s2[{}]")
+        topics = [("sensor_combined", 0, {"timestamp": stamps, **vectors})]
+    every_bit(write(*topics), hard.astype("f4"), stamps.astype("i8"))
 
 
 def test_raw_sensors_at_the_same_times(run, single, write):

@@ -225,7 +225,7 @@ def _kind(stamp):
 
 
 def _delimiter(layout):
-    return "," if layout.separator == _BLANKS else layout.separator
+    return "\t" if layout.separator == _BLANKS else layout.separator
 
 
 def _parsed(text, layout, positions, kinds):
@@ -335,7 +335,7 @@ def _pieces(stream, file, size, squeeze):
     """Give the lines of a stream in plain ASCII, some `size` bytes at once.
 
     Left out are lines that are too long and those with an open quote. Runs of blanks become
-    commas if `squeeze`; `file` is what the stream comes out of, None where that is of no concern.
+    tabs if `squeeze`; `file` is what the stream comes out of, None where that is of no concern.
 
     Yields
     ------
@@ -381,7 +381,8 @@ def _pieces(stream, file, size, squeeze):
             lines = b"".join(whole)
         if squeeze:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
-            lines = re.sub(rb"[ \t]+", b",", lines)
+            # no comma: that may be decimal
+            lines = re.sub(rb"[ \t]+", b"\t", lines)
         if lines or bad_lines:
             yield lines or b"\n", bad_lines, file.tell() if file else taken
             bad_lines = 0
