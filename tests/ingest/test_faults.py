@@ -139,6 +139,23 @@ def deadened(names, width):
     return change
 
 
+def tracked(tau, still):
+    """Firmware that follows the mean of each rate with a time constant, s, while it is still."""
+
+    def change(log):
+        spread = sum(log[name].rolling(25, min_periods=1).std() for name in ANGULAR_RATE)
+        resting = (spread < still).to_numpy()
+        raw = log[list(ANGULAR_RATE)].to_numpy()
+        out, mean = raw.copy(), np.zeros(3)
+        for i in range(len(log)):
+            if resting[i]:
+                mean += 0.01 / tau * (raw[i] - mean)
+            out[i] -= mean
+        log[list(ANGULAR_RATE)] = out
+
+    return change
+
+
 def swapped(*shares):
     def change(log):
         for share in shares:
@@ -209,6 +226,10 @@ KEPT = {
     "a step too coarse": (
         coarse("gy", 0.02),
         {"static": "never changing: gy", "multi_position": "no noise at rest: gy;"},
+    ),
+    "bias tracked at rest": (
+        tracked(0.3, 0.015),
+        "the angular rate at rest has no mean: its means",
     ),
     "a dead axis": (put((0,), ["gx"], 0.25), "never changing: gx"),
     "temperature in counts": (scaled([TEMPERATURE], 340, -12420), "counts, or failed reads"),

@@ -5,6 +5,7 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.ingest.faults import SENSORS
+from imuloop.ingest.rest_means import EARTH_PART, EARTH_RATE
 from imuloop.ingest.rests import HIGH, LACKING_SHARE
 from imuloop.ingest.turns import PLAUSIBLE_RATIO
 
@@ -91,7 +92,8 @@ def warnings(figures, units):
             f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
             f"resampled): {listed} of the noise below; log the sensor's own output"
         )
-    return lines + _temperature(figures) + _units(figures, found, units) + _axes(found)
+    lines += _temperature(figures) + _units(figures, found, units) + _axes(found)
+    return lines + _mean_at_rest(found["mean_at_rest"])
 
 
 def _temperature(figures):
@@ -151,6 +153,28 @@ def _units(figures, found, units):
             "see units.angular_rate and nominal.angular_rate"
         )
     return lines
+
+
+def _mean_at_rest(found):
+    """Tell a bias that firmware or the logger takes away at rest."""
+    if not found or not found["tracked"]:
+        return []
+    if found["upper"] is not None and found["upper"] < EARTH_PART * EARTH_RATE:
+        per_hour = ANGULAR_RATE_UNITS["deg/h"]
+        why = (
+            f"at most {found['upper'] / per_hour:.3g} deg/h, and Earth alone turns with "
+            f"{EARTH_RATE / per_hour:.4g}; firmware or the logger takes the bias away, or "
+            "units.angular_rate is wrong"
+        )
+    else:
+        why = (
+            f"its means hold {found['noise_share']:.1%} of the power that its own noise gives "
+            "them; firmware or the logger takes the bias away"
+        )
+    return [
+        f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be told from "
+        "this log"
+    ]
 
 
 def _axes(found):

@@ -19,6 +19,7 @@ from imuloop.core.samples import (
 )
 from imuloop.ingest import rests
 from imuloop.ingest.axes import Axes
+from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
 from imuloop.ingest.turns import Turns
 
@@ -65,7 +66,7 @@ def measure(file, figures):
     pairs = {pair: np.zeros(2, dtype=int) for pair in combinations(names, 2)}
     spectra = {name: [] for name in CHANNELS}
     rate = figures["rate_hz"]
-    quiet, turns, way = [], Turns(rate), Axes(rate)
+    quiet, means, turns, way = [], RestMeans(rate), Turns(rate), Axes(rate)
     tail, row = None, 0
     for group in range(file.num_row_groups):
         table = file.read_row_group(group, columns=names)
@@ -79,6 +80,7 @@ def measure(file, figures):
             zero_rows[sensor] += int(padded[sensor].sum())
             if padded[sensor].any():
                 x |= {name: np.where(padded[sensor], np.nan, x[name]) for name in axes}
+        means.add(x)
         changes = {name: np.flatnonzero(x[name][1:] != x[name][:-1]) for name in names}
         for pair, count in pairs.items():
             count += _common_changes(*(x[name] for name in pair), *(changes[n] for n in pair))
@@ -94,9 +96,9 @@ def measure(file, figures):
         blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
         for name in CHANNELS:
             spectra[name].append(rests.bands(blocks[name]))
-        means = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
+        rates = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
         spread = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        quiet.append(np.array([spread, np.sqrt((means**2).sum(axis=0))]))
+        quiet.append(np.array([spread, np.sqrt((rates**2).sum(axis=0))]))
         row += table.num_rows
     stuck = {name: runs[name].stuck() for name in CHANNELS}
     quiet, spectra = np.hstack(quiet), {name: np.hstack(spectra[name]) for name in CHANNELS}
@@ -141,6 +143,7 @@ def measure(file, figures):
             name: None if name in silent else rests.lacking(spectra[name]) for name in CHANNELS
         },
         "rate_at_rest": rests.rate_at_rest(quiet),
+        "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
         "turn_ratio": turns.ratio(),
         "axes": way.fit(),
     }

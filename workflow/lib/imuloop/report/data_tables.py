@@ -84,6 +84,9 @@ def _faults(found):
         "Rows a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
         "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
+        "Mean angular rate at rest, power as a share of its noise's": number(
+            (found.get("mean_at_rest") or {}).get("noise_share")
+        ),
         "Turns by angular rate and by gravity alike, 1 at best": number(
             (found.get("axes") or {}).get("agreement")
         ),

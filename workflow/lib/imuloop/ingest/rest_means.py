@@ -1,0 +1,140 @@
+"""Whether the angular rate at rest has the mean that it must have.
+
+A gyroscope at rest shows its bias and Earth's rotation, and its noise has power at all low
+frequencies. Firmware or a logger that follows the mean at rest and takes it away leaves neither:
+the mean of W seconds is then smaller than noise of the level found within a second lets it be, or
+smaller than Earth's rate. A bias makes both only larger, flicker and drift as well.
+"""
+
+import numpy as np
+from scipy.stats import chi2
+
+from imuloop.core.samples import ACCELERATION, CHANNELS
+
+# Earth against the stars, rad/s
+EARTH_RATE = 7.292115e-5
+# blocks of at least so long (s) and so many rows, of so many parts that tell the noise
+BLOCK_TIME, BLOCK_ROWS, PARTS = 1.0, 16, 4
+# a block rests where its variances are below so many times those of the quietest quarter
+QUIET = 4.0
+# what firmware needs until it has the mean does not count: this part of all rests, the first, and
+# so many blocks of each
+SETTLED, SETTLING = 0.25, 1
+# noise of a row spans at least this part of a step, else a mean says little
+LEAST_NOISE = 0.5
+# power of the means is lacking where chance makes it as small so seldom, with so much room for an
+# error of the noise level, and it is below this share
+LEAST_CHANCE, ROOM, MOST_SHARE = 1e-5, 1.25, 0.5
+# means and pairs of them needed; for Earth's rate, standard errors below a part of it
+LEAST_MEANS, LEAST_PAIRS, SIGMAS, EARTH_PART = 24, 32, 6.0, 0.5
+
+
+class RestMeans:
+    """Means of the angular rate in blocks of about a second, over a log."""
+
+    def __init__(self, rate):
+        part = max(round(BLOCK_TIME * rate), BLOCK_ROWS) // PARTS
+        self.rows, self.block_s = part * PARTS, part * PARTS / rate
+        # per block: variance of the force; of each rate the variance and the mean of each part
+        self.blocks = []
+
+    def add(self, x):
+        """Take in a row group."""
+        n = len(x["ax"]) // self.rows
+        if not n:
+            return
+        parts = self.rows // PARTS
+        mean = np.full(parts, 1 / parts)
+        columns, force = [], np.zeros(n)
+        for name in CHANNELS:
+            block = x[name][: n * self.rows].reshape(n, self.rows)
+            means = (block.reshape(-1, parts) @ mean).reshape(n, PARTS)
+            power = np.einsum("ij,ij->i", block, block) / self.rows
+            spread = power - means.mean(axis=1) ** 2
+            # what rounding leaves of a channel that does not change
+            spread[spread < 1e-12 * power] = 0.0
+            if name in ACCELERATION:
+                force += spread
+            else:
+                columns += [spread, means]
+        self.blocks.append(np.column_stack([force, *columns]))
+
+    def figures(self, steps):
+        """Return the mean rate at rest beside what noise and Earth make of it.
+
+        Parameters
+        ----------
+        steps : sequence of 3 floats or None
+            Quantisation step of each axis, rad/s.
+
+        Returns
+        -------
+        dict or None
+            `rate` and its `upper` bound, rad/s, of windows of `window_s`, both None where the
+            rests are too short; `noise_share`, the power of the means as a share of what white
+            noise alone gives them, the least of several windows; `tracked`. None where there are
+            no rests, or no noise.
+        """
+        if not self.blocks:
+            return None
+        blocks = np.concatenate(self.blocks)
+        force, rates = blocks[:, 0], blocks[:, 1:].reshape(-1, 3, 1 + PARTS)
+        spread, parts = rates[:, :, 0], rates[:, :, 1:]
+        live = np.isfinite(blocks).all(axis=1) & (spread > 0).all(axis=1)
+        if live.sum() < LEAST_PAIRS:
+            return None
+        rests = live & (force <= QUIET * np.quantile(force[live], 0.25))
+        rests &= (spread <= QUIET * np.quantile(spread[live], 0.25, axis=0)).all(axis=1)
+        noise = _white(parts[rests], self.block_s)
+        coarse = [
+            step and np.median(spread[rests, i]) < (LEAST_NOISE * step) ** 2
+            for i, step in enumerate(steps)
+        ]
+        if not rests.any() or not (noise > 0).all() or any(coarse):
+            return None
+        rests[: np.flatnonzero(rests)[int(SETTLED * rests.sum())]] = False
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], rests, [0]])))
+        runs = [parts[a + SETTLING : b].mean(axis=2) for a, b in edges.reshape(-1, 2)]
+        found = {"rate": None, "upper": None, "window_s": None, "noise_share": None}
+        tracked, blocks = False, 1
+        while any(len(run) >= blocks for run in runs):
+            means = [_windows(run, blocks) for run in runs]
+            every = np.concatenate(means)
+            window = blocks * self.block_s
+            power, n = (every**2 / noise).sum() * window, every.size
+            if n >= LEAST_MEANS:
+                found["noise_share"] = min(found["noise_share"] or np.inf, float(power / n))
+                tracked |= power < MOST_SHARE * n and chi2.cdf(ROOM * power, n) < LEAST_CHANCE
+            # noise of neighbours is not the same, bias and Earth's rate are
+            pairs = [m[: len(m) // 2 * 2].reshape(-1, 2, 3) for m in means]
+            power = np.concatenate(pairs).prod(axis=1).sum(axis=1)
+            if len(power) >= LEAST_PAIRS:
+                upper = power.mean() + SIGMAS * power.std(ddof=1) / np.sqrt(len(power))
+                found |= {"rate": _root(power.mean()), "upper": _root(upper), "window_s": window}
+            blocks *= 2
+        if found["upper"] is not None:
+            tracked |= found["upper"] < EARTH_PART * EARTH_RATE
+        return {**found, "tracked": bool(tracked)}
+
+
+def _white(parts, block_s):
+    """Return the white noise of each axis, (rad/s)^2/Hz: the least of two near averaging times."""
+    if not len(parts):
+        return np.zeros(3)
+    halves = parts.reshape(*parts.shape[:2], 2, -1).mean(axis=3)
+    found = [
+        # of a difference of two means the variance is twice theirs; medians pass over knocks
+        np.median(np.diff(means, axis=2) ** 2, axis=(0, 2)) / chi2.median(1) / 2
+        * block_s / means.shape[2]
+        for means in (parts, halves)
+    ]  # fmt: skip
+    return np.min(found, axis=0)
+
+
+def _windows(run, blocks):
+    """Return the means of windows of so many blocks, shape (n, 3)."""
+    return run[: len(run) // blocks * blocks].reshape(-1, blocks, 3).mean(axis=1)
+
+
+def _root(power):
+    return float(np.sqrt(max(power, 0.0)))
