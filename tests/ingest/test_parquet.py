@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import METADATA_KEY
 
 
 def test_exact_and_independent_of_batches(log, run, tmp_path):
@@ -103,6 +104,23 @@ def test_wrong_files_and_columns(log, run, tmp_path):
     log.to_parquet(path, index=False)
     with pytest.raises(ImuloopError, match=r"column 'ax' holds .*string, not numbers"):
         run(path)
+
+
+@pytest.mark.parametrize("said", [b"{", b"[]", b'{"units": 5}', b"\xff"])
+def test_damaged_metadata_reject_the_log(log, run, tmp_path, said):
+    table = pa.Table.from_pandas(log, preserve_index=False).replace_schema_metadata(
+        {METADATA_KEY: said}
+    )
+    pq.write_table(table, tmp_path / "log.parquet")
+    [reason] = run(tmp_path / "log.parquet").quality["reasons"]
+    assert reason == "the project's metadata in the Parquet file are damaged"
+
+
+def test_a_column_whose_name_is_no_text(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    log.rename(columns={"t": "time_of_log"}).to_parquet(path, index=False)
+    path.write_bytes(path.read_bytes().replace(b"time_of_log", b"\xff\xfe\xfdtime_of"))
+    assert run(path).quality["reasons"] == ["the file is not a whole Parquet file"]
 
 
 @pytest.mark.parametrize(("column", "words"), [("ax", "numbers"), ("t", "stamps")])

@@ -36,18 +36,19 @@ def read(paths, columns=None, batch_rows=1 << 16):
     """
     try:
         file = pq.ParquetFile(paths["log"])
-    except (pa.ArrowInvalid, OSError) as error:
+        names = file.schema_arrow.names
+        entries = file.schema_arrow.metadata or {}
+    except Exception as error:
+        # a column's name may not be text
         raise RejectedLog("the file is not a whole Parquet file") from error
-    names = file.schema_arrow.names
     chosen = resolve(names, columns)
-    entries = file.schema_arrow.metadata or {}
-    metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
+    metadata = _metadata(entries.get(METADATA_KEY, b"{}"))
     wanted = [names[i] for i in chosen.positions()]
 
     def whole_batches():
         try:
             yield from file.iter_batches(batch_size=batch_rows, columns=list(dict.fromkeys(wanted)))
-        except (pa.ArrowInvalid, OSError) as error:
+        except Exception as error:
             raise RejectedLog(f"the file cannot be read to its end: {error}") from error
 
     def batches():
@@ -67,9 +68,22 @@ def read(paths, columns=None, batch_rows=1 << 16):
         batches=batches(),
         temperature=chosen.temperature is not None,
         found=chosen.found(names),
-        units={**chosen.units, **metadata.get("units", {})},
-        simulated=bool(metadata.get("simulated", False)),
+        units={**chosen.units, **metadata["units"]},
+        simulated=metadata["simulated"],
     )
+
+
+def _metadata(text):
+    """Return the units by quantity, and whether the log is simulated, as the project's text says.
+
+    The text may be damaged.
+    """
+    try:
+        said = json.loads(text)
+        units = {quantity: str(unit) for quantity, unit in said.get("units", {}).items()}
+        return {"units": units, "simulated": bool(said.get("simulated", False))}
+    except (ValueError, AttributeError) as error:
+        raise RejectedLog("the project's metadata in the Parquet file are damaged") from error
 
 
 def _numbers(column, name):
