@@ -80,7 +80,8 @@ def test_a_bomb_is_refused(run, tmp_path, kind, line):
     columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
     [reason] = run(path, columns=columns).quality["reasons"]
     assert reason == (
-        f"unpacked, the file is more than 200 times its {path.stat().st_size} bytes: refused"
+        f"unpacked, the file is more than 200 times its {path.stat().st_size} bytes: refused, "
+        "no log packs so well"
     )
 
 

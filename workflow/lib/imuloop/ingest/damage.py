@@ -1,5 +1,6 @@
 """Damaged logs that lack a stream: what was lost is a fault of the data, not of the config."""
 
+import re
 from contextlib import contextmanager
 
 from imuloop.core.errors import Lacking, RejectedLog
@@ -19,4 +20,6 @@ def blamed_for_loss(damage):
     except Lacking as error:
         if not damage:
             raise
-        raise RejectedLog(f"the log is damaged: {'; '.join(damage)}; {error}") from error
+        # the names of streams are enough
+        lacks = re.sub(r" \([^()]*\)", "", str(error))
+        raise RejectedLog(f"{lacks}; it may be lost to damage: {'; '.join(damage)}") from error

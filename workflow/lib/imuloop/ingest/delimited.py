@@ -128,7 +128,7 @@ def find_layout(path):
     texts = [line.decode("utf-8-sig", "replace").rstrip("\r") for line in lines]
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
-        raise RejectedLog("the file has no rows")
+        raise RejectedLog("the file has no rows; record or copy it again")
     table = [texts[i] for i in rows]
     best = max(_SEPARATORS, key=lambda s: _numeric_share(table, s))
     if _numeric_share(table, best) < 0.5:

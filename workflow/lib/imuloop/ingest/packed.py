@@ -25,7 +25,8 @@ def check_unpacked(packed, unpacked, held=False):
     """
     if unpacked > MOST_TIMES * packed:
         raise RejectedLog(
-            f"unpacked, the file is more than {MOST_TIMES} times its {packed} bytes: refused"
+            f"unpacked, the file is more than {MOST_TIMES} times its {packed} bytes: refused, "
+            "no log packs so well"
         )
     if held and unpacked > MOST_HELD:
         raise RejectedLog(f"unpacked, the file is more than {MOST_HELD >> 30} GB: refused")

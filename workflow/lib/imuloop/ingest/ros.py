@@ -278,7 +278,8 @@ def _gather(file, topics, damage, most):
         said = str(error).partition(": (")[0].strip(".")[:200] if own else "it is damaged"
         tool = next(tool for magic, tool in _MENDED_BY.items() if file.head.startswith(magic))
         raise RejectedLog(
-            f"{file.path.name} is not a whole bag: {said}; if it was cut off, try {tool}"
+            f"{file.path.name} is not a whole bag: {said}; copy it again, "
+            f"or if its recording was cut off, mend it with {tool}"
         ) from error
 
 

@@ -138,7 +138,7 @@ def _parsed(path, topics, most):
     except RejectedLog:
         raise
     except Exception as error:
-        raise RejectedLog("the file is not a whole ULog file") from error
+        raise RejectedLog("the file is not a whole ULog file; copy it again") from error
     damage, left = [], tape.size - tape.tell()
     if tape.cut:
         damage.append("the file ends inside a message: the log was cut off")
