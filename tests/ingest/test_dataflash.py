@@ -3,6 +3,7 @@
 import struct
 import sys
 import time
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -204,7 +205,13 @@ def test_increments_over_their_own_interval(run, single, write):
     rows = [(t, 0, 0.01, *d, *x) for t, d, x in zip(STAMPS, dt, change, strict=True)]
     done = run(write(binary(("IMT", IMT, rows))))
     kept = np.arange(500) != 7
-    expected = change[kept].astype(float) / dt[kept][:, [1, 1, 1, 0, 0, 0]].astype(float)
+    pairs = zip(change.tolist(), dt[:, [1, 1, 1, 0, 0, 0]].tolist(), strict=True)
+    # the float64 nearest to the increment over its own interval
+    quotients = [
+        [float(Fraction(x) / Fraction(s)) if s else 0 for x, s in zip(*row, strict=True)]
+        for row in pairs
+    ]
+    expected = np.array(quotients)[kept]
     np.testing.assert_array_equal(done.samples[CHANNELS], expected)
     assert done.quality["non_finite"] == 1
 

@@ -3,6 +3,7 @@
 import struct
 import sys
 import time
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
@@ -192,8 +193,10 @@ def test_increments_over_their_own_interval(run, single, write):
     kept = np.arange(500) != 7
     for column in ACCELERATION + ANGULAR_RATE:
         step = dt["delta_velocity" if column in ACCELERATION else "delta_angle"]
-        rate = increments[column].astype(float) / (step * 1e-6)
-        np.testing.assert_allclose(done.samples[column], rate[kept], rtol=4e-16)
+        pairs = zip(increments[column].tolist(), step.tolist(), strict=True)
+        # the float64 nearest to the increment over its own interval
+        rate = np.array([float(Fraction(x) * 10**6 / us) for x, us in pairs])
+        np.testing.assert_array_equal(done.samples[column], rate[kept])
     assert done.quality["non_finite"] == 1
     # rates of a still sensor whose interval jitters by 20 % are as quiet as the log's
     np.testing.assert_allclose(done.samples.az, single.az[kept], rtol=1e-6)
