@@ -374,7 +374,7 @@ def test_all_columns_that_are_not_there_are_told(faults):
     [
         ("angular_rate", "dps", "did you mean 'deg/s'?"),
         ("angular_rate", "°/s", "did you mean 'deg/s'?"),
-        ("angular_rate", "mdps", "use one of rad/s, deg/s, mrad/s, deg/h, count"),
+        ("angular_rate", "mdps", "use one of rad/s, deg/s, mrad/s, deg/h, count, rad, mrad, deg"),
         ("angular_rate", "rad/sek", "did you mean 'rad/s'?"),
         ("time", "seconds", "did you mean 's'?"),
         ("time", "µs", "did you mean 'us'?"),

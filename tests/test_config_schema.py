@@ -7,7 +7,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.units import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATURE, TIME
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.formats import FORMATS
 from imuloop.noise.settings import NoiseSettings
@@ -65,8 +65,9 @@ def test_schema_has_the_units_and_formats_of_the_library(schema):
     units = {name: set(key["enum"]) for name, key in keys["units"]["properties"].items()}
     assert units == {
         "time": {*TIME, "ISO 8601"},
-        "acceleration": {*ACCELERATION, "count"},
-        "angular_rate": {*ANGULAR_RATE, "count"},
+        "acceleration": {*ACCELERATION, "count", *INCREMENTS["acceleration"]},
+        "angular_rate": {*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]},
+        "interval": set(TIME),
         "temperature": set(TEMPERATURE),
     }
     assert set(keys["format"]["enum"]) == set(FORMATS)

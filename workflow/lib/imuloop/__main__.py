@@ -45,7 +45,8 @@ def read_log(path, calibration, columns, units, rate):
             samples_path=samples,
             quality_path=quality,
             columns=columns,
-            units={quantity: unit.name for quantity, unit in sensors.items()} | units,
+            # those in SI are what a log is in that says nothing, and increments do
+            units={q: unit.name for q, unit in sensors.items() if unit.scale != 1} | units,
             nominal={
                 quantity: {"scale": unit.scale, "offset": unit.offset}
                 for quantity, unit in sensors.items()
@@ -61,7 +62,8 @@ def read_log(path, calibration, columns, units, rate):
 def columns(text):
     """Return quantity and columns of an argument ``acceleration=fx,fy,fz``."""
     quantity, _, names = text.partition("=")
-    if quantity not in ("time", "acceleration", "angular_rate", "temperature") or not names:
+    known = ("time", "acceleration", "angular_rate", "temperature", "interval")
+    if quantity not in known or not names:
         raise argparse.ArgumentTypeError(f"{text} is not QUANTITY=NAME or QUANTITY=NAME,NAME,NAME")
     found = [int(name) if name.isdecimal() else name for name in names.split(",")]
     return quantity, found if quantity in ("acceleration", "angular_rate") else found[0]

@@ -42,6 +42,11 @@ _SPELLINGS = {
     "deg/s": ("dps", "°/s", "deg/sec", "degrees/s", "degree/s"),
     "mrad/s": ("mrad/sec",),
     "deg/h": ("dph", "°/h", "deg/hr", "degrees/h"),
+    "m/s": ("mps", "m/sec", "m s-1"),
+    "mm/s": ("mmps", "mm/sec"),
+    "rad": ("radian", "radians"),
+    "mrad": ("milliradian", "milliradians"),
+    "deg": ("°", "degree", "degrees"),
     "degC": ("c", "°c", "celsius"),
     "K": ("kelvin",),
 }
@@ -339,7 +344,7 @@ def _log_faults(session, nominal, log_format, names, whole):
             # the others may be wrong too
             wrong.add(quantity)
             del declared[quantity]
-    timed = "time" in {*log.found, *wrong}
+    timed = {"time", "interval"} & {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
         yield ("rate",), f"missing; {names['log']} has no time column"
     elif whole and not wrong:

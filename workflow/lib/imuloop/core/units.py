@@ -19,10 +19,16 @@ ZERO_CELSIUS = 273.15
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 ACCELERATION = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY * 1e-3}
 ANGULAR_RATE = {"rad/s": 1.0, "deg/s": DEGREE, "mrad/s": 1e-3, "deg/h": DEGREE / HOUR}
+# factor from increments to the unit that they have per second
+INCREMENTS = {
+    "acceleration": {"m/s": 1.0, "mm/s": 1e-3},
+    "angular_rate": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE},
+}
 # offset in the unit that is 0 degC
 TEMPERATURE = {"degC": 0.0, "K": ZERO_CELSIUS}
 
 _FACTORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+_SI = {"acceleration": "m/s^2", "angular_rate": "rad/s"}
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,7 @@ def raw_unit(quantity, name, nominal=None):
     quantity : {'acceleration', 'angular_rate'}
         What is measured.
     name : str
-        Name of the unit; ``count`` needs `nominal`.
+        Name of the unit; ``count`` needs `nominal`; increments become their rate in SI.
     nominal : dict, optional
         ``scale`` (SI per count) and ``offset`` (counts) of raw counts.
 
@@ -73,7 +79,9 @@ def raw_unit(quantity, name, nominal=None):
         if not nominal:
             raise ImuloopError(f"{quantity} in counts needs nominal.{quantity}.scale and .offset")
         return RawUnit("count", float(nominal["scale"]), float(nominal.get("offset", 0.0)))
+    if name in INCREMENTS[quantity]:
+        return RawUnit(_SI[quantity], 1.0)
     if name not in _FACTORS[quantity]:
-        known = ", ".join([*_FACTORS[quantity], "count"])
+        known = ", ".join([*_FACTORS[quantity], "count", *INCREMENTS[quantity]])
         raise ImuloopError(f"'{name}' is not a unit of {quantity}; use one of {known}")
     return RawUnit(name, _FACTORS[quantity][name])

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass, field
 
 from imuloop.core.errors import ImuloopError, did_you_mean
+from imuloop.core.units import INCREMENTS
 
 AXES = ("x", "y", "z")
 # usual names of a sensor's columns without their axis, words joined by "_"
@@ -14,6 +15,19 @@ ACCELERATION_NAMES = (
 ANGULAR_RATE_NAMES = (
     "g gyr gyro gyros gyroscope w omega angular_rate angular_velocity angular_speed rotation_rate"
     " gyro_rotation gyro_rotation_rate gyroscope_rotation motion_rotation_rate w_rs_s"
+).split()
+# increments over the interval that ends at the stamp
+DELTA_VELOCITY_NAMES = (
+    "dv dvel delta_v delta_vel delta_velocity velocity_increment vel_inc velinc"
+).split()
+DELTA_ANGLE_NAMES = (
+    "da dang dth dtheta delta_a delta_ang delta_angle delta_th delta_theta angle_increment"
+    " angular_increment"
+).split()
+# their interval; that of one sensor alone ends in its name and _dt
+INTERVAL_NAMES = (
+    "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
+    " integration_time integration_interval"
 ).split()
 # the first of these that a log has is its time
 TIME_NAMES = (
@@ -40,6 +54,8 @@ _SPELLINGS = {
         "g": "g gs",
         "mg": "mg milli-g",
         "count": "count counts lsb adc",
+        "m/s": "m/s m/sec mps ms-1",
+        "mm/s": "mm/s mm/sec mmps mms-1",
     },
     "angular_rate": {
         "rad/s": "rad/s rad/sec rads-1 rads radps",
@@ -47,6 +63,9 @@ _SPELLINGS = {
         "mrad/s": "mrad/s mrads-1 mrads",
         "deg/h": "deg/h deg/hr degree/h degrees/h",
         "count": "count counts lsb adc",
+        "rad": "rad radian radians",
+        "mrad": "mrad milliradian milliradians",
+        "deg": "deg degree degrees",
     },
     "temperature": {"degC": "degc c celsius degreescelsius degreecelsius", "K": "k kelvin"},
 }
@@ -54,25 +73,40 @@ _UNITS = {
     quantity: {word: unit for unit, words in spellings.items() for word in words.split()}
     for quantity, spellings in _SPELLINGS.items()
 }
+_UNITS["interval"] = _UNITS["time"]
+_SENSORS = {
+    "acceleration": (ACCELERATION_NAMES, DELTA_VELOCITY_NAMES),
+    "angular_rate": (ANGULAR_RATE_NAMES, DELTA_ANGLE_NAMES),
+}
+_KNOWN = {name for pair in _SENSORS.values() for usual in pair for name in usual}
+_SINGLE = {"time": TIME_NAMES, "temperature": TEMPERATURE_NAMES, "interval": INTERVAL_NAMES}
 
 
 @dataclass(frozen=True)
 class Columns:
     """Positions of the columns of each quantity, from 0; None where there is none.
 
-    `units` holds the units that the columns' own names state.
+    `others` holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of
+    a sensor's increments, and ``pps.counter``, ``pps.time``. `increments` holds the sensors whose
+    columns' names say that they are logged as such, `units` the units that the names state.
     """
 
     acceleration: tuple[int, int, int]
     angular_rate: tuple[int, int, int]
     time: int | None = None
     temperature: int | None = None
+    others: dict = field(default_factory=dict)
+    increments: frozenset = frozenset()
     units: dict = field(default_factory=dict)
 
     def positions(self):
-        """Return positions in the order of the raw columns: six axes, time, temperature."""
+        """Return positions in the order of the raw columns: six axes, time, temperature, others."""
         rest = [i for i in (self.time, self.temperature) if i is not None]
-        return [*self.acceleration, *self.angular_rate, *rest]
+        return [*self.acceleration, *self.angular_rate, *rest, *self.others.values()]
+
+    def stated(self, quantity, text):
+        """Return the contract's name of a unit as the log spells it, or None."""
+        return stated_unit(quantity, text, quantity in self.increments)
 
     def found(self, names):
         """Return quantity -> names of its columns."""
@@ -82,6 +116,9 @@ class Columns:
             "angular_rate": self.angular_rate,
             "temperature": self.temperature,
         }
+        for name, position in self.others.items():
+            quantity = name.partition(".")[0]
+            given[quantity] = tuple(dict.fromkeys((*given.get(quantity, ()), position)))
         return {
             quantity: [names[i] for i in where] if isinstance(where, tuple) else names[where]
             for quantity, where in given.items()
@@ -89,8 +126,10 @@ class Columns:
         }
 
 
-def stated_unit(quantity, text):
+def stated_unit(quantity, text, increments=False):
     """Return the contract's name of a unit as a file spells it, or None.
+
+    Who writes `deg` beside a rate means deg/s: a unit of increments counts only where `increments`.
 
     Examples
     --------
@@ -99,7 +138,8 @@ def stated_unit(quantity, text):
     """
     plain = re.sub(r"[\s^*·._{}\\]", "", str(text).lower().replace("²", "2"))
     plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
-    return _UNITS[quantity].get(plain)
+    unit = _UNITS[quantity].get(plain)
+    return unit if (unit in INCREMENTS.get(quantity, ())) == increments else None
 
 
 def resolve(names, declared=None, headed=True):
@@ -122,9 +162,12 @@ def resolve(names, declared=None, headed=True):
     """
     declared = dict(declared or {})
     guessed = guess(names) if headed else {}
-    units = {}
-    chosen = {}
+    increments = guess(names, increments=True) if headed else {}
+    units, chosen, summed = {}, {}, {}
     for quantity in ("time", "acceleration", "angular_rate", "temperature"):
+        if quantity in _SENSORS and not guessed.get(quantity):
+            # who logs the rate too has it from the increments
+            guessed[quantity] = increments.get(quantity, ())
         if quantity in declared:
             chosen[quantity] = _declared(quantity, declared[quantity], names, headed)
         elif len(guessed.get(quantity, ())) > 1 and quantity in ("acceleration", "angular_rate"):
@@ -134,9 +177,15 @@ def resolve(names, declared=None, headed=True):
             )
         elif guessed.get(quantity):
             chosen[quantity], _ = guessed[quantity][0]
-        unit = _unit_of(quantity, chosen.get(quantity), names) if headed else None
-        if unit:
-            units[quantity] = unit
+        if not headed or chosen.get(quantity) is None:
+            continue
+        if quantity in _SENSORS:
+            for where, stem in increments[quantity]:
+                if where == chosen[quantity]:
+                    summed[quantity] = stem
+        unit = _unit_of(quantity, chosen[quantity], names, quantity in summed)
+        if unit or quantity in summed:
+            units[quantity] = unit or next(iter(INCREMENTS[quantity]))
     for quantity in ("acceleration", "angular_rate"):
         if chosen.get(quantity) is None:
             listed = _listed(names) if headed else f"no header, {len(names)} columns"
@@ -145,7 +194,31 @@ def resolve(names, declared=None, headed=True):
                 f"no columns of {quantity} found ({listed}); name its x, y, z {how} in "
                 f"columns.{quantity}"
             )
-    return Columns(**chosen, units=units)
+    intervals = _intervals(declared, names, headed, guessed, summed, chosen.get("time") is None)
+    unit = intervals and headed and _unit_of("interval", next(iter(intervals.values())), names)
+    if unit:
+        units["interval"] = unit
+    others = {f"interval.{quantity}": position for quantity, position in intervals.items()}
+    for name, value in declared.get("pps", {}).items():
+        others[f"pps.{name}"] = _position("pps", value, names, headed)
+    return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
+
+
+def _intervals(declared, names, headed, guessed, summed, untimed):
+    """Return sensor -> position of the interval of its increments."""
+    value = declared.get("interval")
+    if isinstance(value, dict):
+        return {q: _position("interval", each, names, headed) for q, each in value.items()}
+    if value is not None:
+        return dict.fromkeys(_SENSORS, _position("interval", value, names, headed))
+    if "interval" in declared or not (summed or untimed):
+        return {}
+    shared = [position for position, _ in guessed.get("interval", ())[:1]]
+    joined = ["_".join(_words(name)) for name in names]
+    own = {q: joined.index(f"{s}_dt") for q, s in summed.items() if f"{s}_dt" in joined}
+    if own and len(own) == len(summed):
+        return dict.fromkeys(_SENSORS, next(iter(own.values()))) | own
+    return dict.fromkeys(_SENSORS, *shared) if shared else {}
 
 
 def _declared(quantity, value, names, headed):
@@ -192,20 +265,26 @@ def _listed(names):
     return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"
 
 
-def guess(names):
-    """Return quantity -> [(position or three positions, name without axis)], best first."""
-    sensors = {"acceleration": {}, "angular_rate": {}}
-    single = {"time": [], "temperature": []}
+def guess(names, increments=False):
+    """Return quantity -> [(position or three positions, name without axis)], best first.
+
+    Parameters
+    ----------
+    names : list of str
+        Names of all columns.
+    increments : bool
+        Whether to look for increments of velocity and angle in place of rates.
+    """
+    sensors = {quantity: {} for quantity in _SENSORS}
+    single = {quantity: [] for quantity in _SINGLE}
     for position, name in enumerate(names):
         words = _words(name)
         stem, axis = _stem_and_axis(words)
-        for quantity, usual in (
-            ("acceleration", ACCELERATION_NAMES),
-            ("angular_rate", ANGULAR_RATE_NAMES),
-        ):
-            if axis and stem in usual:
-                sensors[quantity].setdefault(stem, {}).setdefault(axis, position)
-        for quantity, usual in (("time", TIME_NAMES), ("temperature", TEMPERATURE_NAMES)):
+        for quantity, usual in _SENSORS.items():
+            if axis and stem in usual[increments]:
+                key = stem, _without_axis(name, words, stem, axis)
+                sensors[quantity].setdefault(key, {}).setdefault(axis, position)
+        for quantity, usual in _SINGLE.items():
             joined, shorter = "_".join(words), "_".join(words[:-1])
             if joined in usual:
                 single[quantity].append((usual.index(joined), position, joined))
@@ -214,7 +293,7 @@ def guess(names):
     guess = {
         quantity: [
             (tuple(axes[axis] for axis in AXES), stem)
-            for stem, axes in stems.items()
+            for (stem, _), axes in stems.items()
             if len(axes) == 3
         ]
         for quantity, stems in sensors.items()
@@ -224,18 +303,30 @@ def guess(names):
     return guess
 
 
+def _split(text):
+    """Return the lower-case words of a text; accX is two, and NAME[0] is NAME x."""
+    text = re.sub(r"\[([012])\]\s*$", lambda index: f"_{AXES[int(index[1])]}", text)
+    return re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).lower())
+
+
 def _words(name):
     """Return the lower-case words of a column's name, its unit in brackets left out."""
-    bare = re.sub(r"[(\[{].*?[)\]}]", " ", name)
-    # accX, gyroRotationX
-    bare = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare)
-    words = re.findall(r"[^\W_]+", bare.lower())
-    return [word for word in words if word not in _PLACE]
+    bare = re.sub(r"[(\[{](?![012]\]\s*$).*?[)\]}]", " ", name)
+    return [word for word in _split(bare) if word not in _PLACE]
+
+
+def _without_axis(name, words, stem, axis):
+    """Return all words of a name but its axis: the same for the three of one sensor."""
+    every = _split(name)
+    if axis in every:
+        every.remove(axis)
+    else:
+        every[every.index(words[0])] = stem
+    return tuple(every)
 
 
 def _stem_and_axis(words):
     """Return ('acc', 'x') of ['acc', 'x'], ['accx'], ['x', 'acc'] or ['acc', 'x', 'mps2']."""
-    known = {*ACCELERATION_NAMES, *ANGULAR_RATE_NAMES}
     if len(words) > 1 and words[-1] not in AXES and words[-2] in AXES:
         words = words[:-1]
     if len(words) > 1 and words[-1] in AXES:
@@ -243,23 +334,21 @@ def _stem_and_axis(words):
     if len(words) > 1 and words[0] in AXES:
         return "_".join(words[1:]), words[0]
     word = words[0] if words else ""
-    if word[-1:] in AXES and word[:-1] in known:
+    if word[-1:] in AXES and word[:-1] in _KNOWN:
         return word[:-1], word[-1]
-    if word[:1] in AXES and word[1:] in known:
+    if word[:1] in AXES and word[1:] in _KNOWN:
         return word[1:], word[0]
     return "", None
 
 
-def _unit_of(quantity, where, names):
+def _unit_of(quantity, where, names, increments=False):
     """Return the unit that a column's name states: 'ax [g]', 'time_us'."""
-    if where is None:
-        return None
     name = names[where[0] if isinstance(where, tuple) else where]
     bracket = re.search(r"[(\[{](.*?)[)\]}]\s*$", name)
     if bracket:
-        return stated_unit(quantity, bracket.group(1))
+        return stated_unit(quantity, bracket.group(1), increments)
     words = _words(name)
     # one letter after the name is too little to go by, except for a time
-    if len(words) > 1 and (len(words[-1]) > 1 or quantity == "time"):
-        return stated_unit(quantity, words[-1])
+    if len(words) > 1 and (len(words[-1]) > 1 or quantity in ("time", "interval")):
+        return stated_unit(quantity, words[-1], increments)
     return None

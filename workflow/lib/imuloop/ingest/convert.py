@@ -9,6 +9,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
+from imuloop.ingest import increments
 from imuloop.ingest.clocks import Clock, Points, ahead
 from imuloop.ingest.raw_log import STAMP
 from imuloop.ingest.stamps import (
@@ -36,6 +37,12 @@ class Counts:
         Rows dropped because their stamp repeats the one before.
     out_of_order : int
         Rows dropped because their stamp lies before an earlier row's.
+    without_interval : int
+        Rows dropped because they hold increments and none comes before them.
+    by_usual_step : int
+        Rows of increments after a gap, which were divided by the usual step.
+    intervals_ns : int
+        Sum of the intervals of the samples' increments, ns.
     kept : int
         Rows that became samples.
     missing_values : dict
@@ -55,6 +62,9 @@ class Counts:
     non_finite: int = 0
     duplicates: int = 0
     out_of_order: int = 0
+    without_interval: int = 0
+    by_usual_step: int = 0
+    intervals_ns: int = 0
     kept: int = 0
     missing_values: dict = field(default_factory=dict)
     start_ns: int | None = None
@@ -63,7 +73,7 @@ class Counts:
     points: Points = field(default_factory=Points)
 
 
-def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
+def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, usual=None):
     """Give the samples of a log, batch by batch.
 
     Parameters
@@ -71,7 +81,8 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
     log : RawLog
         Log being read.
     units : dict
-        Unit of ``time`` and ``temperature``.
+        Unit of ``time``, ``temperature`` and ``interval``, and of the sensors, whose increments
+        become rates.
     raw_units : dict
         ``acceleration`` and ``angular_rate`` to `RawUnit`.
     rate : float or None
@@ -82,6 +93,8 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
         Filled on the way.
     step : float, optional
         Seconds from row to row; `t` is then rebuilt from the row number.
+    usual : float, optional
+        Usual step of the stamps, s; that of increments after a gap.
 
     Yields
     ------
@@ -95,6 +108,12 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     counts.missing_values.update(dict.fromkeys(channels, 0))
+    factors = increments.factors(units)
+    for quantity in factors.keys() & log.interpolated:
+        raise ImuloopError(
+            f"units.{quantity}: {units[quantity]} is a unit of increments, which are not "
+            "interpolated onto the clock of another sensor"
+        )
     origin = newest = zero = first = window = dated = stamped = None
     for (x, readable, absolute, scale, batch), after in ahead(_clocked(log, units, rate)):
         raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
@@ -116,7 +135,7 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
         if origin is None:
             origin, dated = x[readable.argmax()].item(), absolute
             stamped = STAMP in batch.schema.names
-            counts.time_unit = units["time"] if stamped else f"1/({rate:g} Hz)"
+            counts.time_unit = units["time"] if stamped else _unstamped(rate, units)
             if absolute:
                 counts.time_unit = "ISO 8601"
             # before all stamps, so that the first one counts as later
@@ -131,8 +150,20 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
         # a row without a stamp lies where the log has got to
         elapsed = (np.where(readable, x, before) - origin) * scale
         inside = (elapsed >= window[0]) & (elapsed < window[1])
+        starts = wide = np.zeros(len(x), dtype=bool)
+        if factors:
+            # where intervals are logged, steps are not needed
+            constant = 1.0 if "interval" in units else step if stamped else scale
+            steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
+            intervals = increments.intervals(batch, units, steps)
+            raw |= increments.rates(raw, units, intervals)
         finite = readable & np.all([np.isfinite(raw[name]) for name in CHANNELS], axis=0)
-        keep = inside & finite & (x > before)
+        fits = inside & finite & (x > before)
+        keep = fits & ~starts
+        counts.without_interval += int((fits & starts).sum())
+        counts.by_usual_step += int((keep & wide).sum())
+        if factors:
+            counts.intervals_ns += increments.nanoseconds(intervals, keep)
         counts.outside += int((~inside).sum())
         counts.non_finite += int((inside & ~finite).sum())
         counts.duplicates += int((inside & finite & (x == before)).sum())
@@ -159,11 +190,19 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None):
         yield pa.RecordBatch.from_pydict(samples)
 
 
+def _unstamped(rate, units):
+    return f"1/({rate:g} Hz)" if rate else f"sum of intervals, {units['interval']}"
+
+
 def _clocked(log, units, rate):
     """Give stamps, which are readable, whether they are dates, seconds per unit, and the batch."""
-    row = 0
+    row, past = 0, (0, 0)
     for batch in log.batches:
-        yield *_clock(batch, log, units, rate, row), batch
+        if STAMP not in batch.schema.names and not rate and "interval" in units:
+            x, readable, past = increments.summed_intervals(batch, past)
+            yield x, readable, False, TIME_SCALES[units["interval"]], batch
+        else:
+            yield *_clock(batch, log, units, rate, row), batch
         row += batch.num_rows
 
 

@@ -94,7 +94,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
     if layout.preamble:
         log.notes.append(f"{layout.preamble} line(s) before the table skipped")
 
-    stamps = [] if chosen.time is None else [chosen.time]
+    exact = [i for name, i in chosen.others.items() if name.startswith("pps")]
+    stamps = exact if chosen.time is None else [chosen.time, *exact]
 
     def parse(text):
         table, bad_lines = _numbers_or_text(text, layout, chosen.positions(), stamps)
@@ -104,6 +105,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
             arrays[STAMP] = stamp_array(table[next(rest)])
         if chosen.temperature is not None:
             arrays[TEMPERATURE] = numbers(table[next(rest)])
+        arrays |= {name: stamp_array(table[next(rest)]) for name in chosen.others}
         return pa.RecordBatch.from_pydict(arrays), bad_lines
 
     def batches():

@@ -9,7 +9,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
 from imuloop.core.units import TEMPERATURE, TIME, raw_unit
-from imuloop.ingest import clocks, quality
+from imuloop.ingest import clocks, increments, quality
 from imuloop.ingest.columns import stated_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
@@ -21,6 +21,7 @@ from imuloop.ingest.stamps import is_iso, iso_text
 ROW_GROUP = 1 << 17
 # units where neither the config nor the log says
 _SI = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
+_SI["interval"] = "s"
 
 
 def ingest(
@@ -80,7 +81,7 @@ def ingest(
     paths = [Path(path) for path in paths]
     roles = sources or (["log"] if len(paths) == 1 else ["acceleration", "angular_rate"])
     files = dict(zip(roles, paths, strict=True))
-    counts, reasons, logged, step = Counts(), [], None, None
+    counts, reasons, logged, step, usual = Counts(), [], None, None, None
     try:
         for path in paths:
             if not (path.is_file() or path.is_dir()):
@@ -112,6 +113,11 @@ def ingest(
         samples = si_batches(log, **declared, counts=counts)
         with replaced(samples_path) as temporary:
             try:
+                if not reasons and increments.by_stamps(log, units):
+                    # the usual step has to be known before gaps are
+                    usual = increments.usual_step(si_batches(log, **declared, counts=Counts()))
+                    log = form.read(files, columns or None, batch_rows)
+                    samples = si_batches(log, **declared, counts=counts, usual=usual)
                 _write(temporary, samples if not reasons else (), log, origin, counts)
                 figures = quality.measure(temporary, full_scale)
                 step = clocks.line_step(counts, figures, rate)
@@ -136,6 +142,8 @@ def ingest(
         said = error if isinstance(error, ImuloopError) else error.strerror
         raise ImuloopError(f"{device}/{session}: {names}: {said}") from error
     notes = quality.warnings(figures, counts, log, rate=rate, units=raw_units)
+    summed = increments.figures(log, units, counts, usual, step, rate)
+    doubts += increments.warnings(summed, figures, counts)
     write_json(
         quality_path,
         {
@@ -145,6 +153,7 @@ def ingest(
             "warnings": doubts + counts.clock.warnings(logged, step) + notes,
             **figures,
             "clock": clocks.figures(counts.clock, figures, "time" in log.found and rate, logged),
+            "increments": summed,
             "duplicates": counts.duplicates,
             "out_of_order": counts.out_of_order,
             "non_finite": counts.non_finite,
@@ -197,13 +206,15 @@ def used_units(log, declared):
                 f"units.{quantity} is {used[quantity]}, the log says {stated[quantity]}; "
                 f"{used[quantity]} used"
             )
-    for quantity, known in (("time", TIME), ("temperature", TEMPERATURE)):
+    for quantity, known in (("time", TIME), ("temperature", TEMPERATURE), ("interval", TIME)):
         if used[quantity] not in known and not (quantity == "time" and is_iso(used[quantity])):
             near = stated_unit(quantity, used[quantity])
             hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(known)}"
             raise ImuloopError(f"units.{quantity}: '{used[quantity]}' is not a unit; {hint}")
     if not log.temperature:
         del used["temperature"]
+    if "interval" not in log.found:
+        del used["interval"]
     return used, doubts
 
 

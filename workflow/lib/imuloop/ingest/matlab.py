@@ -106,6 +106,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         table[STAMP] = stamps.astype(float if stamps.dtype.kind == "f" else np.int64)
     if chosen.temperature is not None:
         table[TEMPERATURE] = series[names[chosen.temperature]].astype(float)
+    table |= {name: series[names[i]].astype(float) for name, i in chosen.others.items()}
 
     def batches():
         for begin in range(0, len(held[0]), batch_rows):

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import AXES, resolve, stated_unit
+from imuloop.ingest.columns import AXES, resolve
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 
@@ -68,10 +68,10 @@ def read(paths, columns=None, batch_rows=1 << 16):
     used = [dataset[name] for name in {series[key][0] for key in keys}]
     # sizes that are announced, whatever is in the file
     check_unpacked(path.stat().st_size, sum(float(v.size) * v.dtype.itemsize for v in used))
-    units = {
+    units = {quantity: chosen.units[quantity] for quantity in chosen.increments} | {
         quantity: unit
         for quantity, found in chosen.found(names).items()
-        if (unit := _attribute_unit(dataset, series, quantity, found))
+        if quantity != "pps" and (unit := _attribute_unit(dataset, series, chosen, quantity, found))
     }
 
     def batches():
@@ -94,6 +94,9 @@ def read(paths, columns=None, batch_rows=1 << 16):
                     arrays[STAMP] = _stamps(_column(held, series[key]), dataset[series[key][0]])
                 if chosen.temperature is not None:
                     arrays[TEMPERATURE] = pa.array(_float(_column(held, series[next(rest)])))
+                for name in chosen.others:
+                    key = next(rest)
+                    arrays[name] = _stamps(_column(held, series[key]), dataset[series[key][0]])
                 yield pa.RecordBatch.from_pydict(arrays)
 
     return RawLog(
@@ -190,9 +193,9 @@ def _expanded(columns, dataset, names):
     return expanded
 
 
-def _attribute_unit(dataset, series, quantity, found):
+def _attribute_unit(dataset, series, chosen, quantity, found):
     name = series[found[0] if isinstance(found, list) else found][0]
-    return stated_unit(quantity, _units(dataset[name]))
+    return chosen.stated(quantity, _units(dataset[name]))
 
 
 def _units(variable):

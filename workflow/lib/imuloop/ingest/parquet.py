@@ -62,6 +62,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
                 if chosen.temperature is not None:
                     name = next(rest)
                     arrays[TEMPERATURE] = _numbers(table[name], name)
+                arrays |= {name: _stamps(table, next(rest)) for name in chosen.others}
                 yield pa.RecordBatch.from_pydict(arrays)
 
     return RawLog(

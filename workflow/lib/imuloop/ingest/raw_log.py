@@ -32,6 +32,8 @@ class RawLog:
         Lines that are no row of the table.
     position : int
         Bytes of the file read so far, 0 where the reader does not tell.
+    interpolated : set of str
+        Sensors that are interpolated onto the clock of the other.
     threads : int
         How many the reader may use, set before the first batch is taken; changes no result.
     """
@@ -44,6 +46,7 @@ class RawLog:
     notes: list[str] = field(default_factory=list)
     bad_lines: int = 0
     position: int = 0
+    interpolated: set = field(default_factory=set)
     threads: int = 1
 
 

@@ -63,6 +63,8 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         If there are no rows, or the streams share no time.
     """
     columns = dict(columns or {})
+    if columns.get("interval") is not None:
+        raise ImuloopError("columns.interval: only tables have one, no logs of several streams")
     streams = [_signed(stream) for stream in streams]
     if not any(len(stream.stamps) for stream in streams):
         raise RejectedLog("the log has no rows")
@@ -86,10 +88,13 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
         # in a unit of its own
         stamps, units = stream.fields[name], {}
-    notes, arrays = [], {}
+    notes, arrays, interpolated = [], {}, set()
     for quantity, names in _SENSORS.items():
         stream, fields = chosen[quantity]
+        own = len(notes)
         values = _onto(clock, stream, [stream.fields[f] for f in fields], quantity, notes)
+        if len(notes) > own:
+            interpolated.add(quantity)
         arrays |= dict(zip(names, values, strict=True))
         units |= _stated(quantity, stream)
     found = {q: [f"{s.name}.{f}" for f in fields] for q, (s, fields) in chosen.items()}
@@ -114,6 +119,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         found=found,
         units=units,
         notes=notes,
+        interpolated=interpolated,
     )
 
 
@@ -212,9 +218,7 @@ def _only(quantity, found, streams):
         return found[0]
     if not found:
         listed = ", ".join(f"{s.name} ({', '.join(s.fields)})" for s in streams) or "nothing"
-        raise Lacking(
-            f"no {quantity} found; the log holds {listed}; name it in columns.{quantity}"
-        )
+        raise Lacking(f"no {quantity} found; the log holds {listed}; name it in columns.{quantity}")
     listed = " and ".join(f"{s.name} ({', '.join(fields)})" for s, fields in found)
     raise ImuloopError(f"{listed} all look like {quantity}; name one of them in columns.{quantity}")
 
