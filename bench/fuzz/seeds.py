@@ -9,9 +9,12 @@ import zipfile
 import h5py
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 from scipy.io import savemat
 
-ROWS = 150
+# a fifth more than a log needs: rows take time
+ROWS = 120
 SIX = "ax ay az gx gy gz".split()
 
 
@@ -29,14 +32,20 @@ def all_seeds(folder):
             ("log.csv", log.to_csv(index=False, sep=";", decimal=",").encode()),
             ("log.tsv", b"# made by a logger\n" + dated.to_csv(index=False, sep="\t").encode()),
             ("log.csv.gz", text.encode()),
+            ("log.csv", "\ufeff".encode() + text.replace("\n", "\r\n").encode("utf-8")),
+            ("log.csv", text.encode("utf-16")),
+            ("log.csv", sensorlog(log)),
         ],
         "packed": [("log.csv.gz", gzip.compress(text.encode()))],
-        "ulog": [("log.ulg", ulog(log))],
+        "ulog": [("log.ulg", each) for each in ulogs(log)],
         "matlab": [("log.mat", each) for each in matlab(log)],
-        "zip": [("log.zip", phyphox(log))],
-        "ros": [(f"log.{kind}", ros(folder, log, kind)) for kind in ("bag", "mcap", "db3")],
+        "zip": [("log.zip", phyphox(log)), ("log.zip", sensor_logger(log))],
+        "ros": [(f"log.{kind}", each) for kind in BAGS for each in ros(folder, log, kind)],
         "dataflash": [("log.bin", dataflash(log)), ("log.bin", dataflash_text(log))],
-        "table": [("log.parquet", parquet(log)), ("log.nc", netcdf(folder, log))],
+        "table": [
+            *(("log.parquet", each) for each in parquet(log)),
+            *(("log.nc", each) for each in netcdf(folder, log)),
+        ],
         "config": [("config.yaml", json.dumps(CONFIG).encode())],
     }
 
@@ -69,17 +78,54 @@ CONFIG = {
 }
 
 
-def ulog(log):
+# of two topics, of buffers and of increments: layout, and a row's fields from its seven numbers
+ACCEL = b"sensor_accel:uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;"
+GYRO = ACCEL.replace(b"accel", b"gyro")
+FIFO = b"sensor_%s_fifo:uint64_t timestamp;uint64_t timestamp_sample;float dt;float scale;"
+FIFO += b"uint8_t samples;"
+FIFO += b"int16_t[4] x;int16_t[4] y;int16_t[4] z;"
+DELTA = b"vehicle_imu:uint64_t timestamp;float[3] delta_angle;float[3] delta_velocity;"
+DELTA += b"uint32_t delta_angle_dt;uint16_t delta_velocity_dt;"
+BOTH = b"sensor_combined:uint64_t timestamp;float[3] gyro_rad;"
+BOTH += b"int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
+TOPICS = (
+    [(BOTH, lambda t, a, w: struct.pack("<Q3fi3f", t, *w, 5, *a))],
+    [
+        (ACCEL, lambda t, a, w: struct.pack("<QQ3f", t, t - 9, *a)),
+        (GYRO, lambda t, a, w: struct.pack("<QQ3f", t, t - 7, *w)),
+    ],
+    [
+        (
+            FIFO % b"accel",
+            lambda t, a, w: struct.pack("<QQffB12h", t, t - 9, 50, 0.01, 4, *range(12)),
+        ),
+        (
+            FIFO % b"gyro",
+            lambda t, a, w: struct.pack("<QQffB12h", t, t - 9, 50, 0.01, 4, *range(12)),
+        ),
+    ],
+    [(DELTA, lambda t, a, w: struct.pack("<Q6fIH", t, *w, *a, 20000, 20000))],
+)
+
+
+def ulogs(log):
     def message(kind, body):
         return struct.pack("<HB", len(body), ord(kind)) + body
 
-    layout = b"sensor_combined:uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;"
-    content = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1000)
-    content += message("B", bytes(40)) + message("F", layout)
-    content += message("I", b"\x0echar[3] sys_namPX4") + message("A", b"\0\1\0sensor_combined")
-    for t, *axes in log[["t", *SIX[3:], *SIX[:3]]].to_numpy():
-        content += message("D", struct.pack("<HQ6f", 1, int(t * 1e6) + 1000, *axes))
-    return content
+    for topics in TOPICS:
+        content = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1000) + message("B", bytes(40))
+        for layout, _ in topics:
+            content += message("F", layout)
+        content += message("I", b"\x0echar[3] sys_namPX4") + message("P", b"\x09int32_t a\1\0\0\0")
+        for number, (layout, _) in enumerate(topics):
+            name = layout.partition(b":")[0]
+            content += message("A", struct.pack("<BH", 0, number) + name)
+        content += message("L", b"6" + bytes(8) + b"ready") + message("O", b"\x0a\0")
+        for t, *axes in log[["t", *SIX]].to_numpy():
+            for number, (_, pack) in enumerate(topics):
+                row = pack(int(t * 1e6) + 1000, axes[:3], axes[3:])
+                content += message("D", struct.pack("<H", number) + row)
+        yield content
 
 
 def matlab(log):
@@ -89,13 +135,39 @@ def matlab(log):
         file = io.BytesIO()
         savemat(file, variables, do_compression=packed)
         yield file.getvalue()
-    file = io.BytesIO()
-    with h5py.File(file, "w", userblock_size=512) as store:
-        for name in ("t", "acc", "gyro"):
-            data = store.create_dataset(name, data=np.atleast_2d(variables[name].T))
-            data.attrs["MATLAB_class"] = np.bytes_("double")
     head = b"MATLAB 7.3 MAT-file".ljust(124) + struct.pack("<H", 0x200) + b"IM"
-    yield head + file.getvalue()[len(head) :]
+    for options in ({}, {"chunks": True, "compression": "gzip"}, {"dtype": "f4", "shuffle": True}):
+        file = io.BytesIO()
+        with h5py.File(file, "w", userblock_size=512) as store:
+            for name in ("t", "acc", "gyro"):
+                data = np.atleast_2d(variables[name].T)
+                store.create_dataset(name, data=data, **options).attrs["MATLAB_class"] = DOUBLE
+            if options:
+                # all that a file may hold besides numbers
+                for name, dtype in ODD_TYPES.items():
+                    store.create_dataset(f"odd/{name}", shape=(1, ROWS), dtype=dtype)
+                store["odd/inside"] = h5py.ExternalLink("log.mat", "/")
+                store["odd/soft"] = h5py.SoftLink("/odd/soft")
+                store["odd/round"] = store["odd"]
+                if "shuffle" in options:
+                    store.create_dataset("large", shape=(1, 1 << 40), dtype="f8", chunks=(1, 64))
+                store.create_dataset("none", shape=(0, ROWS), dtype="f8").attrs["MATLAB_empty"] = 1
+        yield head + file.getvalue()[len(head) :]
+
+
+DOUBLE = np.bytes_("double")
+ODD_TYPES = {
+    "text": h5py.string_dtype(),
+    "word": "S5",
+    "reference": h5py.ref_dtype,
+    "flag": "?",
+    "small": "i1",
+    "half": ">f2",
+    "complex": "c16",
+    "record": [("x", "f8"), ("y", "i4")],
+    "row": h5py.vlen_dtype("f8"),
+    "kind": h5py.enum_dtype({"a": 1}),
+}
 
 
 def phyphox(log):
@@ -111,18 +183,62 @@ def phyphox(log):
     return file.getvalue()
 
 
+def sensor_logger(log):
+    file, stamps = io.BytesIO(), 1_700_000_000 * 10**9 + (log.t * 1e9).astype("int64")
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, axes in (
+            ("Accelerometer", SIX[:3]),
+            ("Gravity", SIX[:3]),
+            ("GyroscopeUncalibrated", SIX[3:]),
+        ):
+            table = log[axes].set_axis(["x", "y", "z"], axis=1)
+            table.insert(0, "time", stamps)
+            table.insert(1, "seconds_elapsed", log.t)
+            archive.writestr(f"{name}.csv", table.to_csv(index=False))
+        about = "device name,platform,standardisation\nA phone,ios,false\n"
+        archive.writestr("Metadata.csv", about)
+    return file.getvalue()
+
+
+def sensorlog(log):
+    table = pd.DataFrame({"loggingTime(txt)": pd.Timestamp("2024-01-01")}, index=log.index)
+    for sensor, column, unit, axes in (
+        ("accelerometer", "accelerometerAcceleration", "G", SIX[:3]),
+        ("gyro", "gyroRotation", "rad/s", SIX[3:]),
+    ):
+        table[f"{sensor}Timestamp_sinceReboot(s)"] = log.t
+        for letter, axis in zip("XYZ", axes, strict=True):
+            table[f"{column}{letter}({unit})"] = log[axis]
+    return table.to_csv(index=False).encode()
+
+
+BAGS = ("bag", "mcap", "db3")
+
+
 def ros(folder, log, kind):
+    """Give bags of a kind, plain and packed."""
+    for packing in {"bag": (None, "BZ2", "LZ4"), "mcap": (None, "ZSTD"), "db3": (None,)}[kind]:
+        yield bag(folder, log, kind, packing)
+
+
+def bag(folder, log, kind, packing):
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
 
     first = kind == "bag"
     store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
-    types, name, path = store.types, "sensor_msgs/msg/Imu", folder / f"seed_{kind}"
+    types, name = store.types, "sensor_msgs/msg/Imu"
+    path = folder / f"seed_{kind}_{packing}"
     if first:
         writer = rosbag1.Writer(path)
+        if packing:
+            writer.set_compression(writer.CompressionFormat[packing])
     else:
         plugin = rosbag2.StoragePlugin.MCAP if kind == "mcap" else rosbag2.StoragePlugin.SQLITE3
         writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
+        if packing:
+            modes = rosbag2.CompressionMode, rosbag2.CompressionFormat
+            writer.set_compression(modes[0].STORAGE, modes[1][packing])
     vector, unknown = types["geometry_msgs/msg/Vector3"], np.zeros(9)
     turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
     with writer:
@@ -164,16 +280,40 @@ def dataflash_text(log):
 
 
 def parquet(log):
-    file = io.BytesIO()
-    log.to_parquet(file, index=False)
-    return file.getvalue()
+    texts = log.assign(ax=log.ax.astype(str), az="x", t=log.t.astype(str))
+    dates = log.assign(t=pd.Timestamp("2024-01-01", tz="UTC") + pd.to_timedelta(log.t, "s"))
+    odd = dates.assign(ay=None, gx=[[1.0]] * ROWS, gy=[{"a": 1}] * ROWS, gz=pd.Categorical(log.gz))
+    missing = log.where(log.ax > 0.1).astype("float32").assign(t=(log.t * 1e9).astype("int64"))
+    for table, options in (
+        (log, {"compression": None}),
+        (log, {"compression": "gzip", "data_page_version": "2.0"}),
+        (texts, {"compression": "brotli", "use_dictionary": False}),
+        (dates, {"compression": "zstd", "row_group_size": 7}),
+        (odd, {"compression": "snappy"}),
+        (missing, {"compression": "lz4", "use_dictionary": False}),
+    ):
+        file = io.BytesIO()
+        table = pa.Table.from_pandas(table, preserve_index=False)
+        said = {b"imuloop": b'{"units": {"time": "s", "acceleration": "m/s^2"}, "simulated": true}'}
+        pq.write_table(table.replace_schema_metadata(said), file, **options)
+        yield file.getvalue()
 
 
 def netcdf(folder, log):
     import netCDF4
 
-    with netCDF4.Dataset(folder / "seed.nc", "w") as data:
-        data.createDimension("time", ROWS)
-        for name in log.columns:
-            data.createVariable(name, "f8", ("time",))[:] = log[name].to_numpy()
-    return (folder / "seed.nc").read_bytes()
+    for kind in ("NETCDF4", "NETCDF3_CLASSIC", "NETCDF3_64BIT_DATA", "odd"):
+        odd = kind == "odd"
+        with netCDF4.Dataset(folder / "seed.nc", "w", format="NETCDF4" if odd else kind) as data:
+            data.createDimension("time", None if odd else ROWS)
+            data.createDimension("axis", 3)
+            for name in log.columns:
+                data.createVariable(name, "f8", ("time",), zlib=odd)[:] = log[name].to_numpy()
+            if odd:
+                data["t"].units = "days since 0001-13-45"
+                data["ax"].setncatts({"scale_factor": "x", "add_offset": np.nan, "units": 5})
+                data["ay"].setncatts({"missing_value": "no", "valid_range": [1.0, 0.0]})
+                data.createVariable("counts", "i2", ("time", "axis"), fill_value=-1)[:] = 7
+                data.createVariable("text", str, ("time",))
+                data.createGroup("more").createVariable("gyr", "f4", ("time", "axis"))[:] = 1
+        yield (folder / "seed.nc").read_bytes()
