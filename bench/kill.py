@@ -1,8 +1,9 @@
 """Kill a run with SIGKILL at random moments, run it again: are the results those of a calm run?
 
-From the repository, its library on the path: ``python -m bench.kill --kills 30``. Each run goes on
-from what the killed one left. Where a run ends before its kill, its results are compared and the
-next one starts afresh; the last one is not killed.
+From the repository, its library on the path: ``python -m bench.kill --kills 30``. A copy of what is
+committed is run, so that work may go on meanwhile. The first kill of a run is at a moment uniform
+over the time that a calm run takes; the next run goes on from what was left, and may be killed in
+its turn. One that comes to its end is compared, and the next starts afresh.
 """
 
 import argparse
@@ -15,7 +16,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -24,6 +27,7 @@ from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 
 TARGET = "results/report.html"
+MARK = "IMULOOP_KILLED_RUN"
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 
@@ -32,9 +36,17 @@ def main():
     parser.add_argument("--kills", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    start = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        done = kills(REPOSITORY, Path(folder), options.kills, options.seed, say=print)
-    print(f"{options.kills} kills, {done} finished runs, all with the results of a calm run")
+        copy, work = Path(folder) / "copy", Path(folder) / "work"
+        work.mkdir()
+        # the report names the commit
+        call(["git", "clone", "--quiet", str(REPOSITORY), str(copy)], work)
+        done = kills(copy, work, options.kills, options.seed, say=partial(print, flush=True))
+    print(
+        f"{options.kills} kills, {done} finished runs, all with the results of a calm run, "
+        f"in {time.monotonic() - start:.0f} s"
+    )
 
 
 def kills(repository, folder, count, seed, *, target=TARGET, say=lambda line: None):
@@ -43,13 +55,13 @@ def kills(repository, folder, count, seed, *, target=TARGET, say=lambda line: No
     Parameters
     ----------
     repository : Path
-        Where the workflow is; nothing in it may change meanwhile, the report names its commit.
+        Where the workflow is; nothing in it may change meanwhile.
     folder : Path
         An empty folder to work in.
     count : int
         Kills.
     seed : int
-        Of the moments, which are uniform over the time that a calm run takes.
+        Of the moments.
     target : str
         What is made.
     say : callable
@@ -60,28 +72,50 @@ def kills(repository, folder, count, seed, *, target=TARGET, say=lambda line: No
     AssertionError
         If results differ from those of a calm run, or anything else lies beside them.
     """
-    moments, finished = random.Random(seed), 0
+    moments, finished, killed_runs = random.Random(seed), 0, 0
     snakemake = [sys.executable, "-m", "snakemake", "-s", str(repository / "Snakefile")]
     snakemake += ["-c2", "--configfile", "config.yaml"]
     run = [*snakemake, "--", target]
-    calm, killed = folder / "calm", folder / "killed"
-    write_device(calm)
-    shutil.copytree(calm, killed)
+    calm, killed, given = folder / "calm", folder / "killed", folder / "given"
+    write_device(given)
+    shutil.copytree(given, calm)
+    shutil.copytree(given, killed)
     start = time.monotonic()
     call(run, calm)
     span, wanted = time.monotonic() - start, results(calm)
-    for number in range(1, count + 1):
+    while True:
         moment = moments.uniform(0, span)
-        if not kill(run, killed, moment):
-            finished += 1
-            compare(killed, wanted)
-            shutil.rmtree(killed / "results")
-        there = len(results(killed))
-        say(f"kill {number} after {moment:.1f} of {span:.1f} s, {there} of {len(wanted)} files")
-        call([*snakemake, "--unlock"], killed)
-    call(run, killed)
-    compare(killed, wanted)
-    return finished + 1
+        if killed_runs < count and kill(run, killed, moment):
+            killed_runs += 1
+            there = len(results(killed))
+            say(f"kill {killed_runs} after {moment:.1f} of {span:.1f} s, {there} of {len(wanted)}")
+            if locked(killed):
+                if killed_runs == 1:
+                    told_to_unlock(run, killed)
+                call([*snakemake, "--unlock"], killed)
+            continue
+        if killed_runs == count:
+            call(run, killed)
+        finished += 1
+        compare(killed, wanted)
+        if killed_runs == count:
+            return finished
+        shutil.rmtree(killed)
+        shutil.copytree(given, killed)
+
+
+def locked(folder):
+    """Return whether a killed run left its lock."""
+    return any((folder / ".snakemake/locks").glob("*"))
+
+
+def told_to_unlock(command, folder):
+    """Check that a run in a locked folder says what to do, and changes nothing."""
+    before = results(folder)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    told = done.stdout + done.stderr
+    assert done.returncode and "--unlock" in told and "Traceback" not in told, told
+    assert results(folder) == before
 
 
 def write_device(folder):
@@ -113,13 +147,11 @@ def call(command, folder):
 
 def kill(command, folder, moment):
     """Start a command and kill its processes after `moment` s; return whether it still ran."""
-    run = subprocess.Popen(
-        command,
-        cwd=folder,
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    # by which its processes are known, those that left its group too
+    mark = f"{MARK}={time.monotonic_ns()}"
+    environment = os.environ | dict([mark.split("=")])
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    run = subprocess.Popen(command, cwd=folder, start_new_session=True, env=environment, **quiet)
     try:
         assert run.wait(moment) == 0, "the run failed"
         return False
@@ -129,17 +161,22 @@ def kill(command, folder, moment):
         if run.poll() is None:
             os.killpg(run.pid, signal.SIGKILL)
             run.wait()
-        while group_lives(run.pid):
+        while left := marked(mark):
+            for process in left:
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
             time.sleep(0.01)
 
 
-def group_lives(group):
-    """Return whether any process of a group is left."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
+def marked(mark):
+    """Return the processes whose environment has a mark."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        # of others, or gone meanwhile
+        with suppress(OSError):
+            if mark.encode() in path.read_bytes().split(b"\0"):
+                found.append(int(path.parent.name))
+    return found
 
 
 def results(folder):
