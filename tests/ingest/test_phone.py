@@ -401,6 +401,42 @@ def test_sensorlog(log, run, tmp_path, rate):
     assert run(path, format="sensorlog").path.read_bytes() == small
 
 
+# as phones and watches of several years wrote it
+ACCELEROMETER = "accelerometerTimestamp_sinceReboot{s} {a}X{g} {a}Y{g} {a}Z{g}"
+HEADERS = {
+    "phone": f"loggingTime(txt) loggingSample(N) {ACCELEROMETER} gyroTimestamp_sinceReboot{{s}}"
+    " {r}X{w} {r}Y{w} {r}Z{w} magnetometerTimestamp_sinceReboot{s} magnetometerX(µT)",
+    "watch": "loggingTime(txt) locationTimestamp_since1970(s) motionTimestamp_sinceReboot{s} "
+    f"{ACCELEROMETER} motionUserAccelerationX(G) motionUserAccelerationY(G)"
+    " motionUserAccelerationZ(G) {r}X{w} {r}Y{w} {r}Z{w} motionGravityX(G) motionGravityY(G)",
+}
+
+
+@pytest.mark.parametrize("units", [True, False])
+@pytest.mark.parametrize("device", HEADERS)
+def test_headers_of_sensorlog(log, run, tmp_path, device, units):
+    rate = "gyroRotation" if device == "phone" else "motionRotationRate"
+    filled = dict(s="(s)", g="(G)", w="(rad/s)") if units else dict(s="", g="", w="")
+    header = HEADERS[device].format(a="accelerometerAcceleration", r=rate, **filled)
+    # older versions wrote some axes so
+    header = header if units else header.replace("AccelerationY", "accelerationY")
+    columns = []
+    for name in header.split():
+        stem, axis = name.split("(")[0][:-1], name.split("(")[0][-1]
+        if stem.lower() == "accelerometeracceleration":
+            columns.append(log[f"a{axis.lower()}"])
+        elif stem == rate:
+            columns.append(log[f"g{axis.lower()}"])
+        elif "sinceReboot" in name:
+            columns.append(log.t)
+        else:
+            columns.append(["null"] * len(log))
+    (tmp_path / "log.csv").write_text(table(header.split(), columns), encoding="utf-8")
+    done = run(tmp_path / "log.csv")
+    assert done.quality["log_format"] == "sensorlog"
+    check(done, log, -STANDARD_GRAVITY)
+
+
 def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(log, run, tmp_path):
     path = tmp_path / "log.csv"
     lines = sensorlog(log).splitlines()

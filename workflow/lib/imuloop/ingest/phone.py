@@ -174,7 +174,7 @@ def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
         If the file is no table with SensorLog's columns.
     """
     path = paths["log"]
-    layout = find_layout(path)
+    layout, columns = find_layout(path), dict(columns or {})
     bare = [re.sub(r"\s*\(.*\)$", "", name).lower() for name in layout.names]
     streams, notes, bad_lines = {}, [], 0
     for name, (time, sensor) in _SENSORLOG.items():
@@ -204,6 +204,9 @@ def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
     notes.insert(0, "an export of SensorLog: acceleration in g, sign turned into specific force")
     if "motion" in streams:
         notes.append("the angular rate is that of the motion, less the bias that iOS estimates")
+    for quantity, stream in zip(("acceleration", "angular_rate"), streams.values(), strict=True):
+        if columns.get(quantity) is None:
+            columns[quantity] = [f"{stream.name}.{name}" for name in stream.fields]
     log = raw_log(list(streams.values()), columns, batch_rows)
     log.notes[:0] = notes
     log.bad_lines = bad_lines
