@@ -1,10 +1,11 @@
 """Bring one raw log into the canonical samples and measure its quality."""
 
 from imuloop.ingest.ingest import ingest
-from imuloop.job_log import open_log
+from imuloop.job_log import open_log, teller
 
 params = snakemake.params
-open_log(snakemake.log[0], f"ingest {params.device}/{params.session}")
+session = f"{params.device}/{params.session}"
+open_log(snakemake.log[0], f"ingest {session}")
 
 ingest(
     device=params.device,
@@ -15,4 +16,6 @@ ingest(
     paths=list(snakemake.input.log),
     samples_path=snakemake.output.samples,
     quality_path=snakemake.output.quality,
+    threads=snakemake.threads,
+    progress=teller(session),
 )

@@ -77,6 +77,12 @@ def files_inside(wildcards):
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
 
 
+def threads_by_size(wildcards, input):
+    """Return 2 for a large log, of which two parts are worked on at once, else 1."""
+    sizes = [Path(path).stat().st_size for path in input if Path(path).is_file()]
+    return 2 if sum(sizes) > 100e6 else 1
+
+
 def setting(key):
     """Return a function that gives one value of a job's device."""
     return lambda wildcards: device_of(wildcards)[key]

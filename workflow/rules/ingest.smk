@@ -28,7 +28,7 @@ rule ingest:
         "benchmarks/ingest/{device}/{session}.tsv"
     conda:
         "../envs/imuloop.yaml"
-    threads: 1
+    threads: threads_by_size
     params:
         device="{device}",
         session="{session}",

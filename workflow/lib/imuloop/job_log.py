@@ -2,6 +2,7 @@
 
 import logging
 import sys
+import time
 
 from imuloop.core.errors import one_line
 
@@ -31,3 +32,35 @@ def open_log(path, job):
         print(f"{job}: {line} (more in {path})", file=sys.__stderr__)
 
     sys.excepthook = fail
+
+
+def teller(job, seconds=10.0, clock=time.monotonic):
+    """Return ``progress(what, done, total)``, in bytes, that tells how far a job is.
+
+    Each line goes to the job's log and to the terminal:
+    ``imu/still: read 3.2 of 10.0 GB, 104 MB/s, 65 s left``.
+
+    Parameters
+    ----------
+    job : str
+        What the lines begin with.
+    seconds : float
+        From line to line, and to the first one: what is short is not told.
+    clock : callable
+        The time now, s.
+    """
+    begun, last = {}, clock()
+
+    def progress(what, done, total):
+        nonlocal last
+        now = clock()
+        begin = begun.setdefault(what, now)
+        if now - max(begin, last) < seconds or not done:
+            return
+        last, rate = now, done / (now - begin)
+        line = f"{job}: {what} {done / 1e9:.1f} of {total / 1e9:.1f} GB, {rate / 1e6:.0f} MB/s"
+        line += f", {(total - done) / rate:.0f} s left"
+        logging.info(line)
+        print(line, file=sys.__stderr__, flush=True)
+
+    return progress

@@ -19,6 +19,7 @@ from imuloop.core.samples import (
 )
 from imuloop.ingest import rests
 from imuloop.ingest.axes import Axes
+from imuloop.ingest.in_order import in_order
 from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
 from imuloop.ingest.turns import Turns
@@ -38,7 +39,7 @@ COPIED_SHARE, LEAST_CHANGES = 0.99, 50
 
 # a damaged file may hold 1e306, which a sum of squares does not
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def measure(file, figures):
+def measure(file, figures, threads=1, progress=None):
     """Return the faults of a samples file, read row group by row group.
 
     Parameters
@@ -47,6 +48,10 @@ def measure(file, figures):
         Samples as in `imuloop.core.samples`.
     figures : dict
         Quality figures with ``rate_hz``, ``quantisation_step`` and ``range`` of every channel.
+    threads : int
+        How many may work at once.
+    progress : callable, optional
+        Called often with the share that is done.
 
     Returns
     -------
@@ -67,39 +72,59 @@ def measure(file, figures):
     spectra = {name: [] for name in CHANNELS}
     rate = figures["rate_hz"]
     quiet, means, turns, way = [], RestMeans(rate), Turns(rate), Axes(rate)
-    tail, row = None, 0
-    for group in range(file.num_row_groups):
-        table = file.read_row_group(group, columns=names)
-        x = {name: table[name].to_numpy() for name in names}
-        turns.add(x)
-        way.add(x)
-        padded = {sensor: _all_at(x, SENSORS[sensor], zeros[sensor]) for sensor in SENSORS}
-        # a gyroscope at rest may well show three zeros; an accelerometer never does
-        padded["angular_rate"] &= padded["acceleration"]
-        for sensor, axes in SENSORS.items():
-            zero_rows[sensor] += int(padded[sensor].sum())
-            if padded[sensor].any():
-                x |= {name: np.where(padded[sensor], np.nan, x[name]) for name in axes}
-        means.add(x)
+
+    def groups():
+        """Give the rows of each group, less padding, and the last ones before them."""
+        row, before = 0, {name: np.empty(0) for name in names}
+        for group in range(file.num_row_groups):
+            table = file.read_row_group(group, columns=names)
+            x = {name: table[name].to_numpy() for name in names}
+            turns.add(x)
+            way.add(x)
+            padded = {sensor: _all_at(x, SENSORS[sensor], zeros[sensor]) for sensor in SENSORS}
+            # a gyroscope at rest may well show three zeros; an accelerometer never does
+            padded["angular_rate"] &= padded["acceleration"]
+            for sensor, axes in SENSORS.items():
+                zero_rows[sensor] += int(padded[sensor].sum())
+                if padded[sensor].any():
+                    x |= {name: np.where(padded[sensor], np.nan, x[name]) for name in axes}
+            means.add(x)
+            for name in CHANNELS:
+                runs[name].add(x[name], row)
+            yield x, before
+            last = {name: (before[name], x[name][-2 * REACH :]) for name in names}
+            before = {name: np.concatenate(both)[-2 * REACH :] for name, both in last.items()}
+            row += table.num_rows
+            if progress:
+                progress((group + 1) / file.num_row_groups)
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def counted(part):
+        """Return what the rows of a group alone tell."""
+        x, before = part
         changes = {name: np.flatnonzero(x[name][1:] != x[name][:-1]) for name in names}
-        for pair, count in pairs.items():
-            count += _common_changes(*(x[name] for name in pair), *(changes[n] for n in pair))
-        for sensor, axes in SENSORS.items():
-            held[sensor] += held_lengths([changes[name] for name in axes], len(x[axes[0]]))
-        for name in CHANNELS:
-            runs[name].add(x[name], row)
-            limits[name] += _at_limits(x[name], figures["range"][name], steps[name])
-        whole = x if tail is None else {n: np.concatenate((tail[n], x[n])) for n in names}
-        for name in names:
-            spikes[name] += _spikes(whole[name], steps[name] or 0.0)
-        tail = {name: column[-2 * REACH :] for name, column in whole.items()}
+        common = [_common_changes(x[a], x[b], changes[a], changes[b]) for a, b in pairs]
+        lengths = [
+            held_lengths([changes[name] for name in axes], len(x[axes[0]]))
+            for axes in SENSORS.values()
+        ]
+        ends = [_at_limits(x[name], figures["range"][name], steps[name]) for name in CHANNELS]
+        alone = [_spikes(np.concatenate((before[n], x[n])), steps[n] or 0.0) for n in names]
         blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
-        for name in CHANNELS:
-            spectra[name].append(rests.bands(blocks[name]))
+        bands = [rests.bands(blocks[name]) for name in CHANNELS]
         rates = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
         spread = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        quiet.append(np.array([spread, np.sqrt((rates**2).sum(axis=0))]))
-        row += table.num_rows
+        rest = np.array([spread, np.sqrt((rates**2).sum(axis=0))])
+        return common, lengths, ends, alone, bands, rest
+
+    for common, lengths, ends, alone, bands, rest in in_order(counted, groups(), threads):
+        pairs |= {pair: pairs[pair] + n for pair, n in zip(pairs, common, strict=True)}
+        held |= {sensor: held[sensor] + n for sensor, n in zip(held, lengths, strict=True)}
+        limits |= {name: limits[name] + n for name, n in zip(limits, ends, strict=True)}
+        spikes |= {name: spikes[name] + n for name, n in zip(spikes, alone, strict=True)}
+        for name, found in zip(CHANNELS, bands, strict=True):
+            spectra[name].append(found)
+        quiet.append(rest)
     stuck = {name: runs[name].stuck() for name in CHANNELS}
     quiet, spectra = np.hstack(quiet), {name: np.hstack(spectra[name]) for name in CHANNELS}
     silent = [

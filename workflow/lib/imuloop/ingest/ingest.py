@@ -1,8 +1,13 @@
 """One raw log into canonical samples and its quality figures."""
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
+import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -19,6 +24,9 @@ from imuloop.ingest.stamps import is_iso, iso_text
 
 # rows a row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
+# a block of memory of so many bytes that is freed once makes the C library keep what is freed of
+# smaller ones, instead of fetching every page of every column anew: half the time of a large log
+_KEPT = 31 << 20
 # units where neither the config nor the log says
 _SI = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 _SI["interval"] = "s"
@@ -41,6 +49,8 @@ def ingest(
     nominal=None,
     full_scale=None,
     batch_rows=1 << 16,
+    threads=1,
+    progress=None,
 ):
     """Write samples.parquet and quality.json of one session.
 
@@ -72,12 +82,18 @@ def ingest(
         ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
     batch_rows : int
         Rows read at once, about; changes nothing in the result.
+    threads : int
+        How many may work at once; changes nothing in the result.
+    progress : callable, optional
+        ``progress(what, done, total)``, called often while a text table is ``"read"``, and then
+        ``"measured"``: bytes of its files.
 
     Raises
     ------
     ImuloopError
         If what is declared does not fit the log; one line with device, session and file.
     """
+    np.empty(_KEPT, dtype=np.uint8)
     paths = [Path(path) for path in paths]
     roles = sources or (["log"] if len(paths) == 1 else ["acceleration", "angular_rate"])
     files = dict(zip(roles, paths, strict=True))
@@ -87,6 +103,7 @@ def ingest(
             if not (path.is_file() or path.is_dir()):
                 raise ImuloopError("there is no such file; see file: in the config")
         before = _state(paths)
+        total = sum(size for _, _, size, _ in before)
         name, form = find_format(format, files)
         try:
             log = form.read(files, columns or None, batch_rows)
@@ -103,40 +120,54 @@ def ingest(
             "kind": kind,
             "log_format": name,
             "source": dict(sources or {role: {"path": str(p)} for role, p in files.items()}),
-            "sha256": _hashes(paths),
+            "sha256": None,
             "units": units,
             "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
             "simulated": log.simulated,
             "start": None,
         }
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
+
+        def read(position):
+            if progress and position:
+                progress("read", position, total)
+
+        def measured(share):
+            if progress:
+                progress("measured", share * total, total)
+
+        log.threads = threads
         samples = si_batches(log, **declared, counts=counts)
-        with replaced(samples_path) as temporary:
+        with ThreadPoolExecutor(1) as pool, replaced(samples_path) as temporary:
+            own = (origin, pool.submit(_hashes, paths), read)
+            measure = partial(quality.measure, temporary, full_scale, threads, measured)
             try:
                 if not reasons and increments.by_stamps(log, units):
                     # the usual step has to be known before gaps are
                     usual = increments.usual_step(si_batches(log, **declared, counts=Counts()))
                     log = form.read(files, columns or None, batch_rows)
+                    log.threads = threads
                     samples = si_batches(log, **declared, counts=counts, usual=usual)
-                _write(temporary, samples if not reasons else (), log, origin, counts)
-                figures = quality.measure(temporary, full_scale)
+                _write(temporary, samples if not reasons else (), log, counts, *own)
+                figures = measure()
                 step = clocks.line_step(counts, figures, rate)
                 if step:
                     # once more from the start, now that the line is known
                     counts, logged = Counts(), figures
                     log = form.read(files, columns or None, batch_rows)
+                    log.threads = threads
                     samples = si_batches(log, **declared, counts=counts, step=step)
-                    _write(temporary, samples, log, origin, counts)
-                    figures = quality.measure(temporary, full_scale)
+                    _write(temporary, samples, log, counts, *own)
+                    figures = measure()
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
-                _write(temporary, (), log, origin, counts)
-                figures = quality.measure(temporary, full_scale)
+                _write(temporary, (), log, counts, *own)
+                figures = measure()
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines)
             if reasons:
-                _write(temporary, (), log, origin, counts)
+                _write(temporary, (), log, counts, *own)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(str(path) for path in paths)
         said = error if isinstance(error, ImuloopError) else error.strerror
@@ -168,19 +199,30 @@ def ingest(
     )
 
 
-def _write(path, batches, log, origin, counts):
-    """Write samples as Parquet; `origin` learns start and time unit from the first rows."""
+def _write(path, batches, log, counts, origin, hashes, progress):
+    """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
+    plain = schema(log.temperature, {}).remove_metadata()
     tables = rechunked(batches, ROW_GROUP)
-    first = next(tables, None)
-    if counts.start_ns is not None:
-        origin["start"] = iso_text(counts.start_ns)
-    if counts.time_unit:
-        origin["units"]["time"] = counts.time_unit
-    with pq.ParquetWriter(path, schema(log.temperature, origin), compression="zstd") as writer:
-        if first is not None:
-            writer.write_table(first.cast(writer.schema), row_group_size=ROW_GROUP)
-        for table in tables:
-            writer.write_table(table.cast(writer.schema), row_group_size=ROW_GROUP)
+    first = next(tables, plain.empty_table()).cast(plain)
+    # what is known at the end only cannot be in an Arrow schema; doubles need none
+    options = {"compression": "zstd", "store_schema": False, **_encodings(first)}
+    with pq.ParquetWriter(path, plain, **options) as writer:
+        for table in chain([first] if len(first) else [], tables):
+            writer.write_table(table.cast(plain), row_group_size=ROW_GROUP)
+            progress(log.position)
+        origin["sha256"] = hashes.result()
+        if counts.start_ns is not None:
+            origin["start"] = iso_text(counts.start_ns)
+        if counts.time_unit:
+            origin["units"]["time"] = counts.time_unit
+        writer.add_key_value_metadata(schema(log.temperature, origin).metadata)
+
+
+def _encodings(table):
+    """Return how Parquet is to hold the columns: few values by number, else byte by byte."""
+    few = [n for n in table.column_names if 4 * pc.count_distinct(table[n]).as_py() < len(table)]
+    many = [name for name in table.column_names if name not in few]
+    return {"use_dictionary": few, "use_byte_stream_split": many}
 
 
 def used_units(log, declared):
@@ -241,4 +283,10 @@ def _hashes(paths):
     """Return file name (path, where names repeat) -> SHA-256; of a folder, its files."""
     files = _files(paths)
     distinct = len({path.name for path in files}) == len(files)
-    return {path.name if distinct else str(path): sha256(path) for path in files}
+    return {path.name if distinct else str(path): _hash(path) for path in files}
+
+
+def _hash(path):
+    # one that is gone meanwhile has changed
+    with suppress(FileNotFoundError):
+        return sha256(path)

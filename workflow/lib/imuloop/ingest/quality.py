@@ -7,6 +7,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATU
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import fault_lines, faults
+from imuloop.ingest.in_order import in_order
 
 # a step longer than this many median steps is a gap: one sample lost makes it two
 GAP_STEPS = 1.5
@@ -35,7 +36,7 @@ TREATMENT = (
 )
 
 
-def measure(path, full_scale=None):
+def measure(path, full_scale=None, threads=1, progress=None):
     """Return the quality figures of a samples file, read row group by row group.
 
     Parameters
@@ -44,6 +45,10 @@ def measure(path, full_scale=None):
         Samples as in `imuloop.core.samples`, `t` strictly increasing.
     full_scale : dict, optional
         ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s); for clipping.
+    threads : int
+        How many may work at once.
+    progress : callable, optional
+        Called often with the share that is done.
 
     Returns
     -------
@@ -51,8 +56,18 @@ def measure(path, full_scale=None):
         As in quality.json; figures that the rows cannot give are None.
     """
     with pq.ParquetFile(path) as file:
-        figures = {**_time_figures(file), **_channel_figures(file, full_scale or {})}
-        return {**figures, "faults": faults.measure(file, figures)}
+        groups = range(file.num_row_groups)
+
+        def tables():
+            for group in groups:
+                yield file.read_row_group(group)
+                if progress:
+                    progress(0.5 * (group + 1) / len(groups))
+
+        figures = _time_figures(file, threads)
+        figures |= _channel_figures(file, tables(), full_scale or {}, threads)
+        told = progress and (lambda share: progress(0.5 + 0.5 * share))
+        return {**figures, "faults": faults.measure(file, figures, threads, told)}
 
 
 def _steps(file):
@@ -67,7 +82,7 @@ def _steps(file):
             yield t[:-1], np.diff(t)
 
 
-def _time_figures(file):
+def _time_figures(file, threads):
     figures = {
         "rows": file.metadata.num_rows,
         "duration_s": 0.0,
@@ -75,7 +90,8 @@ def _time_figures(file):
         "jitter": {"std_s": None, "max_s": None},
         "gaps": {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []},
     }
-    medians = [(float(np.median(steps)), len(steps)) for _, steps in _steps(file) if len(steps)]
+    found = in_order(_median, _steps(file), threads)
+    medians = [(float(median), n) for median, n in found if n]
     if not medians:
         return figures
     # median of the row groups' medians: bounded memory, and exact for one group
@@ -109,31 +125,42 @@ def _time_figures(file):
     return figures
 
 
-def _channel_figures(file, full_scale):
+def _median(part):
+    _, steps = part
+    return np.median(steps) if len(steps) else None, len(steps)
+
+
+def _channel_figures(file, tables, full_scale, threads):
     names = [name for name in file.schema_arrow.names if name != TIME]
     low, high = dict.fromkeys(names, np.inf), dict.fromkeys(names, -np.inf)
     step = dict.fromkeys(names, np.inf)
-    clipped = {
-        name: 0 if sensor in full_scale else None
-        for sensor, axes in (("acceleration", ACCELERATION), ("angular_rate", ANGULAR_RATE))
-        for name in axes
-    }
-    magnitude = {"acceleration": 0.0, "angular_rate": 0.0}
-    for group in range(file.num_row_groups):
-        table = file.read_row_group(group)
-        for name in names:
-            x = table[name].to_numpy()
-            x = x[np.isfinite(x)]
-            if not x.size:
-                continue
-            low[name], high[name] = min(low[name], x.min()), max(high[name], x.max())
-            step[name] = min(step[name], _smallest_step(x))
-            if clipped.get(name) is not None:
-                sensor = "acceleration" if name in ACCELERATION else "angular_rate"
-                clipped[name] += int((np.abs(x) >= CLIPPED_SHARE * full_scale[sensor]).sum())
-        for sensor, axes in (("acceleration", ACCELERATION), ("angular_rate", ANGULAR_RATE)):
-            vectors = np.array([table[name].to_numpy() for name in axes])
-            magnitude[sensor] += float(np.sqrt((vectors**2).sum(axis=0)).sum())
+    sensors = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+    limits = {name: full_scale.get(sensor) for sensor, axes in sensors.items() for name in axes}
+    clipped = {name: None if limit is None else 0 for name, limit in limits.items()}
+    magnitude = dict.fromkeys(sensors, 0.0)
+
+    def figures(table):
+        x = {name: table[name].to_numpy() for name in names}
+        finite = {name: np.sort(x[name][np.isfinite(x[name])]) for name in names}
+        ends = {name: (each[0], each[-1]) for name, each in finite.items() if each.size}
+        steps = {name: _smallest_step(finite[name]) for name in ends}
+        at_limit = {
+            name: int((np.abs(finite[name]) >= CLIPPED_SHARE * limit).sum())
+            for name, limit in limits.items()
+            if limit is not None
+        }
+        sizes = {
+            sensor: float(np.sqrt(sum(x[name] ** 2 for name in axes)).sum())
+            for sensor, axes in sensors.items()
+        }
+        return ends, steps, at_limit, sizes
+
+    for ends, steps, at_limit, sizes in in_order(figures, tables, threads):
+        for name, (least, most) in ends.items():
+            low[name], high[name] = min(low[name], least), max(high[name], most)
+            step[name] = min(step[name], steps[name])
+        clipped |= {name: clipped[name] + n for name, n in at_limit.items()}
+        magnitude |= {sensor: magnitude[sensor] + size for sensor, size in sizes.items()}
     rows = file.metadata.num_rows
     return {
         "clipped": clipped,
@@ -152,13 +179,13 @@ def _channel_figures(file, full_scale):
 
 
 def _smallest_step(x):
-    """Return the smallest difference of distinct values, infinite where most are distinct."""
-    distinct = np.unique(x)
-    if distinct.size < 2 or distinct.size > x.size / 2:
+    """Return the smallest step of sorted values, infinite where most are distinct."""
+    steps = np.diff(x)
+    distinct = np.count_nonzero(steps) + 1
+    if distinct < 2 or distinct > x.size / 2:
         return np.inf
-    steps = np.diff(distinct)
     # closer than rounding of the conversion to SI is the same value
-    return float(steps[steps > 1e-12 * np.abs(distinct[[0, -1]]).max()].min(initial=np.inf))
+    return float(steps[steps > 1e-12 * np.abs(x[[0, -1]]).max()].min(initial=np.inf))
 
 
 def reasons(figures, counts, bad_lines):
