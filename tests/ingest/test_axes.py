@@ -198,3 +198,13 @@ def test_rows_of_a_long_log_are_thinned_evenly():
     rows = thinned.rows()[:, 0]
     assert KEPT <= len(rows) <= 2 * KEPT
     assert set(np.diff(rows)) == {thinned.stride}
+
+
+def test_values_beyond_all_bounds_stay_numbers(logs):
+    log = logs["multi_position"].copy()
+    log.loc[3000:3100, "gx"] = 1e306
+    log.loc[4000:4100, "ax"] = 1e306
+    with np.errstate(all="ignore"):
+        found = fitted(log)
+    assert np.isfinite([found["agreement"], found["best"]]).all()
+    assert found["mapping"] is None

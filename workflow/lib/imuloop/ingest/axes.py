@@ -104,7 +104,8 @@ class Axes:
         # what hardly turns gravity says nothing of the direction
         usual = np.median(size[0]) if len(size) else 0.0
         size = np.maximum(size, 0.1 * usual + 1e-12) * np.sqrt((change**2).sum(axis=1))
-        cosine = (told * change).sum(axis=2) / size
+        # a damaged file may hold 1e306
+        cosine = np.nan_to_num((told * change).sum(axis=2) / size)
         agreement = cosine.mean(axis=1)
         best = int(np.argmax(agreement))
         lead = cosine[best] - cosine[0]
@@ -124,7 +125,8 @@ class Axes:
         )
         if sure and not possible[0]:
             same = (MAPPINGS[possible] == MAPPINGS[best]).all(axis=(0, 2))
-            found["mapping"] = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
+            fits = [int(v) for v in (MAPPINGS[best] @ [1, 2, 3]) * same]
+            found["mapping"] = fits if any(fits) else None
         return found
 
 
