@@ -477,3 +477,48 @@ def test_links_that_lead_nowhere_and_files_that_may_not_be_read(faults, tmp_path
     assert faults(session(SOUND)) == [
         "devices.imu.sessions.a.file: poses.csv cannot be read: permission denied"
     ]
+
+
+def test_marks_of_one_pulse_per_second(faults, tmp_path):
+    (tmp_path / "marks.csv").write_text("c,gnss\n1000000,5\n2000000,6\n")
+    (tmp_path / "text.csv").write_text("no table\n")
+    assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}")) == []
+    assert faults(session(f"{SOUND}, pps: {{file: marks.csv, counter: c, time: gnss}}")) == []
+    assert faults(session(f"{SOUND}, pps: {{counter: gx, time: gy}}")) == []
+    key = "devices.imu.sessions.a.pps"
+    for pps, line in (
+        ("{counter: gx}", f"{key}.time: missing; marks are two columns of the log, or a file"),
+        ("{file: none.csv}", f"{key}.file: there is no file none.csv"),
+        ("{file: .}", f"{key}.file: . is a folder, not a file"),
+        ("{file: text.csv}", f"{key}.file: the file is not a table of numbers in rows and columns"),
+        (
+            "{file: marks.csv, counter: q}",
+            f"{key}.counter: no column 'q'; there are c, gnss",
+        ),
+        (
+            "{counter: gx, time: q}",
+            f"{key}.time: no column 'q'; there are t, ax, ay, az, gx, gy, gz, note",
+        ),
+        ("{columns: [a, b]}", f"{key}.columns: unknown key; use one of file, counter, time"),
+    ):
+        assert faults(session(f"{SOUND}, pps: {pps}")) == [line]
+    bare = "kind: static, file: bare.csv, columns: {acceleration: [0, 1, 2], "
+    bare += "angular_rate: [3, 4, 5]}, rate: 9, pps: {file: marks.csv}"
+    assert faults(session(bare)) == [
+        f"{key}: the log has no time column, which is to be the local counter"
+    ]
+
+
+def test_increments_need_an_interval(faults, tmp_path):
+    names = "dvx,dvy,dvz,dax,day,daz"
+    (tmp_path / "sums.csv").write_text(f"{names}\n0,0,0.1,0,0,0\n0,0,0.1,0,0,0\n")
+    (tmp_path / "own.csv").write_text(f"{names},dt\n0,0,0.1,0,0,0,0.01\n0,0,0.1,0,0,0,0.01\n")
+    assert faults(session("kind: static, file: own.csv")) == []
+    assert faults(session("kind: static, file: sums.csv, rate: 100")) == []
+    assert faults(session("kind: static, file: sums.csv")) == [
+        "devices.imu.sessions.a.rate: missing; sums.csv has no time column"
+    ]
+    assert faults(session("kind: static, file: own.csv, columns: {interval: step}")) == [
+        "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
+        f"{', '.join(names.split(','))}, dt"
+    ]

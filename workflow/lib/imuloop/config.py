@@ -47,8 +47,8 @@ def resolve(config):
     dict of str to dict
         By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages'
         settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or
-        ``acceleration`` and ``angular_rate``), ``columns``, ``units``, ``rate`` (Hz),
-        ``time_range``.
+        ``acceleration`` and ``angular_rate``; ``pps`` of marks in a file), ``columns``,
+        ``units``, ``rate`` (Hz), ``time_range``, ``pps``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -70,14 +70,17 @@ def _device(name, device):
 
 
 def _session(session):
+    pps = dict(session.get("pps") or {})
+    marks = {"pps": sources(pps.pop("file"))["log"]} if "file" in pps else {}
     return {
         "kind": session["kind"],
         "format": session.get("format"),
-        "sources": sources(session["file"]),
+        "sources": sources(session["file"]) | marks,
         "columns": session.get("columns") or {},
         "units": session.get("units") or {},
         "rate": session.get("rate"),
         "time_range": session.get("time_range"),
+        "pps": pps,
     }
 
 

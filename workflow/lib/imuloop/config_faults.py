@@ -15,6 +15,7 @@ from imuloop.core.units import raw_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.ingest import used_units
+from imuloop.ingest.pps import read_marks
 from imuloop.ingest.sources import file_name
 from imuloop.yaml_traps import yaml_faults
 
@@ -282,11 +283,45 @@ def _session_faults(name, session, device, replicas, whole):
     text = "time_range" in session and _time_range_fault(*session["time_range"])
     if text:
         yield ("time_range",), text
+    unmarked = list(_marks_faults(session.get("pps") or {}, replicas))
+    yield from unmarked
     if "file" in session:
-        yield from _file_faults(session, nominal, replicas, whole and not text)
+        yield from _file_faults(session, nominal, replicas, whole and not text, not unmarked)
 
 
-def _file_faults(session, nominal, replicas, whole):
+def _marks_faults(marks, replicas):
+    """Yield what is wrong with 1PPS marks, as far as it can be seen without the log."""
+    if not marks:
+        return
+    if "file" not in marks:
+        for key in ("counter", "time"):
+            if key not in marks:
+                yield ("pps", key), "missing; marks are two columns of the log, or a file"
+        return
+    source = sources(marks["file"])["log"]
+    path = source.get("path")
+    if path is None:
+        return
+    if not Path(path).is_file():
+        yield ("pps", "file"), _missing(path, replicas) or f"{path} is no table of marks"
+        return
+    try:
+        read_marks(path, marks)
+    except ImuloopError as error:
+        key, _, text = str(error).partition(": ")
+        yield (
+            (tuple(key.split(".")), text)
+            if key.startswith("pps.")
+            else (
+                ("pps", "file"),
+                str(error),
+            )
+        )
+    except OSError as error:
+        yield ("pps", "file"), f"{path} cannot be read: {error.strerror}"
+
+
+def _file_faults(session, nominal, replicas, whole, marked):
     """Yield what is wrong with a session's file, as far as it can be seen before the run."""
     given = sources(session["file"])
     names = {role: source.get("path") or file_name(source) for role, source in given.items()}
@@ -308,7 +343,7 @@ def _file_faults(session, nominal, replicas, whole):
     if locked:
         yield ("file",), f"{locked[0]} cannot be read: permission denied"
     elif len(there) == len(given):
-        yield from _log_faults(session, nominal, log_format, names, whole)
+        yield from _log_faults(session, nominal, log_format, names, whole and marked)
 
 
 def _size(names):
@@ -325,6 +360,9 @@ def _is_there(path):
 def _log_faults(session, nominal, log_format, names, whole):
     """Yield which of the declared columns a log lacks, and what of the rest does not fit it."""
     declared = dict(session.get("columns") or {})
+    marks = session.get("pps") or {}
+    if {"counter", "time"} == {*marks}:
+        declared["pps"] = marks
     wrong = set()
     while True:
         try:
@@ -335,6 +373,11 @@ def _log_faults(session, nominal, log_format, names, whole):
             return
         except ImuloopError as error:
             quantity, _, text = str(error).removeprefix("columns.").partition(": ")
+            if quantity.startswith("pps."):
+                yield tuple(quantity.split(".")), text
+                wrong.add("pps")
+                del declared["pps"]
+                continue
             if quantity not in declared:
                 # without a column that was declared wrongly, the log may well lack others
                 if not wrong:
@@ -347,6 +390,10 @@ def _log_faults(session, nominal, log_format, names, whole):
     timed = {"time", "interval"} & {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
         yield ("rate",), f"missing; {names['log']} has no time column"
+    elif marks and "time" not in {*log.found, *wrong}:
+        yield ("pps",), "the log has no time column, which is to be the local counter"
+    elif "pps" in declared and "pps" not in log.found:
+        yield ("pps",), "only tables hold columns of marks; name a file in pps.file"
     elif whole and not wrong:
         text = _fitting_fault(session, nominal, log)
         if text:

@@ -200,7 +200,7 @@ def resolve(names, declared=None, headed=True):
         units["interval"] = unit
     others = {f"interval.{quantity}": position for quantity, position in intervals.items()}
     for name, value in declared.get("pps", {}).items():
-        others[f"pps.{name}"] = _position("pps", value, names, headed)
+        others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
     return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
 
 
@@ -208,9 +208,9 @@ def _intervals(declared, names, headed, guessed, summed, untimed):
     """Return sensor -> position of the interval of its increments."""
     value = declared.get("interval")
     if isinstance(value, dict):
-        return {q: _position("interval", each, names, headed) for q, each in value.items()}
+        return {q: position("interval", each, names, headed) for q, each in value.items()}
     if value is not None:
-        return dict.fromkeys(_SENSORS, _position("interval", value, names, headed))
+        return dict.fromkeys(_SENSORS, position("interval", value, names, headed))
     if "interval" in declared or not (summed or untimed):
         return {}
     shared = [position for position, _ in guessed.get("interval", ())[:1]]
@@ -226,34 +226,35 @@ def _declared(quantity, value, names, headed):
     if value is None and quantity in ("time", "temperature"):
         return None
     if quantity in ("time", "temperature"):
-        return _position(quantity, value, names, headed)
+        return position(quantity, value, names, headed)
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         raise ImuloopError(f"columns.{quantity}: {value!r} is not a list of three columns x, y, z")
-    return tuple(_position(quantity, item, names, headed) for item in value)
+    return tuple(position(quantity, item, names, headed) for item in value)
 
 
-def _position(quantity, value, names, headed):
+def position(quantity, value, names, headed):
+    """Return the position of a declared column, a name or a number from 0."""
+    key = quantity if quantity.startswith("pps") else f"columns.{quantity}"
     if isinstance(value, int) and not isinstance(value, bool):
         if not 0 <= value < len(names):
             raise ImuloopError(
-                f"columns.{quantity}: there is no column {value}; the log has {len(names)}, "
+                f"{key}: there is no column {value}; the log has {len(names)}, "
                 f"numbered from 0 to {len(names) - 1}"
             )
         return value
     if not headed:
         raise ImuloopError(
-            f"columns.{quantity}: the log has no header, so {value!r} cannot be found; "
+            f"{key}: the log has no header, so {value!r} cannot be found; "
             f"name columns by number, from 0 to {len(names) - 1}"
         )
     value = str(value)
     if names.count(value) > 1:
         raise ImuloopError(
-            f"columns.{quantity}: {names.count(value)} columns are named '{value}'; "
-            "name it by number, from 0"
+            f"{key}: {names.count(value)} columns are named '{value}'; name it by number, from 0"
         )
     if value not in names:
         raise ImuloopError(
-            f"columns.{quantity}: no column '{value}'; there are {_listed(names)}"
+            f"{key}: no column '{value}'; there are {_listed(names)}"
             f"{did_you_mean(value, names, 0.5)}"
         )
     return names.index(value)

@@ -53,6 +53,8 @@ class Counts:
         Unit of the stamps, as found; None before the first row.
     clock : Clock
         What was mended in the stamps.
+    outside_marks : ndarray, shape (2,)
+        Samples before the first and after the last 1PPS mark.
     points : Points
         Row number and time as stamped, of some of the samples.
     """
@@ -70,10 +72,13 @@ class Counts:
     start_ns: int | None = None
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
+    outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
     points: Points = field(default_factory=Points)
 
 
-def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, usual=None):
+def si_batches(
+    log, *, units, raw_units, rate, time_range, counts, step=None, usual=None, timeline=None
+):
     """Give the samples of a log, batch by batch.
 
     Parameters
@@ -95,6 +100,8 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, us
         Seconds from row to row; `t` is then rebuilt from the row number.
     usual : float, optional
         Usual step of the stamps, s; that of increments after a gap.
+    timeline : imuloop.ingest.pps.Timeline, optional
+        GNSS time over the stamps; `t` is then in it.
 
     Yields
     ------
@@ -129,6 +136,8 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, us
         if STAMP in batch.schema.names:
             tick = None if absolute else NANOSECONDS[units["time"]]
             x, readable = counts.clock.mended(x, readable, after, tick)
+            if timeline:
+                x, scale = np.where(readable, timeline.at(x), 0.0), 1.0
         if not readable.any() and origin is None:
             counts.non_finite += batch.num_rows
             continue
@@ -138,9 +147,11 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, us
             counts.time_unit = units["time"] if stamped else _unstamped(rate, units)
             if absolute:
                 counts.time_unit = "ISO 8601"
+            if timeline:
+                counts.time_unit = f"{units['time']}, by 1PPS"
             # before all stamps, so that the first one counts as later
             newest = origin - 1
-            moment = absolute_nanoseconds(origin, units["time"], absolute) if stamped else None
+            moment = _moment(origin, units, absolute, timeline) if stamped else None
             window = _window(time_range, moment)
         if absolute != dated and readable.any():
             raise RejectedLog(f"the stamps change their kind before row {counts.read}")
@@ -176,10 +187,12 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, us
         if zero is None:
             zero, first = x[keep][0].item(), rows[keep][0].item()
             if stamped:
-                counts.start_ns = absolute_nanoseconds(zero, units["time"], absolute)
+                counts.start_ns = _moment(zero, units, absolute, timeline)
         samples = {TIME: (x[keep] - zero) * scale}
         if step is not None:
             samples = {TIME: (rows[keep] - first) * step}
+        elif timeline:
+            counts.outside_marks += timeline.outside(x[keep])
         elif stamped:
             counts.points.add(rows[keep], samples[TIME])
         for i, name in enumerate(CHANNELS):
@@ -188,6 +201,44 @@ def si_batches(log, *, units, raw_units, rate, time_range, counts, step=None, us
         if log.temperature:
             samples[TEMPERATURE] = raw[TEMPERATURE][keep] - ZERO_OFFSETS[units["temperature"]]
         yield pa.RecordBatch.from_pydict(samples)
+
+
+def _moment(stamp, units, absolute, timeline):
+    """Return a stamp as ns since 1970, or None where it is no date."""
+    if timeline:
+        return timeline.moment(stamp)
+    return absolute_nanoseconds(stamp, units["time"], absolute)
+
+
+def survey(log, units, log_marks=None):
+    """Return the span of a log's counter, if it rolls over, its range, and seconds per unit.
+
+    Parameters
+    ----------
+    log : RawLog
+        Log being read.
+    units : dict
+        Unit of ``time``.
+    log_marks : imuloop.ingest.pps.LogMarks, optional
+        Takes the marks in the log.
+    """
+    if "time" not in log.found:
+        raise ImuloopError("pps: the log has no time column, which is to be the local counter")
+    clock, low, high, width = Clock(), np.inf, -np.inf, None
+    for (x, readable, absolute, _, batch), after in ahead(_clocked(log, units, None)):
+        if absolute:
+            raise ImuloopError("pps: the log's stamps are dates, not a local counter")
+        tick = NANOSECONDS[units["time"]]
+        mended, usable = clock.mended(x, readable, after, tick)
+        width = clock.span_s and round(clock.span_s * 1e9) // tick
+        if usable.any():
+            low = min(low, mended[usable].min().item())
+            high = max(high, mended[usable].max().item())
+        if log_marks is not None:
+            log_marks.add(batch, x, mended, usable, width)
+    if clock.resets:
+        raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
+    return width, (low, high), tick
 
 
 def _unstamped(rate, units):

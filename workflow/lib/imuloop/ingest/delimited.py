@@ -115,8 +115,11 @@ def read(paths, columns=None, batch_rows=1 << 16):
     return log
 
 
-def find_layout(path):
-    """Return the layout of a text table (path or file object), from its first lines."""
+def find_layout(path, least=3):
+    """Return the layout of a text table (path or file object), from its first lines.
+
+    Three axes are the `least` columns that a file of one sensor holds.
+    """
     try:
         with pa.input_stream(path, compression="detect") as stream:
             head = stream.read(_HEAD)
@@ -132,8 +135,8 @@ def find_layout(path):
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
     table = [texts[i] for i in rows]
-    best = max(_SEPARATORS, key=lambda s: _numeric_share(table, s))
-    if _numeric_share(table, best) < 0.5:
+    best = max(_SEPARATORS, key=lambda s: _numeric_share(table, s, least))
+    if _numeric_share(table, best, least) < 0.5:
         raise RejectedLog("the file is not a table of numbers in rows and columns")
     width = _width(table, best)
     # as many tabs as blanks: the blanks are inside of the header's names
@@ -318,12 +321,11 @@ def _width(lines, separator):
     return Counter(len(_fields(line, separator)) for line in lines).most_common(1)[0][0]
 
 
-def _numeric_share(lines, separator):
-    """Return the share of fields that are numbers, 0 if the lines have no six columns."""
+def _numeric_share(lines, separator, least):
+    """Return the share of fields that are numbers, 0 of fewer than the `least` columns."""
     fields = [_fields(line, separator) for line in lines]
     width = Counter(len(row) for row in fields).most_common(1)[0][0]
-    # three axes and a time are the least that a file of one sensor holds
-    if width < 3:
+    if width < least:
         return 0.0
     flat = [text for row in fields if len(row) == width for text in row]
     return sum(_is_number(text) for text in flat) / len(flat)

@@ -15,6 +15,7 @@ from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
 from imuloop.core.units import TEMPERATURE, TIME, raw_unit
 from imuloop.ingest import clocks, increments, quality
+from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import stated_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
@@ -46,6 +47,7 @@ def ingest(
     units=None,
     rate=None,
     time_range=None,
+    pps=None,
     nominal=None,
     full_scale=None,
     batch_rows=1 << 16,
@@ -76,6 +78,8 @@ def ingest(
         Hz, where the log has no time column.
     time_range : (start, end), optional
         Half-open crop: seconds from the log's first stamp, or ISO 8601; None is an open end.
+    pps : dict, optional
+        ``counter`` and ``time`` of 1PPS marks, columns of the log or of the source ``pps``.
     nominal : dict, optional
         Quantity to ``scale`` and ``offset`` of raw counts.
     full_scale : dict, optional
@@ -97,7 +101,12 @@ def ingest(
     paths = [Path(path) for path in paths]
     roles = sources or (["log"] if len(paths) == 1 else ["acceleration", "angular_rate"])
     files = dict(zip(roles, paths, strict=True))
+    marks_file = files.pop("pps", None)
+    columns = dict(columns or {})
+    if pps and not marks_file:
+        columns["pps"] = pps
     counts, reasons, logged, step, usual = Counts(), [], None, None, None
+    timeline = None
     try:
         for path in paths:
             if not (path.is_file() or path.is_dir()):
@@ -127,6 +136,14 @@ def ingest(
             "start": None,
         }
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
+        if not reasons and (pps or marks_file):
+            log.threads = threads
+            try:
+                timeline = marks.find_timeline(log, units, pps or {}, marks_file)
+            except RejectedLog as error:
+                reasons = [str(error)]
+            log = form.read(files, columns or None, batch_rows)
+        declared["timeline"] = timeline
 
         def read(position):
             if progress and position:
@@ -173,6 +190,10 @@ def ingest(
         said = error if isinstance(error, ImuloopError) else error.strerror
         raise ImuloopError(f"{device}/{session}: {names}: {said}") from error
     notes = quality.warnings(figures, counts, log, rate=rate, units=raw_units)
+    if timeline:
+        before, after = counts.outside_marks.tolist()
+        timeline.told.update(before=before, after=after)
+        doubts += marks.warnings(timeline.told)
     summed = increments.figures(log, units, counts, usual, step, rate)
     doubts += increments.warnings(summed, figures, counts)
     write_json(
@@ -184,6 +205,7 @@ def ingest(
             "warnings": doubts + counts.clock.warnings(logged, step) + notes,
             **figures,
             "clock": clocks.figures(counts.clock, figures, "time" in log.found and rate, logged),
+            "pps": timeline and timeline.told,
             "increments": summed,
             "duplicates": counts.duplicates,
             "out_of_order": counts.out_of_order,
