@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report test lint format bench bench-noise study coverage fuzz kill setup lock clean
+.PHONY: report test lint format bench bench-noise study coverage fuzz kill large setup lock clean
 
 report: setup
 	$(BIN)/snakemake -c$(CORES) results/report.html
@@ -51,6 +51,11 @@ fuzz: setup
 # runs killed at random moments and run again, compared byte by byte with a calm one
 kill: setup
 	PYTHONPATH=workflow/lib $(BIN)/python -m bench.kill --kills 30
+
+# a generated CSV of so many GB through ingest: time, memory, progress; needs twice the room
+GB ?= 10
+large: setup
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/large_csv.py --gigabytes $(GB)
 
 setup: $(READY)
 
