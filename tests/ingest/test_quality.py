@@ -151,6 +151,14 @@ def test_the_share_that_may_be_lost(log, measured, bad, status):
         assert "26 of 500 rows (5.2%) cannot be used" in found["reasons"][0]
 
 
+@pytest.mark.parametrize("step", [1e-318, 1e-300, 1e-12, 1e100])
+def test_stamps_of_no_sensor(log, run, tmp_path, step):
+    log["t"] = np.arange(500) * step
+    log.to_parquet(tmp_path / "log.parquet", index=False)
+    [reason] = run(tmp_path / "log.parquet").quality["reasons"]
+    assert "Hz is no rate of an IMU" in reason
+
+
 def test_stamps_too_coarse(log, measured):
     log["t"] = np.floor(log.t)
     assert "495 with a repeated stamp" in measured()["reasons"][0]

@@ -25,6 +25,8 @@ from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
 from imuloop.ingest.turns import Turns
 
 SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+# Hz; no sensor is as fast
+MOST_RATE = 1e9
 
 # a spike lies so many times farther from the middle of its neighbours, REACH each side, than any
 # of these does: a knock on the table comes to 17, a rare jump of a good sensor to 10
@@ -58,7 +60,8 @@ def measure(file, figures, threads=1, progress=None):
     dict
         As `faults` in quality.json; empty for an empty file.
     """
-    if not file.metadata.num_rows or not figures["rate_hz"]:
+    # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
+    if not file.metadata.num_rows or not 0 < (figures["rate_hz"] or 0) < MOST_RATE:
         return {}
     names = [name for name in file.schema_arrow.names if name != TIME]
     steps = figures["quantisation_step"]

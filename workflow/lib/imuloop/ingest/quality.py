@@ -117,7 +117,7 @@ def _time_figures(file, threads):
         squares += (away**2).sum()
         largest = max(largest, np.abs(away).max(initial=0.0))
     mean = total / regular
-    figures["rate_hz"] = float(1 / (median + mean))
+    figures["rate_hz"] = 1 / float(median + mean)
     figures["jitter"] = {
         "std_s": float(np.sqrt(max(squares / regular - mean**2, 0.0))),
         "max_s": float(largest),
