@@ -36,7 +36,7 @@ def all_seeds(folder):
             ("log.csv", text.encode("utf-16")),
             ("log.csv", sensorlog(log)),
         ],
-        "packed": [("log.csv.gz", gzip.compress(text.encode()))],
+        "packed": [("log.csv.gz", gzip.compress(text.encode(), mtime=0))],
         "ulog": [("log.ulg", each) for each in ulogs(log)],
         "matlab": [("log.mat", each) for each in matlab(log)],
         "zip": [("log.zip", phyphox(log)), ("log.zip", sensor_logger(log))],
@@ -134,7 +134,8 @@ def matlab(log):
     for packed in (False, True):
         file = io.BytesIO()
         savemat(file, variables, do_compression=packed)
-        yield file.getvalue()
+        # its first text says when it was made
+        yield b"MATLAB 5.0 MAT-file".ljust(116) + file.getvalue()[116:]
     head = b"MATLAB 7.3 MAT-file".ljust(124) + struct.pack("<H", 0x200) + b"IM"
     for options in ({}, {"chunks": True, "compression": "gzip"}, {"dtype": "f4", "shuffle": True}):
         file = io.BytesIO()
@@ -170,6 +171,13 @@ ODD_TYPES = {
 }
 
 
+def undated(name, packing=zipfile.ZIP_STORED):
+    """Return a member of a zip whose date is always the same."""
+    member = zipfile.ZipInfo(name)
+    member.compress_type = packing
+    return member
+
+
 def phyphox(log):
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
@@ -178,14 +186,16 @@ def phyphox(log):
             ("Gyroscope.csv", "Gyroscope", "rad/s", SIX[3:]),
         ):
             header = ["Time (s)", *(f"{kind} {axis} ({unit})" for axis in "xyz")]
-            archive.writestr(name, log[["t", *axes]].to_csv(index=False, header=header))
-        archive.writestr("meta/device.csv", '"property","value"\n"deviceModel","A phone"\n')
+            archive.writestr(undated(name), log[["t", *axes]].to_csv(index=False, header=header))
+        archive.writestr(
+            undated("meta/device.csv"), '"property","value"\n"deviceModel","A phone"\n'
+        )
     return file.getvalue()
 
 
 def sensor_logger(log):
     file, stamps = io.BytesIO(), 1_700_000_000 * 10**9 + (log.t * 1e9).astype("int64")
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(file, "w") as archive:
         for name, axes in (
             ("Accelerometer", SIX[:3]),
             ("Gravity", SIX[:3]),
@@ -194,9 +204,11 @@ def sensor_logger(log):
             table = log[axes].set_axis(["x", "y", "z"], axis=1)
             table.insert(0, "time", stamps)
             table.insert(1, "seconds_elapsed", log.t)
-            archive.writestr(f"{name}.csv", table.to_csv(index=False))
+            archive.writestr(
+                undated(f"{name}.csv", zipfile.ZIP_DEFLATED), table.to_csv(index=False)
+            )
         about = "device name,platform,standardisation\nA phone,ios,false\n"
-        archive.writestr("Metadata.csv", about)
+        archive.writestr(undated("Metadata.csv"), about)
     return file.getvalue()
 
 
