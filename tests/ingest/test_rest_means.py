@@ -93,3 +93,13 @@ def test_small_parts_and_short_logs():
     assert figures(x, rows=2000)["tracked"] is False
     assert figures({name: x[name][:10] for name in CHANNELS}) is None
     assert figures({name: x[name][:500] for name in CHANNELS}) is None
+
+
+def test_memory_is_bounded(monkeypatch):
+    monkeypatch.setattr("imuloop.ingest.rest_means.MOST_BLOCKS", 200)
+    means = RestMeans(20.0)
+    x = at_rest(8, hours=0.05)
+    for _ in range(20):
+        means.add(x)
+    assert means.held <= 200 + len(x["ax"]) / means.rows
+    assert means.figures(STEPS)["tracked"] is False

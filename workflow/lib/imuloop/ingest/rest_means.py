@@ -15,6 +15,8 @@ from imuloop.core.samples import ACCELERATION, CHANNELS
 EARTH_RATE = 7.292115e-5
 # blocks of at least so long (s) and so many rows, of so many parts that tell the noise
 BLOCK_TIME, BLOCK_ROWS, PARTS = 1.0, 16, 4
+# of so many blocks, a day and a half; what comes later adds little
+MOST_BLOCKS = 1 << 17
 # a block rests where its variances are below so many times those of the quietest quarter
 QUIET = 4.0
 # what firmware needs until it has the mean does not count: this part of all rests, the first, and
@@ -36,12 +38,12 @@ class RestMeans:
         part = max(round(BLOCK_TIME * rate), BLOCK_ROWS) // PARTS
         self.rows, self.block_s = part * PARTS, part * PARTS / rate
         # per block: variance of the force; of each rate the variance and the mean of each part
-        self.blocks = []
+        self.blocks, self.held = [], 0
 
     def add(self, x):
         """Take in a row group."""
         n = len(x["ax"]) // self.rows
-        if not n:
+        if not n or self.held >= MOST_BLOCKS:
             return
         parts = self.rows // PARTS
         mean = np.full(parts, 1 / parts)
@@ -58,6 +60,7 @@ class RestMeans:
             else:
                 columns += [spread, means]
         self.blocks.append(np.column_stack([force, *columns]))
+        self.held += n
 
     def figures(self, steps):
         """Return the mean rate at rest beside what noise and Earth make of it.
