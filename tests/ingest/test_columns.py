@@ -1,5 +1,7 @@
 """Which columns hold what."""
 
+import re
+
 import pytest
 
 from imuloop.core.errors import ImuloopError
@@ -93,3 +95,26 @@ def test_missing_angular_rate_and_repeated_names():
         resolve("t x x z gx gy gz".split(), {"acceleration": ["x", "x", "z"]})
     with pytest.raises(ImuloopError, match="not a list of three"):
         resolve("t ax ay az gx gy gz".split(), {"acceleration": "ax"})
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "imu.acc.x imu.acc.y imu.acc.z raw.acc.x raw.acc.y raw.acc.z",
+        "ax ay az raw_ax raw_ay raw_az",
+        "acc_x_g acc_y_g acc_z_g acc_x_mps2 acc_y_mps2 acc_z_mps2",
+        "acc[0] acc[1] acc[2] imu_acc[0] imu_acc[1] imu_acc[2]",
+    ],
+)
+def test_two_that_differ_in_where_or_in_unit_must_be_told_apart(names):
+    first, second = ("/".join(part) for part in (names.split()[:3], names.split()[3:]))
+    every = ["t", *names.split(), "gx", "gy", "gz"]
+    with pytest.raises(ImuloopError, match=rf"^{re.escape(first)} and {re.escape(second)} both lo"):
+        resolve(every)
+    assert resolve(every, {"acceleration": names.split()[3:]}).acceleration == (4, 5, 6)
+
+
+def test_axes_by_index():
+    names = "t accel[0] accel[1] accel[2] gyro[2] gyro[1] gyro[0]".split()
+    assert resolve(names).acceleration == (1, 2, 3)
+    assert resolve(names).angular_rate == (6, 5, 4)

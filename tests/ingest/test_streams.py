@@ -1,11 +1,13 @@
 """Logs of several streams: which are chosen, and how they come onto one clock."""
 
+import contextlib
+
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.ingest.streams import Stream, raw_log
+from imuloop.ingest.streams import Stream, raw_log, stream_names
 
 RNG = np.random.default_rng(3)
 ROWS = 300
@@ -266,3 +268,115 @@ def test_of_several_temperatures_none_is_taken_unless_declared():
 def test_a_temperature_that_shares_no_time_is_missing():
     log = raw_log([stream(), stream("baro", ["temp"], np.arange(9.0) + 1e6)])
     assert np.isnan(arrays(log)["temperature"]).all()
+
+
+def two_clocks(start, width, *, dtype=np.int64, lead=0, unit="us", reset=(None, None)):
+    """Return streams at 100 and 200 Hz whose counters of `width` roll over each at its own row.
+
+    The values of the gyroscope are true times, s, so that what is interpolated tells its stamp.
+    """
+    streams, rng = [], np.random.default_rng(2)
+    for name, fields, step, late, at in (
+        ("acc", ACC, 10_000, 0, reset[0]),
+        ("gyro", GYRO, 5_000, 1_237 + lead, reset[1]),
+    ):
+        true = start + late + step * np.arange(40_000_000 // step) + rng.integers(-99, 99)
+        counter = true if at is None else np.where(true < at, true, true - at + 77)
+        counter = (counter % width).astype(dtype)
+        values = true * 1e-6 if fields is GYRO else np.zeros(len(true))
+        streams.append(Stream(name, counter, dict.fromkeys(fields, values), {"time": unit}))
+    return streams
+
+
+@pytest.mark.parametrize("lead", [0, 3_000_000, -3_000_000])
+@pytest.mark.parametrize(
+    ("start", "width"),
+    # in the middle, and between the first rows of the two
+    [(2**32 - 20_000_000, 2**32), (2**32 - 1_000_000, 2**32), (10**9 - 2_000_000, 10**9)],
+)
+def test_counters_that_roll_over_each_at_its_own_row(start, width, lead):
+    log = raw_log(two_clocks(start, width, lead=lead))
+    table = arrays(log)
+    true = table["stamp"] + width * (table["stamp"] < start - 10_000)
+    inside = np.isfinite(table["gx"])
+    shared = 40_000_000 - abs(lead)
+    assert inside.sum() == pytest.approx(shared / 10_000, abs=3)
+    np.testing.assert_allclose(table["gx"][inside], true[inside] * 1e-6, rtol=1e-12)
+    assert any("gyro: the stamps roll over" in note for note in log.notes) == (
+        start + lead + 1_237 < width
+    )
+
+
+def test_small_counters_that_roll_over_often():
+    # 16 bits of 100 us: six times in 40 s
+    streams = two_clocks(0, 2**40)
+    small = [Stream(s.name, s.stamps // 100 % 2**16, s.fields, {"time": "us"}) for s in streams]
+    table = arrays(raw_log(small))
+    true = streams[0].stamps // 100 * 1e-4
+    inside = np.isfinite(table["gx"])
+    assert inside.sum() >= len(true) - 2
+    # stamps are cut to 100 us
+    np.testing.assert_allclose(table["gx"][inside], true[inside], rtol=0, atol=1.1e-4)
+
+
+def test_both_clocks_start_again():
+    streams = two_clocks(10**9, 2**40, reset=(10**9 + 20_000_000, 10**9 + 20_000_000))
+    log = raw_log(streams)
+    table = arrays(log)
+    inside = np.isfinite(table["gx"])
+    assert (~inside).sum() <= 4
+    true = 10**9 + 10_000 * np.arange(4000) + (streams[0].stamps[0] - 10**9)
+    np.testing.assert_allclose(table["gx"][inside], true[inside] * 1e-6, rtol=1e-12)
+    assert any("gyro: the stamps start again once" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_one_of_two_clocks_starts_again(which):
+    reset = [None, None]
+    reset[which] = 10**9 + 20_000_000
+    streams = two_clocks(10**9, 2**40, reset=reset)
+    log = raw_log(streams)
+    assert any("1 and 0" in n or "0 and 1" in n for n in log.notes if "may be apart" in n)
+    table = arrays(log)
+    before = np.arange(4000) < 1999
+    true = streams[0].stamps
+    inside = np.isfinite(table["gx"])
+    # what comes before is not touched, and no row is lost but in the gap
+    np.testing.assert_allclose(table["gx"][inside & before], true[inside & before] * 1e-6)
+    assert (~inside).sum() < 20
+
+
+def test_a_stray_stamp_of_one_stream_costs_its_row_alone():
+    for which in (0, 1):
+        streams = two_clocks(10**9, 2**40)
+        streams[which].stamps[700] += 10**12
+        table = arrays(raw_log(streams))
+        assert (~np.isfinite(table["gx"])).sum() <= 4
+
+
+def test_whole_and_decimal_stamps_together_and_stamps_of_any_size():
+    for which in (0, 1):
+        streams = two_clocks(10**9, 2**40, reset=(10**9 + 20_000_000,) * 2)
+        each = streams[which]
+        streams[which] = Stream(each.name, each.stamps.astype(float), each.fields, each.units)
+        assert (~np.isfinite(arrays(raw_log(streams))["gx"])).sum() <= 4
+    rng = np.random.default_rng(12)
+    for worst in ([2**62, -(2**62), 0, 2**63 - 1, -(2**63)], [1e308, -1e308, 1e-308, 0.0]):
+        streams = two_clocks(2**32 - 20_000_000, 2**32)
+        for i, each in enumerate(streams):
+            stamps = each.stamps.astype(np.array(worst).dtype)
+            stamps[rng.integers(0, len(stamps), 300)] = rng.choice(worst, 300)
+            stamps[[0, -1]] = worst[:2]
+            streams[i] = Stream(each.name, stamps, each.fields, each.units)
+        with contextlib.suppress(RejectedLog):
+            raw_log(streams)
+
+
+def test_streams_with_dots_in_their_names():
+    streams = [stream("/imu.left/raw"), stream("/imu.right/raw")]
+    log = raw_log(streams, {"acceleration": "/imu.right/raw"})
+    assert log.found["angular_rate"][0] == "/imu.right/raw.gyro.x"
+    fields = [f"/imu.left/raw.{name}" for name in ACC]
+    assert raw_log(streams, {"acceleration": fields}).found["acceleration"] == fields
+    declared = {"acceleration": "a.b", "angular_rate": ["c.d.x", "c.d.y", "c.d.z"], "time": None}
+    assert {"a.b", "c.d"} <= stream_names(declared)

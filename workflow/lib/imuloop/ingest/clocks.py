@@ -1,7 +1,7 @@
 """A log's clock: stamps that roll over, start again, stray or come in bursts are mended."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -114,12 +114,15 @@ class Clock:
         Times that the stamps started again; they go on `RESET_STEPS` usual steps after the last.
     strays : int
         Stamps ahead of at least two rows that follow in their place; taken as missing.
+    restarts : list of (int, number)
+        Row of its part, and what is added from it on, of each reset.
     """
 
     rollovers: int = 0
     span_s: float | None = None
     resets: int = 0
     strays: int = 0
+    restarts: list = field(default_factory=list)
     _shift: float = 0
     _newest: float | None = None
     _recent: np.ndarray | None = None
@@ -171,8 +174,11 @@ class Clock:
                 self.strays += 1
                 begin = i + 1
             elif self._newest is not None and values[i] < self._newest:
+                resets = self.resets
                 shift = self._judged(stamps, len(known[window]) == AHEAD, tick)
                 if shift:
+                    if self.resets > resets:
+                        self.restarts.append((row.item(), shift))
                     self._shift += shift
                     self._newest = None
                     mended[row:] = x[row:] + self._shift

@@ -7,11 +7,16 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE
+from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import AXES, guess
 from imuloop.ingest.quality import GAP_STEPS
 from imuloop.ingest.raw_log import STAMP, RawLog
+from imuloop.ingest.stamps import NANOSECONDS
 
 _SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+
+# two clocks that are further apart, in spans of the counter, are not brought together
+_MOST_TURNS = 1000
 
 
 @dataclass(frozen=True)
@@ -124,11 +129,15 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
 
 
 def stream_names(columns):
-    """Return the names of the streams that are declared, whole or by their fields."""
+    """Return what the declared streams, whole or by their fields, may be called.
+
+    Streams and fields may have dots in their names: a name may end at each.
+    """
     flat = []
     for value in (columns or {}).values():
         flat += value if isinstance(value, (list, tuple)) else [value]
-    return {str(value).partition(".")[0] for value in flat if value is not None}
+    parts = [str(value).split(".") for value in flat if value is not None]
+    return {".".join(words[: i + 1]) for words in parts for i in range(len(words))}
 
 
 def _signed(stream):
@@ -241,6 +250,57 @@ def _temperature(columns, streams, clock, notes):
     return (own or others or [None])[0]
 
 
+def _one_time(clock, stream, notes):
+    """Return the stamps of both from one moment on; not-a-number where there are none.
+
+    Each is mended by itself: counters roll over at moments of their own. Where both start again
+    equally often, they count from one moment on again.
+    """
+    (at, usable, first), (known, readable, second) = (_mended(each) for each in (clock, stream))
+    notes += [f"{stream.name}: {line}" for line in second.warnings()]
+    if len(first.restarts) == len(second.restarts):
+        for (_, common), (row, own) in zip(first.restarts, second.restarts, strict=True):
+            known = known + np.where(np.arange(len(known)) < row, 0, common - own)
+    else:
+        notes.append(
+            f"{clock.name} and {stream.name} start again {first.resets} and {second.resets} times: "
+            "from there on their clocks may be apart"
+        )
+    span_s = first.span_s or second.span_s
+    if span_s and usable.any() and readable.any():
+        # one of the two may begin before the counter rolls over, and one after
+        width = _ticks(span_s, clock, at.dtype)
+        limits = [x[ok][[0, -1]] for x, ok in ((at, usable), (known, readable))]
+        turns = (limits[0].mean() - limits[1].mean()) / width
+        if abs(turns) < _MOST_TURNS:
+            shifts = [(round(turns) + k) * width for k in (0, -1, 1)]
+            known = known + max(shifts, key=lambda shift: _overlap(limits[0], limits[1] + shift))
+    # from a stamp on, so that none loses digits
+    origin = at[usable.argmax()] if usable.any() else 0
+    return (
+        np.where(ok, np.asarray(x - origin, dtype=float), np.nan)
+        for x, ok in ((at, usable), (known, readable))
+    )
+
+
+def _mended(stream):
+    """Return the stamps of a stream as of a clock that never falls, which are usable, the Clock."""
+    own, none = Clock(), (stream.stamps[:0], np.zeros(0, dtype=bool))
+    tick = NANOSECONDS[stream.units.get("time", "s")]
+    stamps, usable = own.mended(stream.stamps, np.isfinite(stream.stamps), none, tick)
+    return stamps, usable, own
+
+
+def _ticks(seconds, stream, dtype):
+    """Return seconds in the unit of a stream's stamps, whole where they are."""
+    ticks = seconds * 1e9 / NANOSECONDS[stream.units.get("time", "s")]
+    return round(ticks) if dtype.kind == "i" else ticks
+
+
+def _overlap(a, b):
+    return min(a[1], b[1]) - max(a[0], b[0])
+
+
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _onto(clock, stream, values, quantity, notes):
@@ -248,9 +308,7 @@ def _onto(clock, stream, values, quantity, notes):
     values = [np.asarray(x, dtype=float) for x in values]
     if stream is clock or np.array_equal(stream.stamps, clock.stamps):
         return values
-    # from a stamp on, so that none loses digits
-    origin = next((s for s in clock.stamps if np.isfinite(s)), 0)
-    at, known = (np.asarray(s - origin, dtype=float) for s in (clock.stamps, stream.stamps))
+    at, known = _one_time(clock, stream, notes)
     finite = np.isfinite(known) & np.all(np.isfinite(values), axis=0)
     later = np.maximum.accumulate(np.where(finite, known, -np.inf))
     used = finite & np.r_[True, known[1:] > later[:-1]]
