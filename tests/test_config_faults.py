@@ -485,6 +485,8 @@ def test_marks_of_one_pulse_per_second(faults, tmp_path):
     assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}")) == []
     assert faults(session(f"{SOUND}, pps: {{file: marks.csv, counter: c, time: gnss}}")) == []
     assert faults(session(f"{SOUND}, pps: {{counter: gx, time: gy}}")) == []
+    dated = "time_range: ['2024-02-29T23:59:00Z', null]"
+    assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}, {dated}")) == []
     key = "devices.imu.sessions.a.pps"
     for pps, line in (
         ("{counter: gx}", f"{key}.time: missing; marks are two columns of the log, or a file"),

@@ -81,7 +81,7 @@ def test_the_true_time_comes_back(simulated, told):
     done = told(table, marks)
     # counters are whole us; within 1 s temperature bends the clock by some 0.02 us
     np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=2.2e-6)
-    figures = done.quality["pps"]
+    figures = done.quality["clock"]["pps"]
     assert (figures["marks"], figures["rejected"], figures["missed"]) == (299, 0, 0)
     assert figures["drift_ppm"] == pytest.approx(37, abs=0.3)
     low, high = figures["drift_range_ppm"]
@@ -102,7 +102,7 @@ def test_marks_in_the_log(simulated, told):
     done = told(latched)
     np.testing.assert_array_equal(done.samples.t, apart.samples.t)
     # the rows of zeros at the start are no mark
-    assert done.quality["pps"]["rejected"] == 1
+    assert done.quality["clock"]["pps"]["rejected"] == 1
     assert done.quality["columns"]["pps"] == ["pps_us", "gnss_s"]
     small = told(latched, batch_rows=977)
     assert small.path.read_bytes() == done.path.read_bytes()
@@ -112,8 +112,8 @@ def test_marks_in_the_log(simulated, told):
 def test_missing_marks(simulated, told):
     table, true, marks = simulated
     done = told(table, marks.drop([*range(50, 60), 100, 200]))
-    assert done.quality["pps"]["missed"] == 12
-    assert done.quality["pps"]["longest_step_s"] == 11
+    assert done.quality["clock"]["pps"]["missed"] == 12
+    assert done.quality["clock"]["pps"]["longest_step_s"] == 11
     # over 11 s temperature bends the clock by up to 2e-6 * 2 pi / 90 * 11^2 / 8 = 2.1 us
     np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=4.5e-6)
     assert "12 marks missed, the longest way 11 s" in done.quality["warnings"][0]
@@ -129,8 +129,8 @@ def test_marks_that_jitter_and_marks_that_are_none(simulated, told):
     marks["gnss"] = marks.gnss.astype(float)
     marks.loc[[40, 180], "gnss"] += [0.25, -0.5]
     done = told(table, marks)
-    assert done.quality["pps"]["rejected"] == 9
-    assert done.quality["pps"]["missed"] == 9
+    assert done.quality["clock"]["pps"]["rejected"] == 9
+    assert done.quality["clock"]["pps"]["missed"] == 9
     error = done.samples.t - (true - true[0])
     assert np.ptp(error) < 60e-6
     assert np.median(np.abs(error - np.median(error))) < 10e-6
@@ -141,8 +141,8 @@ def test_before_the_fix_and_after_a_leap_the_longest_run_is_taken(simulated, tol
     marks.loc[:29, "gnss"] = 0
     marks.loc[250:, "gnss"] += 1
     done = told(table, marks)
-    assert done.quality["pps"]["marks"] == 220
-    assert done.quality["pps"]["after"] == 5000
+    assert done.quality["clock"]["pps"]["marks"] == 220
+    assert done.quality["clock"]["pps"]["after"] == 5000
     # a minute by the rate of one interval: the temperature's 2 ppm, and the 1 us of the counter
     np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=60 * 6e-6)
 
@@ -167,7 +167,7 @@ def test_a_counter_that_rolls_over(simulated, told, offset, inside):
         )
         done = told(table, pd.concat([early, marks]))
     np.testing.assert_allclose(done.samples.t[200:], straight[200:], rtol=0, atol=1e-4)
-    assert done.quality["pps"]["missed"] == 0
+    assert done.quality["clock"]["pps"]["missed"] == 0
     assert done.quality["clock"]["rollovers"] == (offset > 0)
 
 

@@ -413,6 +413,9 @@ def _fitting_fault(session, nominal, log):
         sensors = ("acceleration", "angular_rate")
         raw_units = {q: raw_unit(q, units[q], nominal.get(q)) for q in sensors}
         declared = {key: session.get(key) for key in ("rate", "time_range")}
+        if session.get("pps"):
+            # dates are the marks', not the stamps'
+            declared["time_range"] = None
         batches = si_batches(log, units=units, raw_units=raw_units, counts=Counts(), **declared)
         next(batches, None)
     except RejectedLog:

@@ -204,8 +204,10 @@ def ingest(
             "reasons": reasons,
             "warnings": doubts + counts.clock.warnings(logged, step) + notes,
             **figures,
-            "clock": clocks.figures(counts.clock, figures, "time" in log.found and rate, logged),
-            "pps": timeline and timeline.told,
+            "clock": {
+                **clocks.figures(counts.clock, figures, "time" in log.found and rate, logged),
+                "pps": timeline and timeline.told,
+            },
             "increments": summed,
             "duplicates": counts.duplicates,
             "out_of_order": counts.out_of_order,

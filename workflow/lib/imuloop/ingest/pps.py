@@ -291,7 +291,7 @@ def warnings(told):
         return []
     line = (
         f"t is GNSS time through {told['marks']} 1PPS marks: the local clock runs "
-        f"{told['drift_ppm']:+.3f} ppm fast"
+        f"{abs(told['drift_ppm']):.3f} ppm {'slow' if told['drift_ppm'] < 0 else 'fast'}"
     )
     if told["missed"]:
         line += f"; {told['missed']} marks missed, the longest way {told['longest_step_s']:g} s"
