@@ -151,7 +151,7 @@ def test_the_share_that_may_be_lost(log, measured, bad, status):
         assert "26 of 500 rows (5.2%) cannot be used" in found["reasons"][0]
 
 
-@pytest.mark.parametrize("step", [1e-318, 1e-300, 1e-12, 1e100])
+@pytest.mark.parametrize("step", [5e-324, 1e-318, 1e-300, 1e-12, 1e100])
 def test_stamps_of_no_sensor(log, run, tmp_path, step):
     log["t"] = np.arange(500) * step
     log.to_parquet(tmp_path / "log.parquet", index=False)

@@ -117,7 +117,9 @@ def _time_figures(file, threads):
         squares += (away**2).sum()
         largest = max(largest, np.abs(away).max(initial=0.0))
     mean = total / regular
-    figures["rate_hz"] = 1 / float(median + mean)
+    # infinite where the steps of a damaged file are 1e-318 s
+    with np.errstate(over="ignore", divide="ignore"):
+        figures["rate_hz"] = float(np.divide(1, median + mean))
     figures["jitter"] = {
         "std_s": float(np.sqrt(max(squares / regular - mean**2, 0.0))),
         "max_s": float(largest),
