@@ -278,19 +278,31 @@ class Points:
     """
 
     def __init__(self):
-        self.rows, self.t, self._stride = np.empty(0, dtype=np.int64), np.empty(0), 1
+        self._parts, self._count, self._stride = [], 0, 1
+
+    @property
+    def rows(self):
+        """Row numbers."""
+        return np.concatenate([np.empty(0, dtype=np.int64), *(rows for rows, _ in self._parts)])
+
+    @property
+    def t(self):
+        """Times, s."""
+        return np.concatenate([np.empty(0), *(t for _, t in self._parts)])
 
     def add(self, rows, t):
         """Take further rows."""
-        chosen = rows % self._stride == 0
-        self.rows = np.concatenate((self.rows, rows[chosen]))
-        self.t = np.concatenate((self.t, t[chosen]))
-        while True:
-            chosen = self.rows % self._stride == 0
-            if np.count_nonzero(chosen) <= _POINTS:
-                break
+        self._take([(rows, t)])
+        while self._count > _POINTS:
             self._stride *= 2
-        self.rows, self.t = self.rows[chosen], self.t[chosen]
+            held, self._parts, self._count = self._parts, [], 0
+            self._take(held)
+
+    def _take(self, parts):
+        for rows, t in parts:
+            chosen = rows % self._stride == 0
+            self._parts.append((rows[chosen], t[chosen]))
+            self._count += len(self._parts[-1][0])
 
 
 # times of a broken log can be of any size
@@ -319,7 +331,8 @@ def line_step(counts, measured, rate=None):
     mean = measured["duration_s"] / (measured["rows"] - 1)
     if not measured["gaps"]["longer_than_s"] / GAP_STEPS < _BURST * mean:
         return None
-    rows, t = points.rows - points.rows[0], points.t
+    rows, t = points.rows, points.t
+    rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
     parts = np.array_split(t - step * rows, _PARTS)

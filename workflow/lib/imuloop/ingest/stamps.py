@@ -36,7 +36,8 @@ def parse_stamps(text):
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
         # whole numbers beside a few unreadable ones keep all their digits
-        whole = series.str.fullmatch(r"[+-]?\d{1,18}").fillna(False).astype(bool)
+        whole = series.str.fullmatch(r"[+-]?\d+").fillna(False).astype(bool)
+        whole &= number.abs() < 2**63
         if (whole | number.isna()).all():
             return pa.array(
                 [int(s) if w else None for s, w in zip(series, whole, strict=True)], pa.int64()
