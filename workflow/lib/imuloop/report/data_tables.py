@@ -14,6 +14,8 @@ DROPPED = {
     "bad_lines": "Unreadable",
     "outside_time_range": "Outside the time range",
 }
+# what is mended in stamps, as quality.json counts it
+MENDED = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
 
 
 def text_of(value):
@@ -55,6 +57,7 @@ def _quality(session):
         "Duration": duration(q["duration_s"]),
         "Rate, Hz": number(q["rate_hz"], 5),
         "Jitter, 1 σ, ms": number(None if jitter is None else round(jitter * 1e3, 6)),
+        **_clock(q.get("clock") or {}),
         "Gaps": text_of(q["gaps"]["count"]),
         "Gaps in all, s": number(q["gaps"]["total_s"]),
         **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},
@@ -65,6 +68,17 @@ def _quality(session):
         "Start": text_of(q.get("start")),
         "Format": text_of(q.get("log_format")),
         "Units as logged": text_of(q.get("units")),
+    }
+
+
+def _clock(clock):
+    """Return what was mended in the stamps, and how far the clock is from what it should be."""
+    mended = {name: clock.get(key) for name, key in MENDED.items()}
+    pps = clock.get("pps") or {}
+    return {
+        "Stamps mended": "rebuilt from the row number" if clock.get("rebuilt") else text_of(mended),
+        "Clock from the declared rate, ppm": number(clock.get("drift_ppm")),
+        "Clock from GNSS time, ppm": number(pps.get("drift_ppm")),
     }
 
 
