@@ -123,6 +123,20 @@ def test_rows_that_are_only_announced_are_not_read(run, write):
     assert reason.startswith("unpacked, the file is more than 200 times its")
 
 
+@pytest.mark.parametrize("size", [0, 2**64 - 16])
+def test_a_heap_without_end_is_not_read(run, write, monkeypatch, size):
+    path = write()
+    content = path.read_bytes()
+    at = content.index(b"GCOL\1\0\0\0") + 16
+    number = 0 if size == 0 else 1
+    object_ = number.to_bytes(8, "little") + size.to_bytes(8, "little")
+    path.write_bytes(content[:at] + object_ + content[at + 16 :])
+    # a mark may lie across two parts
+    for part in (1 << 24, 7, 11):
+        monkeypatch.setattr("imuloop.ingest.hdf5._PART", part)
+        assert run(path).quality["reasons"] == ["the file is damaged: a heap of it has no end"]
+
+
 def test_units_that_are_no_date_are_told(run, write):
     reason = "the stamps count from '0001-13-45', which is no date"
     assert run(write(units="days since 0001-13-45")).quality["reasons"] == [reason]

@@ -16,6 +16,7 @@ from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import AXES, resolve
 from imuloop.ingest.extras import needed
+from imuloop.ingest.hdf5 import check_heaps
 from imuloop.ingest.packed import MOST_HELD, MOST_TIMES, check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 
@@ -230,6 +231,7 @@ def _hdf5(path):
     h5py = needed("h5py", "matlab")
     arrays, objects, seen = {}, {}, set()
     size, unpacked = os.path.getsize(path), 0
+    check_heaps(path)
     try:
         with h5py.File(path, "r") as file:
             groups = [("", file)]

@@ -11,6 +11,7 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import AXES, resolve
+from imuloop.ingest.hdf5 import check_heaps
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 
@@ -57,6 +58,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
     path = Path(paths["log"])
     _check_classic(path)
+    check_heaps(path)
     try:
         dataset = netCDF4.Dataset(str(path))
     except Exception as error:
