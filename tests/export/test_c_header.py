@@ -1,0 +1,105 @@
+"""The C header: compiled without a warning, it computes what the calibration does."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from export.devices import HOSTILE, device, g_sensitivity, unknown
+from export.warm_device import SENSORS, carried, warm_device, warm_samples
+from imuloop.core.errors import Lacking
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.export import c_header
+
+COMPILER = shutil.which("cc")
+compiles = pytest.mark.skipif(COMPILER is None, reason="no C compiler `cc` on this machine")
+# reads raw values of both sensors and the temperature, writes calibrated ones, as doubles
+PROGRAM = """
+#include <stdio.h>
+#include "imu_calibration.h"
+#include "imu_calibration.h"
+int main(void)
+{
+    double in[7], out[6];
+    while (fread(in, sizeof in, 1, stdin) == 1) {
+        NAME_accelerometer(in, in[6], out);
+        NAME_gyroscope(in + 3, in[6], out, out + 3);
+        fwrite(out, sizeof out, 1, stdout);
+    }
+    return 0;
+}
+"""
+FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O2")
+
+
+def calibrated(board, table, folder):
+    """Return what the compiled header makes of samples, shape (n, 6)."""
+    (folder / c_header.FILE).write_text(c_header.text(board), encoding="utf-8")
+    name = board.device.replace("-", "_")
+    (folder / "main.c").write_text(PROGRAM.replace("NAME", name))
+    made = subprocess.run(
+        [COMPILER, *FLAGS, "main.c", "-o", "main"], cwd=folder, capture_output=True, text=True
+    )
+    assert made.returncode == 0, made.stderr
+    raw = [
+        board.sensor(name).raw_unit.from_si(table[list(columns)].to_numpy())
+        for name, columns in zip(SENSORS, (ACCELERATION, ANGULAR_RATE), strict=True)
+    ]
+    if "temperature" in table:
+        theta = table[["temperature"]].to_numpy()
+    else:
+        theta = np.full((len(table), 1), np.nan)
+    given = np.ascontiguousarray(np.hstack([*raw, theta])).tobytes()
+    done = subprocess.run([folder / "main"], input=given, capture_output=True, check=True)
+    return np.frombuffer(done.stdout).reshape(-1, 6)
+
+
+@compiles
+@pytest.mark.parametrize("make", [warm_device, device], ids=["warm", "no temperature"])
+def test_it_computes_what_the_calibration_does(make, tmp_path):
+    board, table = make(), warm_samples()
+    if make is device:
+        del table["temperature"]
+    found = calibrated(board, table, tmp_path)
+    columns = [*ACCELERATION, *ANGULAR_RATE]
+    expected = board.calibration.apply(table)[columns].to_numpy()
+    # relative to the largest of a sensor: sums of terms cancel
+    size = np.repeat([np.abs(expected[:, :3]).max(), np.abs(expected[:, 3:]).max()], 3)
+    assert (np.abs(found - expected) <= 1e-14 * size).all()
+
+
+@compiles
+def test_effects_with_a_memory_are_left_out_and_said(tmp_path):
+    from imuloop.core.effect import FittedEffect, find_effect
+
+    shape = find_effect("bias_temperature_rate")(tau=30.0)
+    lag = FittedEffect(shape, dict.fromkeys(shape.parameters, 0.1), {})
+    board, table = warm_device(gyroscope=(g_sensitivity(), lag)), warm_samples()
+    found = calibrated(board, table, tmp_path)
+    applied = carried(board, tuple(c_header.EFFECTS), aligned=True).apply(table)
+    np.testing.assert_allclose(found[:, 3:], applied[list(ANGULAR_RATE)], rtol=0, atol=1e-14 * 4)
+    assert "Not carried of the gyroscope: bias_temperature_rate" in c_header.text(board)
+
+
+@compiles
+@pytest.mark.parametrize("label", [HOSTILE, "*/ int x; /*", "/*/", "**/", "*??/", "a // b \\"])
+def test_a_label_stays_a_comment(label, tmp_path):
+    board, table = device(label), warm_samples()
+    same = calibrated(replace(device(), device="board-2"), table, tmp_path)
+    np.testing.assert_array_equal(calibrated(board, table, tmp_path), same)
+
+
+def test_numbers_read_back_to_the_last_bit():
+    board = device()
+    text = c_header.text(board)
+    for name in SENSORS:
+        line = next(x for x in text.splitlines() if f"board_{name}_b[3]" in x)
+        found = [float(x) for x in line.split("{")[1].split("}")[0].split(",")]
+        assert found == board.sensor(name).b.tolist()
+
+
+def test_no_file_of_what_was_not_measured():
+    with pytest.raises(Lacking, match="no calibration"):
+        c_header.text(unknown())

@@ -1,0 +1,53 @@
+"""A device whose biases and scale factors follow the temperature, and its samples."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from export.devices import device, g_sensitivity, samples
+from imuloop.core.effect import FittedEffect
+from imuloop.diagnose.effects.bias_temperature import BiasTemperature
+from imuloop.diagnose.effects.scale_temperature import ScaleTemperature
+
+# degC, of the data
+COLD, WARM = -5.0, 45.0
+SENSORS = ("accelerometer", "gyroscope")
+
+
+def fitted(effect, sizes, seed=3):
+    """Return an effect with parameters of these sizes, three a size."""
+    values = np.random.default_rng(seed).uniform(0.5, 1, 3 * len(sizes)) * np.repeat(sizes, 3)
+    values[1::3] *= -1
+    names = effect.parameters
+    return FittedEffect(effect, dict(zip(names, map(float, values), strict=True)), {})
+
+
+def warm_device(label="Board A", accelerometer=None, gyroscope=None):
+    """Return the device of `device` with effects of the temperature on both sensors."""
+    cubic, square = BiasTemperature(3, 18.0), BiasTemperature(2, 21.0)
+    if accelerometer is None:
+        accelerometer = (fitted(cubic, (5e-3, 2e-4, 4e-6)), fitted(ScaleTemperature(18.0), (2e-4,)))
+    if gyroscope is None:
+        gyroscope = (fitted(square, (4e-4, 6e-6)), g_sensitivity())
+    board = device(label, gyroscope)
+    sensor = replace(board.calibration.accelerometer, effects=accelerometer)
+    board = replace(board, calibration=replace(board.calibration, accelerometer=sensor))
+    return replace(board, temperature_range=(COLD, WARM))
+
+
+def warm_samples():
+    """Return samples at temperatures across the range of the device."""
+    table = samples()
+    table["temperature"] = np.linspace(COLD, WARM, len(table))
+    return table
+
+
+def carried(board, effects, aligned):
+    """Return the calibration of a device with only these effects, and T where `aligned`."""
+    bare = board.calibration
+    for name in SENSORS:
+        sensor = board.sensor(name)
+        kept = tuple(e for e in sensor.effects if e.name in effects)
+        T = sensor.T if aligned else np.eye(3)
+        bare = replace(bare, **{name: replace(sensor, T=T, effects=kept)})
+    return bare

@@ -1,0 +1,139 @@
+"""A C header with the numbers and a function that applies them."""
+
+import re
+from string import Template
+
+from imuloop.core.errors import one_line
+from imuloop.export.densities import UNITS
+from imuloop.export.exported import CHANNELS, MODEL, number, numbers
+from imuloop.export.per_axis import left_out
+
+FILE = "imu_calibration.h"
+TITLE = "C99 header, plain numbers and functions that apply them"
+
+FUNCTION = Template("""\
+static inline void ${name}(${arguments})
+{
+    double y[3];
+    int i;
+    (void)temperature;
+${unread}    for (i = 0; i < 3; ++i) {
+        const double output = ${name}_K[i] * (raw[i] - ${name}_b[i]);
+        y[i] = output${effects};
+    }
+    for (i = 0; i < 3; ++i)
+        x[i] = ${name}_T[i][0] * y[0] + ${name}_T[i][1] * y[1] + ${name}_T[i][2] * y[2];
+}
+""")
+
+
+def text(device):
+    """Return the header.
+
+    Parameters
+    ----------
+    device : Exported
+        The device.
+
+    Raises
+    ------
+    Lacking
+        Where nothing was measured.
+    """
+    device.need_calibration()
+    prefix = re.sub(r"\W", "_", device.device, flags=re.ASCII)
+    guard = f"IMU_CALIBRATION_{prefix.upper()}_H"
+    body = remark(
+        f"{device.label} ({device.device}): calibration, {MODEL}, by imuloop.",
+        "raw: as logged, in the unit that the function names; x: calibrated, m/s^2 and rad/s.",
+        "Numbers read back as the same double. The noise is not carried: see noise.json.",
+    )
+    if device.temperature_range:
+        cold, warm = device.temperature_range
+        body += remark(f"Temperatures of the data: {cold:g} to {warm:g} degC; not held to them.")
+    body += f"#ifndef {guard}\n#define {guard}\n"
+    for sensor in CHANNELS:
+        body += "\n" + sensor_text(device, sensor, f"{prefix}_{sensor}")
+    return body + "\n#endif\n"
+
+
+def sensor_text(device, sensor_name, name):
+    """Return numbers and function of one sensor, all called `name`."""
+    sensor, si = device.sensor(sensor_name), UNITS[sensor_name]["B"]
+    unit, gyroscope = sensor.raw_unit.name, sensor_name == "gyroscope"
+    body = remark(*left_out(device, sensor_name, tuple(EFFECTS), aligned=True))
+    if not device.measured(sensor_name):
+        body += remark(f"The {sensor_name} has no calibration: {sensor.not_testable}")
+    body += remark(f"b: bias, {unit}, subtracted from raw") + vector(f"{name}_b", sensor.b)
+    body += remark(f"K: scale factor, {si} per {unit}, multiplies") + vector(f"{name}_K", sensor.K)
+    body += remark("T: misalignment, row by row, multiplies last") + matrix(f"{name}_T", sensor.T)
+    terms = ""
+    for index, fitted in enumerate(e for e in sensor.effects if e.name in EFFECTS):
+        arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
+        body += remark(f"e: {fitted.name}, {fitted.effect.equation}, SI, subtracted") + arrays
+        terms += f" - {term}"
+    given = ["const double raw[3]", "double temperature", *["const double f[3]"] * gyroscope]
+    body += remark(
+        f"raw in {unit}, temperature in degC{', f: calibrated force, m/s^2' * gyroscope}; x in {si}"
+    )
+    return body + FUNCTION.substitute(
+        name=name,
+        arguments=", ".join([*given, "double x[3]"]),
+        unread="    (void)f;\n" * gyroscope,
+        effects=terms,
+    )
+
+
+def remark(*lines):
+    """Return lines as C comments; no text in them ends one early or opens another."""
+    safe = (re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", one_line(line)) for line in lines)
+    return "".join(f"/* {line} */\n" for line in safe)
+
+
+def vector(name, values):
+    """Return an array of three numbers."""
+    return f"static const double {name}[3] = {{{numbers(values)}}};\n"
+
+
+def matrix(name, values):
+    """Return an array of three rows."""
+    rows = ", ".join(f"{{{numbers(row)}}}" for row in values)
+    return f"static const double {name}[3][3] = {{{rows}}};\n"
+
+
+def by_axis(fitted, kind):
+    """Return an effect's parameters of a kind, x, y, z."""
+    return [fitted.values[f"{kind}{axis}"] for axis in "xyz"]
+
+
+def warmer(fitted):
+    """Return the expression of the temperature less the effect's reference."""
+    return f"(temperature - {number(fitted.effect.reference_temperature)})"
+
+
+def bias_temperature(fitted, name):
+    """Return the arrays and the expression of ``Σ_k c_ki (θ - θ0)^k``, by Horner's scheme."""
+    arrays, term = "", ""
+    for k in range(1, fitted.effect.order + 1):
+        arrays += vector(f"{name}_c{k}", by_axis(fitted, f"c{k}"))
+    for k in range(fitted.effect.order, 0, -1):
+        c = f"{name}_c{k}[i]"
+        term = f"{f'({c} + {term})' if term else c} * {warmer(fitted)}"
+    return arrays, term
+
+
+def scale_temperature(fitted, name):
+    """Return the array and the expression of ``sT_i (θ - θ0) y_i``."""
+    arrays = vector(f"{name}_sT", by_axis(fitted, "sT"))
+    return arrays, f"{name}_sT[i] * {warmer(fitted)} * output"
+
+
+def g_sensitivity(fitted, name):
+    """Return the matrix and the expression of ``Σ_j G_ij f_j``."""
+    G = [[fitted.values[f"G{i}{j}"] for j in range(3)] for i in range(3)]
+    total = " + ".join(f"{name}_G[i][{j}] * f[{j}]" for j in range(3))
+    return matrix(f"{name}_G", G), f"({total})"
+
+
+# effects that the functions apply
+EFFECTS = {each.__name__: each for each in (bias_temperature, scale_temperature, g_sensitivity)}

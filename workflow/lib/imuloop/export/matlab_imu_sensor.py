@@ -1,0 +1,134 @@
+"""A script that makes MATLAB's ``imuSensor`` measure as the device does."""
+
+import numpy as np
+
+from imuloop.export.densities import UNITS
+from imuloop.export.exported import CHANNELS, MODEL, comment, number, numbers
+from imuloop.export.per_axis import (
+    BIAS,
+    bias_polynomial,
+    bias_reference,
+    left_out,
+    scale_and_offset,
+)
+
+FILE = "matlab_imu_sensor.m"
+TITLE = "MATLAB imuSensor, a model of the device for simulation"
+
+# degC, about which imuSensor's temperature bias counts
+STANDARD = 25.0
+# of the filter that makes flicker: it holds for periods up to as many samples
+POLES = 1000
+# effects: of the first the slope, of the other a matrix to apply by hand
+CARRIED = (BIAS, "g_sensitivity")
+VARIABLES = {"accelerometer": "accel", "gyroscope": "gyro"}
+# imuSensor's accelerometer reads gravity less acceleration, the negative of specific force
+SIGN = {"accelerometer": -1.0, "gyroscope": 1.0}
+
+
+def text(device):
+    """Return the script.
+
+    imuSensor: ``reading = M u + ConstantBias + (θ - 25) TemperatureBias + noise`` with
+    M = AxesMisalignment/100, u the true angular rate, or gravity less acceleration: -f. From ours,
+    x = T (K (raw - b) - e), the logged SI value is ``z = (unit/K) (T⁻¹ x + e) + b`` with b in SI.
+
+    White noise has the standard deviation ``NoiseDensity sqrt(rate)``, a random walk steps by
+    ``RandomWalk/sqrt(rate)`` where NoiseType is single-sided; BiasInstability drives Kasdin's
+    filter for 1/f: our N, K and B.
+
+    Parameters
+    ----------
+    device : Exported
+        The device.
+
+    Raises
+    ------
+    Lacking
+        Where nothing was measured, or the rate or the noise is not known.
+
+    References
+    ----------
+    MathWorks, imuSensor, accelparams, gyroparams, fractalcoef: reference pages, "Algorithms".
+    Kasdin, Proc. IEEE 83 (1995) 802, equation 116.
+    """
+    device.need_calibration()
+    rate = device.need_rate()
+    body = comment(
+        f"{device.label} ({device.device}): a model of the sensor, for imuSensor, R2023b on.",
+        f"It is no correction. Ours, {MODEL}, SI, is turned round: truth in, logged value out.",
+        "NoiseDensity, RandomWalk, BiasInstability: N, K, B of IEEE Std 952, continuous; imuSensor",
+        "makes them discrete at SampleRate. BiasInstability is B, not the floor 0.664 B.",
+        "imuSensor's accelerometer reads gravity less acceleration: the log is its negative.",
+        "Not carried of the noise: quantisation Q, ramp R, Gauss-Markov processes, sinusoids.",
+        "Not measured, left as they are: MeasurementRange, Resolution.",
+        "TemperatureScaleFactor is left: no negative one is allowed, and it scales the bias too.",
+        mark="%",
+    )
+    for name in CHANNELS:
+        body += "\n" + sensor_text(device, name)
+    return body + (
+        f"\nimu = imuSensor('accel-gyro', 'SampleRate', {number(rate)}, ...\n"
+        "    'Accelerometer', accel, 'Gyroscope', gyro);\n"
+        + comment(
+            "[a, w] = imu(acceleration, angularVelocity, orientation); logged: -a, w; SI",
+            mark="%",
+        )
+    )
+
+
+def sensor_text(device, name):
+    """Return the lines of one sensor."""
+    sensor, variable, sign = device.sensor(name), VARIABLES[name], SIGN[name]
+    unit = UNITS[name]["B"]
+    scale, bias = scale_and_offset(sensor)
+    reference = bias_reference(sensor)
+    slope = np.zeros(3)
+    if reference is not None:
+        c = bias_polynomial(sensor, reference)
+        slope = c[1] / scale
+        bias = bias + (c[0] / scale) + slope * (STANDARD - reference)
+    matrix = 100 * np.linalg.inv(sensor.T) / scale[:, None]
+
+    def field(key, values, what):
+        return f"{variable}.{key} = [{numbers(values, ' ')}]; {comment(what, mark='%')}"
+
+    lines = comment(*left_out(device, name, CARRIED, aligned=True), mark="%")
+    if not device.measured(name):
+        lines += comment(f"The {name} has no calibration: {sensor.not_testable}", mark="%")
+    lines += f"{variable} = {variable}params;\n"
+    negated = ", negated with the reading" if sign < 0 else ""
+    lines += field("ConstantBias", sign * bias, f"{unit}: b in SI, at {STANDARD:g} degC{negated}")
+    rows = "; ".join(numbers(row, " ") for row in matrix)
+    lines += f"{variable}.AxesMisalignment = [{rows}]; "
+    lines += comment("per cent: 100 (unit/K) inverse of T, scale factor included", mark="%")
+    for key, term in (
+        ("NoiseDensity", "N"),
+        ("RandomWalk", "K"),
+        ("BiasInstability", "B"),
+    ):
+        densities = [device.density(axis, term) for axis in CHANNELS[name]]
+        limits = [d.words for d in densities if d.limit]
+        words = "; ".join([f"{UNITS[name][term]}: {term}", *limits])
+        lines += field(key, [d.value for d in densities], words)
+    lines += f"{variable}.NoiseType = 'single-sided'; "
+    lines += comment("of imuSensor: so that N and K are what the samples show", mark="%")
+    lines += f"{variable}.BiasInstabilityCoefficients = fractalcoef({POLES}); "
+    lines += comment(f"flicker, for periods up to {POLES} samples", mark="%")
+    if reference is not None:
+        words = f"{unit}/K: slope of {BIAS} at {reference:g} degC, times unit/K{negated}"
+        lines += field("TemperatureBias", sign * slope, words)
+        if c[2:].any():
+            curve = ", ".join(f"{np.abs(c[k]).max():.2g} {unit}/K^{k}" for k in (2, 3))
+            lines += comment(f"Not carried of {BIAS}: its curvature, up to {curve}", mark="%")
+    for fitted in (e for e in sensor.effects if e.name == "g_sensitivity"):
+        G = np.reshape([fitted.values[key] for key in fitted.effect.parameters], (3, 3))
+        rows = "; ".join(numbers(row, " ") for row in G / scale[:, None])
+        lines += f"gSensitivity = [{rows}]; "
+        lines += comment("(rad/s)/(m/s^2): g_sensitivity, times unit/K", mark="%")
+        lines += comment(
+            "Not carried by AccelerationBias, which takes the acceleration without gravity and on",
+            "navigation axes. Add by hand: w + f*gSensitivity', f the specific force on body axes.",
+            mark="%",
+        )
+    return lines
