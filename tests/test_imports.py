@@ -16,7 +16,10 @@ ARROWS = {
     "diagnose": {"ingest", "segment", "noise", "calibrate", "diagnose.effects"},
     "diagnose.effects": set(),
     "simulate": {"diagnose.effects"},
-    "report": {"ingest", "segment", "noise", "calibrate", "diagnose", "diagnose.effects"},
+    "export": {"diagnose", "diagnose.effects"},
+    "report": {
+        *("ingest", "segment", "noise", "calibrate", "diagnose", "diagnose.effects", "export"),
+    },
 }
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}

@@ -1,0 +1,102 @@
+"""Devices to export: one with all that a calibration can hold, one of which nothing is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.effect import FittedEffect
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import DEGREE, RawUnit
+from imuloop.diagnose.effects.bias_temperature import BiasTemperature
+from imuloop.diagnose.effects.g_sensitivity import GSensitivity
+from imuloop.export.exported import Exported
+
+COUNT, DEGREES = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", DEGREE)
+# N, K, B of each axis; the worst: az and gy, of K ax and gz
+N = dict(zip(CHANNELS, (7e-4, 8e-4, 1.1e-3, 6.1e-5, 7.7e-5, 6.5e-5), strict=True))
+K = dict(zip(CHANNELS, (1.2e-4, 3e-5, 4e-5, 1e-6, 2e-6, 5e-6), strict=True))
+# of these axes the walk was not seen
+UNSEEN = ("ay", "gz")
+RATE = 200.0
+HOSTILE = (
+    'x\ny: 1\r\nacc_n: 9\u2028%YAML:1.0\x85"a": {b\x0b\x0c: [1\x00\x1b[2J\u202e\ud800 # */ ??/ \\'
+)
+
+
+def _coefficient(value, seen=True):
+    return Coefficient(value if seen else None, (0.9 * value, value), value, seen)
+
+
+def _axis(name):
+    return AxisNoise(
+        N=_coefficient(N[name]), K=_coefficient(K[name], name not in UNSEEN), B=_coefficient(3e-5)
+    )
+
+
+def _accelerometer():
+    T = np.array([[1, 2e-3, -4e-3], [0, 1, 1.5e-3], [0, 0, 1]])
+    scale = 0.0024 * np.array([1.01, 0.985, 1.003])
+    return SensorCalibration(COUNT, T, scale, 32768 + np.array([41.3, -12.7, 88.1]), method="multi")
+
+
+def _gyroscope(*effects):
+    T = np.array([[1, 3e-3, -1e-3], [-6e-3, 1, 2.5e-3], [7e-3, -2e-3, 1]])
+    K = DEGREE * np.array([1.02, 0.99, 1.004])
+    return SensorCalibration(
+        DEGREES, T, K, np.array([0.31, -1.2, 0.07]), effects=effects, method="multi"
+    )
+
+
+def g_sensitivity(seed=1):
+    values = np.random.default_rng(seed).normal(0, 2e-4, 9)
+    effect = GSensitivity()
+    return FittedEffect(effect, dict(zip(effect.parameters, values, strict=True)), {})
+
+
+def warm_bias():
+    effect = BiasTemperature(order=1)
+    return FittedEffect(effect, dict.fromkeys(effect.parameters, 0.01), {})
+
+
+FOUND = (g_sensitivity(),)
+
+
+def device(label="Board A", effects=FOUND):
+    """Return a device of which all is known."""
+    return Exported(
+        "board",
+        label,
+        Calibration("board", 9.8072, _accelerometer(), _gyroscope(*effects)),
+        NoiseModel("board", {name: _axis(name) for name in CHANNELS}),
+        RATE,
+        ("ax: a note",),
+    )
+
+
+def unknown(label="Board B"):
+    """Return a device of which every session was rejected."""
+    reason = "no session could be used"
+    nominal = (SensorCalibration.nominal(unit, reason) for unit in (COUNT, DEGREES))
+    noise = NoiseModel("board", dict.fromkeys(CHANNELS, AxisNoise()))
+    return Exported("board", label, Calibration("board", 9.80665, *nominal), noise, None)
+
+
+def without_effects(exported):
+    """Return the calibration of a device without its effects."""
+    bare = exported.calibration
+    return replace(
+        bare,
+        accelerometer=replace(bare.accelerometer, effects=()),
+        gyroscope=replace(bare.gyroscope, effects=()),
+    )
+
+
+def samples(n=200, seed=0):
+    """Return samples as ingest writes them, SI: turns of up to 200 deg/s at up to 2 g."""
+    rng = np.random.default_rng(seed)
+    table = pd.DataFrame(rng.uniform(-1, 1, (n, 6)) * ([20.0] * 3 + [3.5] * 3), columns=CHANNELS)
+    table.insert(0, "t", np.arange(n) / RATE)
+    return table

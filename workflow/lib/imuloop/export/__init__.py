@@ -1,0 +1,1 @@
+"""The calibration and the noise in other tools' formats."""

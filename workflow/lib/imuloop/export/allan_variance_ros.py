@@ -1,0 +1,46 @@
+"""The imu.yaml that allan_variance_ros writes, with our coefficients in it."""
+
+from imuloop.export.densities import (
+    NAMES,
+    UNITS,
+    calibration_left_out,
+    density_field,
+    heading,
+    noise_left_out,
+)
+from imuloop.export.exported import CHANNELS, comment, number
+
+FILE = "allan_variance_ros_imu.yaml"
+TITLE = "allan_variance_ros"
+
+
+def text(device):
+    """Return the file, keys and order as that tool's analysis writes them.
+
+    It gives the worst axis as well. Its own random walk is a line of slope 1/2 laid through the
+    whole curve, which finds one in white noise too; here it is an upper limit where none was seen.
+    """
+    each = [
+        f"{axis}: {NAMES[term]}, {number(density.value)} {unit[term]}"
+        + (" (95 % upper limit)" if density.limit else "")
+        for sensor, unit in UNITS.items()
+        for axis in CHANNELS[sensor]
+        for term in NAMES
+        for density in [device.density(axis, term)]
+    ]
+    return (
+        heading(device, TITLE, "in the form of its imu.yaml; all fields SI")
+        + comment("Accelerometer")
+        + density_field(device, "accelerometer_noise_density", "accelerometer", "N")
+        + density_field(device, "accelerometer_random_walk", "accelerometer", "K")
+        + "\n"
+        + comment("Gyroscope")
+        + density_field(device, "gyroscope_noise_density", "gyroscope", "N")
+        + density_field(device, "gyroscope_random_walk", "gyroscope", "K")
+        + "\n"
+        + "rostopic: '/imu0'  # not ours: the topic of the bag\n"
+        + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
+        + comment("Each axis:", *each)
+        + noise_left_out(device)
+        + calibration_left_out(device)
+    )

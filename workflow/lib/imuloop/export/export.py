@@ -1,0 +1,144 @@
+"""The folder of a device's exports: a file a tool, and README.txt that says what is in them."""
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+# a calibration may hold any effect of the library
+import imuloop.diagnose.effects
+import imuloop.diagnose.static_terms  # noqa: F401
+from imuloop.core.errors import Lacking, one_line
+from imuloop.core.files import read_json, replaced
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.export import (
+    allan_variance_ros,
+    ardupilot,
+    c_header,
+    gnss_ins_sim,
+    imu_tk,
+    kalibr,
+    matlab_imu_sensor,
+    openvins,
+    orb_slam3,
+    px4,
+    ros_covariance,
+    vins_fusion,
+)
+from imuloop.export.exported import MODEL, Exported
+
+# each has FILE, the name of its file, TITLE, the tool, and text(device), what the file holds, which
+# raises Lacking where the device does not have it
+FORMATS = (
+    kalibr,
+    openvins,
+    vins_fusion,
+    orb_slam3,
+    allan_variance_ros,
+    ros_covariance,
+    imu_tk.ACCELEROMETER,
+    imu_tk.GYROSCOPE,
+    px4,
+    ardupilot,
+    matlab_imu_sensor,
+    gnss_ins_sim,
+    c_header,
+)
+README = "README.txt"
+
+
+def read_exported(device, label, calibration, noise, quality):
+    """Return a device as the formats take it.
+
+    Parameters
+    ----------
+    device, label : str
+        As in the config.
+    calibration, noise : path-like
+        calibration.json and noise.json.
+    quality : list of path-like
+        quality.json of its sessions: the temperatures, and the rate where the noise has none.
+    """
+    content = read_json(noise)
+    used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
+    longest = max(used, key=lambda found: found["rows"], default={})
+    spans = [span for found in used if (span := found["temperature_range"])]
+    return Exported(
+        device,
+        label,
+        Calibration.from_json(calibration),
+        NoiseModel.from_dict(content),
+        content.get("rate_hz") or longest.get("rate_hz"),
+        tuple(content.get("notes", ())),
+        (min(map(min, spans)), max(map(max, spans))) if spans else None,
+    )
+
+
+def export_files(exported):
+    """Return the text of each file by its name; README.txt says which are not there and why."""
+    files, carried, left_out = {}, [], []
+    for each in FORMATS:
+        try:
+            files[each.FILE] = each.text(exported)
+        except Lacking as reason:
+            left_out.append(f"{each.FILE} ({each.TITLE}): {reason}")
+            continue
+        carried.append(f"{each.FILE}: {each.TITLE}")
+    lines = [
+        f"Calibration and noise of {exported.label} ({exported.device}) for other tools.",
+        f"All of it, with covariances: ../calibration.json and ../noise.json; {MODEL}.",
+        "What each field holds, and what a format cannot carry, stands in its file.",
+        "",
+        "Files:",
+        *(carried or ["none"]),
+    ]
+    if left_out:
+        lines += ["", "Not written:", *left_out]
+    if limits := exported.limits():
+        lines += ["", "Not fully calibrated:", *limits]
+    if exported.notes:
+        lines += ["", "On the noise:", *exported.notes]
+    files[README] = "".join(f"{one_line(line)}\n" for line in lines)
+    return files
+
+
+def write_exports(folder, files):
+    """Write the files into `folder` in one step, in the place of what it held before.
+
+    Parameters
+    ----------
+    folder : path-like
+        ``results/<device>/exports``.
+    files : dict of str to str
+        Text by the file's name.
+
+    Raises
+    ------
+    ImuloopError
+        If the disk is full.
+    """
+    folder = Path(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    # of a run that was killed
+    for left in folder.parent.glob(f".{folder.name}.*"):
+        shutil.rmtree(left, ignore_errors=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        for name, text in files.items():
+            with replaced(temporary / name) as partial:
+                partial.write_text(text, encoding="utf-8", newline="\n")
+        # mkdtemp is private by default; results are for everybody who may read the folder
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o777 & ~mask)
+        if folder.exists():
+            shutil.rmtree(folder)
+        temporary.rename(folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def existing(folder):
+    """Return the file name and the tool of each export that is in a folder."""
+    return [(each.FILE, each.TITLE) for each in FORMATS if (Path(folder) / each.FILE).exists()]

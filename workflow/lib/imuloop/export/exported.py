@@ -1,0 +1,170 @@
+"""What an export is made of: a device's calibration and noise, its numbers and words as text."""
+
+import json
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from imuloop.core.errors import Lacking, one_line
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+
+# channels of each sensor
+CHANNELS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
+# what follows K (raw - b) by the contract; every file says it
+MODEL = "x = T (K (raw - b) - e)"
+
+
+@dataclass(frozen=True)
+class Density:
+    """A noise coefficient as a filter takes it: always a number.
+
+    Attributes
+    ----------
+    value : float
+        SI: the estimate, or the one-sided 95 % upper limit of a term that was not seen.
+    axis : str
+        Its channel: ax, ay, az, gx, gy, gz.
+    limit : bool
+        Whether it is an upper limit.
+    """
+
+    value: float
+    axis: str
+    limit: bool
+
+    @property
+    def words(self):
+        """What a comment says of it."""
+        return f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A device as every format takes it.
+
+    Attributes
+    ----------
+    device, label : str
+        As in the config; the label is untrusted text, see `comment` and `quoted`.
+    calibration : Calibration
+        The final one.
+    noise : NoiseModel
+        Of the samples as logged, in SI.
+    rate_hz : float or None
+        Of the logs; None where no session could be used.
+    notes : tuple of str
+        What a reader of the noise coefficients must know.
+    temperature_range : tuple of two floats, or None
+        Lowest and highest temperature of the logs, degC; None where it was not logged.
+    """
+
+    device: str
+    label: str
+    calibration: Calibration
+    noise: NoiseModel
+    rate_hz: float | None
+    notes: tuple[str, ...] = ()
+    temperature_range: tuple[float, float] | None = None
+
+    @property
+    def gravity(self):
+        """Local gravity, m/s^2."""
+        return self.calibration.gravity
+
+    def sensor(self, name):
+        """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
+        return getattr(self.calibration, name)
+
+    def measured(self, name):
+        """Return whether anything of a sensor's calibration was measured."""
+        sensor = self.sensor(name)
+        return sensor.method != "nominal" or bool(sensor.effects)
+
+    def limits(self):
+        """Return a line for each sensor that is not fully calibrated, with the reason."""
+        return [
+            f"{name}: {sensor.method} ({sensor.not_testable})"
+            for name in CHANNELS
+            if (sensor := self.sensor(name)).not_testable
+        ]
+
+    def need_calibration(self):
+        """Raise Lacking, with the reasons, where nothing was measured of either sensor."""
+        if not any(map(self.measured, CHANNELS)):
+            raise Lacking(f"no calibration; {'; '.join(self.limits())}")
+
+    def need_rate(self):
+        """Return the rate in Hz; raise Lacking where it is not known."""
+        if not self.rate_hz:
+            raise Lacking("the rate of the logs is not known: no session could be used")
+        return self.rate_hz
+
+    def matrix(self, name):
+        """Return ``M = T K``, shape (3, 3), SI per raw unit: ``x = M (raw - b)`` without effects.
+
+        `raw` is in ``sensor(name).raw_unit``, as logged.
+        """
+        sensor = self.sensor(name)
+        return sensor.T * sensor.K
+
+    def density(self, axis, term):
+        """Return coefficient `term` (Q, N, B, K or R) of a channel.
+
+        Raises
+        ------
+        Lacking
+            If the noise was not estimated.
+        """
+        coefficient = getattr(self.noise.axes[axis], term)
+        limit = coefficient.value is None
+        value = coefficient.upper95 if limit else coefficient.value
+        if value is None:
+            raise Lacking(f"no noise: {term} of {axis} is neither known nor limited")
+        return Density(float(value), axis, limit)
+
+    def worst(self, sensor, term):
+        """Return the largest coefficient of a sensor's axes, for formats with one a sensor."""
+        return max((self.density(axis, term) for axis in CHANNELS[sensor]), key=lambda d: d.value)
+
+    def effects(self, sensor):
+        """Return a line for each effect of a sensor: name, equation, sizes, constants."""
+        lines = []
+        for fitted in self.sensor(sensor).effects:
+            units = fitted.effect.units(sensor)
+            largest = {}
+            for name, value in fitted.values.items():
+                largest[units[name]] = max(abs(value), largest.get(units[name], 0.0))
+            sizes = ", ".join(f"{value:.2g} {unit}" for unit, value in largest.items())
+            words = [f"{fitted.name}: {fitted.effect.equation}", f"largest parameter {sizes}"]
+            for name, value in asdict(fitted.effect).items():
+                if isinstance(value, (int, float)):
+                    words.append(f"{name} = {value:g}")
+            lines.append("; ".join(words))
+        return lines
+
+
+def number(value):
+    """Return the shortest text that reads back as the same float64.
+
+    With a point in the mantissa: YAML 1.1 takes ``1e-05`` for a word.
+    """
+    text = repr(float(value))
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}.0{e}{exponent}" if e and "." not in mantissa else text
+
+
+def numbers(values, separator=", "):
+    """Return an array's numbers row by row in one line."""
+    return separator.join(map(number, np.ravel(values)))
+
+
+def comment(*lines, mark="#"):
+    """Return lines as comments; each stays one line, whatever text it holds."""
+    return "".join(f"{mark} {one_line(line)}".rstrip() + "\n" for line in lines)
+
+
+def quoted(text):
+    """Return text in double quotes, as YAML, JSON and C read it; on one line."""
+    return json.dumps(one_line(text), ensure_ascii=False)

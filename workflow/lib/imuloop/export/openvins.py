@@ -1,0 +1,79 @@
+"""OpenVINS' kalibr_imu_chain.yaml: noise densities, intrinsics and g-sensitivity."""
+
+import numpy as np
+
+from imuloop.export.densities import density_field, effect_lines, heading, noise_left_out
+from imuloop.export.exported import comment, number, numbers
+
+FILE = "openvins_kalibr_imu_chain.yaml"
+TITLE = "OpenVINS"
+
+
+def text(device):
+    """Return the file, as OpenCV's reader takes it.
+
+    OpenVINS takes samples am, wm in SI, as logged, and its filter's biases ba, bg::
+
+        a = R_ACCtoIMU Da (am - ba)
+        w = R_GYROtoIMU Dw (wm - bg - Tg a)
+
+    with Da = Ta^-1, Dw = Tw^-1 and each R the transpose of that in the file. Its model "rpng" keeps
+    the upper triangles of Da and Dw. Ours of the accelerometer is upper triangular; the
+    gyroscope's M = T K is Q U, a rotation and an upper triangular matrix.
+    """
+    acceleration, bias_a = in_si(device.sensor("accelerometer"))
+    rate, bias_g = in_si(device.sensor("gyroscope"))
+    rotation, upper = np.linalg.qr(rate)
+    signs = np.sign(np.diag(upper))
+    rotation, upper = rotation * signs, signs[:, None] * upper
+    return (
+        "%YAML:1.0\n"
+        + heading(device, f"{TITLE}: relative_config_imu of its estimator_config.yaml; all SI")
+        + comment(
+            "For samples in SI as logged, not calibrated ones. Biases belong to the filter's state",
+            "and not into this file; to start it at ours, put into estimator_config.yaml:",
+            f"init_dyn_bias_g: [{numbers(bias_g)}] (rad/s)",
+            f"init_dyn_bias_a: [{numbers(bias_a)}] (m/s^2)",
+            f"gravity_mag: {number(device.gravity)}",
+        )
+        + "imu0:\n"
+        + matrix("T_i_b", np.eye(4), "identity: body axes are the accelerometer's")
+        + density_field(device, "accelerometer_noise_density", "accelerometer", "N", "  ")
+        + density_field(device, "accelerometer_random_walk", "accelerometer", "K", "  ")
+        + density_field(device, "gyroscope_noise_density", "gyroscope", "N", "  ")
+        + density_field(device, "gyroscope_random_walk", "gyroscope", "K", "  ")
+        + '  rostopic: "/imu0"  # not ours: the topic\n'
+        + "  time_offset: 0.0  # not ours\n"
+        + f"  update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
+        + '  model: "rpng"  # upper triangular Da and Dw, which ours are\n'
+        + matrix("Tw", np.linalg.inv(upper), "inverse of Dw; gyroscope's M = T K = R_GYROtoIMU Dw")
+        + matrix("R_IMUtoGYRO", rotation.T, "from the accelerometer's axes to the gyroscope's")
+        + matrix("Ta", np.linalg.inv(acceleration), "inverse of Da, the accelerometer's M = T K")
+        + matrix("R_IMUtoACC", np.eye(3), "identity: body axes are the accelerometer's")
+        + matrix("Tg", g_sensitivity(device), "K^-1 G, rad/s per m/s^2; zero where none was found")
+        + comment(*effect_lines(device, carried=("g_sensitivity",)))
+        + comment("Not carried: covariances of all these, temperature.", *device.limits())
+        + noise_left_out(device)
+    )
+
+
+def in_si(sensor):
+    """Return ``M = T K``, dimensionless, and b, both for samples in SI as logged."""
+    return sensor.T * sensor.K / sensor.raw_unit.scale, sensor.raw_unit.to_si(sensor.b)
+
+
+def g_sensitivity(device):
+    """Return Tg, as ``T (K (raw - b) - G f) = M (raw - b - K^-1 G f)``; zero without the effect."""
+    sensor = device.sensor("gyroscope")
+    found = [each for each in sensor.effects if each.name == "g_sensitivity"]
+    if not found:
+        return np.zeros((3, 3))
+    values = found[0].values
+    matrix = np.array([[values[f"G{i}{j}"] for j in range(3)] for i in range(3)])
+    return (sensor.raw_unit.scale / sensor.K)[:, None] * matrix
+
+
+def matrix(key, values, words):
+    """Return a matrix as a list of rows."""
+    rows = "".join(f"    - [{numbers(row)}]\n" for row in values)
+    return f"  {key}:  {comment(words)}{rows}"

@@ -1,0 +1,20 @@
+rule export:
+    input:
+        calibration="results/{device}/calibration.json",
+        noise="results/{device}/noise.json",
+        quality=each_session("quality"),
+    output:
+        exports=directory("results/{device}/exports"),
+    log:
+        "logs/export/{device}.log",
+    benchmark:
+        "benchmarks/export/{device}.tsv"
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    params:
+        device="{device}",
+        label=setting("label"),
+        code=code("export.py"),
+    script:
+        "../../scripts/export.py"
