@@ -15,6 +15,7 @@ from imuloop.ingest import (
     parquet,
     phone,
     ros,
+    sensorlog,
     ulog,
 )
 
@@ -60,7 +61,7 @@ FORMATS = {
     "ros": Format(ros.read, ros.ENDINGS, folder=True, whole=True),
     "phone": Format(phone.read, phone.ENDINGS, whole=True),
     # a .csv as others; told by its name here or by what it holds
-    "sensorlog": Format(phone.read_sensorlog, (), whole=True),
+    "sensorlog": Format(sensorlog.read, sensorlog.ENDINGS, whole=True),
     "ulog": Format(ulog.read, ulog.ENDINGS, whole=True),
     "dataflash": Format(dataflash.read, dataflash.ENDINGS, whole=True),
 }

@@ -1,34 +1,31 @@
-"""What phones export: zips of phyphox and Sensor Logger, a table a sensor, and SensorLog's table.
+"""What phones export: zips of phyphox and Sensor Logger, a table a sensor.
 
 Android gives specific force in m/s^2. iOS gives its opposite, in g: a phone that lies face up
 reads z = -1. phyphox turns that into Android's convention, Sensor Logger does where it is asked
-to standardise, SensorLog never does. Here all become specific force.
+to standardise. Here all become specific force.
 """
 
-import csv
 import re
 import zipfile
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path, PureWindowsPath
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import AXES, guess, stated_unit
-from imuloop.ingest.delimited import find_layout, numbers, text_batches
-from imuloop.ingest.packed import check_unpacked
-from imuloop.ingest.stamps import iso_text, parse_stamps, stamp_values
+from imuloop.ingest.delimited import find_layout
+from imuloop.ingest.series import read_series
+from imuloop.ingest.stamps import iso_text
 from imuloop.ingest.streams import Stream, raw_log
+from imuloop.ingest.zipped import DamagedZip, Member, checked, find_members, small_table
 
 ENDINGS = (".zip",)
 
 # 2200, in seconds since 1970
 _LATEST = 7.3e9
-# read of a table about the phone
-_ABOUT_BYTES = 1 << 16
 # "Acceleration x (m/s^2)", "X (m/s^2)", "accelerationX" or "x": sensor, axis, unit
 _AXIS = re.compile(r"(.*?)\s*([xyz])\s*(?:\((.*)\))?", re.IGNORECASE)
 
@@ -70,12 +67,6 @@ _IOS_UNITS = {
     "totalacceleration": "m/s^2",
     "accelerometeruncalibrated": "g",
 }
-# time and sensor columns of SensorLog, without unit and axis, lower case; the best first
-_SENSORLOG = {
-    "accelerometer": ("accelerometertimestamp_sincereboot", "accelerometeracceleration"),
-    "gyro": ("gyrotimestamp_sincereboot", "gyrorotation"),
-    "motion": ("motiontimestamp_sincereboot", "motionrotationrate"),
-}
 
 
 @dataclass(frozen=True)
@@ -114,14 +105,14 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         If the file is no whole zip of such tables, or not one that is safe to read.
     """
     path = Path(paths["log"])
-    with _checked("the file is not a whole zip", zipfile.ZipFile, path) as archive:
-        members = _members(archive, path.stat().st_size)
+    with checked("the file is not a whole zip", zipfile.ZipFile, path) as archive:
+        members = find_members(archive, path.stat().st_size)
         about = _about(archive, members)
         events = _events(archive, members)
         tables = [
             table
             for name, info in members.items()
-            if (table := _table(name, partial(_Member, archive, info), batch_rows, most))
+            if (table := _table(name, partial(Member, archive, info), batch_rows, most))
         ]
     if not tables:
         listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
@@ -151,148 +142,12 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     return log
 
 
-def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
-    """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
-
-    Parameters
-    ----------
-    paths : dict
-        ``{"log": path}``.
-    columns : dict, optional
-        Quantity to ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
-        is not logged, ``motion``.
-    batch_rows : int
-        Rows read and given at once, about.
-    most : int
-        Bytes read of the table's head, where only its names count; -1 is all.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there.
-    RejectedLog
-        If the file is no table with SensorLog's columns.
-    """
-    path = paths["log"]
-    layout, columns = find_layout(path), dict(columns or {})
-    bare = [re.sub(r"\s*\(.*\)$", "", name).lower() for name in layout.names]
-    streams, notes, bad_lines = {}, [], 0
-    for name, (time, sensor) in _SENSORLOG.items():
-        wanted = [time, *(sensor + axis for axis in AXES)]
-        if not set(wanted) <= set(bare) or (name == "motion" and "gyro" in streams):
-            continue
-        positions = [bare.index(each) for each in wanted]
-        stamps, values, bad, unstamped = _series(path, layout, positions, batch_rows, most)
-        fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
-        if not fresh.any():
-            continue
-        if left_out := unstamped + int((~fresh).sum()):
-            notes.append(f"{left_out} rows have no new sample of {name}")
-        sign = -1 if name == "accelerometer" else 1
-        fields = {
-            layout.names[i]: sign * x[fresh] for i, x in zip(positions[1:], values, strict=True)
-        }
-        units = {"time": "s", "acceleration": "g", "angular_rate": "rad/s"}
-        streams[name] = Stream(name, stamps[fresh], fields, units)
-        if name == "accelerometer":
-            bad_lines = bad
-    if "accelerometer" not in streams or len(streams) < 2:
-        raise RejectedLog(
-            "the file holds no accelerometer and gyroscope as SensorLog names them: "
-            f"{', '.join(layout.names)[:200]}"
-        )
-    notes.insert(0, "an export of SensorLog: acceleration in g, sign turned into specific force")
-    if "motion" in streams:
-        notes.append("the angular rate is that of the motion, less the bias that iOS estimates")
-    for quantity, stream in zip(("acceleration", "angular_rate"), streams.values(), strict=True):
-        if columns.get(quantity) is None:
-            columns[quantity] = [f"{stream.name}.{name}" for name in stream.fields]
-    log = raw_log(list(streams.values()), columns, batch_rows)
-    log.notes[:0] = notes
-    log.bad_lines = bad_lines
-    return log
-
-
-class _Damaged(RejectedLog):
-    """A zip or a file in it that cannot be inflated."""
-
-
-class _Member:
-    """A file in a zip as it inflates; one that is damaged is a rejected log."""
-
-    closed = False
-
-    def __init__(self, archive, info):
-        self._name = f"{info.filename[:80]!r} in the zip is damaged"
-        self._stream = _checked(self._name, archive.open, info)
-
-    def read(self, size=-1):
-        """Return up to `size` bytes."""
-        return _checked(self._name, self._stream.read, size)
-
-    def readable(self):
-        """Return True."""
-        return True
-
-    def writable(self):
-        """Return False."""
-        return False
-
-    def seekable(self):
-        """Return False: going back would inflate all again."""
-        return False
-
-    def close(self):
-        """Close."""
-        self._stream.close()
-        self.closed = True
-
-
-def _checked(what, call, *arguments):
-    """Return what zipfile's call gives; its dozen kinds of errors become one."""
-    try:
-        return call(*arguments)
-    except Exception as error:
-        why = (str(error) or type(error).__name__).splitlines()[0]
-        raise _Damaged(f"{what}: {why}") from error
-
-
-def _members(archive, packed):
-    """Return name without folder and ending -> ZipInfo of the CSV files, all safe to read."""
-    infos = archive.infolist()
-    for info in infos:
-        place = PureWindowsPath(info.filename)
-        # splits at / as well
-        if place.anchor or ".." in place.parts:
-            raise RejectedLog(f"the zip holds a file outside of it: {info.filename[:80]!r}")
-        if place.suffix.lower() == ".zip":
-            raise RejectedLog(f"the zip holds a zip, {info.filename[:80]!r}: give that one instead")
-    members, inflated = {}, 0
-    for info in infos:
-        if not info.filename.lower().endswith(".csv") or info.filename.startswith("__MACOSX/"):
-            continue
-        name = f"{info.filename[:80]!r} in the zip"
-        if info.flag_bits & 1:
-            raise RejectedLog(f"{name} is encrypted")
-        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise RejectedLog(f"{name} is packed by method {info.compress_type}, not by deflate")
-        inflated += info.file_size
-        check_unpacked(info.compress_size, info.file_size)
-        check_unpacked(packed, inflated, held=True)
-        place = PureWindowsPath(info.filename)
-        key = "meta/" * (place.parent.name == "meta") + place.stem
-        if key in members:
-            raise RejectedLog(f"the zip holds two files {place.name[:80]!r}: give one recording")
-        members[key] = info
-    return members
-
-
 def _about(archive, members):
     """Return what phyphox or Sensor Logger say of the phone, `device` for a reader; or {}."""
     rows = []
     for name, info in members.items():
         if name.lower() in ("meta/device", "metadata"):
-            rows = _rows(archive, info)
+            rows = small_table(archive, info)
             # a row a property, or a row of names and one of values
             if name.lower() == "metadata":
                 rows = zip(*rows[:2], strict=False)
@@ -304,16 +159,9 @@ def _about(archive, members):
     return about
 
 
-def _rows(archive, info):
-    """Return the cells of a small table."""
-    text = _Member(archive, info).read(_ABOUT_BYTES).decode("utf-8-sig", "replace")
-    head = text.partition("\n")[0]
-    return [*csv.reader(text.splitlines(), delimiter=max(",;\t", key=head.count))]
-
-
 def _events(archive, members):
     """Return (seconds of the experiment, seconds since 1970) of each start of phyphox's."""
-    rows = _rows(archive, members["meta/time"]) if "meta/time" in members else []
+    rows = small_table(archive, members["meta/time"]) if "meta/time" in members else []
     events = []
     for row in rows:
         if row and row[0].strip().upper() == "START":
@@ -352,7 +200,7 @@ def _table(name, opened, batch_rows, most):
     """Return the table, or None where it is none of a sensor's."""
     try:
         layout = find_layout(opened())
-    except _Damaged:
+    except DamagedZip:
         raise
     except RejectedLog:
         # notes of the user, a header without rows
@@ -365,7 +213,7 @@ def _table(name, opened, batch_rows, most):
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(layout.names)]) if i != time}
     positions = [time, *others.values()]
-    stamps, values, bad, unstamped = _series(opened(), layout, positions, batch_rows, most)
+    stamps, values, bad, unstamped = read_series(opened(), layout, positions, batch_rows, most)
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit, "acceleration": "m/s^2", "angular_rate": "rad/s"}
     for quantity in ("acceleration", "angular_rate"):
@@ -385,29 +233,6 @@ def _sensors(file, names):
             axes = found.setdefault((match[1] if own else file).lower(), {})
             axes.setdefault(match[2].lower(), name)
     return {sensor: [axes[a] for a in AXES] for sensor, axes in found.items() if len(axes) == 3}
-
-
-def _series(source, layout, positions, batch_rows, most):
-    """Return the stamps in the first of the columns, the numbers in the others, and two counts.
-
-    The counts are of lines that are no row, and of rows without a stamp; both are left out.
-    """
-    count = SimpleNamespace(bad_lines=0)
-    stamps, values, unstamped, held = [], [], 0, 0
-    for text in text_batches(source, layout, positions, batch_rows, count):
-        x, readable, dates = stamp_values(parse_stamps(text[0]))
-        readable = readable & (not dates)
-        unstamped += int((~readable).sum())
-        stamps.append(x[readable])
-        rows = [numbers(column).to_numpy(zero_copy_only=False) for column in text.columns[1:]]
-        values.append([column[readable] for column in rows])
-        held += text.nbytes
-        if 0 <= most < held:
-            break
-    if not stamps:
-        return np.empty(0), [np.empty(0)] * (len(positions) - 1), count.bad_lines, unstamped
-    joined = [np.concatenate(column) for column in zip(*values, strict=True)]
-    return np.concatenate(stamps), joined, count.bad_lines, unstamped
 
 
 def _specific_force(tables, about, notes):

@@ -1,0 +1,99 @@
+"""SensorLog's CSV."""
+
+import numpy as np
+import pytest
+
+from imuloop.core.units import STANDARD_GRAVITY
+from ingest.tables import ACCELERATION, RATE, check, table
+
+
+def sensorlog(log, rate="gyroRotation", unit="(rad/s)"):
+    """Return the text of a SensorLog CSV: iOS signs, a row each 10 ms, stamps since the boot."""
+    names = [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]
+    names += [f"{rate}{a}{unit}" for a in "XYZ"]
+    clock = "gyro" if rate.startswith("gyro") else "motion"
+    head = ["loggingTime(txt)", "accelerometerTimestamp_sinceReboot(s)"]
+    head += [f"{clock}Timestamp_sinceReboot(s)", *names]
+    written = [f"2021-09-20 08:52:{t:06.3f} +0200" for t in log.t]
+    stamps = [f"{t:.2f}" for t in 62608 + log.t]
+    return table(head, [written, stamps, stamps, *(log[a] for a in ACCELERATION + RATE)])
+
+
+@pytest.mark.parametrize("rate", ["gyroRotation", "motionRotationRate"])
+def test_sensorlog(log, run, tmp_path, rate):
+    path = tmp_path / "log.csv"
+    path.write_text(sensorlog(log, rate))
+    done = run(path, format="sensorlog")
+    # as exact as float64 holds stamps since the boot
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-11)
+    check(done, log, -STANDARD_GRAVITY, t=done.samples.t)
+    assert done.metadata["units"]["acceleration"] == "g"
+    warned = " ".join(done.quality["warnings"])
+    assert "sign turned into specific force" in warned
+    assert ("less the bias" in warned) == (rate == "motionRotationRate")
+    small = run(path, format="sensorlog", batch_rows=7).path.read_bytes()
+    assert run(path, format="sensorlog").path.read_bytes() == small
+
+
+# as phones and watches of several years wrote it
+ACCELEROMETER = "accelerometerTimestamp_sinceReboot{s} {a}X{g} {a}Y{g} {a}Z{g}"
+HEADERS = {
+    "phone": f"loggingTime(txt) loggingSample(N) {ACCELEROMETER} gyroTimestamp_sinceReboot{{s}}"
+    " {r}X{w} {r}Y{w} {r}Z{w} magnetometerTimestamp_sinceReboot{s} magnetometerX(µT)",
+    "watch": "loggingTime(txt) locationTimestamp_since1970(s) motionTimestamp_sinceReboot{s} "
+    f"{ACCELEROMETER} motionUserAccelerationX(G) motionUserAccelerationY(G)"
+    " motionUserAccelerationZ(G) {r}X{w} {r}Y{w} {r}Z{w} motionGravityX(G) motionGravityY(G)",
+}
+
+
+@pytest.mark.parametrize("units", [True, False])
+@pytest.mark.parametrize("device", HEADERS)
+def test_headers_of_sensorlog(log, run, tmp_path, device, units):
+    rate = "gyroRotation" if device == "phone" else "motionRotationRate"
+    filled = dict(s="(s)", g="(G)", w="(rad/s)") if units else dict(s="", g="", w="")
+    header = HEADERS[device].format(a="accelerometerAcceleration", r=rate, **filled)
+    # older versions wrote some axes so
+    header = header if units else header.replace("AccelerationY", "accelerationY")
+    columns = []
+    for name in header.split():
+        stem, axis = name.split("(")[0][:-1], name.split("(")[0][-1]
+        if stem.lower() == "accelerometeracceleration":
+            columns.append(log[f"a{axis.lower()}"])
+        elif stem == rate:
+            columns.append(log[f"g{axis.lower()}"])
+        elif "sinceReboot" in name:
+            columns.append(log.t)
+        else:
+            columns.append(["null"] * len(log))
+    (tmp_path / "log.csv").write_text(table(header.split(), columns), encoding="utf-8")
+    done = run(tmp_path / "log.csv")
+    assert done.quality["log_format"] == "sensorlog"
+    check(done, log, -STANDARD_GRAVITY)
+
+
+def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    lines = sensorlog(log).splitlines()
+    path.write_text("\n".join([lines[0], *(line for line in lines[1:] for _ in range(2))]))
+    done = run(path, format="sensorlog")
+    assert done.quality["rows"] == 500
+    assert done.quality["duplicates"] == 0
+    assert "500 rows have no new sample of gyro" in done.quality["warnings"]
+
+
+def test_a_csv_that_is_not_of_sensorlog(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    log.to_csv(path, index=False)
+    assert run(path, format="sensorlog").quality["reasons"] == [
+        "the file holds no accelerometer and gyroscope as SensorLog names them: "
+        "t, ax, ay, az, gx, gy, gz"
+    ]
+
+
+def test_every_bit_of_sensorlog(hard, every_bit, tmp_path):
+    t = 62608 + np.arange(300) / 100
+    names = [f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"]
+    names += [f"gyroRotation{axis}(rad/s)" for axis in "XYZ"]
+    head = ["accelerometerTimestamp_sinceReboot(s)", "gyroTimestamp_sinceReboot(s)", *names]
+    (tmp_path / "log.csv").write_text(table(head, [t, t, *hard.T.tolist()]))
+    every_bit(tmp_path / "log.csv", hard * [-1, -1, -1, 1, 1, 1], t)
