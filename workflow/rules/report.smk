@@ -10,6 +10,7 @@ rule report_device:
         multi_position="results/{device}/multi_position.json",
         calibration="results/{device}/calibration.json",
         diagnosis="results/{device}/diagnosis.json",
+        exports="results/{device}/exports",
         template=f"{TEMPLATES}/section.html.j2",
     output:
         section="results/{device}/section.html",

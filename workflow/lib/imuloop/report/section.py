@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 import imuloop.diagnose.effects
 import imuloop.diagnose.static_terms  # noqa: F401
 from imuloop.core.files import replaced, write_json
+from imuloop.export.export import existing
 from imuloop.report.advice import next_steps
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.calibration_tables import (
@@ -90,6 +91,7 @@ def content(device, figures):
     return {
         "parts": diagnosis_parts(device, figures),
         "steps": next_steps(device),
+        "exports": existing(device.folder / "exports"),
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data_table(device), source_table(device)],
         "warnings": warnings(device),
