@@ -105,7 +105,7 @@ def test_what_it_cannot_carry_is_said():
     assert "scale factor K" in text
 
 
-@pytest.mark.parametrize("label", [HOSTILE, "coding: utf-7", "coding=latin-1 é"])
+@pytest.mark.parametrize("label", [HOSTILE, "coding: utf-16", "coding=nonsense"])
 def test_a_label_adds_no_statement(label):
     assert str(load(gnss_ins_sim.text(device(label)))) == str(load(gnss_ins_sim.text(device())))
 
