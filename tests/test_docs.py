@@ -23,6 +23,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.export.export import FORMATS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
 
@@ -41,6 +42,8 @@ SETTINGS = {
 ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
 # folders that a run makes
 MADE = ("results/", "data/simulated", "data/cache", ".venv")
+# files that an export writes
+EXPORTS = [each.FILE for each in FORMATS]
 
 
 def each_document():
@@ -90,7 +93,7 @@ def test_paths_exist(document):
     ):
         unit = re.fullmatch(r"\w+/(s|h)", quoted)
         made_or_named_by_the_user = quoted.startswith(MADE) or "NAME" in quoted
-        there = any((root / quoted).exists() for root in ROOTS)
+        there = any((root / quoted).exists() for root in ROOTS) or quoted in EXPORTS
         assert there or unit or made_or_named_by_the_user, quoted
 
 
