@@ -1,7 +1,7 @@
 """An effect: what the base model of bias, scale factor and misalignment lacks."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -27,7 +27,12 @@ class Channels:
     temperature : ndarray, shape (n,), or None
         Temperature, degC; None where it was not logged.
     history : callable, or None
-        See `remembered`; None where the points are the whole log.
+        See `remembered`; None where the points are samples.
+    past : dict, or None
+        What functions that remember have kept of the log so far, where it comes in pieces one
+        after the other; None where the points are the whole log.
+    step : float, or None
+        Median step of the whole log, s, where it comes in pieces.
     """
 
     t: np.ndarray
@@ -35,6 +40,8 @@ class Channels:
     other: np.ndarray
     temperature: np.ndarray | None = None
     history: Callable | None = None
+    past: dict | None = None
+    step: float | None = None
 
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points.
@@ -43,7 +50,8 @@ class Channels:
         ----------
         function : callable
             Takes the Channels of a whole log and the constants; gives an array whose first axis is
-            the log's samples.
+            the log's samples. Of a log in pieces it gets a piece after the other if it is marked as
+            `imuloop.core.memory.in_pieces`, with a dict of its own as `past`: empty at the first.
         *constants : hashable
             Constants of the function.
 
@@ -51,10 +59,21 @@ class Channels:
         -------
         ndarray, shape (n, …)
             The samples' values; at a pose their mean over it.
+
+        Raises
+        ------
+        ImuloopError
+            If the log comes in pieces, and the function is not marked for them.
         """
-        if self.history is None:
+        if self.history is not None:
+            return self.history(function, *constants)
+        if self.past is None:
             return function(self, *constants)
-        return self.history(function, *constants)
+        if not getattr(function, "in_pieces", False):
+            name = function.__name__
+            raise ImuloopError(f"{name} needs the whole log: read it and give it to apply")
+        past = self.past.setdefault((function, constants), {})
+        return function(replace(self, past=past), *constants)
 
 
 class Effect:
@@ -83,6 +102,10 @@ class Effect:
         Why data from rest to rest cannot show it, if so.
     limit : float
         Largest size of a parameter that is physically possible, SI.
+    timed : bool
+        Whether it depends on the time since the start of the log, or on what was before.
+    reach : float
+        How far about a point the effect looks, s; what it remembers besides is in `Channels.past`.
     """
 
     name: ClassVar[str]
@@ -94,6 +117,8 @@ class Effect:
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
     unobservable: ClassVar[str | None] = None
     limit: ClassVar[float] = np.inf
+    timed: ClassVar[bool] = False
+    reach: ClassVar[float] = 0.0
 
     library: ClassVar[dict[str, type]] = {}
 

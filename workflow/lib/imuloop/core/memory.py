@@ -11,6 +11,16 @@ _FORGOTTEN = 50.0
 _FEWEST = 7
 
 
+def in_pieces(function):
+    """Mark a function of a log's channels that gives the same of its pieces as of the whole.
+
+    It keeps what it needs of a piece for the next in ``channels.past``, and looks no further than
+    its effect's `reach`.
+    """
+    function.in_pieces = True
+    return function
+
+
 def filled(t, values):
     """Fill what is not a number: on a line between neighbours, held before the first and after.
 
@@ -32,7 +42,15 @@ def filled(t, values):
     return np.interp(t, t[known], values[known])
 
 
-def first_order_lag(t, values, tau):
+def _before(past, t):
+    """Return the last sample that is kept of the time before `t`, its index; None without one."""
+    if not past:
+        return None
+    last = np.searchsorted(past["t"], t[0]) - 1
+    return last if last >= 0 else None
+
+
+def first_order_lag(t, values, tau, past=None):
     """Return the response ``τ dy/dt = x - y`` of a first-order lag, at rest in the first value.
 
     Exact for values on straight lines between the stamps, however far apart these are: over a
@@ -48,6 +66,9 @@ def first_order_lag(t, values, tau):
         x.
     tau : float
         Time constant τ, s.
+    past : dict, optional
+        Of a log in pieces: empty at the first, then as this function leaves it. A piece may begin
+        with samples of the one before.
 
     Returns
     -------
@@ -55,26 +76,35 @@ def first_order_lag(t, values, tau):
         y.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
-    y = np.zeros_like(x)
-    # less the first value, in which it starts at rest
-    x = x - x[:1]
+    rest, state = x[:1], 0.0
+    last = _before(past, t)
+    if last is not None:
+        rest, state = past["rest"], past["y"][[last]] - past["rest"]
+        t, x = np.append(past["t"][last], t), np.concatenate([past["x"][[last]], x])
+    if past is not None:
+        past.update(t=t, x=x, rest=rest)
+    # less the log's first value, in which it starts at rest
+    y, x = np.zeros_like(x), x - rest
     r = np.diff(t, prepend=t[:1])[:, None] / tau
     g = np.where(r > 0, -np.expm1(-r) / np.where(r > 0, r, 1.0), 1.0)
     r = np.minimum(r, _FORGOTTEN)
     added = (1 - g) * x
     added[1:] += (g - np.exp(-r))[1:] * x[:-1]
     s = np.cumsum(r)
-    start, state, origin = 0, np.zeros(x.shape[1]), 0.0
+    start, origin = 0, 0.0
     while start < len(s):
         end = np.searchsorted(s, origin + _SUMMED, side="right")
         end = max(end, start + 1)
         growth = np.exp(s[start:end] - origin)[:, None]
         y[start:end] = (state + np.cumsum(growth * added[start:end], axis=0)) / growth
         state, origin, start = y[end - 1], s[end - 1], end
-    return (y + np.asarray(values, dtype=float).reshape(len(t), -1)[:1]).reshape(np.shape(values))
+    y += rest
+    if past is not None:
+        past["y"] = y
+    return y[last is not None :].reshape(np.shape(values))
 
 
-def play(values, half_width):
+def play(values, half_width, t=None, past=None):
     """Return the play operator: what is dragged along by walls `half_width` to either side.
 
     ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Each step is a clamp between two
@@ -86,6 +116,10 @@ def play(values, half_width):
         x.
     half_width : float
         w, in the unit of x.
+    t : ndarray, shape (n,), optional
+        Time, s, increasing; with `past`.
+    past : dict, optional
+        As of `first_order_lag`.
 
     Returns
     -------
@@ -106,10 +140,14 @@ def play(values, half_width):
             for kept, new in zip((low, high), earlier, strict=True)
         )
         step *= 2
-    return np.clip(values[:1], low, high)
+    last = _before(past, t)
+    p = np.clip(values[:1] if last is None else past["p"][last], low, high)
+    if past is not None:
+        past.update(t=t, p=p)
+    return p
 
 
-def fast_part(t, values, period):
+def fast_part(t, values, period, step=None):
     """Return what is faster than a moving mean that is taken twice.
 
     At a frequency f, ``1 - sinc²(f period)`` of it is left: half at 0.44/period, within 5 % all
@@ -123,13 +161,16 @@ def fast_part(t, values, period):
         Channels.
     period : float
         Length of the mean, s; at least `_FEWEST` samples.
+    step : float, optional
+        Median step of the whole log, s, of which this is a piece.
 
     Returns
     -------
     ndarray, shape (n, m)
         In the unit of the values.
     """
-    step = np.median(np.diff(t)) if len(t) > 1 else period
+    if step is None:
+        step = np.median(np.diff(t)) if len(t) > 1 else period
     size = max(_FEWEST, 2 * round(period / step / 2) + 1)
     slow = uniform_filter1d(values, size, axis=0, mode="nearest")
     return values - uniform_filter1d(slow, size, axis=0, mode="nearest")

@@ -7,7 +7,8 @@ import numpy as np
 from imuloop.core.effect import Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.core.pieces import apply_file
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME, check_columns
 from imuloop.core.units import RawUnit
 
 # version of the JSON files
@@ -143,31 +144,111 @@ class Calibration:
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
 
+    @property
+    def effects(self):
+        """The effects of both sensors, fitted, the accelerometer's first."""
+        return (*self.accelerometer.effects, *self.gyroscope.effects)
+
     def apply(self, samples):
         """Return calibrated samples.
+
+        Parameters
+        ----------
+        samples : DataFrame
+            The whole log, SI, as ingest writes it: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s)
+            and, where logged, `temperature` (degC). Effects that remember start with it.
+
+        Returns
+        -------
+        DataFrame
+            A copy with calibrated specific force (m/s^2) and angular rate (rad/s).
+
+        Raises
+        ------
+        ImuloopError
+            If a column is missing.
+        """
+        check_columns(samples.columns)
+        sensors = (ACCELERATION, ANGULAR_RATE)
+        f, w = (samples[list(axes)].to_numpy(dtype=float) for axes in sensors)
+        temperature = samples[TEMPERATURE].to_numpy(float) if TEMPERATURE in samples else None
+        f, w = self.calibrated(f, w, samples[TIME].to_numpy(float), temperature)
+        calibrated = samples.copy()
+        calibrated[list(ACCELERATION)], calibrated[list(ANGULAR_RATE)] = f, w
+        return calibrated
+
+    def apply_arrays(self, acceleration, angular_rate, t=None, temperature=None, *, raw=False):
+        """Return calibrated specific force and angular rate of arrays.
+
+        Parameters
+        ----------
+        acceleration, angular_rate : array_like, shape (n, 3) or (3,)
+            SI (m/s^2, rad/s), as logged.
+        t : array_like, shape (n,), optional
+            Seconds from the start of the log; needed only where there is an effect of time.
+        temperature : array_like, shape (n,), optional
+            degC; needed only where there is an effect of temperature.
+        raw : bool
+            Whether the arrays are in the calibration's raw units, counts above all, not in SI.
+
+        Returns
+        -------
+        ndarray, ndarray
+            m/s^2 and rad/s, shapes as given.
+
+        Raises
+        ------
+        ImuloopError
+            If shapes do not fit, or an effect needs what is not given.
+        """
+        f, w = np.asarray(acceleration, dtype=float), np.asarray(angular_rate, dtype=float)
+        if f.shape != w.shape or f.ndim not in (1, 2) or f.shape[-1] != 3:
+            raise ImuloopError(
+                f"acceleration and angular_rate must both be (n, 3) or (3,), not {f.shape} and "
+                f"{w.shape}"
+            )
+        shape, f, w = f.shape, f.reshape(-1, 3), w.reshape(-1, 3)
+        timed = [effect.name for effect in self.effects if effect.effect.timed]
+        if t is None and timed:
+            raise ImuloopError(f"t is needed: the calibration holds {', '.join(timed)}")
+        t = np.zeros(len(f)) if t is None else np.atleast_1d(np.asarray(t, dtype=float))
+        if temperature is not None:
+            temperature = np.atleast_1d(np.asarray(temperature, dtype=float))
+        for name, values in (("t", t), ("temperature", temperature)):
+            if values is not None and values.shape != (len(f),):
+                raise ImuloopError(f"{name} must have the shape ({len(f)},), not {values.shape}")
+        if raw:
+            f, w = self.accelerometer.raw_unit.to_si(f), self.gyroscope.raw_unit.to_si(w)
+        f, w = self.calibrated(f, w, t, temperature)
+        return f.reshape(shape), w.reshape(shape)
+
+    def apply_file(self, source, target):
+        """Write the calibrated samples of a samples file; see `imuloop.core.pieces.apply_file`."""
+        apply_file(self, source, target)
+
+    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None):
+        """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the gyroscope's output before its own effects; the
         gyroscope's see the calibrated specific force.
 
         Parameters
         ----------
-        samples : DataFrame
-            Samples, SI, as ingest writes them.
-
-        Returns
-        -------
-        DataFrame
-            A copy with calibrated specific force (m/s^2) and angular rate (rad/s).
+        f, w : ndarray, shape (n, 3)
+            SI, as logged.
+        t : ndarray, shape (n,)
+            Seconds from the start of the log.
+        temperature : ndarray, shape (n,), or None
+            degC.
+        pasts, step
+            Of accelerometer and gyroscope, where the log comes in pieces: see `Channels`.
         """
-        f, w = samples[list(ACCELERATION)].to_numpy(), samples[list(ANGULAR_RATE)].to_numpy()
-        t = samples[TIME].to_numpy()
-        temperature = samples[TEMPERATURE].to_numpy() if TEMPERATURE in samples else None
         own, other = self.accelerometer.output(f), self.gyroscope.output(w)
-        calibrated = samples.copy()
-        f = self.accelerometer.apply(f, Channels(t, own, other, temperature))
-        calibrated[list(ACCELERATION)] = f
-        calibrated[list(ANGULAR_RATE)] = self.gyroscope.apply(w, Channels(t, other, f, temperature))
-        return calibrated
+        f = self.accelerometer.apply(
+            f, Channels(t, own, other, temperature, past=pasts[0], step=step)
+        )
+        w = self.gyroscope.apply(w, Channels(t, other, f, temperature, past=pasts[1], step=step))
+        return f, w
 
     def to_json(self, path):
         """Write the calibration as JSON."""
@@ -187,15 +268,23 @@ class Calibration:
         Raises
         ------
         ImuloopError
-            If the file is of another format version.
+            If the file is of another format version, or no calibration.
         """
-        content = read_json(path)
-        if content.get("format") != FORMAT:
-            found = content.get("format")
+        try:
+            content = read_json(path)
+        except ValueError as error:
+            raise ImuloopError(f"{path}: no JSON: {error}") from error
+        found = content.get("format") if isinstance(content, dict) else None
+        if found != FORMAT:
             raise ImuloopError(f"{path}: format {found}, this version reads format {FORMAT}")
-        return cls(
-            content["device"],
-            content["gravity"],
-            SensorCalibration.from_dict(content["accelerometer"]),
-            SensorCalibration.from_dict(content["gyroscope"]),
-        )
+        try:
+            return cls(
+                content["device"],
+                content["gravity"],
+                SensorCalibration.from_dict(content["accelerometer"]),
+                SensorCalibration.from_dict(content["gyroscope"]),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise ImuloopError(f"{path}: not a calibration: {error!r}") from error
+        except ImuloopError as error:
+            raise ImuloopError(f"{path}: {error}") from error

@@ -10,6 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from imuloop.core.errors import ImuloopError
+
 # time, s from the first sample
 TIME = "t"
 # specific force along the sensor's axes, m/s^2
@@ -38,6 +40,22 @@ def schema(temperature, metadata):
     names = (TIME, *CHANNELS, *((TEMPERATURE,) if temperature else ()))
     fields = [pa.field(name, pa.float64()) for name in names]
     return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
+
+
+def check_columns(names):
+    """Refuse a table that lacks a column of samples.
+
+    Raises
+    ------
+    ImuloopError
+        If one is missing.
+    """
+    lacking = [name for name in (TIME, *CHANNELS) if name not in names]
+    if lacking:
+        raise ImuloopError(
+            f"no column {', '.join(lacking)}; samples have t (s), ax ay az (m/s^2), gx gy gz "
+            "(rad/s)"
+        )
 
 
 def read_samples(path, columns=None):

@@ -22,6 +22,7 @@ class BiasDrift(Effect):
     parameters: ClassVar = per_axis({"d": "output per s"})
     equation = "e_i = d_i t"
     reference = "IEEE Std 952-1997, annex C, rate ramp"
+    timed = True
     records = ("poses",)
 
     def design(self, channels):

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import first_order_lag
+from imuloop.core.memory import first_order_lag, in_pieces
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 from imuloop.diagnose.effects.thermometer import temperature
 
@@ -17,10 +17,11 @@ LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 RELAXATIONS = 3
 
 
+@in_pieces
 def lagged_rate(channels, tau):
     """Return ``(θ - θ_lag)/τ`` of a whole log, K/s, shape (n,): the lagged dθ/dt."""
     warm = temperature(channels)
-    return (warm - first_order_lag(channels.t, warm, tau)) / tau
+    return (warm - first_order_lag(channels.t, warm, tau, channels.past)) / tau
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class BiasTemperatureRate(Effect):
     parameters: ClassVar = per_axis({"r": "output per K/s"})
     equation = "e_i = r_i (θ - θ_lag)/τ"
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
+    timed = True
     needs = ("temperature",)
 
     @classmethod

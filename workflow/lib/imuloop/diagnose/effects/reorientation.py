@@ -4,16 +4,18 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import first_order_lag
+from imuloop.core.memory import first_order_lag, in_pieces
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 
 # s; shorter, and it is over when the turn is; longer, and all poses of a session share it
 CREEPS = (3.0, 10.0, 30.0)
 
 
+@in_pieces
 def creep(channels, tau):
     """Return ``y_lag - y`` of a whole log, SI, shape (n, 3)."""
-    return first_order_lag(channels.t, channels.output, tau) - channels.output
+    lagged = first_order_lag(channels.t, channels.output, tau, channels.past)
+    return lagged - channels.output
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Reorientation(Effect):
     parameters: ClassVar = per_axis({"k": "1"})
     equation = "e_i = k_i (y_i,lag - y_i)"
     reference = "Zhou et al., Materials 10 (2017) 1077, viscoelastic die attach"
+    timed = True
     records = ("poses",)
 
     @classmethod

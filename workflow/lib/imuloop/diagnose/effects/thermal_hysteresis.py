@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import play
+from imuloop.core.memory import in_pieces, play
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 from imuloop.diagnose.effects.thermometer import span, temperature
 
@@ -13,10 +13,11 @@ from imuloop.diagnose.effects.thermometer import span, temperature
 SHARES = (0.05, 0.15, 0.4)
 
 
+@in_pieces
 def branch(channels, half_width):
     """Return ``(θ - play θ)/w`` of a whole log, shape (n,): 1 while heating on, -1 cooling on."""
     warm = temperature(channels)
-    return (warm - play(warm, half_width)) / half_width
+    return (warm - play(warm, half_width, channels.t, channels.past)) / half_width
 
 
 @dataclass(frozen=True)

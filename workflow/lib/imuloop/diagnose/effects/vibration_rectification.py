@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import fast_part, moving_mean
+from imuloop.core.memory import fast_part, in_pieces, moving_mean
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 
 # s; what is faster than 10 Hz is a vibration, a turn by hand is ten times slower
@@ -15,6 +15,7 @@ PERIOD = 0.1
 WINDOW = 1.0
 
 
+@in_pieces
 def vibration(channels):
     """Return the mean square of each axis' vibration of a whole log, SI², shape (n, 3).
 
@@ -22,7 +23,7 @@ def vibration(channels):
     of them lies in the pose, so that what shakes the turn beside it does not count.
     """
     t = channels.t
-    before = moving_mean(t, fast_part(t, channels.output, PERIOD) ** 2, WINDOW)
+    before = moving_mean(t, fast_part(t, channels.output, PERIOD, channels.step) ** 2, WINDOW)
     after = before[np.searchsorted(t, t + WINDOW, side="right") - 1]
     # sums of large squares may leave less than nothing of small ones
     return np.maximum(np.minimum(before, after), 0.0)
@@ -44,6 +45,8 @@ class VibrationRectification(Effect):
     parameters: ClassVar = per_axis({"v": "m/s^2 per (m/s^2)^2"})
     equation = "e_i = v_i σ_i²"
     reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
+    timed = True
+    reach = WINDOW
 
     def design(self, channels):
         """Return the mean square of the vibration about each point, SI², shape (n, 3, 3)."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
+from imuloop.core.memory import in_pieces
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
 
 # s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
@@ -17,6 +18,7 @@ SETTLINGS = 2
 POINTS = 3
 
 
+@in_pieces
 def settling(channels, tau):
     """Return ``exp(-t/τ)`` of a whole log, shape (n,)."""
     return np.exp(-channels.t / tau)
@@ -44,6 +46,7 @@ class WarmUp(Effect):
     parameters: ClassVar = per_axis({"A": "output"})
     equation = "e_i = A_i exp(-t/τ)"
     reference = "IEEE Std 528-2001, warm-up time"
+    timed = True
 
     @classmethod
     def shapes(cls, channels):

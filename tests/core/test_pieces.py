@@ -1,0 +1,141 @@
+"""A calibration applied piece by piece gives what it gives of the whole log."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import imuloop.diagnose.effects  # noqa: F401  the library of effects
+from imuloop.core.effect import Effect, FittedEffect
+from imuloop.core.errors import ImuloopError
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.pieces import apply_file, median_step
+from imuloop.core.samples import METADATA_KEY
+from imuloop.core.units import RawUnit
+
+N = 4001
+DESIGNED = [
+    name for name, cls in Effect.library.items() if not cls.unobservable and "design" in vars(cls)
+]
+
+
+def fitted(name):
+    effect = Effect.library[name]()
+    rng = np.random.default_rng(len(name))
+    return FittedEffect(effect, dict.fromkeys(effect.parameters, 1e-3 * rng.uniform(1, 2)), {})
+
+
+def calibration(names):
+    def sensor(kind, unit, scale):
+        effects = tuple(fitted(n) for n in names if kind in Effect.library[n].sensors)
+        T = np.eye(3) + 0.01 * np.triu(np.ones((3, 3)), 1)
+        return SensorCalibration(
+            RawUnit(unit, 1.0), T, np.full(3, scale), np.array([0.1, -0.2, 0.3]), effects=effects
+        )
+
+    return Calibration(
+        "d", 9.8, sensor("accelerometer", "m/s^2", 1.01), sensor("gyroscope", "rad/s", 0.99)
+    )
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A log with turns, vibration, uneven steps, a gap, and a thermometer that is slower."""
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.008, 0.012, N)) - 0.01
+    t[2500:] += 3.0
+    angle = 0.3 * t
+    f = 9.8 * np.column_stack([np.sin(angle), np.cos(angle), np.zeros(N)])
+    table = pd.DataFrame({"t": t - t[0]})
+    table[["ax", "ay", "az"]] = f + rng.normal(0, 0.3, (N, 3))
+    table[["gx", "gy", "gz"]] = rng.normal(0, 0.2, (N, 3))
+    warm = 20 + 15 * np.sin(t / 7)
+    warm[np.arange(N) % 40 != 20] = np.nan
+    # longer than several pieces
+    warm[1000:1900] = np.nan
+    table["temperature"] = warm
+    table["marker"] = np.arange(N) % 7
+    path = tmp_path_factory.mktemp("pieces") / "samples.parquet"
+    table.to_parquet(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("rows", [300, 1024, 1 << 17])
+@pytest.mark.parametrize(
+    "names", [*([n] for n in DESIGNED), DESIGNED, []], ids=lambda n: "+".join(n)[:40]
+)
+def test_pieces_give_what_the_whole_gives(log, tmp_path, names, rows):
+    made = calibration(names)
+    apply_file(made, log, tmp_path / "out.parquet", rows)
+    found = pd.read_parquet(tmp_path / "out.parquet")
+    expected = made.apply(pd.read_parquet(log))
+    assert list(found) == list(expected)
+    if names:
+        bare = calibration([]).apply(pd.read_parquet(log))
+        axes = ["ax", "ay", "az", "gx", "gy", "gz"]
+        assert np.abs(found[axes] - bare[axes]).to_numpy().max() > 1e-6
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_csv_and_row_groups_of_others(log, tmp_path):
+    made = calibration(["bias_drift"])
+    pq.write_table(pq.read_table(log), tmp_path / "small.parquet", row_group_size=37)
+    made.apply_file(tmp_path / "small.parquet", tmp_path / "out.csv")
+    assert (tmp_path / "out.csv").read_text().startswith("t,ax,ay,az,gx,gy,gz,temperature,marker\n")
+    expected = made.apply(pd.read_parquet(log))
+    np.testing.assert_array_equal(pd.read_csv(tmp_path / "out.csv"), expected)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 100, 4001])
+def test_the_median_step_is_exact(log, tmp_path, count):
+    table = pq.read_table(log).slice(0, count)
+    pq.write_table(table, tmp_path / "short.parquet")
+    t = table["t"].to_numpy()
+    assert median_step(tmp_path / "short.parquet", 33) == np.median(np.diff(t))
+
+
+def test_an_empty_log_stays_empty(log, tmp_path):
+    pq.write_table(pq.read_table(log).slice(0, 0), tmp_path / "empty.parquet")
+    calibration(["warm_up"]).apply_file(tmp_path / "empty.parquet", tmp_path / "out.parquet")
+    assert len(pd.read_parquet(tmp_path / "out.parquet")) == 0
+
+
+def test_an_effect_that_needs_the_whole_log_says_so(log, tmp_path, monkeypatch):
+    monkeypatch.setattr(Effect, "library", dict(Effect.library))
+
+    class Total(Effect):
+        name = "total"
+        sensors = ("accelerometer",)
+        parameters = {"p": "1"}  # noqa: RUF012
+
+        def design(self, channels):
+            return channels.remembered(whole)[:, :, None]
+
+    def whole(channels):
+        return np.cumsum(channels.output, axis=0)
+
+    made = calibration(["total"])
+    made.apply(pd.read_parquet(log))
+    with pytest.raises(ImuloopError, match="needs the whole log"):
+        made.apply_file(log, tmp_path / "out.parquet")
+    assert not (tmp_path / "out.parquet").exists()
+
+
+def test_what_cannot_be_applied_is_told(log, tmp_path):
+    made = calibration([])
+    made.apply_file(log, tmp_path / "once.parquet")
+    metadata = json.loads(pq.read_schema(tmp_path / "once.parquet").metadata[METADATA_KEY])
+    assert metadata == {"calibrated": True, "device": "d"}
+    with pytest.raises(ImuloopError, match=r"once\.parquet: its samples are calibrated already"):
+        made.apply_file(tmp_path / "once.parquet", tmp_path / "twice.parquet")
+    with pytest.raises(ImuloopError, match=r"\.csv or \.parquet"):
+        made.apply_file(log, tmp_path / "out.txt")
+    pq.write_table(pa.table({"t": [0.0], "ax": [1.0]}), tmp_path / "few.parquet")
+    with pytest.raises(ImuloopError, match=r"few\.parquet: no column ay, az, gx, gy, gz"):
+        made.apply_file(tmp_path / "few.parquet", tmp_path / "out.parquet")
+    (tmp_path / "text.parquet").write_text("t,ax\n")
+    with pytest.raises(ImuloopError, match="no samples file"):
+        made.apply_file(tmp_path / "text.parquet", tmp_path / "out.parquet")

@@ -1,0 +1,242 @@
+"""A calibration applied to a file of samples piece by piece: how long the log is does not matter.
+
+Effects that remember go on from piece to piece (`Channels.past`). What is known only of the whole
+log is found in passes before: the next temperature after a gap, the median step of time.
+"""
+
+import json
+from contextlib import contextmanager
+from itertools import chain, pairwise
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import replaced
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    METADATA_KEY,
+    TEMPERATURE,
+    TIME,
+    check_columns,
+    read_metadata,
+)
+
+# rows of a piece: 8 columns of it are 8 MB
+ROWS = 1 << 17
+# samples that a filter reaches beyond `Effect.reach` at least
+FEWEST = 16
+
+
+def apply_file(calibration, source, target, rows=ROWS):
+    """Write the calibrated samples of a samples file, in memory that does not grow with it.
+
+    Gives what `Calibration.apply` gives of the whole. Columns that are no samples are kept.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        To apply.
+    source : path-like
+        Samples, Parquet, as ingest writes them.
+    target : path-like
+        ``.csv`` or ``.parquet``; written in one step.
+    rows : int
+        Rows of a piece; changes nothing in the result.
+
+    Raises
+    ------
+    ImuloopError
+        If the source lacks a column or is calibrated already, or the target has another ending.
+    """
+    source, target = Path(source), Path(target)
+    if target.suffix not in (".csv", ".parquet"):
+        raise ImuloopError(f"{target}: give it the ending .csv or .parquet")
+    try:
+        names = pq.read_schema(source).names
+    except pa.ArrowInvalid as error:
+        raise ImuloopError(f"{source}: no samples file: {error}") from error
+    try:
+        check_columns(names)
+    except ImuloopError as error:
+        raise ImuloopError(f"{source}: {error}") from error
+    if read_metadata(source).get("calibrated"):
+        raise ImuloopError(f"{source}: its samples are calibrated already")
+    reach = max((effect.effect.reach for effect in calibration.effects), default=0.0)
+    step = median_step(source, rows) if reach else None
+    ends = None
+    if TEMPERATURE in names and any(TEMPERATURE in e.effect.needs for e in calibration.effects):
+        ends = known_ends(source, rows)
+    metadata = json.dumps({"calibrated": True, "device": calibration.device}).encode()
+    pasts = {}, {}
+    with replaced(target) as temporary, _writer(temporary, target.suffix, metadata) as write:
+        arrays = _arrays(_pieces(source, rows), ends)
+        for table, columns, own in _with_surroundings(arrays, reach, step):
+            f, w = calibration.calibrated(**columns, pasts=pasts, step=step)
+            for axes, values in ((ACCELERATION, f), (ANGULAR_RATE, w)):
+                for name, column in zip(axes, values[own].T, strict=True):
+                    place = table.column_names.index(name)
+                    table = table.set_column(place, name, pa.array(column))
+            write(table)
+
+
+def _pieces(path, rows, columns=None):
+    """Yield a file as tables of so many rows, fewer in the last."""
+    waiting, count = [], 0
+    # without pre_buffer, which keeps what was read
+    with pq.ParquetFile(path, pre_buffer=False) as file:
+        for batch in file.iter_batches(batch_size=rows, columns=columns):
+            while count + len(batch) >= rows:
+                waiting.append(batch.slice(0, rows - count))
+                batch = batch.slice(rows - count)
+                yield pa.Table.from_batches(waiting)
+                waiting, count = [], 0
+            if len(batch):
+                waiting.append(batch)
+                count += len(batch)
+        if waiting or not file.metadata.num_rows:
+            yield pa.Table.from_batches(waiting, file.schema_arrow if columns is None else None)
+
+
+def _column(table, name):
+    return table[name].to_numpy().astype(float, copy=False)
+
+
+def _arrays(pieces, ends):
+    """Yield each piece with its columns, the temperature's gaps filled as in the whole log."""
+    for number, table in enumerate(pieces):
+        t = _column(table, TIME)
+        f, w = (
+            np.column_stack([_column(table, name) for name in axes])
+            for axes in (ACCELERATION, ANGULAR_RATE)
+        )
+        temperature = _column(table, TEMPERATURE) if TEMPERATURE in table.column_names else None
+        if ends is not None:
+            temperature = _filled(t, temperature, ends, number)
+        yield table, {"f": f, "w": w, "t": t, "temperature": temperature}
+
+
+def _filled(t, values, ends, number):
+    """Fill what is not a number on a line to the nearest known, in this piece or another."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    before = [each[-1] for each in ends[:number] if each][-1:]
+    after = [each[0] for each in ends[number + 1 :] if each][:1]
+    points = [*before, *np.column_stack([t[known], values[known]]), *after]
+    return np.interp(t, *np.transpose(points)) if points else values
+
+
+def known_ends(path, rows=ROWS):
+    """Return (t, temperature) of the first and last known temperature of each piece, or None."""
+    found = []
+    for table in _pieces(path, rows, [TIME, TEMPERATURE]):
+        t, values = _column(table, TIME), _column(table, TEMPERATURE)
+        known = np.flatnonzero(np.isfinite(values))[[0, -1]] if np.isfinite(values).any() else []
+        found.append([(t[i], values[i]) for i in known] or None)
+    return found
+
+
+def median_step(path, rows=ROWS):
+    """Return the median step of time of a samples file, s; None of a single sample.
+
+    Exact, in bounded memory: the bits of positive numbers are in the order of the numbers, so
+    the one of a given rank is found from counts, 16 bits in each of four passes.
+    """
+    count = pq.read_metadata(path).num_rows - 1
+    if count < 1:
+        return None
+    return float(np.mean([_of_rank(path, rows, rank) for rank in ((count - 1) // 2, count // 2)]))
+
+
+def _of_rank(path, rows, rank):
+    """Return the step of time that so many are smaller than."""
+    prefix = np.uint64(0)
+    for shift in (48, 32, 16, 0):
+        counts, before = np.zeros(1 << 16, dtype=np.int64), None
+        for table in _pieces(path, rows, [TIME]):
+            t = _column(table, TIME)
+            bits = np.diff(t, prepend=t[:1] if before is None else before).view(np.uint64)
+            bits, before = bits[before is None :], t[-1:]
+            bits = bits >> np.uint64(shift)
+            bits = bits[bits >> np.uint64(16) == prefix]
+            counts += np.bincount((bits & np.uint64(0xFFFF)).astype(np.int64), minlength=1 << 16)
+        smaller = np.cumsum(counts)
+        digit = int(np.searchsorted(smaller, rank, side="right"))
+        rank -= int(smaller[digit] - counts[digit])
+        prefix = (prefix << np.uint64(16)) | np.uint64(digit)
+    return prefix.view(np.float64)
+
+
+def _with_surroundings(pieces, reach, step):
+    """Yield table, columns and own rows of each piece, with the samples within reach about it."""
+    if not reach:
+        yield from ((table, columns, slice(None)) for table, columns in pieces)
+        return
+    more = FEWEST + int(np.ceil(reach / step)) if step else FEWEST
+    behind = None
+    for (table, columns), following in pairwise(chain(pieces, [None])):
+        t, parts = columns["t"], [columns]
+        first = 0
+        if behind is not None:
+            edge = max(np.searchsorted(behind["t"], t[0] - reach) - more, 0)
+            parts.insert(0, _cut(behind, slice(edge, None)))
+            first = len(parts[0]["t"])
+        if following is not None:
+            ahead = following[1]
+            edge = np.searchsorted(ahead["t"], t[-1] + reach, side="right") + more
+            parts.append(_cut(ahead, slice(0, edge)))
+        joined = {
+            name: None if value is None else np.concatenate([part[name] for part in parts])
+            for name, value in columns.items()
+        }
+        yield table, joined, slice(first, first + len(t))
+        behind = columns
+
+
+def _cut(columns, rows):
+    return {name: None if value is None else value[rows] for name, value in columns.items()}
+
+
+@contextmanager
+def _writer(path, ending, metadata):
+    """Give a function that writes tables to a file, one after the other."""
+    opened = []
+
+    def write(table):
+        if ending == ".csv":
+            if not opened:
+                opened.append(open(path, "wb"))
+                opened[0].write(f"{','.join(table.column_names)}\n".encode())
+            options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
+            pa.csv.write_csv(_without_nan(table), opened[0], options)
+        else:
+            table = table.replace_schema_metadata({METADATA_KEY: metadata})
+            if not opened:
+                opened.append(pq.ParquetWriter(path, table.schema, **_encodings(table)))
+            opened[0].write_table(table)
+
+    try:
+        yield write
+    finally:
+        for file in opened:
+            file.close()
+
+
+def _encodings(table):
+    """Return how Parquet is to hold the columns: doubles byte by byte."""
+    doubles = [field.name for field in table.schema if field.type == pa.float64()]
+    others = [name for name in table.column_names if name not in doubles]
+    return {"compression": "zstd", "use_dictionary": others, "use_byte_stream_split": doubles}
+
+
+def _without_nan(table):
+    """Return a table with empty cells where a temperature is not a number."""
+    if TEMPERATURE not in table.column_names:
+        return table
+    column = pa.array(_column(table, TEMPERATURE), from_pandas=True)
+    return table.set_column(table.column_names.index(TEMPERATURE), TEMPERATURE, column)
