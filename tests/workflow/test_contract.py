@@ -250,6 +250,15 @@ def test_comparison_has_a_row_a_device_and_units_in_its_header(finished):
                 assert np.isfinite(float(value)), name
 
 
+@pytest.mark.parametrize("device", DEVICES)
+def test_the_calibration_can_be_taken_away(finished, device):
+    folder = finished[0] / f"results/{device}/exports"
+    names = {path.name for path in folder.glob("[!.]*")}
+    listed = re.findall(r"^(\S+\.\w+)(: | \()", (folder / "README.txt").read_text(), re.M)
+    assert {name for name, mark in listed if mark == ": "} == names - {"README.txt"}
+    assert {"kalibr_imu.yaml", "imu_tk_gyro.calib"} <= names
+
+
 def test_report_is_one_file_that_needs_no_other(finished):
     folder, _ = finished
     report = (folder / "results/report.html").read_text()
