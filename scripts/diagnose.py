@@ -21,4 +21,6 @@ diagnose_device(
     noise_settings=NoiseSettings(**params.noise_settings),
     diagnosis_path=snakemake.output.diagnosis,
     calibration_path=snakemake.output.calibration,
+    attitude_path=snakemake.output.attitude,
+    attitude_series_path=snakemake.output.attitude_series,
 )

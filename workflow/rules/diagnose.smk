@@ -15,6 +15,8 @@ for device, resolved in DEVICES.items():
         output:
             diagnosis=f"results/{device}/diagnosis.json",
             calibration=f"results/{device}/calibration.json",
+            attitude=f"results/{device}/attitude.json",
+            attitude_series=f"results/{device}/attitude.parquet",
             allan=[files["allan"] for files in used.values()],
         log:
             f"logs/diagnose/{device}.log",

@@ -6,10 +6,11 @@ import numpy as np
 
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects  # noqa: F401
-from imuloop.calibrate.calibrate import best, read_recording
-from imuloop.core.files import write_json
+from imuloop.calibrate.calibrate import best, read_recording, usable
+from imuloop.core.files import replaced, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.diagnose.attitude import validate_attitude
 from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.static_correction import write_allan
@@ -35,6 +36,8 @@ def diagnose_device(
     noise_settings=None,
     diagnosis_path,
     calibration_path,
+    attitude_path=None,
+    attitude_series_path=None,
 ):
     """Diagnose a device and write the diagnosis and the final calibration.
 
@@ -57,6 +60,8 @@ def diagnose_device(
         Settings of the noise stage, whose Allan curves are made again without the effects.
     diagnosis_path, calibration_path : path-like
         Where to write.
+    attitude_path, attitude_series_path : path-like, optional
+        Where to write the validation, JSON and Parquet; not made without.
 
     Returns
     -------
@@ -124,6 +129,18 @@ def diagnose_device(
         if "allan_raw" in session:
             write_allan(session["allan_raw"], still.allan.get(name), session["allan"])
     final.to_json(calibration_path)
+    if attitude_path:
+        effects = {
+            sensor: solution.effects if solution else ()
+            for sensor, solution in zip(SENSORS, (force_solution, turn_solution), strict=True)
+        }
+        names = [n for n, s in sessions.items() if usable({n: s}, "multi_position")]
+        attitude, table = validate_attitude(
+            device, turn_model, recording, turn_solution, effects, names, settings, tests
+        )
+        write_json(attitude_path, attitude)
+        with replaced(attitude_series_path) as temporary:
+            table.to_parquet(temporary, index=False)
     return diagnosis, final
 
 

@@ -1,0 +1,220 @@
+"""Validation by attitude: what carries gravity's direction, and on stretches that nobody saw."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import imuloop.diagnose.effects  # noqa: F401  the library of effects
+from calibrate.devices import recording
+from diagnose.test_search import G_SENSITIVITY, MATRIX, models, with_g_sensitivity
+from imuloop.core.rotation import matrix
+from imuloop.diagnose.attitude import validate_attitude
+from imuloop.diagnose.attitude_errors import (
+    K_I,
+    K_P,
+    Stretch,
+    angle,
+    attitudes,
+    filter_errors,
+    filter_steps,
+    gyroscope_errors,
+    mahony,
+    stretches,
+)
+from imuloop.diagnose.attitude_models import blocks, held_out_models
+from imuloop.diagnose.search import Search
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.simulate.truth import example_truth
+
+SETTINGS = DiagnoseSettings()
+
+
+def course(turns=3, rate=100.0, seed=0):
+    """Return a stretch of rests of 2 s and turns of 3 s, its rates and gravity at all samples."""
+    rng = np.random.default_rng(seed)
+    w, arrive, leave = [np.zeros((200, 3))], [0], [199]
+    for _ in range(turns):
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        w.append(np.outer(np.sin(np.linspace(0, np.pi, 300)) ** 2, axis))
+        arrive.append(leave[-1] + 301)
+        leave.append(arrive[-1] + 199)
+        w.append(np.zeros((200, 3)))
+    w = np.concatenate(w)
+    t = np.arange(len(w)) / rate
+    stretch = Stretch(np.arange(turns + 1), t, slice(0, len(t)), np.array(arrive), np.array(leave))
+    C = matrix(attitudes(w, t))
+    g = np.einsum("kji,j->ki", C, np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8]))
+    return stretch, w, g
+
+
+def test_the_gyroscope_carries_gravity_as_scipy_does():
+    stretch, w, g = course()
+    fine = Rotation.identity()
+    for k in range(len(w) - 1):
+        fine = fine * Rotation.from_rotvec((w[k] + w[k + 1]) / 2 * 0.01)
+    assert np.allclose(fine.inv().apply(g[0]), g[-1], atol=1e-6)
+    once, through = gyroscope_errors(attitudes(w, stretch.t), stretch, g[stretch.arrive])
+    assert once.max() < 1e-9
+    assert through.max() < 1e-9
+
+
+def test_a_wrong_bias_grows_with_time_and_a_scale_error_with_the_turn():
+    stretch, w, g = course(turns=1)
+    u, after = g[stretch.arrive], stretch.t[stretch.leave[1]] - stretch.t[stretch.leave[0]]
+    at_rest = Stretch(stretch.poses, stretch.t, stretch.piece, stretch.arrive, stretch.leave)
+    # about an axis normal to gravity in a log at rest the error is rate times time
+    across = np.cross(u[0], [0.0, 0.0, 1.0])
+    across *= 2e-4 / np.linalg.norm(across)
+    q = attitudes(np.tile(across, (len(w), 1)), stretch.t)
+    _, through = gyroscope_errors(q, at_rest, u[[0, 0]])
+    assert through[0, 1] == pytest.approx(2e-4 * after, rel=1e-6)
+    # 1 % of the turn, less what goes about gravity itself
+    _, through = gyroscope_errors(attitudes(1.01 * w, stretch.t), stretch, u)
+    axis = w.sum(axis=0) / np.linalg.norm(w.sum(axis=0))
+    turned = 0.01 * np.linalg.norm(w.sum(axis=0)) * 0.01
+    assert through[0, 0] == pytest.approx(turned * np.linalg.norm(np.cross(axis, u[1])), rel=1e-2)
+
+
+def test_the_filter_is_that_of_the_article():
+    stretch, w, g = course()
+    rng = np.random.default_rng(1)
+    w, f = w + np.array([0.02, -0.01, 0.03]), 9.8 * g + rng.normal(0, 0.3, g.shape)
+    turns, force, steps, marks = filter_steps(attitudes(w, stretch.t)[None], f[None], stretch)
+    found = mahony(turns, force, steps[:, None], force[0])[:, 0]
+    # the quaternion form, sample by sample
+    start = Rotation.align_vectors([[0, 0, 1.0]], force[:1, 0])[0]
+    bias = np.zeros(3)
+    for k in range(len(w) - 1):
+        a = f[k + 1] / np.linalg.norm(f[k + 1])
+        v = start.inv().apply([0, 0, 1.0])
+        sigma = np.cross(a, v)
+        bias -= K_I * 0.01 * sigma
+        rate = (w[k] + w[k + 1]) / 2 - bias + K_P * sigma
+        start = start * Rotation.from_rotvec(0.01 * rate)
+    assert angle(found[-1], start.inv().apply([0, 0, 1.0])) < 2e-3
+    assert len(found) == len(w) - 1
+    assert (stretch.t[1:][marks[:, 0]] == stretch.t[stretch.arrive[1:]]).all()
+
+
+def test_the_filter_learns_a_constant_bias_and_settles():
+    n, dt = 6000, 0.01
+    turns = np.tile(Rotation.from_rotvec([3e-4, -2e-4, 0]).as_matrix().T, (n, 1, 1, 1))
+    force = np.tile([0.0, 0.0, 1.0], (n, 1, 1))
+    found = mahony(turns, force, np.full((n, 1), dt), np.array([[0.3, 0.0, 0.954]]))
+    error = angle(found[:, 0], force[:, 0])
+    assert error[100] > 0.02
+    assert error[-1] < 1e-6
+
+
+def test_stretches_of_unlike_length_run_beside_each_other():
+    fed = []
+    for turns, seed in ((1, 3), (4, 4)):
+        stretch, w, g = course(turns, seed=seed)
+        q = attitudes(np.stack([w, 1.02 * w]), stretch.t)
+        steps = filter_steps(q, np.stack([9.8 * g, 9.7 * g + 0.1]), stretch)
+        fed.append((*steps, g[stretch.arrive]))
+    together, alone = filter_errors(fed), [filter_errors([each])[0] for each in fed]
+    for a, b in zip(together, alone, strict=True):
+        assert a == pytest.approx(b, abs=1e-12)
+    assert [e.shape for e in together] == [(2, 1, 2), (2, 4, 2)]
+    assert together[1][0].max() < 1e-3 < together[1][1].min()
+
+
+@pytest.fixture(scope="module")
+def sensitive():
+    truth = with_g_sensitivity(example_truth(), MATRIX)
+    made = recording(truth, 1)
+    turn = models(truth)[1]
+    effects = {"accelerometer": (), "gyroscope": (G_SENSITIVITY,)}
+    whole = turn.fit(made, effects["gyroscope"])
+    return (
+        made,
+        turn,
+        validate_attitude("d", turn, made, whole, effects, ["turns"], SETTINGS, 20),
+    )
+
+
+def test_each_rotation_is_in_one_stretch_of_its_block(sensitive):
+    made, _, _ = sensitive
+    block = blocks(len(made.poses), SETTINGS)
+    found = stretches(made, block)
+    firsts = np.concatenate([s.poses[:-1] for s in found])
+    assert (firsts == made.rotations.first).all()
+    assert all(len(set(block[s.poses[:-1]])) == 1 for s in found)
+    for s in found:
+        assert s.t[s.leave] == pytest.approx(made.poses.end_s[s.poses], abs=0.011)
+
+
+def test_the_error_falls_to_that_of_the_truth(sensitive):
+    made, _, (content, table) = sensitive
+    rotation = content["methods"]["rotation"]
+    errors = {m: e["rms_deg"] for m, e in rotation["models"].items()}
+    assert errors["raw"] > 3 * errors["base"]
+    assert errors["base"] > 2 * errors["final"]
+    assert 0.7 < errors["final"] / rotation["floor_deg"] < 1.4
+    low, high = rotation["ratio_ci95"]
+    assert low < rotation["base_over_final"] == pytest.approx(errors["base"] / errors["final"])
+    assert low > 1.5 and high > rotation["base_over_final"]
+    assert rotation["n"] == len(made.rotations)
+    assert all("g_sensitivity" in e["gyroscope"] for e in content["effects"])
+    assert set(table["method"]) == {"rotation", "stretch", "mahony"}
+
+
+def test_a_rotation_is_what_the_diagnosis_calls_one(sensitive):
+    made, turn, (_, table) = sensitive
+    block = blocks(len(made.poses), SETTINGS)
+    rows = table[(table["method"] == "rotation") & (table["model"] == "base")]
+    for k in range(2):
+        search = Search(turn, made, block != k, {}, SETTINGS, 1)
+        expected = np.degrees(np.linalg.norm(search.errors()["rotation"], axis=1))
+        assert rows[rows["block"] == k]["error_deg"].to_numpy() == pytest.approx(expected, rel=0.02)
+
+
+def test_models_do_not_see_what_they_are_judged_by(sensitive):
+    made, turn, _ = sensitive
+    block = blocks(len(made.poses), SETTINGS)
+    keep, held = block != 1, block == 1
+    poses = replace(
+        made.poses, w=made.poses.w + 0.1 * held[:, None], f=made.poses.f * (1 + held)[:, None]
+    )
+    spoiled = held[made.rotations.first] | held[made.rotations.first + 1]
+    rotations = replace(made.rotations, w=made.rotations.w + spoiled[:, None, None])
+    effects = {"accelerometer": (), "gyroscope": (G_SENSITIVITY,)}
+    one, other = (
+        held_out_models(turn, m, keep, effects, SETTINGS, 20)
+        for m in (made, replace(made, poses=poses, rotations=rotations))
+    )
+    assert one.effects == other.effects
+    for model, calibration in one.calibrations.items():
+        for sensor in ("accelerometer", "gyroscope"):
+            a, b = (getattr(c, sensor) for c in (calibration, other.calibrations[model]))
+            for part in "TKb":
+                assert (getattr(a, part) == getattr(b, part)).all()
+
+
+def test_without_an_effect_the_final_model_is_the_base_model():
+    truth = example_truth()
+    made, turn = recording(truth, 2), models(truth)[1]
+    nothing = {"accelerometer": (), "gyroscope": ()}
+    content, _ = validate_attitude(
+        "d", turn, made, turn.fit(made), nothing, ["turns"], SETTINGS, 20
+    )
+    for method in content["methods"].values():
+        assert method["models"]["base"] == method["models"]["final"]
+        assert (method["base_over_final"], method["ratio_ci95"]) == (1, [1, 1])
+    rotation = content["methods"]["rotation"]
+    assert 0.7 < rotation["models"]["base"]["rms_deg"] / rotation["floor_deg"] < 1.4
+
+
+def test_too_few_poses_are_not_testable():
+    truth = example_truth()
+    made, turn = recording(truth, 2), models(truth)[1]
+    few = made.select(np.arange(len(made.poses)) < 11)
+    nothing = {"accelerometer": (), "gyroscope": ()}
+    content, table = validate_attitude("d", turn, few, None, nothing, ["turns"], SETTINGS, 20)
+    assert content["status"] == "not_testable"
+    assert "poses" in content["why"]
+    assert not len(table)

@@ -1,0 +1,224 @@
+"""Validation: the error of gravity's direction on stretches that no model has seen."""
+
+from itertools import groupby
+
+import numpy as np
+import pandas as pd
+
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.diagnose.attitude_errors import (
+    K_I,
+    K_P,
+    angle,
+    attitudes,
+    filter_errors,
+    filter_steps,
+    gyroscope_errors,
+    stretches,
+)
+from imuloop.diagnose.attitude_models import MODELS, blocks, held_out_models
+from imuloop.diagnose.residuals import held_out_variance
+from imuloop.diagnose.search import HeldOut, ratio_interval
+
+# version of the JSON file
+FORMAT = 1
+# what carries gravity's direction: the gyroscope from each rest to the next; the gyroscope from the
+# rest before a stretch through all of it; the filter through all of it
+METHODS = ("rotation", "stretch", "mahony")
+COLUMNS = ("session", "stretch", "block", "method", "model", "t_s", "after_s", "at", "error_deg")
+
+
+def validate_attitude(device, turn_model, recording, whole, effects, names, settings, tests):
+    """Compare models of a device by the error of gravity's direction on held-out stretches.
+
+    The mean of the accelerometer at the rests, with the final model that never saw them, is
+    gravity's direction for all models. The gyroscope alone starts from it; the filter from what
+    the model's own accelerometer says.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    turn_model : GyroscopePoses
+        How the device is fitted.
+    recording : Recording
+        Poses, rotations, logs.
+    whole : Solution or None
+        Fit of the gyroscope to all poses, effects included; None where they determine none.
+    effects : dict of str to tuple of Effect
+        Effects by sensor that all poses show.
+    names : sequence of str
+        Names of the recording's sessions.
+    settings : DiagnoseSettings
+        Settings.
+    tests : int
+        Number of tests that share the significance.
+
+    Returns
+    -------
+    dict
+        Content of attitude.json.
+    DataFrame
+        Content of attitude.parquet, a row a stretch, method, model and time.
+    """
+    content = {"format": FORMAT, "device": device, "gains": {"k_P": K_P, "k_I": K_I}}
+    nothing = pd.DataFrame(columns=list(COLUMNS))
+    if reason := turn_model.untestable(recording):
+        return content | {"status": "not_testable", "why": reason}, nothing
+    block = blocks(len(recording.poses), settings)
+    models = [
+        held_out_models(turn_model, recording, block != k, effects, settings, tests)
+        for k in range(block.max() + 1)
+    ]
+    if None in models:
+        why = f"{len(block)} poses do not determine the model with a block of them held out"
+        return content | {"status": "not_testable", "why": why}, nothing
+    u = [_directions(m, recording) for m in models]
+    table = _errors(recording, block, models, u, names)
+    content |= {
+        "status": "ok",
+        "effects": [m.effects for m in models],
+        "reference_deg": float(np.degrees(_reference_shift(u, block))),
+        "methods": {m: _summary(table, m, settings) for m in METHODS},
+        "sessions": {
+            name: {m: _summary(part, m, settings) for m in METHODS}
+            for name, part in table.groupby("session", sort=False)
+        },
+    }
+    floor = _rotation_floor(whole, recording, block)
+    content["methods"]["rotation"]["floor_deg"] = float(np.degrees(floor))
+    return content, table
+
+
+def _directions(models, recording):
+    """Return gravity's direction at all poses by the accelerometers of `MODELS`, (3, n, 3)."""
+    poses, found = recording.poses, []
+    for calibration in models.calibrations.values():
+        force = calibration.accelerometer
+        channels = recording.pose_channels("accelerometer", force.output, poses.w)
+        found.append(force.apply(poses.f, channels))
+    return np.array(found) / np.linalg.norm(found, axis=-1, keepdims=True)
+
+
+def _reference_shift(directions, block):
+    """Return how far the base model's directions are from the final one's, held out, rad."""
+    base, final = MODELS.index("base"), MODELS.index("final")
+    off = [angle(u[base], u[final])[block == k] for k, u in enumerate(directions)]
+    return np.sqrt((np.concatenate(off) ** 2).mean())
+
+
+def _errors(recording, block, models, directions, names):
+    """Return the table of errors: of each stretch, those of all methods and models."""
+    poses, found, filters = recording.poses, [], []
+    reference = MODELS.index("final")
+
+    def place(stretch):
+        return block[stretch.poses[0]], poses.session[stretch.poses[0]]
+
+    for (k, session), group in groupby(stretches(recording, block), place):
+        calibrations = models[k].calibrations
+        log = _samples(recording.logs[session])
+        whole = {name: c.apply(log) for name, c in calibrations.items() if _extended(c)}
+        for stretch in group:
+            pieces = [
+                whole[name].iloc[stretch.piece]
+                if name in whole
+                else calibrations[name].apply(log.iloc[stretch.piece])
+                for name in MODELS
+            ]
+            f, w = (np.array([p[list(c)] for p in pieces]) for c in (ACCELERATION, ANGULAR_RATE))
+            q, u = attitudes(w, stretch.t), directions[k][reference, stretch.poses]
+            rotation, through = gyroscope_errors(q, stretch, u)
+            found.append((names[session], k, stretch, {"rotation": rotation, "stretch": through}))
+            filters.append((*filter_steps(q, f, stretch), u))
+    for (*_, errors), mahony in zip(found, filter_errors(filters), strict=True):
+        errors["mahony"] = mahony
+    return pd.concat(
+        [
+            _rows(method, values, number, *about)
+            for number, (*about, errors) in enumerate(found)
+            for method, values in errors.items()
+        ],
+        ignore_index=True,
+    )
+
+
+def _rows(method, errors, number, session, block, stretch):
+    """Return the rows of one stretch and method; errors in rad, a first axis for the models."""
+    arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
+    if method == "rotation":
+        t, after, at = arrive[1:], arrive[1:] - leave[:-1], "arrival"
+    else:
+        t = np.column_stack([arrive, leave])[1:].ravel()
+        after, at = t - leave[0], np.tile(["arrival", "departure"], len(t) // 2)
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "session": session,
+                    "stretch": number,
+                    "block": block,
+                    "method": method,
+                    "model": model,
+                    "t_s": t,
+                    "after_s": after,
+                    "at": at,
+                    "error_deg": np.degrees(values.ravel()),
+                }
+            )
+            for model, values in zip(MODELS, errors, strict=True)
+        ]
+    )
+
+
+def _summary(table, method, settings):
+    """Return what attitude.json holds of a method: errors of each model when a turn is over."""
+    rows = table[(table["method"] == method) & (table["at"] == "arrival")]
+    if method == "stretch":
+        rows = rows.groupby(["stretch", "model"], sort=False).tail(1)
+    by_model = {model: rows[rows["model"] == model] for model in MODELS}
+    errors = {model: part["error_deg"].to_numpy() for model, part in by_model.items()}
+    base, final = (errors[m][:, None] for m in ("base", "final"))
+    held = HeldOut(by_model["base"]["block"].to_numpy(), base, final)
+    low, high = ratio_interval(held, settings)
+    return {
+        "n": len(base),
+        "duration_s": float(by_model["base"]["after_s"].median()),
+        "models": {
+            model: {
+                "rms_deg": float(np.sqrt((e**2).mean())),
+                "median_deg": float(np.median(e)),
+                "p95_deg": float(np.quantile(e, 0.95)),
+            }
+            for model, e in errors.items()
+        },
+        "base_over_final": float(np.sqrt((base**2).sum() / (final**2).sum())),
+        "ratio_ci95": [1 / high, 1 / low],
+    }
+
+
+def _rotation_floor(whole, recording, block):
+    """Return the error over a rotation that the noise alone gives the final model, rad."""
+    first, n = recording.rotations.first, len(recording.poses)
+    squares = []
+    for k in range(block.max() + 1):
+        keep = block != k
+        inside = keep[first] & keep[first + 1]
+        seen = np.concatenate([np.repeat(keep, 3), np.repeat(inside, 2)])
+        held = np.concatenate([np.zeros(3 * n, dtype=bool), np.repeat(block[first] == k, 2)])
+        squares.append(held_out_variance(whole.covariance, whole.jacobian, seen, held))
+    return np.sqrt(2 * np.concatenate(squares).mean())
+
+
+def _samples(log):
+    """Return a log as a table of samples."""
+    columns = {TIME: log.t, **dict(zip(ACCELERATION, log.f.T, strict=True))}
+    columns |= dict(zip(ANGULAR_RATE, log.w.T, strict=True))
+    if log.temperature is not None:
+        columns[TEMPERATURE] = log.temperature
+    return pd.DataFrame(columns)
+
+
+def _extended(calibration):
+    """Return whether a calibration has effects, which may depend on all of the log."""
+    return calibration.accelerometer.effects or calibration.gyroscope.effects

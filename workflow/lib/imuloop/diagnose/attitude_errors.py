@@ -1,0 +1,250 @@
+"""Gravity's direction carried through a stretch of rests and rotations, by gyroscope and filter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
+
+# gains of the filter, 1/s and 1/s²: those of the article's experiments
+K_P, K_I = 1.0, 0.3
+# s of the rest before a stretch in which the filter settles, and of the rest after it
+SETTLE = 30.0
+# s; a filter's step where samples come faster, the turn within it integrated with all of them
+FILTER_STEP = 0.01
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of a log from a rest, through rotations and rests, to a rest.
+
+    Attributes
+    ----------
+    poses : ndarray of int, shape (p,)
+        Its poses.
+    t : ndarray, shape (k,)
+        Time of its samples, s.
+    piece : slice
+        Its samples in the log.
+    arrive, leave : ndarray of int, shape (p,)
+        First and last sample of each pose, counted from the first of the stretch.
+    """
+
+    poses: np.ndarray
+    t: np.ndarray
+    piece: slice
+    arrive: np.ndarray
+    leave: np.ndarray
+
+
+def stretches(recording, block):
+    """Return the longest stretches whose rotations follow each other within a block.
+
+    A rotation belongs to the block of the pose that it starts from.
+
+    Parameters
+    ----------
+    recording : Recording
+        Poses, n of them, rotations and logs.
+    block : ndarray of int, shape (n,)
+        Block of each pose.
+
+    Returns
+    -------
+    list of Stretch
+        In order of time.
+    """
+    first = recording.rotations.first
+    cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(block[first]) != 0)) + 1
+    groups = [g for g in np.split(first, cuts) if len(g)]
+    return [_stretch(recording, np.append(g, g[-1] + 1)) for g in groups]
+
+
+def _stretch(recording, index):
+    poses = recording.poses
+    t = recording.logs[poses.session[index[0]]].t
+    start, end = poses.start_s[index], poses.end_s[index]
+    # `end_s` is open: the pose's last sample is the one before it
+    arrive, leave = np.searchsorted(t, start), np.searchsorted(t, end) - 1
+    arrive[0] = max(arrive[0], np.searchsorted(t, end[0] - SETTLE))
+    leave[-1] = min(leave[-1], np.searchsorted(t, start[-1] + SETTLE))
+    piece = slice(arrive[0], leave[-1] + 1)
+    return Stretch(index, t[piece], piece, arrive - piece.start, leave - piece.start)
+
+
+def attitudes(w, t):
+    """Return the attitude at each sample, quaternions that take its axes to those at the start.
+
+    Parameters
+    ----------
+    w : array_like, shape (..., k, 3)
+        Angular rate, rad/s.
+    t : array_like, shape (k,)
+        Time, s.
+    """
+    turned = prefix_product(exponential(step_vectors(w, np.diff(t))))
+    start = np.zeros((*turned.shape[:-2], 1, 4))
+    start[..., 0] = 1.0
+    return np.concatenate([start, turned], axis=-2)
+
+
+def angle(a, b):
+    """Return the angle between directions, shape (..., 3), rad."""
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
+
+
+def gyroscope_errors(q, stretch, u):
+    """Return the error of gravity's direction that the gyroscope alone carries along.
+
+    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C, against the direction at the rests.
+
+    Parameters
+    ----------
+    q : ndarray, shape (..., k, 4)
+        Attitude at each sample.
+    stretch : Stretch
+        With p poses.
+    u : ndarray, shape (p, 3)
+        Direction of gravity at them.
+
+    Returns
+    -------
+    ndarray, shape (..., p - 1)
+        From each rest to the first sample of the next, rad.
+    ndarray, shape (..., p - 1, 2)
+        From the first rest to the first and the last sample of each of the others, rad.
+    """
+    arrive, leave = (matrix(q[..., at, :]) for at in (stretch.arrive, stretch.leave))
+    fixed = np.einsum("...pij,pj->...pi", leave, u)
+    once = np.einsum("...pji,...pj->...pi", arrive[..., 1:, :, :], fixed[..., :-1, :])
+    marks = np.stack([arrive, leave], axis=-3)[..., 1:, :, :, :]
+    through = np.einsum("...pmji,...j->...pmi", marks, fixed[..., 0, :])
+    return angle(once, u[1:]), angle(through, u[1:, None])
+
+
+def filter_steps(q, f, stretch):
+    """Return what the filter is fed on a stretch: at each step turn, direction of force, time.
+
+    Parameters
+    ----------
+    q : ndarray, shape (r, k, 4)
+        Attitude at each sample, of r models.
+    f : ndarray, shape (r, k, 3)
+        Specific force, m/s^2.
+    stretch : Stretch
+        Its time, and the samples at which an error is wanted.
+
+    Returns
+    -------
+    ndarray, shape (s, r, 3, 3)
+        Matrix that takes a fixed direction from the axes before a step to those after it.
+    ndarray, shape (s, r, 3)
+        Direction of specific force, mean of the step.
+    ndarray, shape (s,)
+        Time steps, s.
+    ndarray of int, shape (p - 1, 2)
+        Step after which the filter is at the first and at the last sample of a pose.
+    """
+    t = stretch.t
+    wanted = np.column_stack([stretch.arrive, stretch.leave])[1:]
+    every = max(1, round(FILTER_STEP / np.median(np.diff(t))))
+    at = np.unique(np.concatenate([np.arange(0, len(t), every), wanted.ravel()]))
+    back = q[:, at[:-1]] * np.array([1, -1, -1, -1])
+    turns = matrix(multiply(back, q[:, at[1:]])).swapaxes(-1, -2)
+    force = np.add.reduceat(f, at[:-1] + 1, axis=1)
+    force /= np.linalg.norm(force, axis=-1, keepdims=True)
+    return (
+        turns.swapaxes(0, 1),
+        force.swapaxes(0, 1),
+        np.diff(t[at]),
+        np.searchsorted(at, wanted) - 1,
+    )
+
+
+def filter_errors(fed):
+    """Return the error of gravity's direction by the filter on several stretches, run at once.
+
+    Parameters
+    ----------
+    fed : list of tuple
+        For each stretch what `filter_steps` returns, and the direction of gravity at its poses.
+
+    Returns
+    -------
+    list of ndarray, shape (r, p - 1, 2)
+        Of each model at the first and the last sample of each pose but the first, rad.
+    """
+    longest = max(len(steps) for _, _, steps, *_ in fed)
+
+    def beside(index, fill):
+        # one column a stretch and model; a stretch that is over stands still
+        arrays = []
+        for each in fed:
+            values = each[index]
+            more = np.broadcast_to(fill(values), (longest - len(values), *values.shape[1:]))
+            arrays.append(np.concatenate([values, more]))
+        return np.concatenate(arrays, axis=1)
+
+    turns, force = beside(0, lambda v: np.eye(3)), beside(1, lambda v: v[-1:])
+    models = fed[0][0].shape[1]
+    steps = np.zeros((longest, len(fed)))
+    for column, (_, _, dt, *_) in enumerate(fed):
+        steps[: len(dt), column] = dt
+    found = mahony(turns, force, np.repeat(steps, models, axis=1), force[0])
+    errors = []
+    for column, (*_, marks, u) in enumerate(fed):
+        v = found[marks][:, :, column * models : (column + 1) * models]
+        errors.append(angle(v, u[1:, None, None]).transpose(2, 0, 1))
+    return errors
+
+
+def mahony(turns, force, steps, start):
+    """Return gravity's direction by the explicit complementary filter.
+
+    With the direction v that is estimated and a that is measured, σ = a × v,
+
+        v̇ = v × (w - β + k_P σ),   β̇ = -k_I σ
+
+    the turn by w - β is taken first, then the correction.
+
+    Parameters
+    ----------
+    turns : ndarray, shape (s, r, 3, 3)
+        Turn of each step, of r filters that run beside each other.
+    force : ndarray, shape (s, r, 3)
+        Direction of specific force.
+    steps : ndarray, shape (s, r)
+        Time steps, s.
+    start : ndarray, shape (r, 3)
+        Direction to start from.
+
+    Returns
+    -------
+    ndarray, shape (s, r, 3)
+        Direction after each step.
+
+    References
+    ----------
+    Mahony, Hamel, Pflimlin, "Nonlinear complementary filters on the special orthogonal group",
+    IEEE Transactions on Automatic Control 53 (2008), section V, here for one direction.
+    """
+    found = np.empty_like(force)
+    v, bias = start, np.zeros_like(start)
+    for i, dt in enumerate(steps[..., None]):
+        a = force[i]
+        v = np.einsum("rij,rj->ri", turns[i], v)
+        v = v - dt * _cross(v, bias)
+        bias = bias - K_I * dt * _cross(a, v)
+        # v × σ = a - v (v · a)
+        v = v + K_P * dt * (a - v * np.einsum("ri,ri->r", v, a)[:, None])
+        v = v / np.sqrt(np.einsum("ri,ri->r", v, v))[:, None]
+        found[i] = v
+    return found
+
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def _cross(a, b):
+    """Return ``a × b``, several times as fast as numpy's for few rows."""
+    return a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT]
