@@ -40,6 +40,7 @@ def test_a_device_of_which_nothing_is_known_has_the_reasons():
 def test_a_label_stays_on_its_line(each):
     plain, hostile = (each.text(device(label)).splitlines() for label in ("Board A", HOSTILE))
     assert len(plain) == len(hostile)
+    assert "\n".join(hostile).encode()
     changed = [line for line, other in zip(plain, hostile, strict=True) if line != other]
     assert all("Board A" in line for line in changed)
 
