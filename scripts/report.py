@@ -12,8 +12,10 @@ open_log(snakemake.log[0], "report")
 write_report(
     sections=snakemake.input.sections,
     summaries=snakemake.input.summaries,
+    exports=snakemake.input.exports,
     template=snakemake.input.template,
     style=snakemake.input.style,
+    script=snakemake.input.sorting,
     provenance=provenance(Path(snakemake.scriptdir).parent, params.command, params.config),
     report_path=snakemake.output.report,
     comparison_path=snakemake.output.comparison,

@@ -1,6 +1,8 @@
 """The report of a results folder as the stages leave it."""
 
+import base64
 import csv
+import hashlib
 import json
 import re
 from collections import Counter
@@ -8,19 +10,12 @@ from html.parser import HTMLParser
 
 import pytest
 
-from imuloop.report.calibration_tables import _words
+from imuloop.report.calibration_tables import parameter_words
 from imuloop.report.data_tables import _clipped
-from imuloop.report.report import write_report
-from imuloop.report.section import write_section
-from report.plausible_results import HOSTILE, write_results
+from report.build import build, joined_report
+from report.plausible_results import HOSTILE
 
 VOID = {"meta", "br", "link", "img", "input", "hr", "wbr"}
-PROVENANCE = {
-    "commit": "0123abc",
-    "command": "snakemake -c2 results/report.html",
-    "versions": {"numpy": "2.0"},
-    "config": {"devices": {"board": {"label": "<b>&"}}},
-}
 
 
 class Page(HTMLParser):
@@ -53,37 +48,6 @@ class Page(HTMLParser):
         return [e for e in self.elements if e["tag"] == tag]
 
 
-def _build(folder, repository):
-    devices = write_results(folder)
-    templates = repository / "workflow" / "templates"
-    for device, (label, kinds) in devices.items():
-        write_section(
-            device=device,
-            label=label,
-            folder=folder / device,
-            sessions=kinds,
-            template=templates / "section.html.j2",
-            section_path=folder / device / "section.html",
-            summary_path=folder / device / "summary.json",
-            figures_folder=folder / device / "figures",
-        )
-    write_report(
-        sections=[folder / device / "section.html" for device in devices],
-        summaries=[folder / device / "summary.json" for device in devices],
-        template=templates / "report.html.j2",
-        style=templates / "style.css",
-        provenance=PROVENANCE,
-        report_path=folder / "report.html",
-        comparison_path=folder / "comparison.csv",
-    )
-    return folder
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory, repository):
-    return _build(tmp_path_factory.mktemp("a") / "results", repository)
-
-
 @pytest.fixture(scope="module")
 def html(results):
     return (results / "report.html").read_text(encoding="utf-8")
@@ -100,7 +64,7 @@ def _written(folder):
 
 
 def test_a_second_run_gives_the_same_bytes(results, tmp_path, repository):
-    assert _written(_build(tmp_path / "results", repository)) == _written(results)
+    assert _written(build(tmp_path / "results", repository)) == _written(results)
 
 
 def test_ten_devices_stay_below_5_mb(results):
@@ -108,8 +72,14 @@ def test_ten_devices_stay_below_5_mb(results):
     assert 10 * (results / "board" / "section.html").stat().st_size < 4e6
 
 
-def test_nothing_is_requested_and_nothing_is_run(html, page):
-    assert not page.all("script") and not page.all("link") and not page.all("img")
+def test_nothing_is_requested_and_no_other_script_is_run(html, page):
+    # its own script, which the page allows by its hash
+    (script,) = page.all("script")
+    digest = base64.b64encode(hashlib.sha256(script["text"].encode()).digest()).decode()
+    (policy,) = (e for e in page.all("meta") if e.get("http-equiv"))
+    assert f"script-src 'sha256-{digest}';" in policy["content"]
+    assert policy["content"].startswith("default-src 'none';")
+    assert not page.all("link") and not page.all("img")
     assert not page.all("iframe") and not page.all("object")
     assert "@import" not in html and "url(http" not in html and "@font-face" not in html
     for element in page.elements:
@@ -119,7 +89,7 @@ def test_nothing_is_requested_and_nothing_is_run(html, page):
 
 
 def test_other_peoples_text_stays_text(html, page):
-    assert "<script" not in html and "<i>" not in html and "<b>" not in html
+    assert "<script>alert" not in html and "<i>" not in html and "<b>" not in html
     assert HOSTILE in page.text
     assert "_Board B $\\frac{1}{2}$" in page.text
     assert "no <b>temperature</b>" in page.text
@@ -141,16 +111,7 @@ def test_rejected_sessions_come_first_then_the_comparison(page):
 
 
 def test_no_rejected_session_is_said_too(results, tmp_path, repository):
-    templates = repository / "workflow" / "templates"
-    write_report(
-        sections=[results / "board" / "section.html"],
-        summaries=[results / "board" / "summary.json"],
-        template=templates / "report.html.j2",
-        style=templates / "style.css",
-        provenance=PROVENANCE,
-        report_path=tmp_path / "report.html",
-        comparison_path=tmp_path / "comparison.csv",
-    )
+    joined_report(results, ["board"], repository, tmp_path)
     text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert "No session was rejected." in text
     # one device is not the best of its kind
@@ -189,7 +150,9 @@ def test_tables_have_caption_scope_and_units(page):
 
 def test_axes_carry_units(page):
     for picture in (e for e in page.all("svg") if e.get("role") == "img"):
-        unit = re.search(r", (\(m/s²\)²|\(rad/s\)²|m/s²|rad/s|mg|°/s|°|%|s|min|h)", picture["text"])
+        unit = re.search(
+            r", (\(m/s²\)²|\(rad/s\)²|m/s²|rad/s|mrad|mg|°/s|°|%|s|min|h)", picture["text"]
+        )
         assert unit or "seen from +z" in picture["text"], picture["aria-label"]
 
 
@@ -264,4 +227,4 @@ def test_clipping_is_not_told_where_no_full_scale_is_known():
     [("K2", "scale factor z"), ("b0", "bias x"), ("T01", "misalignment xy"), ("G00", "G00")],
 )
 def test_a_parameter_is_named_by_its_axis(name, words):
-    assert _words(name) == words
+    assert parameter_words(name) == words

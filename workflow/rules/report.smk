@@ -15,7 +15,14 @@ rule report_device:
     output:
         section="results/{device}/section.html",
         summary="results/{device}/summary.json",
-        figures=directory("results/{device}/figures"),
+        figures=report(
+            directory("results/{device}/figures"),
+            patterns=["{figure}.svg"],
+            caption="../report/figure.rst",
+            category="Devices",
+            subcategory="{device}",
+            labels={"figure": "{figure}"},
+        ),
     log:
         "logs/report_device/{device}.log",
     benchmark:
@@ -36,11 +43,23 @@ rule report:
     input:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
+        exports=expand("results/{device}/exports", device=DEVICES),
         template=f"{TEMPLATES}/report.html.j2",
         style=f"{TEMPLATES}/style.css",
+        sorting=f"{TEMPLATES}/sorting.js",
     output:
-        report="results/report.html",
-        comparison="results/comparison.csv",
+        report=report(
+            "results/report.html",
+            caption="../report/report.rst",
+            category="Comparison",
+            labels={"figure": "all devices, all parts"},
+        ),
+        comparison=report(
+            "results/comparison.csv",
+            caption="../report/comparison.rst",
+            category="Comparison",
+            labels={"figure": "a row a device, SI"},
+        ),
     log:
         "logs/report/report.log",
     benchmark:

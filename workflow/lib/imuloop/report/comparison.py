@@ -3,10 +3,12 @@
 import csv
 from dataclasses import dataclass
 
+from imuloop.report.answer import ORDER
 from imuloop.report.numbers import (
     DEGREE_PER_SECOND,
     DEGREES,
     MILLI_G,
+    MILLIRADIAN,
     NO_NUMBER,
     NOISE_UNITS,
     PERCENT,
@@ -16,6 +18,7 @@ from imuloop.report.numbers import (
     with_sigma,
 )
 from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.summary import FIGURE_UNITS, PAIRS
 from imuloop.report.verdict import PARTS
 
 
@@ -44,34 +47,54 @@ COLUMNS = {
         Column("accelerometer_residual", "Held-out residual", MILLI_G),
         Column("accelerometer_bias", "Bias", MILLI_G),
         Column("accelerometer_scale", "Scale factor error", PERCENT),
+        Column("accelerometer_misalignment", "Misalignment", MILLIRADIAN),
         Column("accelerometer_N", "White noise", _A["N"][1]),
         Column("accelerometer_B", "Bias instability", _A["B"][1]),
+        Column("accelerometer_K", "Random walk", _A["K"][1]),
     ),
     "gyroscope": (
         Column("gyroscope_residual", "Held-out residual", DEGREES),
         Column("gyroscope_bias", "Bias", DEGREE_PER_SECOND),
         Column("gyroscope_scale", "Scale factor error", PERCENT),
+        Column("gyroscope_misalignment", "Misalignment", MILLIRADIAN),
         Column("gyroscope_N", "White noise", _G["N"][1]),
         Column("gyroscope_B", "Bias instability", _G["B"][1]),
+        Column("gyroscope_K", "Random walk", _G["K"][1]),
     ),
 }
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of the comparison: text, what stands below it in small, whether it is the best."""
+    """A cell of the comparison.
+
+    Attributes
+    ----------
+    text : str
+        What it says.
+    below : str
+        What stands below it in small.
+    best : bool
+        Whether it is the best of its column.
+    value : float or None
+        What the column is sorted by: a size in SI, or a rank.
+    """
 
     text: str
     below: str = ""
     best: bool = False
+    value: float | None = None
 
 
 def best_devices(summaries, key):
-    """Return the places of the devices whose figure is smallest; none if fewer than two have it."""
+    """Return the places of the devices whose figure is smallest; none if fewer than two have it.
+
+    What was not seen counts as large as its limit.
+    """
     sizes = {
-        i: abs(figure["value"])
+        i: figure["upper95"] if missing(figure["value"]) else abs(figure["value"])
         for i, s in enumerate(summaries)
-        if (figure := s["figures"].get(key)) and not missing(figure["value"])
+        if (figure := s["figures"].get(key))
     }
     return {i for i, v in sizes.items() if len(sizes) > 1 and v == min(sizes.values())}
 
@@ -92,21 +115,57 @@ def _cell(figure, display, best):
     if not figure:
         return Cell(NO_NUMBER)
     factor = display.factor
-    axis = f"axis {figure['axis']}" if figure.get("axis") else ""
-    upper = figure.get("upper95")
+    upper, logged, floor = (figure.get(key) for key in ("upper95", "as_logged", "floor"))
     limit = "" if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
-    logged = figure.get("as_logged")
-    logged = "" if missing(logged) else f"; as logged {number(logged * factor, 2)}"
+    below = [] if missing(logged) else [f"as logged {number(logged * factor, 2)}"]
     if missing(figure["value"]):
-        return Cell(limit, f"axis {figure['upper95_axis']}, 95 % limit{logged}")
+        below.insert(0, f"axis {figure['upper95_axis']}, 95 % limit")
+        return Cell(limit, "; ".join(below), best, upper)
     if limit:
-        axis += f"; {figure['upper95_axis']} {limit}"
-    if not missing(figure.get("floor")):
-        axis = f"floor {number(figure['floor'] * factor, 2)}"
-    axis += logged
+        below.insert(0, f"{figure['upper95_axis']} {limit}")
+    if figure.get("axis"):
+        below.insert(0, f"axis {figure['axis']}")
+    if not missing(floor):
+        below.insert(0, f"floor {number(floor * factor, 2)}")
     std = figure["std"]
     text = with_sigma(figure["value"] * factor, None if missing(std) else std * factor)
-    return Cell(text, axis, best)
+    return Cell(text, "; ".join(below), best, abs(figure["value"]))
+
+
+def verdict_rank(verdicts):
+    """Return what the column of verdicts is sorted by: poses first, then the static record."""
+    places = [ORDER.index(v) if (v := verdicts[part]["verdict"]) in ORDER else 9 for part in PARTS]
+    return 10 * places[0] + places[1]
+
+
+def tested(verdicts):
+    """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
+    words = {"poses": "poses", "static_record": "at\u00a0rest"}
+    return [(p, words[p]) for p in PARTS if verdicts[p]["verdict"] != "not_testable"]
+
+
+def rate_cell(summary):
+    """Return the rate of a device's logs."""
+    rate = summary["filter"].get("rate_hz")
+    return Cell(NO_NUMBER if missing(rate) else f"{rate:.4g}", value=rate)
+
+
+def filter_cells(summary):
+    """Return a device's noise as a filter takes it, in SI and in digits that programs read.
+
+    White noise and random walk of the accelerometer, then of the gyroscope.
+    """
+    return [
+        Cell(
+            f"{found['value']:.2e}",
+            f"{found['axis']}, not seen: 95 % limit" if found["limit"] else f"axis {found['axis']}",
+            value=found["value"],
+        )
+        if (found := summary["filter"].get(f"{sensor}_{term}"))
+        else Cell(NO_NUMBER)
+        for sensor in SENSORS
+        for term in "NK"
+    ]
 
 
 def write_comparison(path, summaries):
@@ -119,43 +178,33 @@ def write_comparison(path, summaries):
     summaries : list of dict
         Content of summary.json of each device.
     """
-    units = {
-        "residual": {"accelerometer": "m/s^2", "gyroscope": "rad"},
-        "bias": {"accelerometer": "m/s^2", "gyroscope": "rad/s"},
-        "scale": {"accelerometer": "1", "gyroscope": "1"},
-        "N": {"accelerometer": "m/s^2/sqrt(Hz)", "gyroscope": "rad/s/sqrt(Hz)"},
-        "B": {"accelerometer": "m/s^2", "gyroscope": "rad/s"},
-    }
-    header = ["device", "label", "simulated"]
-    for sensor in SENSORS:
-        header += [f"{sensor}_{part}_verdict" for part in PARTS]
-        for figure, unit in units.items():
-            name = f"{sensor}_{figure}"
-            header += [f"{name} [{unit[sensor]}]", f"{name}_std [{unit[sensor]}]"]
-            if figure in ("N", "B"):
-                header.append(f"{name}_upper95 [{unit[sensor]}]")
-        for figure in ("bias", "scale"):
-            for axis in XYZ:
-                name = f"{sensor}_{figure}_{axis}"
-                header += [f"{name} [{units[figure][sensor]}]"]
-                header += [f"{name}_std [{units[figure][sensor]}]"]
+    rows = [_row(s) for s in summaries]
     with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(_row(s, units) for s in summaries)
+        writer = csv.DictWriter(file, list(rows[0]) if rows else [], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
-def _row(summary, units):
-    row = [summary["device"], summary["label"], str(summary["simulated"]).lower()]
-    for sensor in SENSORS:
-        row += [summary["verdicts"][sensor][part]["verdict"] for part in PARTS]
-        for name in units:
+def _row(summary):
+    """Return a row of comparison.csv by its headers, the same for every device."""
+    row = {key: summary[key] for key in ("device", "label")}
+    row["simulated"] = str(summary["simulated"]).lower()
+    for sensor, units in FIGURE_UNITS.items():
+        for part in PARTS:
+            row[f"{sensor}_{part}_verdict"] = summary["verdicts"][sensor][part]["verdict"]
+        for name, unit in units.items():
             figure = summary["figures"].get(f"{sensor}_{name}", {})
-            keys = ("value", "std", "upper95") if name in ("N", "B") else ("value", "std")
-            row += ["" if missing(figure.get(key)) else repr(figure[key]) for key in keys]
-        for name in ("bias", "scale"):
-            content = summary["axes"].get(f"{sensor}_{name}")
-            for i in range(3):
-                pair = (content["value"][i], content["std"][i]) if content else (None, None)
-                row += ["" if missing(v) else repr(v) for v in pair]
+            for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):
+                header = f"{sensor}_{name}{'' if key == 'value' else f'_{key}'} [{unit}]"
+                row[header] = _digits(figure.get(key))
+        for name, axes in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
+            content = summary["axes"].get(f"{sensor}_{name}", {})
+            for i, axis in enumerate(axes):
+                for key, ending in (("value", ""), ("std", "_std")):
+                    value = content[key][i] if content else None
+                    row[f"{sensor}_{name}_{axis}{ending} [{units[name]}]"] = _digits(value)
     return row
+
+
+def _digits(value):
+    return "" if missing(value) else repr(value)

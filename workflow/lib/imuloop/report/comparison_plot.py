@@ -1,17 +1,22 @@
-"""All devices in one picture: Allan curves of one axis, biases and scale factor errors."""
+"""All devices in one picture: Allan curves of one axis, parameters with intervals."""
 
 import numpy as np
 
-from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, PERCENT, number
+from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT, number
 from imuloop.report.results import SENSORS, UNITS, XYZ
-from imuloop.report.svg import AXES, INK, PALETTE, Picture, decades, draw
+from imuloop.report.summary import PAIRS
+from imuloop.report.svg import INK, PALETTE, Picture, decades, draw
 
 DASHES = ("-", "--", ":")
+# colour and mark of each axis or pair of axes
+MARKS = tuple(zip(PALETTE, "os^Dvp", strict=False))
 INTERVALS = {
-    "accelerometer_bias": ("accelerometer bias", MILLI_G),
-    "accelerometer_scale": ("accelerometer scale factor error", PERCENT),
-    "gyroscope_bias": ("gyroscope bias", DEGREE_PER_SECOND),
-    "gyroscope_scale": ("gyroscope scale factor error", PERCENT),
+    "accelerometer_bias": ("accelerometer bias", MILLI_G, XYZ),
+    "gyroscope_bias": ("gyroscope bias", DEGREE_PER_SECOND, XYZ),
+    "accelerometer_scale": ("accelerometer scale factor error", PERCENT, XYZ),
+    "gyroscope_scale": ("gyroscope scale factor error", PERCENT, XYZ),
+    "accelerometer_misalignment": ("accelerometer misalignment", MILLIRADIAN, PAIRS),
+    "gyroscope_misalignment": ("gyroscope misalignment", MILLIRADIAN, PAIRS),
 }
 
 
@@ -77,38 +82,45 @@ def _allan_picture(sensor, axis, channel, curves):
 
 
 def interval_comparison(summaries, csv):
-    """Return pictures of bias and scale factor error with 95 % intervals, a row a device."""
+    """Return pictures of bias, scale factor error and misalignment with 95 % intervals."""
     return [
-        _interval_picture(key, words, display, rows, csv)
-        for key, (words, display) in INTERVALS.items()
+        _interval_picture(key, words, display, names, rows, csv)
+        for key, (words, display, names) in INTERVALS.items()
         if (rows := [(s["label"], s["axes"][key]) for s in summaries if key in s["axes"]])
     ]
 
 
-def _interval_picture(key, words, display, rows, csv):
+def _interval_picture(key, words, display, names, rows, csv):
     count = len(rows)
+    # what was not estimated is not a number
+    value, std = (
+        np.array([r[k] for _, r in rows], float) * display.factor for k in ("value", "std")
+    )
+    shown = np.flatnonzero(np.isfinite(value).any(axis=0))
 
     def plot(ax):
         ax.axvline(0, color=INK, lw=0.8)
-        for i, (colour, mark) in enumerate(zip(AXES, "os^", strict=True)):
-            value = np.array([r["value"][i] for _, r in rows], float) * display.factor
-            std = np.array([r["std"][i] for _, r in rows], float) * display.factor
-            place = np.arange(count) + 0.2 * (i - 1)
-            ax.errorbar(
-                value, place, xerr=1.96 * np.nan_to_num(std), fmt=mark, color=colour, ms=5, lw=1.5
-            )
-            ax.plot([], [], mark, color=colour, ms=5, label=XYZ[i])
-        names = [label if len(label) <= 22 else label[:21] + "…" for label, _ in rows]
-        ax.set_yticks(range(count), names)
+        offsets = np.linspace(-0.3, 0.3, len(shown)) if len(shown) > 3 else 0.2 * (shown - 1)
+        for i, offset in zip(shown, offsets, strict=True):
+            colour, mark = MARKS[i]
+            half = 1.96 * np.nan_to_num(std[:, i])
+            place = np.arange(count) + offset
+            ax.errorbar(value[:, i], place, xerr=half, fmt=mark, color=colour, ms=5, lw=1.5)
+            ax.plot([], [], mark, color=colour, ms=5, label=names[i])
+        labels = [label if len(label) <= 22 else label[:21] + "…" for label, _ in rows]
+        ax.set_yticks(range(count), labels)
         ax.set_ylim(count - 0.5, -0.5)
         ax.set_xlabel(f"{words}, {display.unit}")
-        ax.legend(loc="lower right", ncols=3, bbox_to_anchor=(1, 1), borderpad=0.2)
+        spacing = {"handletextpad": 0, "columnspacing": 0.8}
+        ax.legend(loc="lower right", ncols=6, bbox_to_anchor=(1.02, 1), borderpad=0.2, **spacing)
 
-    size = [(max(abs(v) for v in r["value"]) * display.factor, label) for label, r in rows]
-    caption = f"{words.capitalize()}, largest axis: " + ", ".join(
+    size = zip(np.nanmax(np.abs(value), axis=1), (label for label, _ in rows), strict=True)
+    largest = "largest axis" if names == XYZ else "largest pair of axes"
+    caption = f"{words.capitalize()}, {largest}: " + ", ".join(
         f"{label} {number(v)} {display.unit}" for v, label in sorted(size)
     )
     name = f"comparison.{key}"
-    svg = draw(name, caption, 380, 90 + 34 * count, plot, margins=(140, 12, 28, 42))
+    height = 90 + (34 if len(shown) <= 3 else 52) * count
+    svg = draw(name, caption, 380, height, plot, margins=(140, 12, 28, 42))
     note = "Bars: 95 % interval; where none shows, it is smaller than the mark."
     return Picture(name, svg, f"{caption}.", note, (csv,))

@@ -17,7 +17,6 @@ from imuloop.report.calibration_tables import (
     model_table,
     parameter_table,
     reasons,
-    strongest_correlation,
 )
 from imuloop.report.data_tables import data_table, segment_table, source_table, warnings
 from imuloop.report.deviation_plot import deviation_pictures
@@ -25,11 +24,12 @@ from imuloop.report.diagnosis_parts import diagnosis_parts
 from imuloop.report.diagnosis_tables import heldout_table
 from imuloop.report.noise_statistics import stability_table, statistics_tables
 from imuloop.report.noise_tables import coefficient_note, coefficient_table, uncut_table
-from imuloop.report.numbers import number
+from imuloop.report.parameter_plot import correlation_matrices
 from imuloop.report.pose_plot import pose_picture
 from imuloop.report.results import SENSORS, read_device
 from imuloop.report.spectrum_plot import correlation_pictures, density_pictures
 from imuloop.report.summary import summarise
+from imuloop.report.svg import write_svg
 from imuloop.report.time_series import session_pictures
 
 
@@ -58,7 +58,12 @@ def write_section(
     if figures.exists():
         shutil.rmtree(figures)
     figures.mkdir(parents=True)
-    html = render(template, device=found, sensors=tuple(SENSORS), **content(found, figures))
+    values = content(found, figures)
+    html = render(template, device=found, sensors=tuple(SENSORS), **values)
+    # for snakemake --report
+    for picture in (*values["allan"], *filter(None, [values["poses"]])):
+        name = picture.name.removeprefix(f"{found.name}.").replace(".", "_")
+        write_svg(figures, name, picture)
     write_json(summary_path, summarise(found))
     with replaced(section_path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
@@ -103,11 +108,7 @@ def content(device, figures):
         ],
         "reasons": reasons(device),
         "parameters": [t for s in SENSORS if (t := parameter_table(device, s))],
-        "correlations": [
-            (sensor, pair[0], pair[1], number(pair[2], 2))
-            for sensor in SENSORS
-            if final and (pair := strongest_correlation(getattr(final, sensor)))
-        ],
+        "matrices": correlation_matrices(device, figures),
         "model": [model_table(device, s) for s in SENSORS if final],
         "allan": [
             p

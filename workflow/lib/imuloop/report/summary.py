@@ -2,13 +2,38 @@
 
 import numpy as np
 
+from imuloop.report.advice import next_steps
 from imuloop.report.allan_plot import curve
+from imuloop.report.answer import answers
 from imuloop.report.numbers import missing, sigma_of
-from imuloop.report.results import FILE_UNITS, SENSORS, XYZ, base_parameters
+from imuloop.report.results import SENSORS, XYZ, base_parameters
 from imuloop.report.verdict import PARTS, block_of, brief, quoted, sentence, verdict_of
 
 # version of the JSON file
 FORMAT = 1
+# terms of misalignment, in the order of every list of them
+PAIRS = ("xy", "xz", "yx", "yz", "zx", "zy")
+# what the comparison holds of each sensor, with the unit in files
+FIGURE_UNITS = {
+    "accelerometer": {
+        "residual": "m/s^2",
+        "bias": "m/s^2",
+        "scale": "1",
+        "misalignment": "rad",
+        "N": "m/s^2/sqrt(Hz)",
+        "B": "m/s^2",
+        "K": "m/s^3/sqrt(Hz)",
+    },
+    "gyroscope": {
+        "residual": "rad",
+        "bias": "rad/s",
+        "scale": "1",
+        "misalignment": "rad",
+        "N": "rad/s/sqrt(Hz)",
+        "B": "rad/s",
+        "K": "rad/s^2/sqrt(Hz)",
+    },
+}
 
 
 def summarise(device):
@@ -23,8 +48,9 @@ def summarise(device):
     -------
     dict
         Content of summary.json: ``figures`` {name: {value, std, unit, axis, upper95}}, the
-        largest of three axes; ``axes`` {name: {unit, value, std}} for all three; ``allan``
-        {channel: {tau_s, adev}}; ``verdicts``, ``rejected``, ``logs``.
+        largest of three axes; ``axes`` {name: {unit, value, std}} for all three, or for the six
+        pairs of a misalignment; ``filter`` {name: {value, axis, limit}}, noise as a filter takes
+        it; ``allan`` {channel: {tau_s, adev}}; ``answers``, ``verdicts``, ``rejected``, ``logs``.
     """
     axes = _axes(device)
     return {
@@ -53,7 +79,10 @@ def summarise(device):
             }
             for sensor in SENSORS
         },
+        "answers": answers(device.diagnosis),
+        "advised": bool(next_steps(device)),
         "figures": _figures(device, axes),
+        "filter": _filter(device),
         "axes": axes,
         "allan": _allan(device),
         "allan_csv": _allan_csv(device),
@@ -66,7 +95,7 @@ def summarise(device):
 
 
 def _axes(device):
-    """Return bias and scale factor error of each axis of the final calibration, SI."""
+    """Return bias, scale factor error and misalignment of the final calibration, SI."""
     calibration = device.calibrations.get("final")
     if calibration is None:
         return {}
@@ -74,10 +103,19 @@ def _axes(device):
     for sensor in SENSORS:
         content = getattr(calibration, sensor)
         base = base_parameters(content)
-        for key, letter, unit in (("bias", "b", FILE_UNITS[sensor]), ("scale", "K", "1")):
+        for key, letter in (("bias", "b"), ("scale", "K")):
             if f"{letter}0" in content.names:
                 value, std = base[key]
+                unit = FIGURE_UNITS[sensor][key]
                 found[f"{sensor}_{key}"] = {"unit": unit, "value": value, "std": std}
+        places = [(XYZ.index(i), XYZ.index(j)) for i, j in PAIRS]
+        pairs = [
+            base["misalignment"][i, j] if f"T{i}{j}" in content.names else (None, None)
+            for i, j in places
+        ]
+        if any(value is not None for value, _ in pairs):
+            value, std = zip(*pairs, strict=True)
+            found[f"{sensor}_misalignment"] = {"unit": "rad", "value": value, "std": std}
     return found
 
 
@@ -94,7 +132,7 @@ def _figures(device, axes):
                 "unit": residual["unit"],
                 "floor": residual.get("floor"),
             }
-        for key, unit in (("N", f"{FILE_UNITS[sensor]}/sqrt(Hz)"), ("B", FILE_UNITS[sensor])):
+        for key in "NBK":
             logged = device.noise.get("axes", {})
             # what the added effects explain is no noise
             change = block_of(device.diagnosis, sensor, "static_record").get("noise") or {}
@@ -106,18 +144,41 @@ def _figures(device, axes):
                 before = _largest_noise(logged, channels, key) if change else None
                 if before and before["value"] != figure["value"]:
                     figure["as_logged"] = before["value"]
-                figures[f"{sensor}_{key}"] = {**figure, "unit": unit}
-        for key in ("bias", "scale"):
+                figures[f"{sensor}_{key}"] = {**figure, "unit": FIGURE_UNITS[sensor][key]}
+        for key, names in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
             content = axes.get(f"{sensor}_{key}")
             if content:
-                i = int(np.abs(content["value"]).argmax())
+                i = int(np.nanargmax(np.abs(np.array(content["value"], float))))
                 figures[f"{sensor}_{key}"] = {
                     "value": content["value"][i],
                     "std": content["std"][i],
                     "unit": content["unit"],
-                    "axis": XYZ[i],
+                    "axis": names[i],
                 }
     return figures
+
+
+def _filter(device):
+    """Return white noise and random walk as a filter takes them, SI; rate_hz where it is known.
+
+    One number a sensor, that of the worst axis as logged; of a term that was not seen the 95 %
+    upper limit. The exports give the same.
+    """
+    rates = [s.quality.get("rate_hz") for s in device.used]
+    axes = device.noise.get("axes", {})
+    found = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
+    for sensor, channels in SENSORS.items():
+        for key in ("N", "K"):
+            figure = _largest_noise(axes, channels, key)
+            if figure:
+                limit = not missing(figure["upper95"])
+                value, axis = ("upper95", "upper95_axis") if limit else ("value", "axis")
+                found[f"{sensor}_{key}"] = {
+                    "value": figure[value],
+                    "axis": figure[axis],
+                    "limit": limit,
+                }
+    return found
 
 
 def _largest_noise(axes, channels, key):

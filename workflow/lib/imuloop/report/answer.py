@@ -1,0 +1,65 @@
+"""The answer on a device in a line: is each sensor good, what was missing, what is left."""
+
+from imuloop.report.numbers import joined, number, with_unit
+from imuloop.report.results import SENSORS
+from imuloop.report.verdict import PARTS, block_of, reason_of, verdict_of
+
+# verdicts from the best news to none
+ORDER = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
+
+
+def answers(diagnosis):
+    """Return what to say of a device first: sensor, verdict and words of each sensor.
+
+    Poses come first: they test the calibration. A static record is named where it says more, or
+    where there are no poses.
+
+    Parameters
+    ----------
+    diagnosis : dict
+        Content of diagnosis.json.
+    """
+    said = []
+    for sensor in SENSORS:
+        poses, still = (block_of(diagnosis, sensor, part) for part in PARTS)
+        if verdict_of(poses) != "not_testable":
+            verdict, words = verdict_of(poses), _words(poses)
+            if verdict_of(still) not in ("consistent", "not_testable"):
+                words += f"; at rest {_words(still)}"
+        elif verdict_of(still) != "not_testable":
+            verdict, words = verdict_of(still), f"at rest {_words(still)}; no poses to test it"
+        else:
+            verdict, words = "not_testable", f"not testable: {reason_of(poses)}"
+        said.append((sensor, verdict, words))
+    return said
+
+
+def _words(block):
+    """Return what a tested block says."""
+    effects = joined([e["name"].replace("_", " ") for e in block.get("effects") or []])
+    return {
+        "consistent": "good to its noise",
+        "explained": f"good to its noise with {effects} corrected",
+        "partly_explained": f"better with {effects} corrected, but something is still missing",
+        "unexplained": "something is missing that no known effect explains",
+    }.get(verdict_of(block), verdict_of(block))
+
+
+def best_words(summaries, columns):
+    """Return who has the smallest held-out residual of each sensor; empty below two devices.
+
+    Parameters
+    ----------
+    summaries : list of dict
+        Content of summary.json of each device.
+    columns : dict
+        The comparison's columns by sensor; the first is the held-out residual.
+    """
+    words = []
+    for sensor, (column, *_) in columns.items():
+        found = [(f["value"], s["label"]) for s in summaries if (f := s["figures"].get(column.key))]
+        if len(found) > 1:
+            value, label = min(found)
+            size = with_unit(number(value * column.display.factor, 2), column.display.unit)
+            words.append(f"{sensor} – {label}, {size}")
+    return words
