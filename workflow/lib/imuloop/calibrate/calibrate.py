@@ -30,6 +30,25 @@ def usable(sessions, kind):
     return [(session, table) for session, table in chosen if len(table)]
 
 
+def without_pose(sessions, kind):
+    """Return why there is no pose of one kind; arguments as of `usable`."""
+    tables = {n: read_segments(s["segments"]) for n, s in sessions.items() if s["kind"] == kind}
+    became = [
+        f"{name} {'has no rest that is a pose' if len(table) else 'was rejected'}"
+        for name, table in tables.items()
+    ]
+    return ": ".join([f"no {kind} session with a pose", *([", ".join(became)] if became else [])])
+
+
+def told(reason, sessions):
+    """Return a reason; of poses that are missing also what became of the sessions."""
+    for kind in ("multi_position", "six_position"):
+        bare = without_pose({}, kind)
+        if reason and reason.startswith(bare):
+            return reason.replace(bare, without_pose(sessions, kind), 1)
+    return reason
+
+
 def read_poses(sessions, kind):
     """Return the poses of the sessions of one kind; arguments as of `usable`."""
     return gather_poses([table for _, table in usable(sessions, kind)])
@@ -191,7 +210,7 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
     """
     poses = recording.poses
     if not len(poses):
-        return SensorCalibration.nominal(unit, "no multi_position session with a pose")
+        return SensorCalibration.nominal(unit, without_pose({}, "multi_position"))
     if reason := poses.unknown_noise(noise, ANGULAR_RATE):
         return SensorCalibration.nominal(unit, reason)
     force = calibrated_force(force, recording, noise)
@@ -255,7 +274,7 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
         Accelerometer, gyroscope.
     """
     if not len(poses):
-        reason = "no six_position session with a pose"
+        reason = without_pose({}, "six_position")
         return tuple(SensorCalibration.nominal(unit, reason) for unit in units)
     faces = six_position.find_faces(poses.f, settings.face_tolerance)
     reason = six_position.untestable_faces(faces)
@@ -313,9 +332,16 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     # the gyroscope needs the direction of gravity, from whichever calibration there is
     turn = calibrate_gyroscope(multi, model, best(force, six_sensors[0]), units[1], settings)
     if not len(multi.poses) and len(static):
-        turn = rest_bias(static, model, units[1], "no multi_position session: bias only")
-    six_calibration = Calibration(device, gravity, *six_sensors)
-    multi_calibration = Calibration(device, gravity, force, turn)
+        reason = f"{without_pose({}, 'multi_position')}; bias only"
+        turn = rest_bias(static, model, units[1], reason)
+    six_calibration, multi_calibration = (
+        Calibration(
+            device,
+            gravity,
+            *(replace(s, not_testable=told(s.not_testable, sessions)) for s in sensors),
+        )
+        for sensors in (six_sensors, (force, turn))
+    )
     six_calibration.to_json(six_path)
     multi_calibration.to_json(multi_path)
     return six_calibration, multi_calibration

@@ -275,11 +275,6 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
     """
     poses = recording.poses
     means = poses.mean_covariance(noise)[3:]
-    # ordered pose by pose, the three axes of each together
-    n = len(poses)
-    rates = np.zeros((n, 3, n, 3))
-    for axis in range(3):
-        rates[:, axis, :, axis] = means[axis]
     model = gyroscope_model(recording, force, None, effects, known, bias)
     x = model.start()
     if start is not None:
@@ -289,7 +284,7 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
     for _ in range(3 if start is None and (effects or known) else 2):
         model = gyroscope_model(recording, force, x, effects, known, bias)
         errors = rotation_covariance(model, x, poses.session, force.direction_covariance, noise)
-        covariance = block_diag(rates.reshape(3 * n, 3 * n), errors)
+        covariance = residual_covariance(means, errors)
 
         base = x.copy()
 
@@ -302,6 +297,16 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
         result = fit(residuals, x[free], covariance)
         x[free] = result.x
     return replace(result, x=x), model, covariance
+
+
+def residual_covariance(means, errors):
+    """Return the covariance of pose rates, (3, n, n), and rotation errors, one after the other."""
+    n = means.shape[1]
+    # ordered pose by pose, the three axes of each together
+    rates = np.zeros((n, 3, n, 3))
+    for axis in range(3):
+        rates[:, axis, :, axis] = means[axis]
+    return block_diag(rates.reshape(3 * n, 3 * n), errors)
 
 
 def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):

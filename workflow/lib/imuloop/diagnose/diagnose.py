@@ -6,11 +6,12 @@ import numpy as np
 
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects  # noqa: F401
-from imuloop.calibrate.calibrate import best, read_recording, usable
+from imuloop.calibrate.calibrate import best, read_recording, told, usable
 from imuloop.core.files import replaced, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.attitude import validate_attitude
+from imuloop.diagnose.next_recording import next_recording
 from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.static_correction import write_allan
@@ -116,6 +117,9 @@ def diagnose_device(
             for sensor, solution in zip(SENSORS, (force_solution, turn_solution), strict=True)
         },
     )
+    for block in (force, turn):
+        if "why" in block:
+            block["why"] = told(block["why"], sessions)
     diagnosis = {
         "format": FORMAT,
         "device": device,
@@ -123,6 +127,12 @@ def diagnose_device(
             "accelerometer": {"poses": force, "static_record": still.content["accelerometer"]},
             "gyroscope": {"poses": turn, "static_record": still.content["gyroscope"]},
         },
+        "next_recording": next_recording(
+            dict(zip(SENSORS, (force_model, turn_model), strict=True)),
+            dict(zip(SENSORS, (force_solution, turn_solution), strict=True)),
+            final,
+            recording,
+        ),
     }
     write_json(diagnosis_path, diagnosis)
     for name, session in sessions.items():

@@ -135,6 +135,20 @@ class AccelerometerPoses:
         kinds = {"gravity_norm": np.arange(n)[:, None].repeat(2, axis=1)}
         return linear(values, jacobian, p, shapes, kinds, {"gravity_norm": 1})
 
+    def covariance(self, solution, recording):
+        """Return the predicted covariance of the residuals of any recording."""
+        model = self._model(solution, recording)
+        return model.covariance(solution.x, recording.poses.mean_covariance(self.noise)[:3])
+
+    def effect_sizes(self, solution, recording):
+        """Return what one unit of each effect's parameter does, root mean square, (p,), SI."""
+        return _size(self._model(solution, recording).design)
+
+    def _model(self, solution, recording):
+        return accelerometer.accelerometer_model(
+            recording, self.gravity, solution.x, solution.effects, self.known
+        )
+
 
 @dataclass(frozen=True)
 class GyroscopePoses:
@@ -233,3 +247,33 @@ class GyroscopePoses:
             "rotation": np.column_stack([first, first + 1]),
         }
         return linear(values, jacobian, p, shapes, kinds, {"pose_rate": 3, "rotation": 2})
+
+    def covariance(self, solution, recording):
+        """Return the predicted covariance of the residuals of any recording."""
+        noise, poses = self.force.noise, recording.poses
+        model, force = self._model(solution, recording)
+        errors = gyroscope.rotation_covariance(
+            model, solution.x, poses.session, force.direction_covariance, noise
+        )
+        return gyroscope.residual_covariance(poses.mean_covariance(noise)[3:], errors)
+
+    def effect_sizes(self, solution, recording):
+        """Return what one unit of each effect's parameter does, root mean square, (p,), SI.
+
+        At the poses or along the rotations, whichever is more.
+        """
+        model, _ = self._model(solution, recording)
+        along = model.rotation_design.reshape(-1, *model.rotation_design.shape[2:])
+        return np.maximum(_size(model.rate_design), _size(along))
+
+    def _model(self, solution, recording):
+        force = calibrated_force(solution.accelerometer, recording, self.force.noise)
+        model = gyroscope.gyroscope_model(
+            recording, force, solution.x, solution.effects, self.known
+        )
+        return model, force
+
+
+def _size(design):
+    """Return the root mean square of the vectors of a design, (n, 3, p) to (p,)."""
+    return np.sqrt((design**2).sum(axis=1).mean(axis=0))

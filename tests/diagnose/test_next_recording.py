@@ -1,0 +1,199 @@
+"""What the next recording is expected to do is what it does: simulated, added and fitted again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, difference, known_noise
+from diagnose.planned_log import simulate_plan
+from imuloop.calibrate.planned import FULL_TURN_S
+from imuloop.calibrate.recording import record
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import FittedEffect
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.noise_model import AxisNoise, NoiseModel
+from imuloop.core.samples import CHANNELS
+from imuloop.diagnose.effects.bias_temperature import BiasTemperature
+from imuloop.diagnose.next_recording import candidate_plans, next_recording
+from imuloop.diagnose.outlook import outlook
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import Session, example_truth
+
+SENSORS = ("accelerometer", "gyroscope")
+HOLD_S, MOVE_S = 4.0, 2.0
+SESSION = Session("multi_position", 3, poses=14, rest_s=(HOLD_S, HOLD_S), move_s=(MOVE_S, MOVE_S))
+TRUTH = example_truth(sessions={"multi_position": SESSION})
+SETTINGS = CalibrateSettings()
+
+
+def recorded(*samples):
+    segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
+    return record(list(samples), segments, SETTINGS.longest_rotation)
+
+
+def fitted(recording, noise):
+    """Return models, solutions and the calibration of a recording."""
+    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
+    turn = GyroscopePoses(force, None, (), RATE_UNIT)
+    models = dict(zip(SENSORS, (force, turn), strict=True))
+    solutions = {sensor: model.fit(recording) for sensor, model in models.items()}
+    sensors = (solutions[sensor].calibration for sensor in SENSORS)
+    return models, solutions, Calibration("example", TRUTH.gravity, *sensors)
+
+
+def expectation(seed, truth=TRUTH):
+    """Return what is expected of a simulated device, the plans, and its first samples."""
+    first = simulate_session(truth, "multi_position", seed)
+    recording = recorded(first)
+    models, solutions, calibration = fitted(recording, known_noise(truth))
+    content = next_recording(models, solutions, calibration, recording)
+    views = {s: outlook(models[s], solutions[s], None, None, recording) for s in SENSORS}
+    return content, candidate_plans(recording, calibration, views), first
+
+
+def comparison(seed, chosen):
+    """Return what comes after the candidates chosen: expected σ, σ and error of a fit, by sensor.
+
+    The reduced χ² of a few poses is mostly chance, so it is taken out of both.
+    """
+    content, plans, first = expectation(seed)
+    noise = known_noise(TRUTH)
+    found = {sensor: [] for sensor in SENSORS}
+    for k, (entry, plan) in enumerate(plans):
+        if (entry["name"], entry["turns"] or entry["poses"]) not in chosen:
+            continue
+        # by hand as before: what was planned is what the segmentation saw of it
+        planned = np.broadcast_to(plan.move_s, len(plan.turns))
+        move = np.where(planned < FULL_TURN_S, MOVE_S, FULL_TURN_S)
+        more = simulate_plan(TRUTH, plan, seed, HOLD_S, move)
+        _, solutions, calibration = fitted(recorded(first, more), noise)
+        for sensor in SENSORS:
+            expected = content["sensors"][sensor]["candidates"][k]
+            assert {key: expected[key] for key in entry} == entry
+            solution = solutions[sensor]
+            names = solution.calibration.names
+            wanted = np.array([expected["std"][n] for n in names])
+            wanted = wanted / np.sqrt(content["sensors"][sensor]["excess"])
+            std = np.sqrt(np.diag(solution.calibration.covariance))
+            std = std / np.sqrt(max(1.0, solution.chi2 / solution.dof))
+            error = difference(getattr(calibration, sensor), getattr(TRUTH, sensor), names)
+            found[sensor].append((wanted, std, error))
+    assert all(len(rows) == len(chosen) for rows in found.values())
+    return {sensor: np.array(rows) for sensor, rows in found.items()}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_expected_errors_are_those_of_a_fit_with_the_recording_added(seed):
+    for sensor, rows in comparison(seed, {("poses", 20), ("turns", 16)}).items():
+        ratio = rows[:, 0] / rows[:, 1]
+        assert np.all(np.abs(ratio - 1) < 0.15), (sensor, ratio)
+
+
+@pytest.fixture(scope="module")
+def content():
+    return expectation(4)[0]
+
+
+def test_the_same_session_again_halves_the_variance(content):
+    for found in content["sensors"].values():
+        again = next(c for c in found["candidates"] if c["name"] == "again")
+        for name, now in found["parameters"].items():
+            assert again["std"][name] == pytest.approx(now["std"] / np.sqrt(2))
+
+
+def test_more_poses_never_raise_an_error(content):
+    for found in content["sensors"].values():
+        rows = [c["std"] for c in found["candidates"] if c["name"] == "poses"]
+        now = {name: p["std"] for name, p in found["parameters"].items()}
+        for less, more in zip([now, *rows], rows, strict=False):
+            assert all(more[name] < less[name] for name in now)
+
+
+def test_turns_are_as_many_as_the_level_needs(content):
+    turns = content["turns"]
+    assert turns["std_after"] < turns["std"]
+    assert turns["std_after"] <= turns["level"] or turns["turns"] == 64
+    axis = "xyz".index(turns["axis"])
+    stds = [content["sensors"]["gyroscope"]["parameters"][f"K{i}"]["std"] for i in range(3)]
+    assert turns["std"] == max(stds) == stds[axis]
+    assert 0 < turns["largest_deg"][axis] <= 180.0 < turns["turned_deg"][axis]
+
+
+def test_an_error_weighs_as_much_as_it_moves_the_output(content):
+    noise = known_noise(TRUTH)
+    one = np.sqrt(noise.pose_mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])
+    force = content["sensors"]["accelerometer"]["parameters"]
+    turn = content["sensors"]["gyroscope"]["parameters"]
+    assert force["K1"]["weight"] == pytest.approx(force["K1"]["std"] * TRUTH.gravity / one[1])
+    assert turn["T20"]["weight"] == pytest.approx(turn["T20"]["std"] * np.radians(100) / one[5])
+    assert turn["b0"]["weight"] == pytest.approx(turn["b0"]["std"] / one[3])
+
+
+def test_without_a_session_a_first_one_is_expected_from_the_noise_alone():
+    noise = known_noise(TRUTH)
+    recording = record([], [], 30.0)
+    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
+    turn = GyroscopePoses(force, None, (), RATE_UNIT)
+    nominal = Calibration(
+        "example",
+        TRUTH.gravity,
+        SensorCalibration.nominal(ACCELERATION_UNIT, "none"),
+        SensorCalibration.nominal(RATE_UNIT, "none"),
+    )
+    content = next_recording(
+        {"accelerometer": force, "gyroscope": turn},
+        dict.fromkeys(SENSORS),
+        nominal,
+        recording,
+    )
+    assert content["turns"] == {}
+    # as the simulated 40 poses are calibrated, within the difference of their attitudes
+    _, solutions, _ = fitted(
+        recorded(simulate_session(example_truth(), "multi_position", 1)), noise
+    )
+    for sensor in SENSORS:
+        found = content["sensors"][sensor]
+        assert all(p["std"] is None for p in found["parameters"].values())
+        (first,) = found["candidates"]
+        solution = solutions[sensor]
+        actual = solution.calibration.std
+        excess = np.sqrt(max(1.0, solution.chi2 / solution.dof))
+        ratio = np.array([first["std"][n] / actual[n] * excess for n in actual])
+        assert np.all((ratio > 0.6) & (ratio < 1.6)), ratio
+
+
+def test_heating_and_cooling_shows_what_a_temperature_does():
+    values = dict.fromkeys(BiasTemperature().parameters, 1e-4)
+    effect = FittedEffect(BiasTemperature(), values, {})
+    warm = replace(SESSION, temperature=((0.0, 20.0), (400.0, 22.0)))
+    truth = replace(
+        TRUTH,
+        gyroscope=replace(TRUTH.gyroscope, effects=(effect,)),
+        sessions={"multi_position": warm},
+    )
+    recording = recorded(simulate_session(truth, "multi_position", 5))
+    force = AccelerometerPoses(known_noise(truth), TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
+    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
+    effects = {"accelerometer": (), "gyroscope": (BiasTemperature(),)}
+    solutions = {s: model.fit(recording, effects[s]) for s, model in models.items()}
+    sensors = (solutions[sensor].calibration for sensor in SENSORS)
+    calibration = Calibration("example", TRUTH.gravity, *sensors)
+    content = next_recording(models, solutions, calibration, recording)
+    found = content["sensors"]["gyroscope"]
+    by_name = {(c["name"], c["poses"]): c for c in found["candidates"]}
+    (name, *_) = (n for n in found["parameters"] if n.startswith("bias_temperature."))
+    heated, not_heated = (by_name[k, 20]["std"][name] for k in ("heat_and_cool", "poses"))
+    assert by_name["heat_and_cool", 20]["span_K"] == pytest.approx(20.0)
+    assert heated < 0.3 * not_heated < found["parameters"][name]["std"]
+
+
+def test_nothing_is_expected_where_the_noise_is_unknown():
+    noise = NoiseModel("example", {c: AxisNoise() for c in CHANNELS})
+    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
+    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
+    none = dict.fromkeys(SENSORS)
+    assert next_recording(models, none, None, record([], [], 30.0)) == {}

@@ -1,0 +1,105 @@
+"""What a sensor's parameters are known to, and what another recording would add to it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from imuloop.diagnose.pose_models import Solution
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is known of a sensor's parameters, and what a recording would add.
+
+    Attributes
+    ----------
+    model : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    solution : Solution
+        About which the residuals are linear.
+    information : ndarray, shape (p, p)
+        ``Jᵀ Σ⁻¹ J`` of what was recorded; zero of what was not.
+    names : tuple of str
+        The parameters.
+    excess : float
+        Reduced chi square by which variances are multiplied, at least 1.
+    """
+
+    model: object
+    solution: Solution
+    information: np.ndarray
+    names: tuple[str, ...]
+    excess: float = 1.0
+
+    def std(self, *more):
+        """Return standard errors by name, of what was recorded and of more; None where unknown."""
+        total = self.information + sum(more)
+        size = np.sqrt(np.diag(total))
+        if not np.all(size > 0):
+            return dict.fromkeys(self.names)
+        scaled = total / np.outer(size, size)
+        if np.linalg.cond(scaled) > 1e10:
+            return dict.fromkeys(self.names)
+        variance = np.diag(np.linalg.inv(scaled)) / size**2 * self.excess
+        return dict(zip(self.names, np.sqrt(variance).tolist(), strict=True))
+
+    def adds(self, recording):
+        """Return the information of another recording, of independent noise."""
+        return information(self.model, self.solution, recording)
+
+
+def information(model, solution, recording):
+    """Return ``Jᵀ Σ⁻¹ J`` of a recording about a solution, shape (p, p).
+
+    Parameters
+    ----------
+    model : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    solution : Solution
+        Where the derivative is taken.
+    recording : Recording
+        Poses and rotations.
+    """
+    jacobian = model.linearise(solution, recording).jacobian
+    root = cholesky(model.covariance(solution, recording), lower=True)
+    white = solve_triangular(root, jacobian, lower=True)
+    return white.T @ white
+
+
+def outlook(model, solution, calibration, force, recording):
+    """Return the Outlook of a sensor.
+
+    Parameters
+    ----------
+    model : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    solution : Solution or None
+        Its fit; None where the poses determine none.
+    calibration, force : SensorCalibration
+        The sensor's and the accelerometer's, to linearise about without a fit.
+    recording : Recording
+        Poses and rotations, of which there may be none.
+    """
+    if solution is not None:
+        root = cholesky(solution.covariance, lower=True)
+        white = solve_triangular(root, solution.jacobian, lower=True)
+        reduced = solution.chi2 / solution.dof if solution.dof > 0 else 1.0
+        return Outlook(
+            model, solution, white.T @ white, solution.calibration.names, max(1.0, reduced)
+        )
+    upper = model.sensor == "accelerometer"
+    pairs = [(i, j) for i in range(3) for j in range(3) if (i < j if upper else i != j)]
+    unit = calibration.raw_unit
+    x = np.concatenate(
+        [[calibration.T[p] for p in pairs], calibration.K / unit.scale, unit.to_si(calibration.b)]
+    )
+    names = (*(f"T{i}{j}" for i, j in pairs), *(f"{p}{i}" for p in "Kb" for i in range(3)))
+    nothing = np.zeros((0, len(x)))
+    # effects from elsewhere may need channels that a plan has not
+    force = replace(force, effects=())
+    start = Solution((), x, calibration, force, np.nan, 0, {}, nothing[:, :0], nothing)
+    known = np.zeros((len(x), len(x)))
+    if len(recording.poses) and len(recording.rotations):
+        known = information(model, start, recording)
+    return Outlook(model, start, known, names)
