@@ -86,12 +86,21 @@ def test_a_key_reruns_what_depends_on_it(finished, checkout, config):
         return planned(checkout, folder, {**config, "devices": devices})
 
     assert changed("posed") == set()
-    assert changed("posed", label="Other") == {"report_device posed", "report report"}
-    after_calibration = {"calibrate posed", "diagnose_posed posed", "report_device posed"}
-    assert changed("posed", gravity=9.81) == {*after_calibration, "report report"}
+    assert changed("posed", label="Other") == {
+        "export posed",
+        "report_device posed",
+        "report report",
+    }
+    after_calibration = {"calibrate posed", "diagnose_posed posed", "export posed"}
+    assert changed("posed", gravity=9.81) == {
+        *after_calibration,
+        "report_device posed",
+        "report report",
+    }
     noise = {"noise_resting resting", "calibrate resting", "diagnose_resting resting"}
     assert changed("resting", noise={"points_per_decade": 5}) == {
         *noise,
+        "export resting",
         "report_device resting",
         "report report",
     }
@@ -101,6 +110,7 @@ def test_a_key_reruns_what_depends_on_it(finished, checkout, config):
     devices = {**config["devices"], "posed": posed}
     assert planned(checkout, folder, {"defaults": defaults, "devices": devices}) == {
         "diagnose_resting resting",
+        "export resting",
         "report_device resting",
         "report report",
     }
@@ -125,6 +135,7 @@ def test_an_edit_reruns_what_it_reaches_and_a_comment_nothing(finished, checkout
     assert {job.split()[0] for job in planned(checkout, folder)} == {
         "diagnose_posed",
         "diagnose_resting",
+        "export",
         "report_device",
         "report",
     }
