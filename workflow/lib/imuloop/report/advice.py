@@ -1,13 +1,20 @@
-"""What to do next with a device, as it follows from its results."""
+"""What to do next with a device, as it follows from its numbers."""
 
-import numpy as np
-
-from imuloop.report.pose_plot import direction_words, largest_hole, pose_directions
+from imuloop.report.heat_and_cool import heat_and_cool
+from imuloop.report.numbers import missing
+from imuloop.report.record_length import initial_rest, static_record
+from imuloop.report.recording_gain import (
+    best_recording,
+    enough,
+    first_session,
+    hole,
+    turns_needed,
+)
 from imuloop.report.results import SENSORS
-from imuloop.report.verdict import PARTS, block_of, leading, verdict_of
+from imuloop.report.verdict import PARTS, block_of, leading, quoted, shown, verdict_of
 
-# a hole in the attitudes covered that is worth another pose, degrees
-WIDE_HOLE = 50.0
+# sentences a device
+MOST = 5
 
 # what a person can do about a residual, by what it goes with
 _ATTITUDE = (
@@ -42,44 +49,64 @@ def what_next(block):
 
 
 def next_steps(device):
-    """Return what would help most, a sentence each.
+    """Return what would help most, a sentence each, what gains most first.
+
+    The gain is a share: of a standard error, of a residual above its floor, of an upper limit.
+    What is not known at all, for want of a recording, gains all of it.
 
     Parameters
     ----------
     device : Device
         Its results.
     """
-    steps = [
-        f"Record session {s.name} again, or correct its entry in the config: it was rejected."
-        for s in device.sessions
-        if s.rejected
-    ]
-    kinds = {s.kind for s in device.used}
-    if "multi_position" not in kinds:
-        steps.append(
-            "Record a multi_position session: one minute at rest, then 20 or more rests of a few "
-            "seconds in attitudes spread over the sphere, turned by hand between them. Without it "
-            "misalignment and the gyroscope's scale factor stay unknown."
-        )
-    else:
-        directions = np.concatenate(list(pose_directions(device).values()) or [np.zeros((0, 3))])
-        hole, angle = largest_hole(directions) if len(directions) else (None, 0.0)
-        if np.degrees(angle) > WIDE_HOLE:
-            steps.append(
-                f"Add poses with “up” around {direction_words(hole)}: the nearest is "
-                f"{np.degrees(angle):.0f}° away."
+    sources = (
+        _rejected,
+        first_session,
+        _unexplained,
+        best_recording,
+        hole,
+        turns_needed,
+        initial_rest,
+        static_record,
+        heat_and_cool,
+    )
+    found = sorted((step for source in sources for step in source(device)), key=lambda s: -s[0])
+    steps, last = [text for _, text in found[:MOST]], enough(device)
+    if not steps:
+        return [f"Nothing needed. {last}".strip()]
+    return [*steps[: MOST - 1], last] if last else steps
+
+
+def _rejected(device):
+    """Yield what to do about rejected sessions."""
+    for s in device.sessions:
+        if s.rejected:
+            reasons = "; ".join(s.quality.get("reasons") or []) or "no reason given"
+            yield (
+                1.0,
+                f"Record session {s.name} again, or correct its entry in the config: it was "
+                f"rejected ({reasons.rstrip('.')}).",
             )
-    if "static" not in kinds:
-        steps.append(
-            "Record two hours or more at rest: short rests show white noise, but bias "
-            "instability and random walk only as upper limits."
-        )
+
+
+def _unexplained(device):
+    """Yield what to do about residuals above their floor."""
     for sensor in SENSORS:
         for part, words in PARTS.items():
             block = block_of(device.diagnosis, sensor, part)
-            if verdict_of(block) in ("unexplained", "partly_explained"):
-                steps.append(
-                    f"{sensor.capitalize()}, {words}: something that the model lacks is in the "
-                    f"data. {what_next(block)}"
-                )
-    return steps
+            if verdict_of(block) not in ("unexplained", "partly_explained"):
+                continue
+            _, residual = quoted(sensor, block)
+            after, floor = residual.get("after"), residual.get("floor")
+            gain = 0.0 if missing(after) or missing(floor) or not after else 1 - floor / after
+            size = (
+                f" (held-out error {shown(residual, 'after', 2)}, floor "
+                f"{shown(residual, 'floor', 2)})"
+                if gain > 0
+                else ""
+            )
+            yield (
+                max(gain, 0.0),
+                f"{sensor.capitalize()}, {words}: something that the model lacks is in the "
+                f"data{size}. {what_next(block)}",
+            )

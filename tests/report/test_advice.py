@@ -1,0 +1,208 @@
+"""Advice is made of a device's own numbers, what gains most first."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from imuloop.core.samples import CHANNELS
+from imuloop.core.sphere import fibonacci_lattice
+from imuloop.report.advice import MOST, next_steps
+from imuloop.report.recording_words import attitude_words, parameter_words, sigma_words
+from imuloop.report.results import Device, Session
+
+SENSORS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
+
+def poses(up, initial_s=50.0):
+    """Return segments with a rest for each upward direction."""
+    up = np.asarray(up, dtype=float)
+    start = np.concatenate([[0.0], initial_s + 6.0 * np.arange(len(up) - 1)])
+    means = {f"{c}_mean": np.zeros(len(up)) for c in CHANNELS}
+    means |= {f"a{axis}_mean": 9.8 * up[:, i] for i, axis in enumerate("xyz")}
+    end = np.concatenate([[initial_s], start[1:] + 4.0])
+    rows = {"start_s": start, "end_s": end, "kind": "static", "pose": np.arange(len(up)), "n": 400}
+    return pd.DataFrame(rows | means)
+
+
+def session(name, kind, segments=None, status="ok", duration_s=300.0, path=None, reasons=()):
+    segments = pd.DataFrame({"pose": []}) if segments is None else segments
+    if path is None:
+        path = "none"
+    quality = {"status": status, "reasons": list(reasons), "duration_s": duration_s}
+    return Session(name, kind, quality | {"rate_hz": 100.0}, {}, path, segments, {}, None)
+
+
+@pytest.fixture
+def plain_samples(tmp_path):
+    """Return a file of samples without a temperature."""
+    path = tmp_path / "plain.parquet"
+    pq.write_table(pa.table({"t": np.arange(3.0)}), path)
+    return path
+
+
+def coefficient(value=None, upper=None):
+    return {"value": value, "ci95": None, "upper95": upper, "identifiable": value is not None}
+
+
+def noise(**changed):
+    axis = {k: coefficient(1e-5) for k in "QNBKR"} | {"gauss_markov": [], "sinusoid": []}
+    axis |= {"N": coefficient(1e-3), "B": coefficient(1e-4)}
+    return {"axes": {c: {**axis, **changed} for c in CHANNELS}}
+
+
+def diagnosis(weight=0.5, gain=0.5, **changed):
+    """Return a diagnosis whose 20 more poses lower every σ by a share."""
+    content = {}
+    for sensor, output in SENSORS.items():
+        units = {"K": "1", "b": output, "T": "rad"}
+        names = ["K0", "K1", "K2", "b0", "b1", "b2", "T01", "T02", "T12"]
+        weights = {"K": weight, "T": weight, "b": 0.1}
+        parameters = {
+            n: {"unit": units[n[0]], "std": 3.1e-4, "weight": weights[n[0]]} for n in names
+        }
+        entry = {"name": "poses", "poses": 20, "turns": 0, "axis": None, "duration_s": 180.0}
+        entry |= {"up": [0, 0, -1.0], "std": {n: 3.1e-4 * (1 - gain) for n in names}}
+        content[sensor] = {"excess": 1.0, "parameters": parameters, "candidates": [entry]}
+    turns = {"axis": "z", "std": 3.1e-4, "std_after": 3.1e-4, "level": 1e-3}
+    turns |= {"poses": 12, "turns": 4}
+    turns |= {"turned_deg": [900.0, 800.0, 200.0], "largest_deg": [170.0, 160.0, 40.0]}
+    blocks = {"poses": {"verdict": "consistent"}, "static_record": {"verdict": "consistent"}}
+    sensors = dict.fromkeys(SENSORS, blocks)
+    return {"sensors": sensors, "next_recording": {"sensors": content, "turns": turns}} | changed
+
+
+def device(path, **changed):
+    """Return a device with nothing wrong."""
+    up = fibonacci_lattice(40)
+    sessions = (
+        session("turns", "multi_position", poses(up), path=path),
+        session("rest", "static", duration_s=7200.0, path=path),
+    )
+    values = {"noise": noise(), "diagnosis": diagnosis(), "sessions": sessions} | changed
+    return Device("imu", "IMU", None, calibrations={}, **values)
+
+
+def test_a_healthy_device_needs_nothing(plain_samples):
+    (step,) = next_steps(device(plain_samples))
+    assert step.startswith("Nothing needed. Enough poses and turns")
+    assert "0.5" in step
+
+
+def test_the_next_recording_is_said_with_the_error_before_and_after(plain_samples):
+    (step,) = next_steps(device(plain_samples, diagnosis=diagnosis(weight=5.0)))
+    assert "20 more poses" in step and "z axis down" in step
+    assert "scale factor from 310 to 160\u202fppm" in step
+
+
+def test_a_recording_that_gains_too_little_is_not_advised(plain_samples):
+    (step,) = next_steps(device(plain_samples, diagnosis=diagnosis(weight=5.0, gain=0.05)))
+    assert step.startswith("Nothing needed. No recording that was tried")
+
+
+def test_a_hole_is_named_with_what_poses_there_gain(plain_samples):
+    up = fibonacci_lattice(60)
+    up = up[up[:, 0] > -0.3]
+    sessions = (
+        session("turns", "multi_position", poses(up), path=plain_samples),
+        session("rest", "static", duration_s=7200.0, path=plain_samples),
+    )
+    steps = next_steps(device(plain_samples, sessions=sessions))
+    assert "Add poses with x axis down: the nearest is" in steps[0]
+    assert "from 310 to 160\u202fppm" in steps[0]
+
+
+def test_turns_are_asked_for_about_the_axis_that_was_turned_least(plain_samples):
+    content = diagnosis(weight=5.0, gain=0.0)
+    content["next_recording"]["turns"] |= {"level": 1e-4, "std_after": 8e-5, "turns": 16}
+    step = next_steps(device(plain_samples, diagnosis=content))[0]
+    assert "The rotations about z are too small" in step
+    assert "known to 310\u202fppm" in step and "200° in all, 40° in the largest" in step
+    assert "16 turns of 360° about z" in step and "80\u202fppm" in step
+
+
+def test_a_longer_record_is_asked_for_in_hours(plain_samples):
+    known = noise(K=coefficient(upper=1e-4), B=coefficient(1e-5))
+    step = next_steps(device(plain_samples, noise=known))[0]
+    assert step.startswith("Record ") and "h at rest (2.0\u202fh now)" in step
+    assert "K of all six axes" in step
+    seen = noise(K=coefficient(upper=2e-6), B=coefficient(1e-5))
+    assert next_steps(device(plain_samples, noise=seen))[0].startswith("Nothing needed")
+
+
+def test_a_first_session_is_as_long_as_the_readme_says(plain_samples, repository):
+    lonely = device(plain_samples, sessions=(session("rest", "static", path=plain_samples),))
+    step = next_steps(lonely)[0]
+    assert "Record a multi_position session" in step
+    readme = " ".join((repository / "README.md").read_text(encoding="utf-8").split())
+    assert "alone for 50 s" in readme and "about 40 attitudes" in readme
+    assert "50\u202fs at rest" in step and "about 40 rests" in step
+
+
+def test_a_rejected_session_is_named_and_no_other_asked_for(plain_samples):
+    gone = session("turns", "multi_position", status="rejected", reasons=["no rows"])
+    steps = next_steps(device(plain_samples, sessions=(gone,), diagnosis={}))
+    assert "session turns again" in steps[0] and "(no rows)" in steps[0]
+    assert not any("Record a multi_position session" in step for step in steps)
+
+
+def warm(path, course):
+    t = np.linspace(0, 7200, 500)
+    pq.write_table(pa.table({"t": t, "temperature": 20 + 15 * course(t / 7200)}), path)
+    return path
+
+
+def test_a_temperature_that_only_rose_asks_for_heating_and_cooling(plain_samples, tmp_path):
+    good = device(plain_samples)
+    path = warm(tmp_path / "warm.parquet", lambda u: u)
+    step = next_steps(
+        replace(
+            good,
+            sessions=(good.sessions[0], session("day", "static", duration_s=7200.0, path=path)),
+        )
+    )[0]
+    assert step.startswith("Heat and cool: in session day the temperature only rose (20")
+    path = warm(tmp_path / "both.parquet", lambda u: 1 - abs(2 * u - 1))
+    both = session("day", "static", duration_s=7200.0, path=path)
+    steps = next_steps(replace(good, sessions=(good.sessions[0], both)))
+    assert steps[0].startswith("Nothing needed")
+
+
+def test_what_is_unexplained_is_said_with_its_floor(plain_samples):
+    residual = {"unit": "rad", "n": 30, "floor": 1e-3, "before": 4e-3, "after": 4e-3}
+    content = diagnosis()
+    block = {"verdict": "unexplained", "residuals": {"rotation": residual}}
+    content["sensors"] = content["sensors"] | {"gyroscope": {"poses": block}}
+    step = next_steps(device(plain_samples, diagnosis=content))[0]
+    assert "held-out error 0.23°, floor 0.057°" in step
+
+
+def test_advice_is_short_and_ordered_by_gain(plain_samples):
+    rejected = [session(f"s{k}", "static", status="rejected") for k in range(7)]
+    good = device(plain_samples, diagnosis=diagnosis(weight=5.0))
+    steps = next_steps(replace(good, sessions=(*good.sessions, *rejected)))
+    assert len(steps) == MOST
+    two = next_steps(replace(good, sessions=(*good.sessions, rejected[0])))
+    assert "rejected" in two[0] and "20 more poses" in two[1]
+
+
+@pytest.mark.parametrize(
+    ("up", "words"),
+    [
+        ([0, 0, 1], "z axis up"),
+        ([-np.cos(np.pi / 6), np.sin(np.pi / 6), 0], "x axis down, tilted 30° towards +y"),
+        ([0.5, 0.5, -np.sqrt(0.5)], "z axis down, tilted 45° towards +x and +y"),
+    ],
+)
+def test_attitudes_in_words(up, words):
+    assert attitude_words(up) == words
+
+
+def test_parameters_and_their_errors_in_words():
+    assert parameter_words("gyroscope", "K2") == "the gyroscope's z scale factor"
+    assert parameter_words("gyroscope", "g_sensitivity.G00") == "the gyroscope's g_sensitivity G00"
+    assert sigma_words("1", 3.1e-4, 1.4e-4) == "310 to 140\u202fppm"
+    assert sigma_words("rad", 4e-4) == "0.40\u202fmrad"
