@@ -76,10 +76,11 @@ def test_units_per_sample_are_those_of_simulated_samples(rate):
 
 def test_every_coefficient_stands_in_three_systems_with_their_units(board):
     table = coefficient_table(board, "accelerometer")
-    sample = "Per sample at 20 Hz"
-    assert table.columns[:4] == ("Coefficient, axis", "SI", "Data sheet", sample)
+    sample = "Per sample at 20 Hz, discrete"
+    si = "SI, continuous time"
+    assert table.columns[:4] == ("Coefficient, axis", si, "Data sheet", sample)
     units = row_of(table, "N, white")
-    assert (units["SI"], units["Data sheet"]) == ("m/s²/√Hz", "µg/√Hz\nm/s/√h")
+    assert (units[si], units["Data sheet"]) == ("m/s²/√Hz", "µg/√Hz\nm/s/√h")
     assert units[sample] == "m/s², σ of a sample"
     found = row_of(table, "N, x")
     white = N["a"]

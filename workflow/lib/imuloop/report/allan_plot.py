@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from imuloop.core.noise_model import AxisNoise
+from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.report.numbers import NOISE_UNITS, coefficient_text, missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
-from imuloop.report.svg import AXES, Picture, decades, draw, write_csv
+from imuloop.report.svg import AXES, INK, Picture, draw, write_csv
 
 NOTE = (
-    "How much two neighbouring means over τ seconds differ. Falling at −½: white noise, averaging "
-    "helps. Lowest part: the best that averaging can do. Rising: the bias wanders. Band: 95 % "
-    "interval; dashed: fitted model."
+    "How much two neighbouring means over τ seconds differ. Falling at −½: white noise N, "
+    "averaging helps. Lowest part: the best that averaging can do, B. Rising: the bias wanders, K "
+    "and R. GM: a Gauss–Markov process. Good: the dashed model stays in the band, and the curve "
+    "still falls at the times over which you average."
 )
 CORRECTED_NOTE = (
     "Dotted: as logged. Solid, with its 95 % interval: after the effects were taken out. Where the "
@@ -70,13 +71,11 @@ def _corrected_picture(device, session, sensor, curves, folder):
         for colour, (raw, after) in zip(AXES, curves.values(), strict=True):
             handles += ax.loglog(after["tau_s"], after["adev"], color=colour)
             band = (after[c].to_numpy() for c in ("tau_s", "ci_low", "ci_high"))
-            ax.fill_between(*band, color=colour, alpha=0.2, lw=0)
+            ax.fill_between(*band, color=colour)
             ax.loglog(raw["tau_s"], raw["adev"], color=colour, ls=":", lw=1.6)
-        decades(ax.xaxis)
-        decades(ax.yaxis)
         ax.set_xlabel("averaging time τ, s")
         ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
-        ax.legend(handles, XYZ, loc="best", ncols=3)
+        ax.legend(handles, XYZ)
 
     parts = [f"{axis} {text}" for axis, pair in curves.items() if (text := _fall(sensor, *pair))]
     caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
@@ -90,13 +89,19 @@ def _corrected_picture(device, session, sensor, curves, folder):
 
 def _fall(sensor, raw, after):
     """Return by how much the correction lowers a curve where it lowers it most."""
-    both = raw.merge(after, on="tau_s", suffixes=("", "_after"))
-    if not len(both):
+    if not len(raw) or not len(after):
         return ""
-    most = both.loc[(both["adev"] / both["adev_after"]).idxmax()]
+    tau, adev = raw["tau_s"].to_numpy(), raw["adev"].to_numpy()
+    inside = (tau >= after["tau_s"].iloc[0]) & (tau <= after["tau_s"].iloc[-1])
+    if not inside.any():
+        return ""
+    tau, adev = tau[inside], adev[inside]
+    # the two may have other averaging times
+    level = np.exp(np.interp(np.log(tau), np.log(after["tau_s"]), np.log(after["adev"])))
+    k = int((adev / level).argmax())
     return (
-        f"{number(most['adev'], 2)} → {with_unit(number(most['adev_after'], 2), UNITS[sensor])} "
-        f"at {with_unit(number(most['tau_s'], 2), 's')}"
+        f"{number(adev[k], 2)} → {with_unit(number(level[k], 2), UNITS[sensor])} at "
+        f"{with_unit(number(tau[k], 2), 's')}"
     )
 
 
@@ -107,27 +112,55 @@ def curve(allan, axis, stage="corrected"):
     return (chosen if len(chosen) else rows[rows["stage"] == "raw"]).sort_values("tau_s")
 
 
+def _terms(content, tau):
+    """Return the Allan deviation of each term of a model alone, by its letter."""
+    terms = {}
+    for key in "QNBKR":
+        if not missing((content.get(key) or {}).get("value")):
+            known = {key: Coefficient.from_dict(content[key])}
+            terms[key] = np.sqrt(AxisNoise(**known).allan_variance(tau))
+    whole = AxisNoise.from_dict(content)
+    for key, letter in (("gauss_markov", "GM"), ("sinusoid", "line")):
+        for process in getattr(whole, key):
+            alone = AxisNoise(**{key: (process,)})
+            terms[letter] = np.sqrt(terms.get(letter, 0) ** 2 + alone.allan_variance(tau))
+    return terms
+
+
 def _picture(device, session, sensor, channels, axes, csv):
     curves = {c: curve(session.allan, c, "raw") for c in channels}
 
-    def plot(ax):
-        handles = []
-        for colour, (channel, rows) in zip(AXES, curves.items(), strict=True):
-            tau, adev = rows["tau_s"].to_numpy(), rows["adev"].to_numpy()
-            handles += ax.loglog(tau, adev, color=colour)
-            ax.fill_between(tau, rows["ci_low"], rows["ci_high"], color=colour, alpha=0.2, lw=0)
-            if channel in axes and len(tau):
-                grid = np.geomspace(tau[0], tau[-1], 60)
-                model = AxisNoise.from_dict(axes[channel]).allan_variance(grid)
-                if (model > 0).all():
-                    ax.loglog(grid, np.sqrt(model), color=colour, ls="--", lw=1)
-        decades(ax.xaxis)
-        decades(ax.yaxis)
-        ax.set_xlabel("averaging time τ, s")
-        ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
-        ax.legend(handles, XYZ, loc="best", ncols=3)
+    def plot(areas):
+        levels = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
+        levels = np.concatenate([v[v > 0] for v in levels])
+        for ax, axis, colour, (channel, rows) in zip(areas, XYZ, AXES, curves.items(), strict=True):
+            ax.set_xlabel(f"{axis}: averaging time τ, s")
+            if not len(rows):
+                continue
+            tau = rows["tau_s"].to_numpy()
+            ax.fill_between(tau, rows["ci_low"], rows["ci_high"], color=colour)
+            handles = ax.loglog(tau, rows["adev"], color=colour, lw=1.6)
+            labels = ["measured, 95 % band"]
+            # a term may lie far below the curve
+            ax.set_ylim(levels.min() / 1.3, levels.max() * 1.3)
+            grid = np.geomspace(tau[0], tau[-1], 30)
+            content = axes.get(channel)
+            model = AxisNoise.from_dict(content).allan_variance(grid) if content else np.zeros(1)
+            if (model > 0).all():
+                for letter, values in _terms(content, grid).items():
+                    part = ax.loglog(grid, values, color=INK, ls=":", lw=1)
+                    shown = np.flatnonzero(values > levels.min() * 1.5)
+                    if len(shown):
+                        # at the end where the term is largest
+                        at = shown[values[shown].argmax()]
+                        side = "left" if at < len(grid) / 2 else "right"
+                        ax.text(grid[at], values[at], letter, side, "bottom", fontsize=10)
+                whole = ax.loglog(grid, np.sqrt(model), color=INK, ls="--", lw=1.2)
+                handles, labels = handles + whole + part, [*labels, "model", "its terms"]
+        areas[0].set_ylabel(f"Allan deviation, {UNITS[sensor]}")
+        areas[-1].legend(handles, labels)
 
-    caption = f"{session.name}, {sensor}: {_finding(sensor, channels, axes)}"
+    caption = f"{session.name}, {sensor}: {_finding(sensor, channels, axes)}{_fit(curves, axes)}"
     lowest = "; ".join(
         f"{axis} lowest {rows['adev'].min():.3g} {UNITS[sensor]} at "
         f"{rows.loc[rows['adev'].idxmin(), 'tau_s']:.3g} s"
@@ -135,8 +168,27 @@ def _picture(device, session, sensor, channels, axes, csv):
         if len(rows)
     )
     name = f"{device.name}.{session.name}.allan_{sensor}"
-    svg = draw(name, f"Allan deviation, {sensor}, session {session.name}: {lowest}", 440, 300, plot)
-    return Picture(name, svg, caption, NOTE, (csv,))
+    svg = draw(
+        name,
+        f"Allan deviation, {sensor}, session {session.name}: {lowest}",
+        1000,
+        280,
+        plot,
+        columns=(1, 1, 1),
+        sharey=True,
+    )
+    return Picture(name, svg, caption, NOTE, (csv,), wide=True)
+
+
+def _fit(curves, axes):
+    """Return at how many averaging times the model lies within the band."""
+    inside, count = 0, 0
+    for channel, rows in curves.items():
+        if channel in axes:
+            model = np.sqrt(AxisNoise.from_dict(axes[channel]).allan_variance(rows["tau_s"]))
+            inside += int(((rows["ci_low"] <= model) & (model <= rows["ci_high"])).sum())
+            count += len(rows) if (model > 0).all() else 0
+    return f" The model lies in the band at {inside} of {count} averaging times." if count else ""
 
 
 def _finding(sensor, channels, axes):

@@ -16,7 +16,7 @@ NOTE = (
 )
 WARM_NOTE = f"{NOTE} Where they follow the temperature below, that is the first thing to look at."
 # stretches that a line is cut into, two points each
-BUCKETS = 110
+BUCKETS = 90
 
 
 def bias_pictures(device, sensor, block, folder):
@@ -81,7 +81,6 @@ def _picture(device, sensor, session, points, block, folder):
     csv = write_csv(folder, f"{session}_bias_{sensor}", pd.DataFrame(columns))
     unit, size = clock(t[-1])
     drawn = 1 if after is None else 3
-    rows = drawn + (logged is not None)
 
     def line(ax, y, colour, width=1.0):
         chosen = extremes(y, BUCKETS)
@@ -97,7 +96,7 @@ def _picture(device, sensor, session, points, block, folder):
         return handle
 
     def plot(axes):
-        axes = np.atleast_1d(axes)
+        axes = axes if isinstance(axes, list) else [axes]
         if after is None:
             handles = [
                 h
@@ -119,18 +118,11 @@ def _picture(device, sensor, session, points, block, folder):
             line(axes[-1], logged, PURPLE, 1.4)
             axes[-1].set_ylabel("°C")
         axes[-1].set_xlabel(f"time, {unit}")
-        axes[0].legend(
-            handles,
-            words,
-            loc="lower right",
-            ncols=len(words),
-            bbox_to_anchor=(1, 1),
-            borderpad=0.2,
-        )
+        axes[0].legend(handles, words)
 
     caption = _finding(session, sensor, before, after, floor, logged, display)
     name = f"{device.name}.{session}.bias_{sensor}"
-    shape = {"height_ratios": [3 if drawn == 1 else 2] * drawn + [1.4] * (rows - drawn)}
+    rows = (3 if drawn == 1 else 2,) * drawn + (1.4,) * (logged is not None)
     height = 270 + 70 * (logged is not None) + (130 if drawn == 3 else 0)
     svg = draw(
         name,
@@ -141,7 +133,6 @@ def _picture(device, sensor, session, points, block, folder):
         margins=(62, 12, 28, 42),
         rows=rows,
         sharex=True,
-        gridspec_kw=shape,
     )
     return Picture(name, svg, caption, NOTE if logged is None else WARM_NOTE, (csv,))
 

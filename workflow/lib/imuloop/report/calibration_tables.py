@@ -25,8 +25,6 @@ METHOD_WORDS = {
     "static": "rests only: bias alone",
     "nominal": "data sheet, nothing estimated",
 }
-# a correlation below which two parameters are told apart well
-TOLD_APART = 0.5
 NOT_ESTIMATED = "not estimated"
 BIAS = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 
@@ -114,22 +112,21 @@ def model_table(device, sensor):
     )
 
 
-def strongest_correlation(sensor):
-    """Return the two parameters that the data tell apart worst, and their correlation."""
+def correlations(sensor):
+    """Return the correlations of a sensor's parameters, shape (p, p); None where not known.
+
+    Parameters
+    ----------
+    sensor : SensorCalibration
+        A calibration.
+    """
     if sensor.covariance is None or len(sensor.names) < 2:
         return None
     std = np.sqrt(np.diag(sensor.covariance))
-    if not (std > 0).all():
-        return None
-    r = sensor.covariance / np.outer(std, std)
-    np.fill_diagonal(r, 0)
-    i, j = np.unravel_index(np.abs(r).argmax(), r.shape)
-    if abs(r[i, j]) < TOLD_APART:
-        return None
-    return _words(sensor.names[i]), _words(sensor.names[j]), float(r[i, j])
+    return sensor.covariance / np.outer(std, std) if (std > 0).all() else None
 
 
-def _words(name):
+def parameter_words(name):
     """Return a parameter's name as the tables have it: K0 as scale factor x."""
     letter, axes = name[0], name[1:]
     if letter not in "TKb" or not set(axes) <= set("012"):

@@ -48,13 +48,13 @@ def _picture(device, sensor, part, residual, probes, count, folder):
 
     def plot(ax):
         place = np.arange(len(probes))
-        ax.barh(place, shares, color=[BLUE if s else GRID for s in sure], height=0.62)
+        ax.barh(place, shares, [BLUE if s else GRID for s in sure])
         for y, share, text in zip(place, shares, told, strict=True):
-            ax.text(share + 0.01 * limit, y, text, va="center", fontsize=10)
+            ax.text(share + 0.01 * limit, y, text, fontsize=10)
         ax.set_yticks(place, words)
-        ax.grid(axis="y", visible=False)
+        ax.grid_of = {"x"}
         ax.set_xlim(0, limit)
-        ax.set_xticks([tick for tick in ax.get_xticks() if tick <= min(limit, 100)])
+        ax.set_ylim(-0.5, len(probes) - 0.5)
         ax.set_xlabel("share of the residual explained, %")
 
     # room for the numbers beside the longest bar

@@ -9,7 +9,7 @@ from imuloop.report.allan_plot import curve
 from imuloop.report.numbers import missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.spectrum_plot import view
-from imuloop.report.svg import INK, PALETTE, Picture, decades, draw, write_csv
+from imuloop.report.svg import INK, PALETTE, Picture, draw, write_csv
 
 NOTE = "Different definitions: never compare one with another, nor its lowest part with B."
 
@@ -56,15 +56,11 @@ def _picture(device, session, sensor, found, csv):
             for colour, (name, rows) in zip(cycle(PALETTE), found.items(), strict=False):
                 rows = rows[rows["axis"] == channel]
                 handles += ax.loglog(rows["x"], rows["value"], color=colour)
-                ax.fill_between(
-                    rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.1, lw=0
-                )
+                ax.fill_between(rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.1)
                 labels.append(words(name))
-            decades(ax.xaxis)
             ax.set_xlabel(f"{axis}: averaging time τ, s")
-        decades(panels[0].yaxis)
         panels[0].set_ylabel(f"deviation, {UNITS[sensor]}")
-        panels[-1].legend(handles, labels, loc="upper left", bbox_to_anchor=(1.02, 1))
+        panels[-1].legend(handles, labels, beside=True)
 
     caption = f"{session.name}, {sensor}: {_finding(session, sensor, found)}."
     name = f"{device.name}.{session.name}.deviations_{sensor}"
@@ -75,7 +71,7 @@ def _picture(device, session, sensor, found, csv):
         300,
         plot,
         margins=(58, 130, 12, 40),
-        columns=3,
+        columns=(1, 1, 1),
         sharey=True,
     )
     note = " ".join([NOTE, *(f"{label(n)}." for n in found)])

@@ -8,6 +8,7 @@ from imuloop.report.bias_plot import bias_pictures
 from imuloop.report.correlate_plot import correlate_pictures
 from imuloop.report.diagnosis_tables import blocks, effect_tables, effect_units, steps_table
 from imuloop.report.ranking import limit_table, ranking_table, twin_table
+from imuloop.report.ranking_plot import ranking_pictures
 from imuloop.report.residual_plot import residual_pictures
 from imuloop.report.static_tables import heldout_by_session, noise_change_table, session_tables
 from imuloop.report.svg import Picture
@@ -33,6 +34,8 @@ class Part:
         What was added and its parameters, what it changed.
     allan : list of Picture
         Allan deviation as logged and corrected.
+    candidates : list of Picture
+        What each effect alone does to the held-out error.
     ranking, limits, twins : Table or None
         All candidates; their detection limits; those that cannot be told apart.
     left : list of Picture
@@ -48,6 +51,7 @@ class Part:
     residuals: list[Picture]
     effects: list[Table]
     allan: list[Picture]
+    candidates: list[Picture]
     ranking: Table | None
     limits: Table | None
     twins: Table | None
@@ -96,6 +100,7 @@ def _part(device, sensor, part, block, folder):
         pictures,
         [t for t in tables if t],
         allan,
+        ranking_pictures(device, sensor, part, block, folder),
         ranking_table(sensor, part, block),
         limit_table(sensor, part, block),
         twin_table(sensor, part, block),

@@ -22,7 +22,8 @@ NOTE = (
     "the flat part of the Allan curve divided by 0.664, not the scatter of means, which is below."
 )
 SAMPLE_NOTE = (
-    "Per sample: what a filter needs that runs at the logged {rate} Hz. N·√rate is the standard "
+    "SI: what Kalibr, OpenVINS and VINS-Fusion call noise density (N) and random walk (K). Per "
+    "sample: what a filter needs that runs at the logged {rate} Hz. N·√rate is the standard "
     "deviation of a sample only if the sensor passes the whole band up to {half} Hz; quantisation "
     "adds √2·Q·rate; K/√rate is the step of the walk from sample to sample; R/rate the change; "
     "B has no rate and stays. None of these is a density of a data sheet."
@@ -53,9 +54,9 @@ def coefficient_table(device, sensor):
         f"{sensor.capitalize()}: noise coefficients, value ± 1 σ, in three systems of units",
         (
             "Coefficient, axis",
-            "SI",
+            "SI, continuous time",
             "Data sheet",
-            f"Per sample at {rate:.4g} Hz" if rate else "Per sample, rate not known",
+            f"Per sample at {rate:.4g} Hz, discrete" if rate else "Per sample, rate not known",
             "95 % interval",
             *(("Allan-curve fit, a check only",) if fits else ()),
             "Remark",

@@ -5,15 +5,23 @@ import pandas as pd
 
 from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import fibonacci_lattice
-from imuloop.report.numbers import number
-from imuloop.report.svg import BLUE, GRID, INK, ORANGE, VERMILLION, Picture, draw, write_csv
+from imuloop.report.numbers import joined, number
+from imuloop.report.svg import BLUE, GRID, ORANGE, VERMILLION, Picture, draw, write_csv
 
 MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}
 NOTE = (
     "Each mark is a pose: the direction of “up” in the sensor's frame, seen from +z (left) and "
-    "from −z (right), equal areas. A direction without marks is a direction in which errors "
-    "stay unseen; the orange ring is the largest such hole."
+    "from −z (right), equal areas; rings every 30°. Good: marks all over both halves, no hole "
+    "wider than 50°. A direction without marks is one in which errors stay unseen: add poses where "
+    "the red ring is, the middle of the largest hole."
 )
+# the six faces, and the cosine of the angle within which a pose is on one, 20 degrees
+FACES = {
+    f"{sign}{axis}": np.eye(3)[i] * (1 if sign == "+" else -1)
+    for i, axis in enumerate("xyz")
+    for sign in "+−"
+}
+NEAR = 0.94
 
 
 def largest_hole(directions):
@@ -71,36 +79,54 @@ def pose_picture(device, folder):
         circle = np.exp(1j * np.linspace(0, 2 * np.pi, 61))
         for ax, sign, title in zip(axes, (1, -1), ("seen from +z", "seen from −z"), strict=True):
             ax.set_axis_off()
-            ax.set_aspect("equal")
+            ax.set_xlim(-1.3, 1.3)
+            # one unit as long up as aside
+            ax.set_ylim(-1.45, 2.6 * ax.height / ax.width - 1.45)
             # rings at 30, 60 and 90 degrees from the pole
             for ring in (30, 60, 90):
                 r = np.sqrt(2) * np.sin(np.radians(ring) / 2)
                 ax.plot(r * circle.real, r * circle.imag, color=GRID, lw=0.8)
             for kind, u in directions.items():
                 mark, colour = MARKS[kind]
-                x, y = _project(u, sign)
-                ax.plot(x, y, mark, color=colour, ms=5, mew=0)
-            x, y = _project(hole[None], sign)
-            ax.plot(x, y, "o", color=VERMILLION, ms=15, mfc="none", mew=2)
+                seen = u[:, 2] * sign >= 0
+                said = [f"{kind}, “up” {_components(v)}" for v in u[seen]]
+                ax.plot(*_project(u[seen], sign), mark, color=colour, ms=6, titles=said)
+            if hole[2] * sign >= 0:
+                x, y = _project(hole[None], sign)
+                ring = 0.12 * circle
+                ax.plot(x + ring.real, y + ring.imag, color=VERMILLION, lw=2.5)
             for text, x, y in (
                 ("+x" if sign > 0 else "−x", 1.17, 0),
                 ("−x" if sign > 0 else "+x", -1.17, 0),
                 ("+y", 0, 1.14),
                 ("−y", 0, -1.14),
             ):
-                ax.text(x, y, text, ha="center", va="center")
-            ax.text(0, -1.33, title, ha="center", va="center", color=INK)
-            ax.set_xlim(-1.25, 1.25)
-            ax.set_ylim(-1.42, 1.22)
+                ax.text(x, y, text, "center")
+            ax.text(0, -1.36, title, "center")
 
     counts = " and ".join(f"{len(u)} {kind} poses" for kind, u in directions.items())
+    missing = [words for words, u in FACES.items() if (everything @ u).max() < NEAR]
+    faces = f"no pose within 20° of {joined(missing)}" if missing else "all six faces are covered"
     caption = (
-        f"{counts}; the largest hole is around {direction_words(hole)}, "
+        f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
     name = f"{device.name}.poses"
-    svg = draw(name, f"Attitudes covered: {caption}", 440, 240, plot, (4, 4, 4, 4), 1, 2)
+    svg = draw(
+        name,
+        f"Attitudes covered: {caption}",
+        440,
+        240,
+        plot,
+        (4, 4, 4, 4),
+        columns=(1, 1),
+        gap=(8, 0),
+    )
     return Picture(name, svg, caption, NOTE, (csv,))
+
+
+def _components(u):
+    return ", ".join(f"{axis} {v:.2f}".replace("-", "−") for axis, v in zip("xyz", u, strict=True))
 
 
 def _project(u, sign):
@@ -108,6 +134,5 @@ def _project(u, sign):
 
     Seen from outside along the axis; the lower half is turned about y, so x runs to the left.
     """
-    u = u[u[:, 2] * sign >= 0]
     r = np.sqrt(1 + np.abs(u[:, 2]))
     return sign * u[:, 0] / r, u[:, 1] / r

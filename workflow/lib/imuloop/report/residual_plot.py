@@ -1,22 +1,28 @@
-"""Residual of each pose or rotation, before and after the added effects, against the floor."""
+"""Residual of each pose or turn, before and after the added effects, and what it goes with."""
 
 import numpy as np
 import pandas as pd
 
-from imuloop.report.numbers import RESIDUAL, number, with_unit
+from imuloop.report.numbers import DEGREE_PER_SECOND, DEGREES, RESIDUAL, number, with_unit
+from imuloop.report.results import XYZ
 from imuloop.report.svg import BLUE, INK, ORANGE, Picture, draw, write_csv
+from imuloop.report.time_series import clock
+from imuloop.report.turns import MIXED, pose_temperatures, turns
 from imuloop.report.verdict import RESIDUAL_WORDS, change
 
 NOTE = (
-    "One mark a pose or rotation: what is left after calibration. Marks that scatter at the "
-    "dashed floor are noise; marks far above it say that the model lacks something, or that "
-    "this pose was disturbed."
+    "One mark a pose or turn, predicted by a calibration that never saw it. Good: marks that "
+    "scatter at the dashed floor alike in every panel are noise. Marks far above it in one place, "
+    "or a slope, say that the model lacks something there, or that this one was disturbed."
 )
 SHORT_WORDS = {
     "gravity_norm": "magnitude error",
     "pose_rate": "angular rate",
     "rotation": "direction error",
 }
+TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), MIXED]
+# standard deviations of a rank correlation that chance does not reach in a dozen panels
+SURE = 3.0
 
 
 def residual_pictures(device, sensor, block, folder):
@@ -42,6 +48,75 @@ def residual_pictures(device, sensor, block, folder):
     ]
 
 
+def against(device, name, points):
+    """Return what the residuals of one kind are shown against.
+
+    Parameters
+    ----------
+    device : Device
+        The device.
+    name : str
+        Kind of residual.
+    points : DataFrame
+        Its points.
+
+    Returns
+    -------
+    dict of str to (str, ndarray, shape (n,))
+        By the name of a column of the CSV file: words with unit, and values in it.
+    """
+    start = points["start_s"].to_numpy(float)
+    session = points["session"].to_numpy(int) if "session" in points else np.zeros(len(start), int)
+    # sessions one after the other
+    length = [start[session == s].max(initial=0.0) for s in range(session.max() + 1)]
+    elapsed = start + np.concatenate([[0.0], np.cumsum(length)])[session]
+    unit, size = clock(elapsed.max())
+    found = {f"time_{unit}": (f"time, {unit}", elapsed / size)}
+    index = points["index"].to_numpy(int)
+    if name == "rotation":
+        turned = turns(device)
+        if not set(index) <= set(turned.index):
+            return found
+        turned = turned.loc[index]
+        angle, speed = (
+            turned[c].to_numpy(float) * d.factor
+            for c, d in (("angle_rad", DEGREES), ("speed_rad_s", DEGREE_PER_SECOND))
+        )
+        axis = turned["axis"].map(TURN_AXES.index).to_numpy()
+        return found | {
+            "angle_deg": ("angle turned, °", angle),
+            "speed_deg_s": ("greatest speed, °/s", speed),
+            "axis": ("about axis", axis),
+        }
+    direction = np.array(points["direction"].tolist(), float)
+    for axis, values in zip(XYZ, direction.T, strict=True):
+        found[f"up_{axis}"] = f"{axis} of “up”, 1", values
+    warm = pose_temperatures(device)
+    if warm is not None and index.max(initial=0) < len(warm):
+        found["temperature_degC"] = "temperature, °C", warm[index]
+    return found
+
+
+def goes_with(panels, error):
+    """Return with which panel's values the errors go most, in words.
+
+    Spearman's rank correlation ρ of the size of the error; its standard deviation is
+    1/√(n − 1) where nothing is there.
+    """
+    size, rank = np.abs(error), lambda v: pd.Series(v).rank().to_numpy()
+    found = [
+        (np.corrcoef(rank(size), rank(values))[0, 1], words.partition(",")[0])
+        for key, (words, values) in panels.items()
+        if key != "axis" and np.ptp(values) > 0 and np.ptp(size) > 0
+    ]
+    rho, words = max(found, key=lambda f: abs(f[0]), default=(0.0, ""))
+    named = ", ".join(w.partition(",")[0] for key, (w, _) in panels.items() if key != "axis")
+    if abs(rho) * np.sqrt(max(len(error) - 1, 0)) < SURE:
+        return f"its size goes with none of {named} beyond chance"
+    verb = "grows" if rho > 0 else "falls"
+    return f"its size {verb} with {words} (rank correlation {number(rho, 2)})"
+
+
 def _picture(device, sensor, name, points, block, folder):
     residual = block["residuals"].get(name, {})
     display = RESIDUAL[residual.get("unit") or "rad"]
@@ -49,36 +124,60 @@ def _picture(device, sensor, name, points, block, folder):
     before, after, floor = (
         points[c].astype(float).to_numpy() * display.factor for c in ("before", "after", "floor")
     )
-    csv = write_csv(
-        folder,
-        f"{sensor}_{name}",
-        points.drop(columns="direction", errors="ignore").drop(columns="residual"),
-    )
-    words = RESIDUAL_WORDS[name]
-    changed = bool(block.get("effects"))
+    panels = against(device, name, points)
+    columns = points.drop(columns=["direction", "residual", "components"], errors="ignore")
+    values = {
+        key: [TURN_AXES[v] for v in x] if key == "axis" else x for key, (_, x) in panels.items()
+    }
+    csv = write_csv(folder, f"{sensor}_{name}", columns.assign(**values))
+    words, changed = RESIDUAL_WORDS[name], bool(block.get("effects"))
+    thing = "turn" if name == "rotation" else "pose"
+    signed = np.nanmin(np.concatenate([before, after])) < 0
+    said = [
+        f"{thing} {i}: {f'{number(b)} → ' if changed else ''}{number(a)} {display.unit}"
+        for i, b, a in zip(index, before, after, strict=True)
+    ]
 
-    def plot(ax):
-        signed = np.nanmin(np.concatenate([before, after])) < 0
-        handles = ax.plot(index, floor, color=INK, ls="--", lw=1)
-        labels = ["floor from noise"]
-        if signed:
-            ax.plot(index, -floor, color=INK, ls="--", lw=1)
-        if changed:
-            handles += ax.plot(index, before, "o", color=ORANGE, mfc="none", ms=5)
-            labels.append("before")
-        handles += ax.plot(index, after, "o", color=BLUE, ms=4)
-        labels.append("after" if changed else "residual")
-        if not signed:
-            ax.set_ylim(0)
-        ax.set_xlabel(f"{'rotation' if name == 'rotation' else 'pose'}, number in order of time")
-        ax.set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
-        ax.legend(handles, labels, loc="lower right", ncols=3, bbox_to_anchor=(1, 1), borderpad=0.2)
+    def plot(axes):
+        axes = axes if isinstance(axes, list) else [axes]
+        for ax, (key, (label, x)) in zip(axes, panels.items(), strict=True):
+            order = np.argsort(x, kind="stable")
+            handles = []
+            # over time the floor of each; elsewhere it would jump from mark to mark
+            level = floor if key.startswith("time") else np.full(len(x), np.nanmedian(floor))
+            for sign in (1, -1) if signed else (1,):
+                handles = ax.plot(x[order], sign * level[order], color=INK, ls="--", lw=1)
+            names = ["floor from noise"]
+            if changed:
+                handles += ax.plot(x, before, "o", color=ORANGE, hollow=True, ms=5)
+                names.append("before")
+            titles = said if ax is axes[0] else None
+            handles += ax.plot(x, after, "o", color=BLUE, ms=4.5, titles=titles)
+            names.append("after" if changed else "residual")
+            if not signed:
+                ax.set_ylim(0)
+            ax.set_xlabel(label)
+            if key == "axis":
+                ax.set_xlim(-0.6, len(TURN_AXES) - 0.4)
+                ax.set_xticks(range(len(TURN_AXES)), TURN_AXES)
+        axes[0].set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
+        axes[-1].legend(handles, names)
 
-    worst = index[np.nanargmax(np.abs(after))]
+    worst = np.nanargmax(np.abs(after))
     caption = (
         f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
-        f"{with_unit(number(np.nanmax(np.abs(after))), display.unit)}, number {worst}."
+        f"{with_unit(number(np.nanmax(np.abs(after))), display.unit)}, {thing} {index[worst]}; "
+        f"{goes_with(panels, after)}."
     )
     identity = f"{device.name}.{sensor}_{name}"
-    svg = draw(identity, f"{sensor}: {caption}", 440, 270, plot, margins=(58, 12, 28, 42))
-    return Picture(identity, svg, caption, NOTE, (csv,))
+    svg = draw(
+        identity,
+        f"{sensor}: {caption}",
+        1000 if len(panels) > 1 else 440,
+        270,
+        plot,
+        margins=(58, 12, 28, 42),
+        columns=(2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:])),
+        sharey=True,
+    )
+    return Picture(identity, svg, caption, NOTE, (csv,), wide=len(panels) > 1)

@@ -10,20 +10,25 @@ from pyarrow import csv
 
 from imuloop.report.axes import GRID, INK, PAGE, SHADE, Axes
 
-# Okabe and Ito's colours, told apart with any colour vision; the page defines a pair for each
+# colours that are told apart with any colour vision; the page defines a pair for each
 PALETTE = tuple(f"var(--c{i})" for i in range(7))
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, YELLOW = PALETTE
 # colours of the axes x, y, z in every picture
 AXES = (BLUE, VERMILLION, GREEN)
 # the colours of a picture without a page
-_ALONE = dict(
-    zip(
-        (INK, GRID, SHADE, PAGE, *PALETTE),
-        ("#1b1f24", "#c8ced6", "#eef1f4", "#ffffff")
-        + ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442"),
-        strict=True,
-    )
-)
+_ALONE = {
+    INK: "#1b1f24",
+    GRID: "#c8ced6",
+    SHADE: "#eef1f4",
+    PAGE: "#ffffff",
+    BLUE: "#0072b2",
+    VERMILLION: "#d55e00",
+    GREEN: "#009e73",
+    PURPLE: "#cc79a7",
+    ORANGE: "#e69f00",
+    SKY: "#56b4e9",
+    YELLOW: "#f0e442",
+}
 # room that a key above an area needs, px
 KEY = 26
 

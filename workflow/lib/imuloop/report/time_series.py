@@ -1,20 +1,44 @@
 """A session over time: every channel, with what was found to be rest, motion or disturbance."""
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 
-from imuloop.core.samples import TIME
+from imuloop.core.samples import CHANNELS, TIME
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC
-from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, Display, duration, number, plural
+from imuloop.report.numbers import (
+    DEGREE_PER_SECOND,
+    MILLI_G,
+    NO_NUMBER,
+    Display,
+    duration,
+    number,
+    plural,
+)
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
-from imuloop.report.svg import AXES, BLUE, GRID, VERMILLION, Picture, draw, write_csv
+from imuloop.report.smoothing import smoothed
+from imuloop.report.svg import AXES, BLUE, GRID, INK, VERMILLION, Picture, draw, write_csv
 
 # stretches of equal length that a line is cut into; each gives two points, far below 2,000
-BUCKETS = 350
+BUCKETS = 300
+# means that a stretch is cut into before it is smoothed, and stretches of the smooth line
+MEANS, SMOOTH_BUCKETS = 4096, 120
 # what moves is shown as it is, what rests as milli-g or degrees per second about its median
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 QUANTITY = {"accelerometer": "specific force", "gyroscope": "angular rate"}
+NOTE = (
+    "Blue: at rest, used as poses or for noise. White: motion. Red: disturbed, cut out. Grey: no "
+    "samples. Good: every rest that you made is blue, a few seconds or longer, with clear turns "
+    "between. Drawn through the least and greatest value of each stretch: no peak is hidden."
+)
+RESTING_NOTE = (
+    "Blue: at rest, used for noise. Red: disturbed, cut out. Grey: no samples. Good: the line "
+    "without noise is flat. Where it steps, slopes or waves, the bias or the attitude changed by "
+    "more than noise does: compare with temperature below. As logged it is drawn through the least "
+    "and greatest value of each stretch; what is disturbed may leave the frame."
+)
 # a clock axis in hours where seconds would be long numbers
 _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
@@ -39,13 +63,40 @@ def extremes(x, buckets=BUCKETS):
     n = len(x)
     if n <= 2 * buckets:
         return np.arange(n)
-    starts = np.linspace(0, n, buckets + 1).astype(int)
-    width = int(np.diff(starts).max())
-    rows = np.minimum(starts[:-1, None] + np.arange(width), starts[1:, None] - 1)
-    values = np.asarray(x)[rows]
-    first = np.arange(buckets)
-    low, high = rows[first, values.argmin(axis=1)], rows[first, values.argmax(axis=1)]
-    return np.unique(np.concatenate([low, high]))
+    x, edges = np.asarray(x), np.linspace(0, n, buckets + 1).astype(int)
+    ends = [a + f(x[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)]
+    return np.unique(ends)
+
+
+def trend(t, x, stretches):
+    """Return a series without what noise explains, as a few points.
+
+    Parameters
+    ----------
+    t, x : ndarray, shape (n,)
+        Times, s, and values.
+    stretches : sequence of (int, int)
+        First sample and end of the stretches to smooth, each by itself.
+
+    Returns
+    -------
+    t, x : ndarray, shape (m,)
+        Some 2 `SMOOTH_BUCKETS` points; not-a-number between two stretches.
+    """
+    times, values = [np.nan], [np.nan]
+    for start, end in stretches:
+        # among many a short one has no width in the picture
+        if (end - start) * BUCKETS < len(t):
+            continue
+        # means of so many samples that a line is no finer than its picture shows
+        count = min(end - start, MEANS)
+        first = np.linspace(0, end - start, count + 1).astype(int)
+        middle = (t[start + first[:-1]] + t[start + first[1:] - 1]) / 2
+        y = smoothed(np.add.reduceat(x[start:end], first[:-1]) / np.diff(first))
+        chosen = extremes(y, max(SMOOTH_BUCKETS * (end - start) // len(t), 2))
+        times += [*middle[chosen], np.nan]
+        values += [*y[chosen], np.nan]
+    return np.array(times), np.array(values)
 
 
 def clock(end):
@@ -65,50 +116,71 @@ def session_pictures(device, session, folder):
     folder : Path
         Where the CSV files go.
     """
+    samples = session.samples((TIME, *CHANNELS))
     return [
-        _picture(device, session, folder, sensor, channels) for sensor, channels in SENSORS.items()
+        _picture(device, session, folder, sensor, samples[[TIME, *channels]])
+        for sensor, channels in SENSORS.items()
     ]
 
 
-def _picture(device, session, folder, sensor, channels):
-    samples = session.samples((TIME, *channels))
-    t = samples[TIME].to_numpy()
+def _picture(device, session, folder, sensor, samples):
+    t, channels = samples[TIME].to_numpy(), SENSORS[sensor]
     segments = session.segments
     resting = session.kind == "static"
     display = (RESTING if resting else MOVING)[sensor]
-    lines = {}
-    for channel in channels:
+    gaps = segments.loc[segments["kind"] == GAP, "start_s"].to_numpy()
+    raw, smooth, middle, quiet = {}, {}, {}, {}
+    still = segments.loc[segments["kind"] == STATIC, ["start_s", "end_s"]]
+    rests = np.searchsorted(t, still.to_numpy()).tolist()
+    for axis, channel in zip(XYZ, channels, strict=True):
         x = samples[channel].to_numpy()
         chosen = extremes(x)
-        lines[channel] = t[chosen], x[chosen], np.median(x) if resting else 0.0
+        # a line is not drawn across a gap
+        where = np.searchsorted(t[chosen], gaps, side="right")
+        raw[axis] = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
+        middle[axis] = np.median(x) if resting else 0.0
+        if resting:
+            smooth[axis] = trend(t, x, rests)
+            # a knock must not flatten the rest: it is cut off at the frame
+            ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
+            low, high = min(ends, default=x.min()), max(ends, default=x.max())
+            quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
     csv = write_csv(
         folder,
         f"{session.name}_{sensor}",
         pd.concat(
-            pd.DataFrame({"channel": c, "t_s": x, f"value_{FILE_UNITS[sensor]}": y})
-            for c, (x, y, _) in lines.items()
+            pd.DataFrame(
+                {"channel": c, "line": line, "t_s": x, f"value_{FILE_UNITS[sensor]}": y}
+            ).dropna()
+            for line, curves in (("raw", raw), ("smoothed", smooth))
+            for c, (x, y) in zip(channels, curves.values(), strict=False)
         ),
     )
-    gaps = segments.loc[segments["kind"] == GAP, "start_s"].to_numpy()
     unit, size = clock(t[-1])
 
     def plot(axes):
-        axes = np.atleast_1d(axes)
+        axes = axes if isinstance(axes, list) else [axes]
         for ax in axes:
             _shade(ax, segments, size)
             ax.set_xlim(0, t[-1] / size)
         each = axes if resting else [axes[0]] * 3
-        for ax, colour, axis, (x, y, middle) in zip(each, AXES, XYZ, lines.values(), strict=True):
-            # a line is not drawn across a gap
-            where = np.searchsorted(x, gaps, side="right")
-            x, y = np.insert(x, where, np.nan), np.insert(y, where, np.nan)
-            ax.plot(x / size, (y - middle) * display.factor, color=colour, lw=0.9, label=axis)
+        for ax, colour, (axis, (x, y)) in zip(each, AXES, raw.items(), strict=True):
+
+            def shown(values, level=middle[axis]):
+                return (values - level) * display.factor
+
+            handles = ax.plot(x / size, shown(y), color=colour, lw=0.9, label=axis)
             if resting:
+                ax.set_ylim(*(shown(v) for v in quiet[axis]))
+                x, y = smooth[axis]
+                handles += ax.plot(x / size, shown(y), color=INK, lw=1.6)
                 ax.set_ylabel(f"{axis}, {display.unit}")
         axes[-1].set_xlabel(f"time, {unit}")
-        if not resting:
+        if resting:
+            axes[0].legend(handles, ["as logged", "without noise (wavelets)"])
+        else:
             axes[0].set_ylabel(f"{QUANTITY[sensor]}, {display.unit}")
-            axes[0].legend(loc="lower right", ncols=3, bbox_to_anchor=(1, 0.98), borderpad=0)
+            axes[0].legend()
 
     alt = f"{sensor} of session {session.name} over {duration(t[-1])}: " + "; ".join(
         f"{axis} from {number(samples[c].min() * display.factor)} to "
@@ -121,19 +193,20 @@ def _picture(device, session, folder, sensor, channels):
         900,
         290 if resting else 230,
         plot,
-        margins=(62, 12, 8 if resting else 26, 42),
-        rows=3 if resting else 1,
+        margins=(62, 12, 26, 42),
+        rows=(1, 1, 1) if resting else (1,),
         sharex=True,
     )
     caption = _finding(session, sensor, segments, samples, channels)
     if resting:
-        middle = ", ".join(number(m * display.factor, 4) for *_, m in lines.values())
-        caption += f" Shown about the medians {middle} {display.unit} (x, y, z)."
-    note = (
-        "Blue: at rest, used as poses or for noise. White: motion. Orange: disturbed, cut out. "
-        "Grey: no samples. Drawn through the least and greatest value of each stretch, so no "
-        "peak is hidden."
-    )
+        moved = [np.ptp(y[np.isfinite(y)]) for _, y in smooth.values() if np.isfinite(y).any()]
+        told = ", ".join(number(m * display.factor, 2) for m in moved) or NO_NUMBER
+        levels = ", ".join(number(m * display.factor, 4) for m in middle.values())
+        caption += (
+            f" Without noise it moves by {told} {display.unit} (x, y, z); shown about the medians "
+            f"{levels} {display.unit}."
+        )
+    note = RESTING_NOTE if resting else NOTE
     return Picture(f"{device.name}.{session.name}.{sensor}", svg, caption, note, (csv,), wide=True)
 
 
@@ -141,10 +214,9 @@ def _shade(ax, segments, size):
     """Shade rests, disturbances and gaps; motion stays white."""
     # a disturbance has an outline, so that a short one still shows in a long record
     looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
-    for start, end, kind in segments[["start_s", "end_s", "kind"]].itertuples(index=False):
-        if kind in looks:
-            colour, alpha, width = looks[kind]
-            ax.axvspan(start / size, end / size, color=colour, alpha=alpha, lw=width)
+    for kind, (colour, alpha, width) in looks.items():
+        rows = segments[segments["kind"] == kind]
+        ax.axvspan(rows["start_s"] / size, rows["end_s"] / size, colour, alpha, width)
 
 
 def _finding(session, sensor, segments, samples, channels):

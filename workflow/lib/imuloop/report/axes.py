@@ -1,0 +1,464 @@
+"""One area of a picture with its two axes: what is drawn on it, and how it becomes SVG.
+
+The methods are the few that the report's pictures need, named as matplotlib names them. Inside the
+area everything is in tenths of a pixel, so that paths are whole numbers.
+"""
+
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from imuloop.report.ticks import decade_ticks, linear_ticks
+
+# text and axes, grid, faint fill, ground: the page's own colours, light or dark
+INK, GRID, SHADE, PAGE = "currentColor", "var(--grid)", "var(--shade)", "var(--page)"
+DASHES = {"-": "", "--": "50 28", ":": "12 24"}
+# outline of a mark about its place; d its size, r the half and h the quarter of it; a disc is a
+# line of no length with round ends
+SHAPES = {
+    "o": "h0",
+    "s": "m-{r}-{r}h{d}v{d}h-{d}z",
+    "^": "m0-{r}l{r} {d}h-{d}z",
+    "v": "m0 {r}l{r}-{d}h-{d}z",
+    "D": "m0-{r}l{r} {r}l-{r} {r}l-{r}-{r}z",
+    "p": "m-{r} 0l{r}-{r}l{r} {r}l-{h} {r}h-{r}z",
+}
+ROUND = 'stroke-linecap="round"'
+FONT = 11
+# opacity below which a cell looks empty
+PALEST = 0.05
+# a mark of an axis needs about this much room, px
+ROOM = {("x", "linear"): 70, ("y", "linear"): 30, ("x", "decade"): 36, ("y", "decade"): 20}
+
+
+@dataclass(frozen=True)
+class Handle:
+    """How a line or mark looks, for the key: its name, a line's style or a mark at (0, 0)."""
+
+    label: str | None
+    style: str
+    shape: str = ""
+
+
+def integers(values):
+    """Return whole numbers as an SVG path has them, without blanks that nothing needs."""
+    return " ".join(map(str, values)).replace(" -", "-")
+
+
+def polyline(x, y, end=""):
+    """Return the path through points, rounded; it is broken where one is not a number.
+
+    Places are rounded before their differences are taken, so that no error adds up.
+    """
+    points = np.column_stack([x, y])
+    known = np.isfinite(points).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known, [0]])))
+    text = ""
+    for first, last in edges.reshape(-1, 2):
+        part = np.rint(points[first:last]).astype(np.int64)
+        steps = np.diff(part, axis=0)
+        steps = steps[steps.any(axis=1)]
+        # a lone point is a line of no length, which round ends show
+        path = integers(steps.ravel().tolist() or [0, 0])
+        text += f"M{integers(part[0].tolist())}l{path}{end}"
+    return text
+
+
+def width_of(text, size=FONT):
+    """Return about how wide a text is, px; rather too wide than too narrow."""
+    narrow = sum(c in "ijlt1.,:;'|!()[] \u202f·" for c in text)
+    return size * (0.67 * len(text) - 0.3 * narrow)
+
+
+class Axes:
+    """An area with two axes.
+
+    Parameters
+    ----------
+    width, height : float
+        Size of the area, px.
+    """
+
+    def __init__(self, width, height):
+        self.width, self.height = width, height
+        self.lines, self.key, self.beside = [], [], False
+        # functions of the projection that return SVG: clipped at the edge of the area, and not
+        self._inside, self._free = [], []
+        self._seen = {"x": [], "y": []}
+        self.limits = {"x": None, "y": None}
+        self.least = {"x": None, "y": None}
+        self._logarithmic = set()
+        self._ticks, self._label = {}, {"x": "", "y": ""}
+        self.grid_of, self.numbered = {"x", "y"}, {"x", "y"}
+        self.shown, self.equal = True, False
+
+    def plot(
+        self,
+        x,
+        y,
+        fmt="-",
+        color=INK,
+        lw=1.3,
+        ls="-",
+        ms=5,
+        hollow=False,
+        label=None,
+        alpha=None,
+        titles=None,
+    ):
+        """Draw a line (`fmt` "-"), marks (a letter of `SHAPES`) or both ("-o"); return their look.
+
+        `titles` is what each mark says when it is pointed at.
+        """
+        x, y = (np.atleast_1d(np.asarray(v, float)) for v in (x, y))
+        self._see(x, y)
+        faint = "" if alpha is None else f' opacity="{alpha:g}"'
+        style, drawn, shape = "", "", fmt.strip("-")
+        if "-" in fmt:
+            style = f'fill="none"{_stroke(color, lw, ls)}{faint}'
+            self._inside.append(lambda p: f'<path {style} d="{polyline(*p(x, y))}"/>')
+        if shape:
+            looks = [_look(shape, ms, color) + faint]
+            if hollow:
+                looks.append(_look(shape, ms - 2.4, PAGE))
+            outline = _outline(shape, ms)
+            self._free.append(lambda p: _marks(*p(x, y), outline, looks, titles))
+            drawn = "".join(f'<path{look} d="M0 0{outline}"/>' for look in looks)
+        self.lines.append(Handle(label, style, drawn))
+        return self.lines[-1:]
+
+    def loglog(self, x, y, **look):
+        """Draw as `plot`, both axes logarithmic."""
+        self._logarithmic.add("y")
+        return self.semilogx(x, y, **look)
+
+    def semilogx(self, x, y, **look):
+        """Draw as `plot`, axis x logarithmic."""
+        self._logarithmic.add("x")
+        return self.plot(x, y, **look)
+
+    def fill_between(self, x, low, high, color=INK, alpha=0.2):
+        """Fill the area between two curves."""
+        x, low, high = (np.asarray(v, float) for v in (x, low, high))
+        self._see(x, low), self._see(x, high)
+
+        def item(p):
+            (px, bottom), (_, top) = p(x, low), p(x, high)
+            ends = [np.append(px, px[::-1]), np.append(bottom, top[::-1])]
+            keep = np.isfinite(ends).all(axis=0)
+            outline = polyline(*(e[keep] for e in ends), "z")
+            return f'<path fill="{color}" opacity="{alpha:g}" d="{outline}"/>'
+
+        self._inside.append(item)
+
+    def axvspan(self, start, end, color=SHADE, alpha=1.0, lw=0):
+        """Shade the area from x = start to end; both may be arrays, a stretch each."""
+        start, end = (np.atleast_1d(np.asarray(v, float)) for v in (start, end))
+        edge = _stroke(color, lw) if lw else ""
+
+        def item(p):
+            left, right = (np.rint(p(v, v)[0]).astype(int).tolist() for v in (start, end))
+            tall = round(10 * self.height)
+            path = "".join(
+                f"M{a} 0h{b - a}v{tall}h{a - b}z" for a, b in zip(left, right, strict=True)
+            )
+            return f'<path fill="{color}" opacity="{alpha:g}"{edge} d="{path}"/>'
+
+        if len(start):
+            self._inside.append(item)
+
+    def axhline(self, y, color=INK, lw=0.8, ls="-"):
+        """Draw a level from side to side."""
+        self._seen["y"].append([y])
+        style, wide = _stroke(color, lw, ls), round(10 * self.width)
+        self._inside.append(lambda p: f'<path{style} d="M0 {_whole(p([y], [y])[1])}h{wide}"/>')
+
+    def axvline(self, x, color=INK, lw=0.8, ls="-"):
+        """Draw an upright from bottom to top."""
+        self._seen["x"].append([x])
+        style, tall = _stroke(color, lw, ls), round(10 * self.height)
+        self._inside.append(lambda p: f'<path{style} d="M{_whole(p([x], [x])[0])} 0v{tall}"/>')
+
+    def flag(self, x, color):
+        """Set a triangle at the upper edge."""
+        self._seen["x"].append([x])
+        outline = _outline("v", 6)
+        self._free.append(
+            lambda p: f'<path fill="{color}" d="M{_whole(p([x], [x])[0])} 40{outline}"/>'
+        )
+
+    def barh(self, place, length, color, height=0.62):
+        """Draw bars to the right from 0; `color` has one for each."""
+        place, length = (np.asarray(v, float) for v in (place, length))
+        self._see(np.zeros(len(place)), place - 0.5), self._see(length, place + 0.5)
+
+        def item(p):
+            left, top = p(np.zeros(len(place)), place + height / 2)
+            right, bottom = p(length, place - height / 2)
+            return "".join(
+                f'<path fill="{c}" d="M{a:.0f} {t:.0f}H{b:.0f}V{u:.0f}H{a:.0f}z"/>'
+                for c, a, b, t, u in zip(color, left, right, top, bottom, strict=True)
+            )
+
+        self._inside.append(item)
+
+    def errorbar(self, x, y, xerr, fmt="o", color=INK, ms=5, lw=1.5):
+        """Draw marks with an interval to the left and right."""
+        x, y, xerr = (np.asarray(v, float) for v in (x, y, xerr))
+        self._see(x - xerr, y), self._see(x + xerr, y)
+
+        def item(p):
+            (left, at), (right, _) = p(x - xerr, y), p(x + xerr, y)
+            path = "".join(
+                f"M{a:.0f} {v:.0f}H{b:.0f}" for a, b, v in zip(left, right, at, strict=True)
+            )
+            return f'<path{_stroke(color, lw)} d="{path}"/>'
+
+        self._inside.append(item)
+        return self.plot(x, y, fmt, color=color, ms=ms)
+
+    def cells(self, color, strength, titles):
+        """Draw a matrix of squares, row 0 on top.
+
+        Parameters
+        ----------
+        color, strength, titles : sequence of sequences
+            Colour, opacity, and what it says when it is pointed at, of each cell; a cell without
+            a colour stays empty.
+        """
+        count = len(color)
+        self.set_xlim(-0.5, count - 0.5)
+        self.set_ylim(count - 0.5, -0.5)
+
+        def item(p):
+            x, y = (np.rint(v).astype(int) + 4 for v in p(*[np.arange(count) - 0.5] * 2))
+            wide, tall = (round(10 * v / count) - 8 for v in (self.width, self.height))
+            square = f"h{wide}v{tall}h-{wide}z"
+            ground, cells = "", ""
+            for i, row in enumerate(zip(color, strength, titles, strict=True)):
+                for j, (c, s, t) in enumerate(zip(*row, strict=True)):
+                    if c:
+                        ground += f"M{x[j]} {y[i]}{square}"
+                    if c and s >= PALEST:
+                        cells += (
+                            f'<path fill="{c}" opacity="{s:.2g}" d="M{x[j]} {y[i]}{square}">'
+                            f"<title>{escape(t)}</title></path>"
+                        )
+            return f'<path fill="{SHADE}" d="{ground}"/>{cells}'
+
+        self._inside.append(item)
+
+    def text(self, x, y, s, ha="left", va="center", color=None, fontsize=FONT, rotation=0):
+        """Write a text at a place of the area."""
+        anchor = {"left": "", "center": ' text-anchor="middle"', "right": ' text-anchor="end"'}[ha]
+        down = {"baseline": 0, "center": 3.6, "top": 8, "bottom": -2.5}[va] * fontsize
+        look = anchor + (f' fill="{color}"' if color else "")
+
+        def item(p):
+            px, py = _whole(p([x], [y])[0]), _whole(p([x], [y])[1])
+            turn = f' transform="rotate({-rotation:g} {px} {py})"' if rotation else ""
+            return (
+                f'<text x="{px}" y="{py + round(down)}" font-size="{10 * fontsize:g}"{look}{turn}>'
+                f"{escape(s, quote=False)}</text>"
+            )
+
+        self._free.append(item)
+
+    def legend(self, handles=None, labels=None, beside=False, **_):
+        """Name what is drawn, above the area or beside it."""
+        known = [h for h in self.lines if h.label]
+        handles = known if handles is None else handles
+        labels = [h.label for h in known] if labels is None else labels
+        self.key, self.beside = list(zip(handles, labels, strict=True)), beside
+
+    def set_xlabel(self, text):
+        """Name axis x, with its unit."""
+        self._label["x"] = text
+
+    def set_ylabel(self, text):
+        """Name axis y, with its unit."""
+        self._label["y"] = text
+
+    def set_xlim(self, low, high):
+        """Set the limits of axis x."""
+        self.limits["x"] = (low, high)
+
+    def set_ylim(self, low, high=None):
+        """Set the limits of axis y, or the lower one alone."""
+        if high is None:
+            self.least["y"] = low
+        else:
+            self.limits["y"] = (low, high)
+
+    def set_yscale(self, scale):
+        """Make axis y logarithmic ("log")."""
+        self._logarithmic |= {"y"} if scale == "log" else set()
+
+    def set_xticks(self, places, labels):
+        """Set the marks of axis x and what they say."""
+        self._ticks["x"] = list(places), list(labels), ""
+
+    def set_yticks(self, places, labels):
+        """Set the marks of axis y and what they say."""
+        self._ticks["y"] = list(places), list(labels), ""
+
+    def set_axis_off(self):
+        """Draw neither axis nor grid, one unit as long in x as in y."""
+        self.shown = False
+
+    def _see(self, x, y):
+        self._seen["x"].append(x)
+        self._seen["y"].append(y)
+
+    def span(self, which):
+        """Return the limits of an axis: those set, else of what is drawn with a margin."""
+        if self.limits[which]:
+            return self.limits[which]
+        logarithmic = which in self._logarithmic
+        values = np.concatenate([np.ravel(v) for v in self._seen[which]] or [[0.0, 1.0]])
+        values = values[np.isfinite(values) & (values > 0 if logarithmic else True)]
+        low, high = (values.min(), values.max()) if len(values) else (1.0, 10.0)
+        if logarithmic:
+            margin = (high / low) ** 0.04 if high > low else 2.0
+            return low / margin, high * margin
+        margin = 0.04 * (high - low) or abs(high) * 0.1 or 1.0
+        least = self.least[which]
+        return low - margin if least is None else least, high + margin
+
+    def _projection(self):
+        """Return the function from data to tenths of a pixel from the upper left corner."""
+        ends = []
+        for which, size in (("x", self.width), ("y", self.height)):
+            low, high = self.span(which)
+            scale = np.log10 if which in self._logarithmic else np.asarray
+            low, high = scale(low), scale(high)
+            ends.append((scale, low, 10 * size / (high - low)))
+
+        def project(x, y):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                px, py = (
+                    (scale(np.asarray(v, float)) - low) * factor
+                    for v, (scale, low, factor) in zip((x, y), ends, strict=True)
+                )
+            return px, 10 * self.height - py
+
+        return project
+
+    def svg(self, left, top, clip):
+        """Return the area as SVG, its upper left corner at a place, px; `clip` is an id."""
+        project = self._projection()
+        frame = self._frame(project) if self.shown else ""
+        box = f'width="{10 * self.width:g}" height="{10 * self.height:g}"'
+        inside = "".join(item(project) for item in self._inside)
+        free = "".join(item(project) for item in self._free)
+        return (
+            f'<g transform="translate({left:g} {top:g})scale(.1)">{frame}'
+            f'<clipPath id="{clip}"><rect {box}/></clipPath>'
+            f'<g clip-path="url(#{clip})" {ROUND}>{inside}</g>{free}{self._named()}'
+            "</g>"
+        )
+
+    def _frame(self, project):
+        """Return grid, axes, the numbers at their marks and the labels."""
+        wide, tall = round(10 * self.width), round(10 * self.height)
+        grid, texts = "", ""
+        for which in "xy":
+            places, labels, factor = self._marks_of(which)
+            at = project(places, places)["xy".index(which)]
+            at = [round(v) for v in at]
+            if which in self.grid_of:
+                grid += "".join(f"M{v} 0v{tall}" if which == "x" else f"M0 {v}h{wide}" for v in at)
+            if which not in self.numbered:
+                continue
+            numbers = "".join(
+                f'<text x="{v}" y="{tall + 150}">{escape(t, quote=False)}</text>'
+                if which == "x"
+                else f'<text x="-60" y="{v + 38}">{escape(t, quote=False)}</text>'
+                for v, t in zip(at, labels, strict=True)
+            )
+            anchor = "middle" if which == "x" else "end"
+            texts += f'<g text-anchor="{anchor}">{numbers}</g>'
+            if factor:
+                x, y = (wide, tall - 30) if which == "x" else (40, 90)
+                end = ' text-anchor="end"' if which == "x" else ""
+                texts += f'<text x="{x}" y="{y}"{end}>{factor}</text>'
+        if self._label["x"] and "x" in self.numbered:
+            texts += (
+                f'<text x="{wide // 2}" y="{tall + 330}" text-anchor="middle">'
+                f"{escape(self._label['x'], quote=False)}</text>"
+            )
+        if self._label["y"]:
+            texts += (
+                f'<text transform="translate(-{round(10 * self.outside)} {tall // 2})rotate(-90)" '
+                f'text-anchor="middle">{escape(self._label["y"], quote=False)}</text>'
+            )
+        return (
+            f'<path fill="none" stroke="{GRID}" stroke-width="6" d="{grid}"/>'
+            f'<path fill="none" stroke="{GRID}" stroke-width="10" d="M0 0v{tall}h{wide}"/>'
+            f'<g font-size="{10 * FONT}">{texts}</g>'
+        )
+
+    xaxis = yaxis = None
+    # distance of the label of axis y from the area, px
+    outside = 46
+
+    def _marks_of(self, which):
+        """Return places, labels and factor of the marks of an axis."""
+        low, high = self.span(which)
+        if which in self._ticks:
+            return self._ticks[which]
+        size = self.width if which == "x" else self.height
+        if which in self._logarithmic:
+            return *decade_ticks(low, high, size / ROOM[which, "decade"]), ""
+        return linear_ticks(min(low, high), max(low, high), max(size / ROOM[which, "linear"], 2))
+
+    def _named(self):
+        """Return the key: a look and a word each, from the right end, or one below the other."""
+        parts, right = [], round(10 * self.width)
+        for place, (handle, label) in enumerate(reversed(self.key)):
+            if self.beside:
+                x, y = right + 420, 80 + 170 * (len(self.key) - 1 - place)
+                look, anchor = x - 300, ""
+            else:
+                x, y = right, -110
+                look, anchor = x - round(10 * width_of(label, 10)) - 200, ' text-anchor="end"'
+                right = look - 110
+            line = f'<path {handle.style} d="M-85 0h170"/>' if handle.style else ""
+            parts.append(
+                f'<g transform="translate({look + 85} {y})">{line}{handle.shape}</g>'
+                f'<text x="{x}" y="{y + 36}"{anchor}>{escape(label, quote=False)}</text>'
+            )
+        return f'<g font-size="100">{"".join(parts)}</g>' if parts else ""
+
+
+def _stroke(color, lw, ls="-"):
+    dash = f' stroke-dasharray="{DASHES[ls]}"' if DASHES[ls] else ""
+    return f' stroke="{color}" stroke-width="{10 * lw:g}"{dash}'
+
+
+def _look(shape, size, color):
+    """Return the style of a mark."""
+    return f"{_stroke(color, size)} {ROUND}" if shape == "o" else f' fill="{color}"'
+
+
+def _outline(shape, size):
+    r = round(5 * size)
+    return SHAPES[shape].format(r=r, d=2 * r, h=r // 2)
+
+
+def _whole(values):
+    return round(float(values[0]))
+
+
+def _marks(x, y, outline, looks, titles):
+    """Return marks: one path for each look, or one a mark where they have something to say."""
+    keep = np.isfinite(x) & np.isfinite(y)
+    places = [f"M{a:.0f} {b:.0f}{outline}" for a, b in zip(x[keep], y[keep], strict=True)]
+    if titles is None:
+        return "".join(f'<path{look} d="{"".join(places)}"/>' for look in looks)
+    said = [escape(t) for t, k in zip(titles, keep, strict=True) if k]
+    each = "".join(
+        f'<path d="{d}"><title>{t}</title></path>' for d, t in zip(places, said, strict=True)
+    )
+    return "".join(f"<g{look}>{each}</g>" for look in looks)
