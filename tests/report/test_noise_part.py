@@ -85,7 +85,7 @@ def test_every_coefficient_stands_in_three_systems_with_their_units(board):
     found = row_of(table, "N, x")
     white = N["a"]
     for text, value in (
-        (found["SI"], white * 1e4),
+        (found["SI, continuous time"], white * 1e4),
         (found["Data sheet"].split("\n")[0], white / 9.80665e-6),
         (found["Data sheet"].split("\n")[1], white * 60),
         (found[sample], white * RATE**0.5 * 1e3),

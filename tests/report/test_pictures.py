@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from imuloop.report.axes import Axes, polyline
+from imuloop.report.axes import Axes
+from imuloop.report.paths import polyline
 from imuloop.report.pose_plot import direction_words, largest_hole
 from imuloop.report.smoothing import smoothed
 from imuloop.report.svg import BLUE, draw

@@ -9,23 +9,21 @@ from html import escape
 
 import numpy as np
 
+from imuloop.report.frame import frame, key
+from imuloop.report.paths import (
+    FONT,
+    INK,
+    PAGE,
+    ROUND,
+    SHADE,
+    look,
+    marks,
+    outline,
+    polyline,
+    stroke,
+)
 from imuloop.report.ticks import decade_ticks, linear_ticks
 
-# text and axes, grid, faint fill, ground: the page's own colours, light or dark
-INK, GRID, SHADE, PAGE = "currentColor", "var(--grid)", "var(--shade)", "var(--page)"
-DASHES = {"-": "", "--": "50 28", ":": "12 24"}
-# outline of a mark about its place; d its size, r the half and h the quarter of it; a disc is a
-# line of no length with round ends
-SHAPES = {
-    "o": "h0",
-    "s": "m-{r}-{r}h{d}v{d}h-{d}z",
-    "^": "m0-{r}l{r} {d}h-{d}z",
-    "v": "m0 {r}l{r}-{d}h-{d}z",
-    "D": "m0-{r}l{r} {r}l-{r} {r}l-{r}-{r}z",
-    "p": "m-{r} 0l{r}-{r}l{r} {r}l-{h} {r}h-{r}z",
-}
-ROUND = 'stroke-linecap="round"'
-FONT = 11
 # opacity below which a cell looks empty
 PALEST = 0.05
 # a mark of an axis needs about this much room, px
@@ -39,36 +37,6 @@ class Handle:
     label: str | None
     style: str
     shape: str = ""
-
-
-def integers(values):
-    """Return whole numbers as an SVG path has them, without blanks that nothing needs."""
-    return " ".join(map(str, values)).replace(" -", "-")
-
-
-def polyline(x, y, end=""):
-    """Return the path through points, rounded; it is broken where one is not a number.
-
-    Places are rounded before their differences are taken, so that no error adds up.
-    """
-    points = np.column_stack([x, y])
-    known = np.isfinite(points).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known, [0]])))
-    text = ""
-    for first, last in edges.reshape(-1, 2):
-        part = np.rint(points[first:last]).astype(np.int64)
-        steps = np.diff(part, axis=0)
-        steps = steps[steps.any(axis=1)]
-        # a lone point is a line of no length, which round ends show
-        path = integers(steps.ravel().tolist() or [0, 0])
-        text += f"M{integers(part[0].tolist())}l{path}{end}"
-    return text
-
-
-def width_of(text, size=FONT):
-    """Return about how wide a text is, px; rather too wide than too narrow."""
-    narrow = sum(c in "ijlt1.,:;'|!()[] \u202f·" for c in text)
-    return size * (0.67 * len(text) - 0.3 * narrow)
 
 
 class Axes:
@@ -89,9 +57,13 @@ class Axes:
         self.limits = {"x": None, "y": None}
         self.least = {"x": None, "y": None}
         self._logarithmic = set()
-        self._ticks, self._label = {}, {"x": "", "y": ""}
+        self._ticks, self.label = {}, {"x": "", "y": ""}
         self.grid_of, self.numbered = {"x", "y"}, {"x", "y"}
-        self.shown, self.equal = True, False
+        self.shown = True
+        # distance of the label of axis y from the area, px
+        self.outside = 46
+
+    xaxis = yaxis = None
 
     def plot(
         self,
@@ -116,15 +88,15 @@ class Axes:
         faint = "" if alpha is None else f' opacity="{alpha:g}"'
         style, drawn, shape = "", "", fmt.strip("-")
         if "-" in fmt:
-            style = f'fill="none"{_stroke(color, lw, ls)}{faint}'
+            style = f'fill="none"{stroke(color, lw, ls)}{faint}'
             self._inside.append(lambda p: f'<path {style} d="{polyline(*p(x, y))}"/>')
         if shape:
-            looks = [_look(shape, ms, color) + faint]
+            looks = [look(shape, ms, color) + faint]
             if hollow:
-                looks.append(_look(shape, ms - 2.4, PAGE))
-            outline = _outline(shape, ms)
-            self._free.append(lambda p: _marks(*p(x, y), outline, looks, titles))
-            drawn = "".join(f'<path{look} d="M0 0{outline}"/>' for look in looks)
+                looks.append(look(shape, ms - 2.4, PAGE))
+            path = outline(shape, ms)
+            self._free.append(lambda p: marks(*p(x, y), path, looks, titles))
+            drawn = "".join(f'<path{each} d="M0 0{path}"/>' for each in looks)
         self.lines.append(Handle(label, style, drawn))
         return self.lines[-1:]
 
@@ -155,7 +127,7 @@ class Axes:
     def axvspan(self, start, end, color=SHADE, alpha=1.0, lw=0):
         """Shade the area from x = start to end; both may be arrays, a stretch each."""
         start, end = (np.atleast_1d(np.asarray(v, float)) for v in (start, end))
-        edge = _stroke(color, lw) if lw else ""
+        edge = stroke(color, lw) if lw else ""
 
         def item(p):
             left, right = (np.rint(p(v, v)[0]).astype(int).tolist() for v in (start, end))
@@ -171,21 +143,21 @@ class Axes:
     def axhline(self, y, color=INK, lw=0.8, ls="-"):
         """Draw a level from side to side."""
         self._seen["y"].append([y])
-        style, wide = _stroke(color, lw, ls), round(10 * self.width)
+        style, wide = stroke(color, lw, ls), round(10 * self.width)
         self._inside.append(lambda p: f'<path{style} d="M0 {_whole(p([y], [y])[1])}h{wide}"/>')
 
     def axvline(self, x, color=INK, lw=0.8, ls="-"):
         """Draw an upright from bottom to top."""
         self._seen["x"].append([x])
-        style, tall = _stroke(color, lw, ls), round(10 * self.height)
+        style, tall = stroke(color, lw, ls), round(10 * self.height)
         self._inside.append(lambda p: f'<path{style} d="M{_whole(p([x], [x])[0])} 0v{tall}"/>')
 
     def flag(self, x, color):
         """Set a triangle at the upper edge."""
         self._seen["x"].append([x])
-        outline = _outline("v", 6)
+        path = outline("v", 6)
         self._free.append(
-            lambda p: f'<path fill="{color}" d="M{_whole(p([x], [x])[0])} 40{outline}"/>'
+            lambda p: f'<path fill="{color}" d="M{_whole(p([x], [x])[0])} 40{path}"/>'
         )
 
     def barh(self, place, length, color, height=0.62):
@@ -213,7 +185,7 @@ class Axes:
             path = "".join(
                 f"M{a:.0f} {v:.0f}H{b:.0f}" for a, b, v in zip(left, right, at, strict=True)
             )
-            return f'<path{_stroke(color, lw)} d="{path}"/>'
+            return f'<path{stroke(color, lw)} d="{path}"/>'
 
         self._inside.append(item)
         return self.plot(x, y, fmt, color=color, ms=ms)
@@ -274,11 +246,11 @@ class Axes:
 
     def set_xlabel(self, text):
         """Name axis x, with its unit."""
-        self._label["x"] = text
+        self.label["x"] = text
 
     def set_ylabel(self, text):
         """Name axis y, with its unit."""
-        self._label["y"] = text
+        self.label["y"] = text
 
     def set_xlim(self, low, high):
         """Set the limits of axis x."""
@@ -348,62 +320,18 @@ class Axes:
     def svg(self, left, top, clip):
         """Return the area as SVG, its upper left corner at a place, px; `clip` is an id."""
         project = self._projection()
-        frame = self._frame(project) if self.shown else ""
+        around = frame(self, project) if self.shown else ""
         box = f'width="{10 * self.width:g}" height="{10 * self.height:g}"'
         inside = "".join(item(project) for item in self._inside)
         free = "".join(item(project) for item in self._free)
         return (
-            f'<g transform="translate({left:g} {top:g})scale(.1)">{frame}'
+            f'<g transform="translate({left:g} {top:g})scale(.1)">{around}'
             f'<clipPath id="{clip}"><rect {box}/></clipPath>'
-            f'<g clip-path="url(#{clip})" {ROUND}>{inside}</g>{free}{self._named()}'
+            f'<g clip-path="url(#{clip})" {ROUND}>{inside}</g>{free}{key(self)}'
             "</g>"
         )
 
-    def _frame(self, project):
-        """Return grid, axes, the numbers at their marks and the labels."""
-        wide, tall = round(10 * self.width), round(10 * self.height)
-        grid, texts = "", ""
-        for which in "xy":
-            places, labels, factor = self._marks_of(which)
-            at = project(places, places)["xy".index(which)]
-            at = [round(v) for v in at]
-            if which in self.grid_of:
-                grid += "".join(f"M{v} 0v{tall}" if which == "x" else f"M0 {v}h{wide}" for v in at)
-            if which not in self.numbered:
-                continue
-            numbers = "".join(
-                f'<text x="{v}" y="{tall + 150}">{escape(t, quote=False)}</text>'
-                if which == "x"
-                else f'<text x="-60" y="{v + 38}">{escape(t, quote=False)}</text>'
-                for v, t in zip(at, labels, strict=True)
-            )
-            anchor = "middle" if which == "x" else "end"
-            texts += f'<g text-anchor="{anchor}">{numbers}</g>'
-            if factor:
-                x, y = (wide, tall - 30) if which == "x" else (40, 90)
-                end = ' text-anchor="end"' if which == "x" else ""
-                texts += f'<text x="{x}" y="{y}"{end}>{factor}</text>'
-        if self._label["x"] and "x" in self.numbered:
-            texts += (
-                f'<text x="{wide // 2}" y="{tall + 330}" text-anchor="middle">'
-                f"{escape(self._label['x'], quote=False)}</text>"
-            )
-        if self._label["y"]:
-            texts += (
-                f'<text transform="translate(-{round(10 * self.outside)} {tall // 2})rotate(-90)" '
-                f'text-anchor="middle">{escape(self._label["y"], quote=False)}</text>'
-            )
-        return (
-            f'<path fill="none" stroke="{GRID}" stroke-width="6" d="{grid}"/>'
-            f'<path fill="none" stroke="{GRID}" stroke-width="10" d="M0 0v{tall}h{wide}"/>'
-            f'<g font-size="{10 * FONT}">{texts}</g>'
-        )
-
-    xaxis = yaxis = None
-    # distance of the label of axis y from the area, px
-    outside = 46
-
-    def _marks_of(self, which):
+    def ticks(self, which):
         """Return places, labels and factor of the marks of an axis."""
         low, high = self.span(which)
         if which in self._ticks:
@@ -413,52 +341,6 @@ class Axes:
             return *decade_ticks(low, high, size / ROOM[which, "decade"]), ""
         return linear_ticks(min(low, high), max(low, high), max(size / ROOM[which, "linear"], 2))
 
-    def _named(self):
-        """Return the key: a look and a word each, from the right end, or one below the other."""
-        parts, right = [], round(10 * self.width)
-        for place, (handle, label) in enumerate(reversed(self.key)):
-            if self.beside:
-                x, y = right + 420, 80 + 170 * (len(self.key) - 1 - place)
-                look, anchor = x - 300, ""
-            else:
-                x, y = right, -110
-                look, anchor = x - round(10 * width_of(label, 10)) - 200, ' text-anchor="end"'
-                right = look - 110
-            line = f'<path {handle.style} d="M-85 0h170"/>' if handle.style else ""
-            parts.append(
-                f'<g transform="translate({look + 85} {y})">{line}{handle.shape}</g>'
-                f'<text x="{x}" y="{y + 36}"{anchor}>{escape(label, quote=False)}</text>'
-            )
-        return f'<g font-size="100">{"".join(parts)}</g>' if parts else ""
-
-
-def _stroke(color, lw, ls="-"):
-    dash = f' stroke-dasharray="{DASHES[ls]}"' if DASHES[ls] else ""
-    return f' stroke="{color}" stroke-width="{10 * lw:g}"{dash}'
-
-
-def _look(shape, size, color):
-    """Return the style of a mark."""
-    return f"{_stroke(color, size)} {ROUND}" if shape == "o" else f' fill="{color}"'
-
-
-def _outline(shape, size):
-    r = round(5 * size)
-    return SHAPES[shape].format(r=r, d=2 * r, h=r // 2)
-
 
 def _whole(values):
     return round(float(values[0]))
-
-
-def _marks(x, y, outline, looks, titles):
-    """Return marks: one path for each look, or one a mark where they have something to say."""
-    keep = np.isfinite(x) & np.isfinite(y)
-    places = [f"M{a:.0f} {b:.0f}{outline}" for a, b in zip(x[keep], y[keep], strict=True)]
-    if titles is None:
-        return "".join(f'<path{look} d="{"".join(places)}"/>' for look in looks)
-    said = [escape(t) for t, k in zip(titles, keep, strict=True) if k]
-    each = "".join(
-        f'<path d="{d}"><title>{t}</title></path>' for d, t in zip(places, said, strict=True)
-    )
-    return "".join(f"<g{look}>{each}</g>" for look in looks)

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from imuloop.report.axes import FONT
 from imuloop.report.calibration_tables import correlations, parameter_words
 from imuloop.report.numbers import number
+from imuloop.report.paths import FONT
 from imuloop.report.results import SENSORS
 from imuloop.report.svg import BLUE, VERMILLION, Picture, draw, write_csv
 

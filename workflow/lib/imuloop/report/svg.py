@@ -8,7 +8,8 @@ import pyarrow as pa
 from markupsafe import Markup
 from pyarrow import csv
 
-from imuloop.report.axes import GRID, INK, PAGE, SHADE, Axes
+from imuloop.report.axes import Axes
+from imuloop.report.paths import GRID, INK, PAGE, SHADE
 
 # colours that are told apart with any colour vision; the page defines a pair for each
 PALETTE = tuple(f"var(--c{i})" for i in range(7))
