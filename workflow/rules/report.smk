@@ -10,6 +10,8 @@ rule report_device:
         multi_position="results/{device}/multi_position.json",
         calibration="results/{device}/calibration.json",
         diagnosis="results/{device}/diagnosis.json",
+        attitude="results/{device}/attitude.json",
+        attitude_series="results/{device}/attitude.parquet",
         exports="results/{device}/exports",
         template=f"{TEMPLATES}/section.html.j2",
     output:

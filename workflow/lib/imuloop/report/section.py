@@ -12,6 +12,7 @@ from imuloop.core.files import replaced, write_json
 from imuloop.export.export import existing
 from imuloop.report.advice import next_steps
 from imuloop.report.allan_plot import allan_pictures
+from imuloop.report.attitude_plot import attitude_part
 from imuloop.report.calibration_tables import (
     METHOD_WORDS,
     model_table,
@@ -127,4 +128,5 @@ def content(device, figures):
         "stability": [stability_table(device, s) for s in SENSORS if device.noise],
         "statistics": statistics_tables(device),
         "heldout": heldout_table(device),
+        "attitude": attitude_part(device, figures),
     }
