@@ -133,6 +133,28 @@ def test_a_longer_record_is_asked_for_in_hours(plain_samples):
     assert next_steps(device(plain_samples, noise=seen))[0].startswith("Nothing needed")
 
 
+def test_a_first_rest_is_long_enough_for_flicker_to_limit_it(plain_samples):
+    content = diagnosis(gain=0.0)
+    content["next_recording"]["sensors"]["gyroscope"]["parameters"]["b1"]["weight"] = 3.0
+    # white noise of 1e-3 reaches flicker of 1e-4 after (1e-3 / 0.664e-4)^2 = 227 s
+    steps = next_steps(device(plain_samples, diagnosis=content))
+    assert "Begin session turns with 3.8\u202fmin at rest (now 50\u202fs)" in steps[0]
+    short = device(plain_samples, diagnosis=content, noise=noise(B=coefficient(3e-4)))
+    assert not any("Begin session" in step for step in next_steps(short))
+
+
+def test_two_hours_are_asked_for_where_nothing_at_rest_was_recorded(plain_samples):
+    turns = session("turns", "multi_position", poses(fibonacci_lattice(40)), path=plain_samples)
+    # so near to its limit that a longer record would not lower it by half
+    limited = noise(K=coefficient(upper=2e-6))
+    (step,) = [
+        s
+        for s in next_steps(device(plain_samples, sessions=(turns,), noise=limited))
+        if s.startswith("Record")
+    ]
+    assert "2\u202fh at rest: there is no static record" in step and "K of ax" in step
+
+
 def test_a_first_session_is_as_long_as_the_readme_says(plain_samples, repository):
     lonely = device(plain_samples, sessions=(session("rest", "static", path=plain_samples),))
     step = next_steps(lonely)[0]
