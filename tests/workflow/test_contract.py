@@ -214,6 +214,27 @@ def check_diagnosis(path, device):
             assert added == {effect["name"] for effect in found["effects"]}
 
 
+def check_attitude(path, device):
+    content, series = read(path), pq.read_table(path.with_suffix(".parquet")).to_pandas()
+    assert (content["format"], content["device"]) == (1, device)
+    assert {"session", "method", "model", "t_s", "at", "error_deg"} <= set(series)
+    if content["status"] == "not_testable":
+        assert content["why"]
+        assert not len(series)
+        return
+    assert content["status"] == "ok"
+    assert set(content["gains"]) == {"k_P", "k_I"}
+    for methods in (content["methods"], *content["sessions"].values()):
+        for method in ("rotation", "stretch", "mahony"):
+            found = methods[method]
+            for errors in found["models"].values():
+                assert set(errors) == {"rms_deg", "median_deg", "p95_deg"}
+                assert all(map(is_number, errors.values()))
+            assert set(found["models"]) == {"raw", "base", "final"} == set(series["model"])
+            assert found["ratio_ci95"][0] <= found["base_over_final"] <= found["ratio_ci95"][1]
+    assert is_number(content["methods"]["rotation"]["floor_deg"])
+
+
 def check_device(folder, device, sessions):
     """Check everything that the contract says of one device's folder of results."""
     assert sessions
@@ -228,6 +249,7 @@ def check_device(folder, device, sessions):
     for name in ("six_position", "multi_position", "calibration"):
         check_calibration(folder / f"{name}.json", device, max(logs, key=len))
     check_diagnosis(folder / "diagnosis.json", device)
+    check_attitude(folder / "attitude.json", device)
 
 
 @pytest.mark.parametrize("device", DEVICES)
