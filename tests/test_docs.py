@@ -176,6 +176,15 @@ def results(tmp_path, monkeypatch):
         (folder / "diagnosis.json").write_text(
             json.dumps({"sensors": {"accelerometer": sensor, "gyroscope": sensor}})
         )
+    errors = {
+        "models": {model: {"rms_deg": 0.1} for model in ("raw", "base", "final")},
+        "base_over_final": 3.0,
+        "ratio_ci95": [2.0, 4.0],
+        "floor_deg": 0.1,
+    }
+    (tmp_path / "results/xsens_mti/attitude.json").write_text(
+        json.dumps({"methods": {"rotation": errors}})
+    )
     write_log(tmp_path / "log.csv", {})
     samples = pd.read_csv("log.csv")
     (tmp_path / "results/my_imu/poses").mkdir()

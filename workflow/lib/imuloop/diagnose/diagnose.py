@@ -148,6 +148,8 @@ def diagnose_device(
         attitude, table = validate_attitude(
             device, turn_model, recording, turn_solution, effects, names, settings, tests
         )
+        if "why" in attitude:
+            attitude["why"] = told(attitude["why"], sessions)
         write_json(attitude_path, attitude)
         with replaced(attitude_series_path) as temporary:
             table.to_parquet(temporary, index=False)
