@@ -3,7 +3,6 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC
@@ -69,6 +68,9 @@ class Poses:
         ndarray, shape (6, n, n)
             SI units squared, in the order ax … gz.
         """
+        # loads for a fifth of a second, and who only gathers poses has no need of it
+        from scipy.linalg import block_diag
+
         half = self.duration_s / 2
         windows = np.column_stack([self.mid_s - half, self.mid_s + half])
         parts = [

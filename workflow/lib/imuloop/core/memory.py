@@ -1,7 +1,6 @@
 """Functions of a log that remember its past: lag, play, moving mean; gaps of a slow channel."""
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 # exponents that are summed at once: exp(±500) is far from the limits of a double
 _SUMMED = 500.0
@@ -169,6 +168,9 @@ def fast_part(t, values, period, step=None):
     ndarray, shape (n, m)
         In the unit of the values.
     """
+    # loads for a quarter of a second, and few need it
+    from scipy.ndimage import uniform_filter1d
+
     if step is None:
         step = np.median(np.diff(t)) if len(t) > 1 else period
     size = max(_FEWEST, 2 * round(period / step / 2) + 1)

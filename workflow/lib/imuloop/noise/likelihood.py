@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 # the fit ends where the log-likelihood grows by less
 CLOSE, ROUNDS = 1e-6, 100
@@ -165,4 +164,7 @@ def _solve(units, power, weight):
     # equal sizes, so that no column is lost to rounding
     columns = units * root[:, None]
     size = np.linalg.norm(columns, axis=0)
+    # loads for a third of a second, and who only evaluates a likelihood has no need of it
+    from scipy.optimize import nnls
+
     return nnls(columns / size, power * root)[0] / size

@@ -4,13 +4,14 @@ from itertools import cycle
 
 import pandas as pd
 
-from imuloop.noise.views import DEVIATIONS, label
 from imuloop.report.allan_plot import curve
 from imuloop.report.numbers import missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.spectrum_plot import view
 from imuloop.report.svg import INK, PALETTE, Picture, draw, write_csv
 
+# views that have pictures of their own
+SPECTRA = ("psd", "autocorrelation")
 NOTE = "Different definitions: never compare one with another, nor its lowest part with B."
 
 
@@ -27,7 +28,7 @@ def deviation_pictures(device, session, folder):
         Where the CSV files go.
     """
     names = [] if session.views is None else list(dict.fromkeys(session.views["view"]))
-    found = {n: view(session, n) for n in names if n in DEVIATIONS or n.startswith("m_sample_")}
+    found = {n: view(session, n) for n in names if n not in SPECTRA}
     if not found:
         return []
     rows = pd.concat(found.values())
@@ -39,9 +40,16 @@ def deviation_pictures(device, session, folder):
     return [_picture(device, session, sensor, found, csv) for sensor in SENSORS]
 
 
+def _label(name):
+    # loads for half a second, and few ask for these deviations
+    from imuloop.noise.views import label
+
+    return label(name)
+
+
 def words(name):
     """Return how a deviation is called: the part of its label before what it means."""
-    short = label(name).partition(" deviation")[0]
+    short = _label(name).partition(" deviation")[0]
     return short.replace("M-", f"{name.rpartition('_')[2]}-")
 
 
@@ -74,7 +82,7 @@ def _picture(device, session, sensor, found, csv):
         columns=(1, 1, 1),
         sharey=True,
     )
-    note = " ".join([NOTE, *(f"{label(n)}." for n in found)])
+    note = " ".join([NOTE, *(f"{_label(n)}." for n in found)])
     return Picture(name, svg, caption, note, (csv,), wide=True)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import HOUR
-from imuloop.noise.needed import needed_seconds
 from imuloop.report.numbers import NOISE_UNITS, duration, joined, missing, number, with_unit
 from imuloop.report.recording_gain import MATTERS, plans
 from imuloop.report.recording_words import sigma_words
@@ -71,6 +70,9 @@ def static_record(device):
             target = min(upper, size)
             if 1 - target / upper < WORTH:
                 continue
+            # loads for a second, and few devices need it
+            from imuloop.noise.needed import needed_seconds
+
             seconds = needed_seconds(name, target, *_processes(axis), 1 / min(rates), 0.05)
             if seconds and longest < seconds <= LONGEST_RECORD:
                 wanted.append((seconds, name, channel, upper, target))

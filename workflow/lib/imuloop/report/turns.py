@@ -3,8 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from imuloop.calibrate.poses import gather_poses, gather_rotations
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.core.samples import ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.report.results import XYZ
 
 # cosine of the angle within which a turn is about one axis, 30 degrees
@@ -26,27 +25,32 @@ def turns(device):
         ``angle_rad``, the way turned, that is the integral of the size of the angular rate;
         ``speed_rad_s``, its greatest value; ``axis``, as ``+z``, or `MIXED`.
     """
-    sessions = pose_sessions(device)
-    poses = gather_poses([s.segments for s in sessions])
-    columns = [TIME, *ACCELERATION, *ANGULAR_RATE]
-    samples = [s.samples(columns) for s in sessions]
-    rotations = gather_rotations(poses, samples, [s.segments for s in sessions], np.inf)
-    gyroscope, rows = device.calibrations["final"].gyroscope, []
-    for w, steps in zip(rotations.w, rotations.steps, strict=True):
-        rate = gyroscope.output(w)
-        size = np.linalg.norm(rate, axis=1)
-        total = steps @ ((rate[1:] + rate[:-1]) / 2)
-        direction = total / max(np.linalg.norm(total), 1e-9)
-        axis = int(np.abs(direction).argmax())
-        alone = abs(direction[axis]) >= ABOUT
-        rows.append(
-            {
-                "angle_rad": steps @ ((size[1:] + size[:-1]) / 2),
-                "speed_rad_s": size.max(),
-                "axis": f"{'+' if direction[axis] > 0 else '−'}{XYZ[axis]}" if alone else MIXED,
-            }
-        )
-    return pd.DataFrame(rows, index=rotations.first)
+    gyroscope, rows, before = device.calibrations["final"].gyroscope, {}, 0
+    for session in pose_sessions(device):
+        rests = session.segments[session.segments["pose"] >= 0].groupby("pose")
+        samples = session.samples((TIME, *ANGULAR_RATE))
+        t, raw = samples[TIME].to_numpy(), samples[list(ANGULAR_RATE)].to_numpy()
+        # from the last sample of a pose to the first of the next
+        first = np.searchsorted(t, rests["end_s"].max()) - 1
+        last = np.searchsorted(t, rests["start_s"].min()) + 1
+        for k, (i, j) in enumerate(zip(first[:-1], last[1:], strict=True), before):
+            rows[k] = _turn(t[i:j], gyroscope.output(raw[i:j]))
+        before += len(first)
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _turn(t, rate):
+    """Return angle, speed and axis of a turn."""
+    size, steps = np.linalg.norm(rate, axis=1), np.diff(t)
+    total = steps @ ((rate[1:] + rate[:-1]) / 2)
+    direction = total / max(np.linalg.norm(total), 1e-9)
+    axis = int(np.abs(direction).argmax())
+    alone = abs(direction[axis]) >= ABOUT
+    return {
+        "angle_rad": steps @ ((size[1:] + size[:-1]) / 2),
+        "speed_rad_s": size.max(initial=0.0),
+        "axis": f"{'+' if direction[axis] > 0 else '−'}{XYZ[axis]}" if alone else MIXED,
+    }
 
 
 def pose_temperatures(device):
