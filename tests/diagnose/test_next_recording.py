@@ -121,6 +121,8 @@ def test_turns_are_as_many_as_the_level_needs(content):
     stds = [content["sensors"]["gyroscope"]["parameters"][f"K{i}"]["std"] for i in range(3)]
     assert turns["std"] == max(stds) == stds[axis]
     assert 0 < turns["largest_deg"][axis] <= 180.0 < turns["turned_deg"][axis]
+    mean = turns["turned_deg"][axis] / 14 / (MOVE_S + 1)
+    assert mean < turns["mean_deg_s"][axis] < turns["largest_deg"][axis] / MOVE_S
 
 
 def test_an_error_weighs_as_much_as_it_moves_the_output(content):

@@ -70,6 +70,7 @@ def diagnosis(weight=0.5, gain=0.5, **changed):
     turns = {"axis": "z", "std": 3.1e-4, "std_after": 3.1e-4, "level": 1e-3}
     turns |= {"poses": 12, "turns": 4}
     turns |= {"turned_deg": [900.0, 800.0, 200.0], "largest_deg": [170.0, 160.0, 40.0]}
+    turns |= {"mean_deg_s": [40.0, 30.0, 12.0]}
     blocks = {"poses": {"verdict": "consistent"}, "static_record": {"verdict": "consistent"}}
     sensors = dict.fromkeys(SENSORS, blocks)
     return {"sensors": sensors, "next_recording": {"sensors": content, "turns": turns}} | changed
@@ -121,6 +122,9 @@ def test_turns_are_asked_for_about_the_axis_that_was_turned_least(plain_samples)
     step = next_steps(device(plain_samples, diagnosis=content))[0]
     assert "The rotations about z are too small" in step
     assert "known to 310\u202fppm" in step and "200° in all, 40° in the largest" in step
+    assert "12\u202f°/s in the mean" in step
+    content["next_recording"]["turns"]["mean_deg_s"] = [40.0, 30.0, 5.0]
+    assert "about z are too slow" in next_steps(device(plain_samples, diagnosis=content))[0]
     assert "16 turns of 360° about z" in step and "80\u202fppm" in step
 
 
@@ -187,6 +191,7 @@ def test_a_temperature_that_only_rose_asks_for_heating_and_cooling(plain_samples
         )
     )[0]
     assert step.startswith("Heat and cool: in session day the temperature only rose (20")
+    assert "more than 20 times the σ" in step
     path = warm(tmp_path / "both.parquet", lambda u: 1 - abs(2 * u - 1))
     both = session("day", "static", duration_s=7200.0, path=path)
     steps = next_steps(replace(good, sessions=(good.sessions[0], both)))
@@ -199,7 +204,7 @@ def test_what_is_unexplained_is_said_with_its_floor(plain_samples):
     block = {"verdict": "unexplained", "residuals": {"rotation": residual}}
     content["sensors"] = content["sensors"] | {"gyroscope": {"poses": block}}
     step = next_steps(device(plain_samples, diagnosis=content))[0]
-    assert "held-out error 0.23°, floor 0.057°" in step
+    assert "Held-out error 0.23°, floor 0.057°." in step
 
 
 def test_advice_is_short_and_ordered_by_gain(plain_samples):

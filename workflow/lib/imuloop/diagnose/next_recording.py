@@ -246,26 +246,29 @@ def _turns(view, content, recording, calibration, floor, planned):
     dict
         ``axis``; ``std`` now; ``level``, the error of the scale factor that at 100 deg/s is the
         noise of a mean of one second; ``turns``, after some ``poses``, and ``std_after``: the
-        fewest that reach it, or the most that were tried; ``turned_deg`` and ``largest_deg`` about
-        each axis in the recording. Empty without a pose.
+        fewest that reach it, or the most that were tried; ``turned_deg`` in all, ``largest_deg``
+        and ``mean_deg_s`` about each axis in the recording. Empty without a pose.
     """
     if not len(recording.poses):
         return {}
     i = weakest_axis(view)
     level = float(floor[i] / USE["gyroscope"])
-    angles = np.zeros((1, 3))
+    angles, speeds = np.zeros((1, 3)), np.zeros((1, 3))
     if recording.rotations is not None and len(recording.rotations):
         rotations = recording.rotations
         k, b = view.solution.x[6:9], view.solution.x[9:12]
         rates = k * (rotations.w - b)
         mean = (rates[:, 1:] + rates[:, :-1]) / 2
         angles = np.abs((mean * rotations.steps[..., None]).sum(axis=1)) / DEGREE
+        speeds = angles / (rotations.end_s - rotations.start_s)[:, None]
     found = {
         "axis": "xyz"[i],
         "std": content["parameters"][f"K{i}"]["std"],
         "level": level,
         "turned_deg": angles.sum(axis=0).tolist(),
         "largest_deg": angles.max(axis=0).tolist(),
+        # a rotation counts for an axis by its angle about it
+        "mean_deg_s": ((angles * speeds).sum(axis=0) / np.maximum(angles.sum(axis=0), 1)).tolist(),
         "turns": None,
         "std_after": None,
     }

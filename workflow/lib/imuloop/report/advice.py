@@ -11,7 +11,7 @@ from imuloop.report.recording_gain import (
     turns_needed,
 )
 from imuloop.report.results import SENSORS
-from imuloop.report.verdict import PARTS, block_of, leading, quoted, shown, verdict_of
+from imuloop.report.verdict import PARTS, block_of, leading, misfit, quoted, shown, verdict_of
 
 # sentences a device
 MOST = 5
@@ -99,14 +99,12 @@ def _unexplained(device):
             _, residual = quoted(sensor, block)
             after, floor = residual.get("after"), residual.get("floor")
             gain = 0.0 if missing(after) or missing(floor) or not after else 1 - floor / after
-            size = (
-                f" (held-out error {shown(residual, 'after', 2)}, floor "
-                f"{shown(residual, 'floor', 2)})"
-                if gain > 0
-                else ""
-            )
+            size = misfit(block)
+            if gain > 0:
+                held, least = (shown(residual, key, 2) for key in ("after", "floor"))
+                size = f" Held-out error {held}, floor {least}."
             yield (
                 max(gain, 0.0),
                 f"{sensor.capitalize()}, {words}: something that the model lacks is in the "
-                f"data{size}. {what_next(block)}",
+                f"data.{size} {what_next(block)}",
             )

@@ -10,6 +10,8 @@ from imuloop.report.verdict import PARTS, block_of
 # span of a temperature that says anything, K, and the correlation with time from which on it and
 # time are the same to a fit
 SPAN_K, MONOTONE = 2.0, 0.9
+# σ so many times larger is as good as none
+HOPELESS = 20.0
 # effects that follow time
 _WITH_TIME = {"bias_drift", "warm_up", "ramp"}
 
@@ -48,10 +50,11 @@ def heat_and_cool(device):
     )
     also = f" These data cannot tell apart {joined(pairs)}." if pairs else ""
     course, span = "rose" if r > 0 else "fell", f"{number(low, 3)} to {number(high, 3)}\u202f°C"
+    times = f"more than {HOPELESS:g}" if factor > HOPELESS else number(factor, 2)
     yield (
         1 - 1 / factor,
         f"Heat and cool: in session {name} the temperature only {course} ({span}, correlation with "
         f"time {number(r, 2)}), so that a temperature coefficient beside a drift has "
-        f"{number(factor, 2)} times the σ that it could have.{also} Go from {span} and back, "
+        f"{times} times the σ that it could have.{also} Go from {span} and back, "
         "twice, within one record.",
     )

@@ -19,8 +19,9 @@ MATTERS = 2.0
 WIDE_HOLE = 50.0
 # share of a standard error that has to go before a recording is worth its while
 NOTICEABLE = 0.1
-# the largest rotation about an axis that is not small, degrees
-SMALL_TURN = 90.0
+# the largest rotation about an axis that is not small, degrees, and the least mean rate of
+# rotations that is not slow, deg/s
+SMALL_TURN, SLOW = 90.0, 10.0
 
 
 def plans(device, sensor):
@@ -133,12 +134,15 @@ def turns_needed(device):
     if gain < NOTICEABLE:
         return
     known = "unknown" if missing(now) else f"known to {sigma_words('1', now)}"
-    turned, largest = (number(turns[k][i], 2) for k in ("turned_deg", "largest_deg"))
+    figures = ("turned_deg", "largest_deg", "mean_deg_s")
+    turned, largest, rate = (number(turns[k][i], 2) for k in figures)
     size = "few" if turns["largest_deg"][i] > SMALL_TURN else "small"
+    size = "slow" if turns["mean_deg_s"][i] < SLOW else size
     yield (
         gain,
         f"The rotations about {axis} are too {size} to show the gyroscope's scale factor there "
-        f"({known}): {turned}° in all, {largest}° in the largest. A session of {turns['poses']} "
+        f"({known}): {turned}° in all, {largest}° in the largest, {rate}\u202f°/s in "
+        f"the mean. A session of {turns['poses']} "
         f"poses in the largest holes of the sphere, then {turns['turns']} turns of 360° about "
         f"{axis}, both ways, with {axis} level, would bring σ to {sigma_words('1', after)}; "
         f"{sigma_words('1', level)} are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
