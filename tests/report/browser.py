@@ -36,7 +36,7 @@ os.dup2(int(sys.argv[1]), 3)
 os.dup2(int(sys.argv[2]), 4)
 os.execv(sys.argv[3], sys.argv[3:])
 """
-PATIENCE_S = 60
+PATIENCE_S = 300
 KEYS = {"Tab": 9, "Enter": 13, " ": 32}
 
 

@@ -8,8 +8,13 @@ from imuloop.report.verdict import PARTS, block_of, reason_of, verdict_of
 ORDER = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
 
 
+def rank(verdict):
+    """Return the place of a verdict from the best news to none."""
+    return ORDER.index(verdict) if verdict in ORDER else len(ORDER)
+
+
 def answers(diagnosis):
-    """Return what to say of a device first: sensor, verdict and words of each sensor.
+    """Return what to say of a device first: each sensor, its worst verdict, words on it.
 
     Poses come first: they test the calibration. A static record is named where it says more, or
     where there are no poses.
@@ -22,15 +27,16 @@ def answers(diagnosis):
     said = []
     for sensor in SENSORS:
         poses, still = (block_of(diagnosis, sensor, part) for part in PARTS)
-        if verdict_of(poses) != "not_testable":
-            verdict, words = verdict_of(poses), _words(poses)
+        tested = [v for v in map(verdict_of, (poses, still)) if v != "not_testable"]
+        if not tested:
+            words = f"not testable: {reason_of(poses)}"
+        elif verdict_of(poses) == "not_testable":
+            words = f"at rest {_words(still)}; no poses to test it"
+        else:
+            words = _words(poses)
             if verdict_of(still) not in ("consistent", "not_testable"):
                 words += f"; at rest {_words(still)}"
-        elif verdict_of(still) != "not_testable":
-            verdict, words = verdict_of(still), f"at rest {_words(still)}; no poses to test it"
-        else:
-            verdict, words = "not_testable", f"not testable: {reason_of(poses)}"
-        said.append((sensor, verdict, words))
+        said.append((sensor, max(tested, key=rank, default="not_testable"), words))
     return said
 
 

@@ -3,7 +3,7 @@
 import csv
 from dataclasses import dataclass
 
-from imuloop.report.answer import ORDER
+from imuloop.report.answer import rank
 from imuloop.report.numbers import (
     DEGREE_PER_SECOND,
     DEGREES,
@@ -134,11 +134,11 @@ def _cell(figure, display, best):
 
 def verdict_rank(verdicts):
     """Return what the column of verdicts is sorted by: poses first, then the static record."""
-    places = [ORDER.index(v) if (v := verdicts[part]["verdict"]) in ORDER else 9 for part in PARTS]
-    return 10 * places[0] + places[1]
+    poses, still = (rank(verdicts[part]["verdict"]) for part in PARTS)
+    return 10 * poses + still
 
 
-def tested(verdicts):
+def verdict_parts(verdicts):
     """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
     words = {"poses": "poses", "static_record": "at\u00a0rest"}
     return [(p, words[p]) for p in PARTS if verdicts[p]["verdict"] != "not_testable"]

@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT, number
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.summary import PAIRS
-from imuloop.report.svg import INK, PALETTE, Picture, decades, draw
+from imuloop.report.svg import INK, PALETTE, Picture, draw
 
 DASHES = ("-", "--", ":")
 # colour and mark of each axis or pair of axes
@@ -22,7 +22,7 @@ INTERVALS = {
 
 def line_style(index):
     """Return colour number and dash number of the device at that place; distinct up to 21."""
-    return index % len(PALETTE), index // len(PALETTE) % len(DASHES)
+    return index % len(PALETTE), index % len(DASHES)
 
 
 def allan_comparison(summaries):
@@ -54,8 +54,6 @@ def _allan_picture(sensor, axis, channel, curves):
         for i, _, tau, adev in curves:
             colour, dash = line_style(i)
             ax.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
-        decades(ax.xaxis)
-        decades(ax.yaxis)
         ax.set_xlabel("averaging time τ, s")
         ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
@@ -111,8 +109,7 @@ def _interval_picture(key, words, display, names, rows, csv):
         ax.set_yticks(range(count), labels)
         ax.set_ylim(count - 0.5, -0.5)
         ax.set_xlabel(f"{words}, {display.unit}")
-        spacing = {"handletextpad": 0, "columnspacing": 0.8}
-        ax.legend(loc="lower right", ncols=6, bbox_to_anchor=(1.02, 1), borderpad=0.2, **spacing)
+        ax.legend()
 
     size = zip(np.nanmax(np.abs(value), axis=1), (label for label, _ in rows), strict=True)
     largest = "largest axis" if names == XYZ else "largest pair of axes"

@@ -15,7 +15,7 @@ from imuloop.report.comparison import (
     cells,
     filter_cells,
     rate_cell,
-    tested,
+    verdict_parts,
     verdict_rank,
     write_comparison,
 )
@@ -68,7 +68,7 @@ def write_report(
         columns=COLUMNS,
         best=best_words(devices, COLUMNS),
         rank=verdict_rank,
-        tested=tested,
+        verdict_parts=verdict_parts,
         rates=[rate_cell(d) for d in devices],
         filters=[filter_cells(d) for d in devices],
         exports=[sorted(p.name for p in Path(folder).glob("[!.]*")) for folder in exports],

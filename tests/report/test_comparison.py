@@ -1,0 +1,133 @@
+"""The comparison of devices: who is best, what a column is sorted by, what a filter takes."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from imuloop.report.answer import answers, best_words
+from imuloop.report.comparison import (
+    COLUMNS,
+    best_devices,
+    cells,
+    filter_cells,
+    rate_cell,
+    verdict_parts,
+    verdict_rank,
+)
+from imuloop.report.comparison_plot import DASHES, interval_comparison, line_style
+from imuloop.report.summary import PAIRS
+from imuloop.report.svg import PALETTE
+
+
+def _summary(label="A", **figures):
+    return {"label": label, "figures": figures}
+
+
+def _size(value, upper=None):
+    return {"value": value, "std": None, "upper95": upper, "axis": "x", "upper95_axis": "y"}
+
+
+def test_the_smallest_size_is_the_best_and_a_limit_counts_as_its_size():
+    devices = [_summary(K=_size(2.0)), _summary(K=_size(-3.0)), _summary(), _summary(K=_size(4.0))]
+    assert best_devices(devices, "K") == {0}
+    assert best_devices([*devices, _summary(K=_size(None, 1.0))], "K") == {4}
+    assert best_devices([*devices, _summary(K=_size(None, 2.5))], "K") == {0}
+    assert best_devices(devices[:1], "K") == set()
+
+
+def test_cells_are_sorted_by_their_size_in_si():
+    a = _summary(accelerometer_bias={"value": -0.5, "std": 0.1, "axis": "z"})
+    b = _summary(accelerometer_B=_size(None, 2e-3))
+    (first, second) = cells([a, b], "accelerometer")
+    keys = [column.key for column in COLUMNS["accelerometer"]]
+    assert first[keys.index("accelerometer_bias")].value == 0.5
+    assert second[keys.index("accelerometer_B")].value == 2e-3
+    assert second[keys.index("accelerometer_bias")].value is None
+
+
+@pytest.fixture(scope="module")
+def summaries(results):
+    return {
+        name: json.loads((results / name / "summary.json").read_text())
+        for name in ("board", "still", "partly", "nothing")
+    }
+
+
+def test_a_device_is_answered_in_a_line(summaries):
+    said = {sensor: (verdict, words) for sensor, verdict, words in summaries["board"]["answers"]}
+    assert said["accelerometer"] == ("consistent", "good to its noise")
+    # poses explained, but something stands in the static record: the worse marks the line
+    verdict, words = said["gyroscope"]
+    assert verdict == "unexplained"
+    assert words == (
+        "good to its noise with g sensitivity and bias drift corrected; "
+        "at rest something is missing that no known effect explains"
+    )
+    said = {sensor: (verdict, words) for sensor, verdict, words in summaries["still"]["answers"]}
+    assert said["gyroscope"][0] == "partly_explained"
+    assert said["gyroscope"][1].startswith("at rest better with bias temperature corrected")
+    assert said["gyroscope"][1].endswith("no poses to test it")
+    assert [verdict for _, verdict, _ in summaries["nothing"]["answers"]] == ["not_testable"] * 2
+    assert answers({}) == [
+        (sensor, "not_testable", "not testable: no recording of this kind")
+        for sensor in ("accelerometer", "gyroscope")
+    ]
+
+
+def test_verdicts_rank_by_poses_then_by_the_static_record(summaries):
+    ranks = {n: verdict_rank(s["verdicts"]["gyroscope"]) for n, s in summaries.items()}
+    assert ranks["board"] < ranks["partly"] < ranks["still"] < ranks["nothing"]
+    assert [part for part, _ in verdict_parts(summaries["still"]["verdicts"]["gyroscope"])] == [
+        "static_record"
+    ]
+
+
+def test_the_smallest_held_out_residual_is_named():
+    key = COLUMNS["gyroscope"][0].key
+    devices = [_summary("A", **{key: {"value": 0.02}}), _summary("B", **{key: {"value": 0.01}})]
+    assert best_words(devices, COLUMNS) == ["gyroscope – B, 0.57°"]
+    assert best_words(devices[:1], COLUMNS) == []
+
+
+def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit(summaries, results):
+    noise = json.loads((results / "still" / "noise.json").read_text())["axes"]
+    n_a, k_a, n_g, k_g = filter_cells(summaries["still"])
+    worst = max(noise[axis]["N"]["value"] for axis in ("ax", "ay", "az"))
+    assert n_a.value == worst and float(n_a.text) == pytest.approx(worst, rel=5e-3)
+    assert n_g.value == max(noise[axis]["N"]["value"] for axis in ("gx", "gy", "gz"))
+    assert k_a.value == k_g.value == 3e-6 and "not seen: 95 % limit" in k_a.below
+    assert rate_cell(summaries["board"]).text == "20"
+    nothing = summaries["nothing"]
+    assert [c.text for c in (*filter_cells(nothing), rate_cell(nothing))] == ["—"] * 5
+
+
+def test_misalignments_are_those_that_were_estimated(summaries, results):
+    sensor = json.loads((results / "board" / "calibration.json").read_text())["accelerometer"]
+    found = dict(
+        zip(PAIRS, summaries["board"]["axes"]["accelerometer_misalignment"]["value"], strict=True)
+    )
+    assert [pair for pair, value in found.items() if value is not None] == ["xy", "xz", "yz"]
+    assert found["yz"] == sensor["T"][1][2]
+    largest = summaries["board"]["figures"]["accelerometer_misalignment"]
+    assert abs(largest["value"]) == max(abs(v) for v in found.values() if v is not None)
+    assert found[largest["axis"]] == largest["value"]
+    with open(results / "comparison.csv", newline="", encoding="utf-8") as file:
+        row = next(csv.DictReader(file))
+    assert float(row["accelerometer_misalignment_yz [rad]"]) == found["yz"]
+    assert row["accelerometer_misalignment_zx [rad]"] == ""
+    assert "gyroscope_K_upper95 [rad/s^2/sqrt(Hz)]" in row
+
+
+def test_every_parameter_has_a_picture_with_all_devices_that_have_it(summaries):
+    pictures = {p.name: p for p in interval_comparison(list(summaries.values()), "comparison.csv")}
+    assert len(pictures) == 6
+    assert "xy" in pictures["comparison.accelerometer_misalignment"].svg
+    assert "zx" not in pictures["comparison.accelerometer_misalignment"].svg
+    assert "zx" in pictures["comparison.gyroscope_misalignment"].svg
+
+
+def test_twenty_one_devices_have_lines_of_their_own():
+    looks = {line_style(i) for i in range(len(PALETTE) * len(DASHES))}
+    assert len(looks) == 21 and np.ptp([c for c, _ in looks]) == 6
