@@ -117,13 +117,14 @@ def _errors(recording, block, models, directions, names):
 
     for (k, session), group in groupby(stretches(recording, block), place):
         calibrations = models[k].calibrations
-        log = _samples(recording.logs[session])
-        whole = {name: c.apply(log) for name, c in calibrations.items() if _extended(c)}
+        log = recording.logs[session]
+        # effects may depend on all of the log
+        whole = {n: c.apply(_samples(log)) for n, c in calibrations.items() if _extended(c)}
         for stretch in group:
             pieces = [
                 whole[name].iloc[stretch.piece]
                 if name in whole
-                else calibrations[name].apply(log.iloc[stretch.piece])
+                else calibrations[name].apply(_samples(log, stretch.piece))
                 for name in MODELS
             ]
             f, w = (np.array([p[list(c)] for p in pieces]) for c in (ACCELERATION, ANGULAR_RATE))
@@ -210,15 +211,15 @@ def _rotation_floor(whole, recording, block):
     return np.sqrt(2 * np.concatenate(squares).mean())
 
 
-def _samples(log):
-    """Return a log as a table of samples."""
+def _samples(log, piece=slice(None)):
+    """Return a piece of a log as a table of samples."""
     columns = {TIME: log.t, **dict(zip(ACCELERATION, log.f.T, strict=True))}
     columns |= dict(zip(ANGULAR_RATE, log.w.T, strict=True))
     if log.temperature is not None:
         columns[TEMPERATURE] = log.temperature
-    return pd.DataFrame(columns)
+    return pd.DataFrame({name: values[piece] for name, values in columns.items()})
 
 
 def _extended(calibration):
-    """Return whether a calibration has effects, which may depend on all of the log."""
+    """Return whether a calibration has effects."""
     return calibration.accelerometer.effects or calibration.gyroscope.effects
