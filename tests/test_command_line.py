@@ -1,14 +1,24 @@
-"""``python -m imuloop apply`` on raw logs and on samples."""
+"""``python -m imuloop``: its commands on raw logs and on results, their messages, exit status."""
+
+import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop import Calibration
 from imuloop.__main__ import main
+from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
+from imuloop.ingest.ingest import ingest
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
 T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
@@ -86,3 +96,173 @@ def test_a_log_that_is_rejected_says_why(tmp_path, calibration, capsys):
     message = capsys.readouterr().err
     assert "short.csv: rejected: " in message and "20 usable rows" in message
     assert not out.exists()
+
+
+@pytest.fixture(scope="module")
+def device(tmp_path_factory):
+    """A folder with two logs of poses of a simulated device and its calibration."""
+    folder = tmp_path_factory.mktemp("device")
+    made = example_truth(rate=50.0)
+    poses = replace(made.sessions["multi_position"], poses=24, initial_rest_s=20.0)
+    truth = replace(made, sessions={"multi_position": poses})
+    for seed in (1, 2):
+        simulate_session(truth, "multi_position", seed).to_csv(folder / f"{seed}.csv", index=False)
+    noise = known_noise(truth)
+    noise.to_json(folder / "noise.json")
+    recorded = recording(truth, 1)
+    force = calibrate_accelerometer(
+        recorded.poses, noise, truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    turn = calibrate_gyroscope(recorded, noise, force, RATE_UNIT, CalibrateSettings())
+    Calibration("d", truth.gravity, force, turn).to_json(folder / "calibration.json")
+    return folder
+
+
+def test_a_device_that_did_not_drift(device, tmp_path, capsys):
+    out = tmp_path / "drift.json"
+    arguments = ["check", str(device / "calibration.json"), str(device / "2.csv")]
+    assert main([*arguments, "--json", str(out)]) == 0
+    lines = capsys.readouterr().out
+    assert "accelerometer: no drift (9 parameters" in lines
+    assert "gyroscope: no drift (12 parameters" in lines
+    assert f"noise of {device / 'noise.json'}" in lines
+    found = json.loads(out.read_text())
+    assert found["format"] == 1 and found["drifted"] is False and found["kind"] == "multi_position"
+    assert found["sensors"]["gyroscope"]["dof"] == 12
+    assert {"name", "unit", "change", "std", "sigmas", "p_holm", "drifted"} <= set(
+        found["sensors"]["gyroscope"]["changes"][0]
+    )
+
+
+def test_a_device_that_drifted_by_its_exit_status(device, tmp_path, capsys):
+    log = pd.read_csv(device / "2.csv")
+    log["gy"] += 0.002
+    log.to_csv(tmp_path / "later.csv", index=False)
+    arguments = ["check", str(device / "calibration.json"), str(tmp_path / "later.csv")]
+    assert main(arguments) == 3
+    lines = capsys.readouterr().out
+    assert "gyroscope: DRIFTED" in lines and "accelerometer: no drift" in lines
+    assert re.search(r"b1 +moved by 0\.11\d* ± .* °/s .*DRIFTED, above noise", lines)
+    assert "Only biases moved" in lines
+    assert main([*arguments, "--turn-on", "0,0.002"]) == 0
+
+
+def test_one_rest_and_the_noise_of_the_log_itself(device, tmp_path, capsys):
+    log = pd.read_csv(device / "2.csv")
+    log[log["t"] < 19].to_csv(tmp_path / "rest.csv", index=False)
+    (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
+    assert main(["check", str(tmp_path / "calibration.json"), str(tmp_path / "rest.csv")]) == 0
+    lines = capsys.readouterr().out
+    assert "1 rest, 0 turns" in lines and "noise of the log itself" in lines
+    assert "b along (" in lines and "not tested: b0, b1, b2, K0" in lines
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["nothing"],
+        ["apply"],
+        ["check", "c.json", "log.csv", "--turn-on", "1"],
+        ["check", "c.json", "log.csv", "--level", "5"],
+        ["apply", "c.json", "log.csv", "-o", "out.csv", "--columns", "speed=v"],
+        ["apply", "c.json", "log.csv", "-o", "out.csv", "--counts", "acceleration=a"],
+        ["report", "log.csv"],
+        ["report", "log.csv", "-o", "r.html", "--gravity", "1,2,3"],
+    ],
+    ids=" ".join,
+)
+def test_bad_usage_is_told_with_status_2(arguments, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["apply", "check", "info", "report"])
+def test_help_has_an_example(command, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "-h"])
+    assert stopped.value.code == 0
+    assert f"  imuloop {command} " in capsys.readouterr().out
+
+
+def one_line_error(arguments, capsys):
+    assert main([str(a) for a in arguments]) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("imuloop: ") and message.count("\n") == 1
+    return message
+
+
+def test_what_is_no_calibration_is_one_line(device, tmp_path, capsys):
+    for name, content in (
+        ("noise.json", (device / "noise.json").read_text()),
+        ("list.json", "[1]"),
+        ("empty.json", "{}"),
+    ):
+        (tmp_path / name).write_text(content)
+        arguments = ["apply", tmp_path / name, device / "1.csv", "-o", tmp_path / "out.csv"]
+        assert name in one_line_error(arguments, capsys)
+    (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
+    (tmp_path / "noise.json").write_text("{}")
+    found = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)
+    assert "not a noise model" in found
+
+
+def test_info_says_what_a_file_is(device, tmp_path, capsys):
+    def told(path, *more):
+        assert main(["info", str(path), *more]) == 0
+        return capsys.readouterr().out
+
+    lines = told(device / "calibration.json")
+    assert lines.startswith("calibration of d, gravity 9.80665 m/s²")
+    # the truth: 0.12 m/s^2, -4 mrad
+    assert re.search(r"bias +12\.\d+ ± 0\.\d+ .* mg", lines)
+    assert re.search(r"misalignment x +0 +-[34]\.\d+ ± .* mrad", lines)
+    lines = told(device / "noise.json")
+    assert re.search(r"N, white noise .* 153 +143 +194 +µg/√Hz", lines)
+    lines = told(device / "1.csv")
+    assert "1.csv: log, format csv" in lines and " 50.000 Hz" in lines
+    assert "acceleration ax/ay/az (m/s^2)" in lines and "faults: none" in lines
+    main(
+        [
+            "apply",
+            str(device / "calibration.json"),
+            str(device / "1.csv"),
+            "-o",
+            f"{tmp_path}/c.parquet",
+        ]
+    )
+    assert told(tmp_path / "c.parquet").startswith("calibrated samples of d: ")
+    samples = tmp_path / "samples.parquet"
+    ingest(
+        device="d",
+        session="poses",
+        kind="multi_position",
+        paths=[device / "1.csv"],
+        samples_path=samples,
+        quality_path=tmp_path / "quality.json",
+    )
+    assert told(samples).startswith("samples of d, session poses, multi_position\nok: ")
+    assert told(tmp_path / "quality.json").startswith("ok: ")
+    (tmp_path / "other.json").write_text('{"a": 1}')
+    assert "no result of imuloop" in one_line_error(["info", tmp_path / "other.json"], capsys)
+    assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)
+
+
+def test_info_tells_the_faults_of_a_rejected_log(tmp_path, capsys):
+    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
+    (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
+    assert main(["info", str(tmp_path / "short.csv")]) == 0
+    assert "rejected: " in capsys.readouterr().out
+
+
+def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
+    page, kept = tmp_path / "report.html", tmp_path / "kept"
+    assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0
+    assert capsys.readouterr().out == f"wrote {page}\n"
+    text = page.read_text()
+    assert text.startswith("<!DOCTYPE html>") or text.startswith("<!doctype html>")
+    made = Calibration.from_json(kept / "calibration.json")
+    np.testing.assert_allclose(made.accelerometer.K, example_truth().accelerometer.K, atol=2e-3)
+    assert {"noise.json", "diagnosis.json", "exports"} <= {path.name for path in kept.iterdir()}

@@ -1,0 +1,38 @@
+"""``imuloop apply``: a log, calibrated."""
+
+import tempfile
+from pathlib import Path
+
+from imuloop import Calibration
+from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
+
+EXAMPLE = """example:
+  imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
+
+Reads every format that imuloop reads, raw or as samples.parquet. Any length: memory does not grow
+with the log. Writes t (s), ax ay az (m/s^2), gx gy gz (rad/s), and temperature (degC) if logged."""
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser("apply", help="calibrate a log", epilog=EXAMPLE, **how)
+    command.add_argument("calibration", type=Path, help="calibration.json of the device")
+    command.add_argument("log", type=Path, help="log of the same device, in the same units")
+    command.add_argument(
+        "-o", "--output", type=Path, required=True, help="file to write, .csv or .parquet"
+    )
+    add_arguments(command)
+    command.set_defaults(run=run)
+
+
+def run(arguments):
+    """Write the calibrated samples of a log."""
+    calibration, output = Calibration.from_json(arguments.calibration), arguments.output
+    output.parent.mkdir(parents=True, exist_ok=True)
+    # beside the output, where there is room for something as large
+    with tempfile.TemporaryDirectory(dir=output.parent, prefix=".imuloop-") as folder:
+        samples, quality = log_samples(
+            arguments.log, arguments, Path(folder), calibration=calibration
+        )
+        refuse_rejected(arguments.log, quality)
+        calibration.apply_file(samples, output)

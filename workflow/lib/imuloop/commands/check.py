@@ -1,0 +1,201 @@
+"""``imuloop check``: whether a sensor has drifted since it was calibrated."""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+# a calibration may hold any effect of the library
+import imuloop.diagnose.effects  # noqa: F401
+from imuloop import Calibration
+from imuloop.calibrate.recording import record
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.commands.lines import aligned, say
+from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import write_json
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import read_samples
+from imuloop.diagnose.drift import check_drift, is_bias
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
+from imuloop.noise.settings import NoiseSettings
+from imuloop.report.effect_units import data_sheet
+from imuloop.report.numbers import MILLIRADIAN, RESIDUAL, number, p_text, plural, with_sigma
+from imuloop.report.verdict import RESIDUAL_WORDS
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+
+# exit status of a device that has drifted
+DRIFTED = 3
+EXAMPLE = f"""examples:
+  imuloop check results/my_imu/calibration.json poses_today.csv
+  imuloop check calibration.json rest.csv --turn-on 0.02,0.002 --json drift.json
+
+LOG is a new log of the same device: poses for all parameters, a rest for the gyroscope's bias and
+the accelerometer's along gravity. Exit status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser(
+        "check", help="test a calibration on a new log: has it drifted?", epilog=EXAMPLE, **how
+    )
+    command.add_argument("calibration", type=Path, help="calibration.json of the device")
+    command.add_argument("log", type=Path, help="new log of the same device")
+    command.add_argument(
+        "--kind",
+        choices=("multi_position", "six_position", "static"),
+        help="default: poses if the log has two or more attitudes, else static",
+    )
+    command.add_argument(
+        "--noise", type=Path, help="noise.json; default: beside the calibration, else from the log"
+    )
+    command.add_argument(
+        "--gravity", type=float, metavar="M/S^2", help="where LOG was recorded; default: as before"
+    )
+    command.add_argument(
+        "--turn-on",
+        type=two,
+        metavar="M/S^2,RAD/S",
+        help="standard deviation of the bias from one switching on to the next; default: the bias "
+        "instability of the noise",
+    )
+    command.add_argument(
+        "--level", type=share, default=0.05, help="probability of a false alarm, default 0.05"
+    )
+    command.add_argument("--json", type=Path, metavar="OUT", help="write the result, for programs")
+    add_arguments(command)
+    command.set_defaults(run=run)
+
+
+def two(text):
+    """Return two numbers of an argument, none below zero."""
+    values = tuple(float(value) for value in text.split(","))
+    if len(values) != 2 or min(values) < 0:
+        raise argparse.ArgumentTypeError(f"{text} is not ACCELERATION,ANGULAR_RATE")
+    return values
+
+
+def share(text):
+    """Return a probability of an argument."""
+    value = float(text)
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")
+    return value
+
+
+def run(arguments):
+    """Test a calibration on a log; return the exit status."""
+    calibration, log = Calibration.from_json(arguments.calibration), arguments.log
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
+        path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
+        refuse_rejected(log, quality)
+        samples = read_samples(path)
+    kind, segments = segmented(samples, arguments.kind)
+    recording = record([samples], [segments], CalibrateSettings().longest_rotation)
+    noise, source = noise_of(arguments, calibration, kind, samples, segments)
+    try:
+        drift = check_drift(
+            calibration,
+            recording,
+            noise,
+            gravity=arguments.gravity,
+            level=arguments.level,
+            turn_on=arguments.turn_on,
+        )
+    except ImuloopError as error:
+        raise ImuloopError(f"{log}: {error}") from error
+    say(f"{log.name} against the calibration of {drift.device}; noise {source}", *lines(drift))
+    if arguments.json:
+        write_json(
+            arguments.json,
+            {
+                **drift.to_dict(),
+                "calibration": str(arguments.calibration),
+                "log": str(log),
+                "kind": kind,
+                "noise": source,
+            },
+        )
+    return DRIFTED if drift.drifted else 0
+
+
+def segmented(samples, kind):
+    """Return the kind of a log and its segments; poses if it has several and no kind is given."""
+    segments, found = segment_session(samples, kind or "multi_position", SegmentSettings())
+    if kind or found["poses"] > 1:
+        return kind or "multi_position", segments
+    return "static", segment_session(samples, "static", SegmentSettings())[0]
+
+
+def noise_of(arguments, calibration, kind, samples, segments):
+    """Return the noise model, and in words where it is from."""
+    path = arguments.noise or arguments.calibration.with_name("noise.json")
+    if arguments.noise or path.is_file():
+        try:
+            return NoiseModel.from_json(path), f"of {path}"
+        except (KeyError, TypeError, ValueError) as error:
+            raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
+    session = Session(arguments.log.name, kind, samples, segments)
+    found = estimate_noise(calibration.device, [session], NoiseSettings(views=()), uncut=False)
+    return found.model, "of the log itself"
+
+
+def lines(drift):
+    """Return a drift in lines for people.
+
+    Parameters
+    ----------
+    drift : Drift
+        Result of `check_drift`.
+    """
+    found = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
+    for name, sensor in drift.sensors.items():
+        if sensor.drifted is None:
+            found.append(f"{name}: not tested: {sensor.why}")
+            continue
+        word = "DRIFTED" if sensor.drifted else "no drift"
+        together = f"χ² {number(sensor.chi2)} of {sensor.dof}, {p_text(sensor.p_holm)}"
+        found.append(f"{name}: {word} ({plural(sensor.dof, 'parameter')} together: {together})")
+        rows = [
+            (
+                change.name,
+                f"moved by {_moved(change)}",
+                f"{number(abs(change.sigmas), 2)} σ",
+                p_text(change.p_holm),
+                _comment(change, sensor),
+            )
+            for change in sensor.changes
+        ]
+        found += aligned(rows)
+        for key, r in sensor.residuals.items():
+            display = RESIDUAL[r["unit"]]
+            size, floor = (number(r[k] * display.factor) for k in ("rms", "floor"))
+            found.append(
+                f"  {RESIDUAL_WORDS[key]}, old calibration: {size} {display.unit}, {floor} expected"
+            )
+        if sensor.untested:
+            # an effect by its name, not by each of its parameters
+            names = dict.fromkeys(name.partition(".")[0] for name in sensor.untested)
+            found.append(f"  not tested: {', '.join(names)}: {sensor.why}")
+    if drift.bias_only:
+        found.append(
+            "Only biases moved. That is usual from one switching on to the next: --turn-on says "
+            "how much is allowed. Estimate the bias anew at rest."
+        )
+    return found
+
+
+def _moved(change):
+    display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
+    text = with_sigma(change.change * display.factor, change.std * display.factor)
+    return f"{text} {display.unit}"
+
+
+def _comment(change, sensor):
+    """Return what is to be said of a change, beside its numbers."""
+    if not is_bias(change.name):
+        return "DRIFTED" if change.drifted else ""
+    allowed = data_sheet(change.unit)
+    bound = f"noise and {number(max(sensor.turn_on) * allowed.factor, 2)} {allowed.unit} at turn-on"
+    return f"DRIFTED, above {bound}" if change.drifted else f"within {bound}"

@@ -1,0 +1,242 @@
+"""``imuloop info``: what a file is, in a few lines with units."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from imuloop import Calibration
+from imuloop.commands.lines import aligned, say
+from imuloop.commands.raw_log import add_arguments, is_samples, log_samples
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json
+from imuloop.core.samples import read_metadata
+from imuloop.report.calibration_tables import BIAS, METHOD_WORDS
+from imuloop.report.effect_units import data_sheet
+from imuloop.report.noise_units import COEFFICIENTS, quantities
+from imuloop.report.numbers import (
+    RESIDUAL,
+    coefficient_text,
+    duration,
+    number,
+    p_text,
+    plural,
+    typeset,
+    with_sigma,
+    with_unit,
+)
+from imuloop.report.results import SENSORS, XYZ, base_parameters
+from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
+
+EXAMPLE = """examples:
+  imuloop info results/my_imu/calibration.json
+  imuloop info flight.csv --columns acceleration=fx,fy,fz angular_rate=p,q,r
+
+FILE is calibration.json, noise.json, diagnosis.json, quality.json, samples.parquet, or a raw log
+of any format that imuloop reads. Values are given with 1 standard deviation; those after < are
+95 % upper limits."""
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser("info", help="say what a file is", epilog=EXAMPLE, **how)
+    command.add_argument("file", type=Path)
+    add_arguments(command)
+    command.set_defaults(run=run)
+
+
+def run(arguments):
+    """Print what a file is."""
+    path = arguments.file
+    if path.suffix == ".json" and path.is_file():
+        say(*result_lines(path))
+    elif path.suffix == ".parquet" and path.is_file() and not is_samples(path):
+        known = table_lines(path)
+        say(*known or log_lines(arguments))
+    else:
+        say(*log_lines(arguments))
+
+
+def result_lines(path):
+    """Return what a JSON file of results holds.
+
+    Raises
+    ------
+    ImuloopError
+        If it is none of the project's.
+    """
+    try:
+        content = read_json(path)
+    except json.JSONDecodeError as error:
+        raise ImuloopError(f"{path}: no JSON: {error}") from error
+    keys = content.keys() if isinstance(content, dict) else ()
+    try:
+        if {"accelerometer", "gyroscope"} <= keys:
+            return calibration_lines(Calibration.from_json(path))
+        if "axes" in keys:
+            return noise_lines(content)
+        if "sensors" in keys:
+            return diagnosis_lines(content)
+        if {"status", "rows"} <= keys:
+            return quality_lines(content)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ImuloopError(f"{path}: not a result of this version: {error!r}") from error
+    raise ImuloopError(f"{path}: no result of imuloop: {', '.join(map(str, keys)) or 'no keys'}")
+
+
+def calibration_lines(calibration):
+    """Return parameters ± σ and effects of a calibration."""
+    lines = [
+        f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²",
+        "x = T (K (raw - b) - e); value ± 1 σ, without σ not estimated",
+    ]
+    for sensor in SENSORS:
+        own = getattr(calibration, sensor)
+        lines.append(f"{sensor}: {METHOD_WORDS[own.method]}; raw unit {typeset(own.raw_unit.name)}")
+        if own.not_testable:
+            lines.append(f"  not determined: {own.not_testable}")
+        base, unit = base_parameters(own), BIAS[sensor]
+        rows = [
+            (name, *(with_sigma(v * factor, s * factor) for v, s in zip(*pair, strict=True)), text)
+            for name, pair, factor, text in (
+                ("bias", base["bias"], unit.factor, unit.unit),
+                ("scale factor error", base["scale"], 100, "%"),
+            )
+        ]
+        rows = [("", *XYZ, ""), *rows]
+        for i, axis in enumerate(XYZ):
+            cells = [
+                "0" if i == j else with_sigma(*(1e3 * v for v in base["misalignment"][i, j]))
+                for j in range(3)
+            ]
+            rows.append((f"misalignment {axis}", *cells, "mrad"))
+        lines += aligned(rows)
+        for effect in own.effects:
+            units = effect.effect.units(sensor)
+            shape = ", ".join(f"{k} {v:g}" for k, v in effect.to_dict()["constants"].items())
+            lines.append(f"  effect {effect.name}{f' ({shape})' if shape else ''}")
+            rows = []
+            for name, value in effect.values.items():
+                display = data_sheet(units[name])
+                sigma = effect.std.get(name)
+                sigma = None if sigma is None else sigma * display.factor
+                rows.append((name, with_sigma(value * display.factor, sigma), display.unit))
+            lines += aligned(rows, indent=4)
+    return lines
+
+
+def noise_lines(content):
+    """Return noise coefficients in units of data sheets."""
+    rate = content.get("rate_hz")
+    told = f", at {number(rate, 5)} Hz" if rate else ""
+    lines = [f"noise of {content['device']}{told}, from {', '.join(content.get('sessions', []))}"]
+    for sensor, axes in SENSORS.items():
+        known = quantities(sensor)
+        rows = [(f"{sensor}", *XYZ, "")]
+        for key in COEFFICIENTS:
+            display = known[key].sheet[0]
+            cells = [coefficient_text(content["axes"][axis][key], display.factor) for axis in axes]
+            rows.append((known[key].words, *cells, display.unit))
+        for key in ("gauss_markov", "sinusoid"):
+            counts = [len(content["axes"][axis][key]) for axis in axes]
+            if any(counts):
+                rows.append((key.replace("_", "-"), *counts, "found"))
+        lines += aligned(rows, indent=0)
+    return [*lines, *(f"note: {note}" for note in content.get("notes", ()))]
+
+
+def diagnosis_lines(content):
+    """Return verdicts, effects that were added, and residuals beside their floors."""
+    lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
+    for sensor in SENSORS:
+        for part, words in PARTS.items():
+            block = content["sensors"].get(sensor, {}).get(part)
+            if not block:
+                continue
+            why = f": {block['why']}" if block.get("why") else ""
+            lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+            for effect in block.get("effects", ()):
+                lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
+            for name, r in (block.get("residuals") or {}).items():
+                display = RESIDUAL[r["unit"]]
+                before, after, floor = (
+                    number(None if r.get(key) is None else r[key] * display.factor)
+                    for key in ("before", "after", "floor")
+                )
+                error = f"{RESIDUAL_WORDS.get(name, name)}: {before} -> {after}, floor {floor}"
+                lines.append(f"  {with_unit(error, display.unit)}")
+    return lines
+
+
+def quality_lines(content):
+    """Return rate, duration and faults of a log."""
+    lines = [
+        f"{content['status']}: {plural(content['rows'], 'sample')}, "
+        f"{duration(content['duration_s'])}, {number(content['rate_hz'], 5)} Hz"
+    ]
+    columns = content.get("columns") or {}
+    units = content.get("units") or {}
+    told = [
+        f"{quantity} {'/'.join(map(str, np.ravel(where)))} ({units.get(quantity, '')})"
+        for quantity, where in columns.items()
+        if isinstance(where, (str, int, list, tuple))
+    ]
+    if told:
+        lines.append(f"columns: {', '.join(told)}")
+    if content.get("start"):
+        lines.append(f"start: {content['start']}")
+    gaps = content["gaps"]
+    counts = {
+        "gaps": gaps["count"],
+        "repeated stamps": content.get("duplicates"),
+        "out of order": content.get("out_of_order"),
+        "not finite": content.get("non_finite"),
+        "unreadable": content.get("bad_lines"),
+    }
+    faults = [f"{count} {name}" for name, count in counts.items() if count]
+    if gaps["count"]:
+        faults[0] += f" ({duration(gaps['total_s'])})"
+    lines.append(f"faults: {', '.join(faults) or 'none'}")
+    for axis, (low, high) in (content.get("range") or {}).items():
+        lines.append(f"  {axis}  {low:.6g} to {high:.6g}")
+    warm = content.get("temperature_range")
+    if warm:
+        lines.append(f"  temperature  {warm[0]:.4g} to {warm[1]:.4g} degC")
+    lines += [f"rejected: {reason}" for reason in content.get("reasons", ())]
+    return [*lines, *(f"warning: {warning}" for warning in content.get("warnings", ()))]
+
+
+def log_lines(arguments):
+    """Return what a log is: format, columns, rate, duration, faults."""
+    path = arguments.file
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
+        samples, quality = log_samples(path, arguments, Path(folder), device="info")
+        if samples == path:
+            origin = read_metadata(path)
+            first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"
+            if quality:
+                return [first, *quality_lines(quality)]
+            rows = pq.read_metadata(path).num_rows
+            return [
+                first,
+                plural(rows, "sample"),
+                f"columns: {', '.join(pq.read_schema(path).names)}",
+            ]
+        return [f"{path.name}: log, format {quality['log_format']}", *quality_lines(quality)]
+
+
+def table_lines(path):
+    """Return what a Parquet file of the project that is no log holds; None of any other."""
+    names, rows = pq.read_schema(path).names, pq.read_metadata(path).num_rows
+    if read_metadata(path).get("calibrated"):
+        device = read_metadata(path).get("device")
+        return [f"calibrated samples of {device}: {plural(rows, 'sample')}, {', '.join(names)}"]
+    if {"start_s", "end_s", "kind", "pose"} <= set(names):
+        kinds = pq.read_table(path, columns=["kind"])["kind"].to_pylist()
+        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
+        return [f"segments: {counts or 'none'}"]
+    if {"axis", "tau_s", "adev"} <= set(names):
+        return [f"Allan deviation: {plural(rows, 'point')}"]
+    return None

@@ -1,0 +1,20 @@
+"""Lines for a terminal: words and numbers that can be searched and copied."""
+
+# signs of the report that a keyboard does not have
+_PLAIN = str.maketrans({"\u202f": " ", "−": "-"})
+
+
+def say(*lines):
+    """Print lines, with plain spaces and minus signs."""
+    for line in lines:
+        print(str(line).translate(_PLAIN).rstrip())
+
+
+def aligned(rows, indent=2):
+    """Return rows of cells as lines whose columns stand below each other."""
+    rows = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " " * indent + "  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

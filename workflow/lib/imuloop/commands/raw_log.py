@@ -1,0 +1,140 @@
+"""A raw log on the command line: how it is declared, and its samples."""
+
+import argparse
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json
+from imuloop.core.samples import read_metadata
+from imuloop.ingest.ingest import ingest
+
+QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
+SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
+
+
+def columns(text):
+    """Return quantity and columns of an argument ``acceleration=fx,fy,fz``."""
+    quantity, _, names = text.partition("=")
+    if quantity not in QUANTITIES or not names:
+        raise argparse.ArgumentTypeError(f"{text} is not QUANTITY=NAME or QUANTITY=NAME,NAME,NAME")
+    found = [int(name) if name.isdecimal() else name for name in names.split(",")]
+    return quantity, found if quantity in SENSORS else found[0]
+
+
+def counts(text):
+    """Return quantity, scale and offset of an argument ``acceleration=0.0024,32768``."""
+    quantity, _, values = text.partition("=")
+    try:
+        scale, offset = map(float, f"{values},0".split(",")[:2])
+    except ValueError:
+        scale = 0.0
+    if quantity not in SENSORS or not scale:
+        raise argparse.ArgumentTypeError(f"{text} is not acceleration=SCALE,OFFSET (SI a count)")
+    return quantity, {"scale": scale, "offset": offset}
+
+
+def add_arguments(command):
+    """Add what the config would say of a log to a command's arguments."""
+    group = command.add_argument_group("the log, where it does not say so itself")
+    group.add_argument(
+        "--columns",
+        nargs="+",
+        type=columns,
+        default=[],
+        metavar="QUANTITY=NAME",
+        help="as in the config: time=stamp acceleration=fx,fy,fz angular_rate=p,q,r temperature=T; "
+        "by number from 0 in a log without header",
+    )
+    group.add_argument("--acceleration-unit", metavar="UNIT", help="m/s^2, g, mg, count")
+    group.add_argument("--angular-rate-unit", metavar="UNIT", help="rad/s, deg/s, deg/h, count")
+    group.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, ns; default: s")
+    group.add_argument("--temperature-unit", metavar="UNIT", help="degC, K; default: degC")
+    group.add_argument(
+        "--counts",
+        nargs="+",
+        type=counts,
+        default=[],
+        metavar="QUANTITY=SCALE,OFFSET",
+        help="SI units a count and count of zero, for acceleration and angular_rate",
+    )
+    group.add_argument("--rate", type=float, metavar="HZ", help="where the log has no time column")
+    group.add_argument("--format", help="default: from the file's name and first bytes")
+
+
+def log_samples(log, arguments, folder, *, kind="static", calibration=None, device="log"):
+    """Return the samples file of a log and its quality figures.
+
+    Parameters
+    ----------
+    log : Path
+        Samples as ingest wrote them, taken as they are, or a raw log.
+    arguments : Namespace
+        As `add_arguments` declares them.
+    folder : Path
+        Where ``samples.parquet`` and ``quality.json`` of a raw log go.
+    kind : str
+        Kind of session.
+    calibration : Calibration, optional
+        Its raw units are taken where the arguments say nothing.
+    device : str
+        Name of the device.
+
+    Returns
+    -------
+    Path, dict
+        Quality is empty for samples without ``quality.json`` beside them.
+
+    Raises
+    ------
+    ImuloopError
+        If what is declared does not fit the log.
+    """
+    if not log.exists():
+        raise ImuloopError(f"{log}: there is no such file")
+    if log.suffix == ".parquet" and log.is_file() and is_samples(log):
+        beside = log.with_name("quality.json")
+        return log, read_json(beside) if beside.is_file() else {}
+    units = {
+        "acceleration": arguments.acceleration_unit,
+        "angular_rate": arguments.angular_rate_unit,
+        "time": arguments.time_unit,
+        "temperature": arguments.temperature_unit,
+    }
+    units, nominal = {q: unit for q, unit in units.items() if unit}, dict(arguments.counts)
+    if nominal:
+        units = dict.fromkeys(nominal, "count") | units
+    if calibration:
+        device = calibration.device
+        own = {q: getattr(calibration, sensor).raw_unit for q, sensor in SENSORS.items()}
+        # those in SI are what a log is in that says nothing, and increments do
+        units = {q: unit.name for q, unit in own.items() if unit.scale != 1} | units
+        given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
+        nominal = given | nominal
+    samples, quality = folder / "samples.parquet", folder / "quality.json"
+    ingest(
+        device=device,
+        session=log.name,
+        kind=kind,
+        paths=[log],
+        samples_path=samples,
+        quality_path=quality,
+        format=arguments.format,
+        columns=dict(arguments.columns),
+        units=units,
+        nominal=nominal,
+        rate=arguments.rate,
+    )
+    return samples, read_json(quality)
+
+
+def is_samples(path):
+    """Return whether a Parquet file holds samples as ingest writes them."""
+    try:
+        return "raw_units" in read_metadata(path)
+    except (ValueError, OSError):
+        return False
+
+
+def refuse_rejected(log, quality):
+    """Raise an error for a log that ingest rejected, with the reasons."""
+    if quality.get("status") == "rejected":
+        raise ImuloopError(f"{log}: rejected: {'; '.join(quality['reasons'])}")
