@@ -149,7 +149,7 @@ def _picture(device, session, sensor, channels, axes, csv):
             if (model > 0).all():
                 for letter, values in _terms(content, grid).items():
                     part = ax.loglog(grid, values, color=INK, ls=":", lw=1)
-                    shown = np.flatnonzero(values > levels.min() * 1.5)
+                    shown = np.flatnonzero(values > levels.min())
                     if len(shown):
                         # at the end where the term is largest
                         at = shown[values[shown].argmax()]

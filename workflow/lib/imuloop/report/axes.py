@@ -63,8 +63,6 @@ class Axes:
         # distance of the label of axis y from the area, px
         self.outside = 46
 
-    xaxis = yaxis = None
-
     def plot(
         self,
         x,
@@ -237,7 +235,7 @@ class Axes:
 
         self._free.append(item)
 
-    def legend(self, handles=None, labels=None, beside=False, **_):
+    def legend(self, handles=None, labels=None, beside=False):
         """Name what is drawn, above the area or beside it."""
         known = [h for h in self.lines if h.label]
         handles = known if handles is None else handles

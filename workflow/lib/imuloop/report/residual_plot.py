@@ -22,7 +22,7 @@ SHORT_WORDS = {
 }
 TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), MIXED]
 # standard deviations of a rank correlation that chance does not reach in a dozen panels
-SURE = 3.0
+SURE = 3.5
 
 
 def residual_pictures(device, sensor, block, folder):
@@ -159,7 +159,7 @@ def _picture(device, sensor, name, points, block, folder):
             ax.set_xlabel(label)
             if key == "axis":
                 ax.set_xlim(-0.6, len(TURN_AXES) - 0.4)
-                ax.set_xticks(range(len(TURN_AXES)), TURN_AXES)
+                ax.set_xticks(range(len(TURN_AXES)), [*TURN_AXES[:-1], "mix"])
         axes[0].set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
         axes[-1].legend(handles, names)
 

@@ -157,7 +157,3 @@ def write_csv(folder, name, frame):
     table = pa.Table.from_pandas(frame, preserve_index=False)
     csv.write_csv(table, folder / f"{name}.csv", csv.WriteOptions(quoting_style="needed"))
     return f"{folder.parent.name}/{folder.name}/{name}.csv"
-
-
-def decades(axis):
-    """Nothing: axes choose their marks."""
