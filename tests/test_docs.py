@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import yaml
 
 from imuloop import Calibration
 from imuloop.__main__ import main
+from imuloop.calibrate.planned import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config_faults import config_faults
 from imuloop.core.effect import Effect
@@ -25,6 +27,8 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import FORMATS
 from imuloop.noise.settings import NoiseSettings
+from imuloop.report.pose_plot import largest_hole
+from imuloop.report.recording_gain import WIDE_HOLE
 from imuloop.segment.settings import SegmentSettings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -286,3 +290,41 @@ def test_every_effect_is_told():
     for name, effect in Effect.library.items():
         assert told[name][1] == " ".join(effect.sensors)
         assert told[name][2] == effect.equation
+
+
+@each_document()
+def test_pictures_say_what_they_show(document):
+    for alt in re.findall(r"!\[([^]]*)\]\(", document.read_text()):
+        assert len(alt.split()) > 8, alt
+
+
+def drawings():
+    """Return the drawings of the script beside the documents, by file."""
+    made = runpy.run_path(str(REPOSITORY / "docs/drawings.py"))
+    return {f"recording_{draw.__name__}.svg": made["svg"](*draw()) for draw in made["DRAWINGS"]}
+
+
+def test_drawings_are_those_of_the_script():
+    made = drawings()
+    assert {path.name for path in REPOSITORY.glob("docs/recording_*.svg")} == set(made)
+    number = r"-?\d+\.?\d*"
+    for name, text in made.items():
+        kept = (REPOSITORY / "docs" / name).read_text()
+        assert re.sub(number, "", kept) == re.sub(number, "", text)
+        # another processor may round the last digit the other way
+        found, wanted = (np.array(re.findall(number, each), float) for each in (kept, text))
+        np.testing.assert_allclose(found, wanted, atol=0.11)
+
+
+def test_recording_has_the_numbers_of_the_plan():
+    text = " ".join((REPOSITORY / "docs/recording.md").read_text().split())
+    told = (f"{INITIAL_REST_S:g} s.", f"{MOVE_S:g} s or so", f"then {REST_S:g} s of rest")
+    for words in (*told, f"about {POSES} times", f"there and back, {FULL_TURN_S:g} s or more"):
+        assert words in text.replace("**", ""), words
+
+
+def test_the_attitudes_that_are_drawn_leave_no_wide_hole():
+    made = runpy.run_path(str(REPOSITORY / "docs/drawings.py"))
+    up = np.concatenate([made["FACES"], made["EDGES"], made["CORNERS"]]).astype(float)
+    assert np.degrees(largest_hole(up / np.linalg.norm(up, axis=1)[:, None])[1]) < WIDE_HOLE
+    assert len(up) == 26
