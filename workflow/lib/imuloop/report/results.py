@@ -1,6 +1,7 @@
 """What the stages found out about a device, read from its folder."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,7 @@ class Session:
         """Whether the session could not be used."""
         return self.quality.get("status") != "ok"
 
-    @property
+    @cached_property
     def poses(self):
         """Mean of each pose over its rests, six channels, SI; a row a pose."""
         rests = self.segments[self.segments["pose"] >= 0]

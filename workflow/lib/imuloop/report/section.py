@@ -65,7 +65,7 @@ def write_section(
     for picture in (*values["allan"], *filter(None, [values["poses"]])):
         name = picture.name.removeprefix(f"{found.name}.").replace(".", "_")
         write_svg(figures, name, picture)
-    write_json(summary_path, summarise(found))
+    write_json(summary_path, summarise(found, values["steps"]))
     with replaced(section_path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
 

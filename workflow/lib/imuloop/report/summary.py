@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from imuloop.report.advice import next_steps
 from imuloop.report.allan_plot import curve
 from imuloop.report.answer import answers
 from imuloop.report.numbers import missing, sigma_of
@@ -36,13 +35,15 @@ FIGURE_UNITS = {
 }
 
 
-def summarise(device):
+def summarise(device, steps=()):
     """Return what the comparison needs of a device.
 
     Parameters
     ----------
     device : Device
         Its results.
+    steps : sequence of str
+        What would help most, from `next_steps`.
 
     Returns
     -------
@@ -80,7 +81,7 @@ def summarise(device):
             for sensor in SENSORS
         },
         "answers": answers(device.diagnosis),
-        "advised": bool(next_steps(device)),
+        "advised": bool(steps),
         "figures": _figures(device, axes),
         "filter": _filter(device),
         "axes": axes,
