@@ -222,6 +222,12 @@ def test_what_was_never_calibrated_is_not_tested(still, truth, noise, calibratio
     assert {c.name for c in turn.changes} == {"b0", "b1", "b2"} and not drift.drifted
 
 
+def test_nothing_to_test_is_an_error(still, truth, noise):
+    bare = [SensorCalibration.nominal(u, "none") for u in (ACCELERATION_UNIT, RATE_UNIT)]
+    with pytest.raises(ImuloopError, match=r"nothing can be tested: accelerometer: .*gyroscope: "):
+        check_drift(Calibration("d", 9.8, *bare), still, noise)
+
+
 def test_a_log_without_a_rest_is_an_error(truth, noise, calibrations):
     with pytest.raises(ImuloopError, match="no rest"):
         check_drift(calibrations[0], record([], [], 30.0), noise)

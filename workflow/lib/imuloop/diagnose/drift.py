@@ -172,6 +172,11 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     Drift
         The result.
 
+    Raises
+    ------
+    ImuloopError
+        If nothing can be tested.
+
     References
     ----------
     S. Holm, Scandinavian Journal of Statistics 6 (1979) 65.
@@ -192,6 +197,9 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     turn = gyroscope_problem(calibration, recording, noise, force, found["accelerometer"][1])
     found["gyroscope"] = _test(turn, allowed["gyroscope"], poses, noise, ANGULAR_RATE, level)
     sensors = _judged({name: result for name, (result, _) in found.items()}, level)
+    if all(sensor.drifted is None for sensor in sensors.values()):
+        why = "; ".join(f"{name}: {sensor.why}" for name, sensor in sensors.items())
+        raise ImuloopError(f"nothing can be tested: {why}")
     rotations = 0 if recording.rotations is None else len(recording.rotations)
     return Drift(calibration.device, level, len(poses), rotations, sensors)
 
