@@ -16,7 +16,7 @@ from imuloop.core.units import DEGREE
 # parameters is called undetermined, as in the calibration
 LARGEST_CONDITION = 100.0
 # a parameter that the new log shows so many times worse than the old one is not tested
-WORST = 100.0
+WORST = 10.0
 BASE = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
 
 
