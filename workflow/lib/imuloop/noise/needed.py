@@ -1,7 +1,8 @@
 """How long a record would have to be to show a term."""
 
+from statistics import NormalDist
+
 import numpy as np
-from scipy.special import ndtri
 
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
@@ -39,7 +40,8 @@ def needed_seconds(name, value, theta, processes, dt, level):
     float or None
         Seconds, to a tenth; None where no record that can be made would show it.
     """
-    wanted = ndtri(POWER) - ndtri(level / 2 if name == "R" else level)
+    quantile = NormalDist().inv_cdf
+    wanted = quantile(POWER) - quantile(level / 2 if name == "R" else level)
 
     def shown(seconds):
         return _expected_root(name, value, theta, processes, dt, seconds / dt) >= wanted

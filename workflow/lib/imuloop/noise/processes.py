@@ -1,7 +1,6 @@
 """The noise processes: covariance of samples, of block means, and spectral density."""
 
 import numpy as np
-from scipy.special import sici
 
 # the variances that a spectrum is a sum of: squares of Q, N, B, K
 NAMES = ("Q", "N", "B", "K")
@@ -124,6 +123,9 @@ def gauss_markov_density(frequency, dt, tc):
 
 def _flicker_samples(d):
     """Return the generalised covariance of flicker at a lag of d samples."""
+    # loads for a quarter of a second, and densities have no need of it
+    from scipy.special import sici
+
     x = np.pi * np.maximum(d, 1)
     return np.where(d > 0, sici(x)[1] - np.euler_gamma - np.log(x), 0.0) / np.pi
 
