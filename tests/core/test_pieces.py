@@ -139,3 +139,27 @@ def test_what_cannot_be_applied_is_told(log, tmp_path):
     (tmp_path / "text.parquet").write_text("t,ax\n")
     with pytest.raises(ImuloopError, match="no samples file"):
         made.apply_file(tmp_path / "text.parquet", tmp_path / "out.parquet")
+
+
+def test_memory_does_not_grow_with_the_log(tmp_path):
+    made, peaks = calibration(["warm_up"]), []
+
+    class Watched:
+        """The calibration, which looks at the memory in use whenever a piece comes."""
+
+        device, effects = made.device, made.effects
+
+        def calibrated(self, *args, **kwargs):
+            peaks[-1] = max(peaks[-1], pa.total_allocated_bytes())
+            return made.calibrated(*args, **kwargs)
+
+    rng = np.random.default_rng(1)
+    for count in (20_000, 160_000):
+        columns = [np.arange(count) / 100, *rng.normal(size=(6, count))]
+        table = pa.table(columns, names=["t", "ax", "ay", "az", "gx", "gy", "gz"])
+        pq.write_table(table, tmp_path / "log.parquet", row_group_size=2000)
+        peaks.append(0)
+        del table
+        apply_file(Watched(), tmp_path / "log.parquet", tmp_path / "out.csv", 2000)
+    # eight times the log of 9 MB
+    assert peaks[1] < peaks[0] + 2e6, peaks
