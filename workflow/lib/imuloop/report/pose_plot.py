@@ -13,7 +13,7 @@ NOTE = (
     "Each mark is a pose: the direction of “up” in the sensor's frame, seen from +z (left) and "
     "from −z (right), equal areas; rings every 30°. Good: marks all over both halves, no hole "
     "wider than 50°. A direction without marks is one in which errors stay unseen: add poses where "
-    "the red ring is, the middle of the largest hole."
+    "the ring is, the middle of the largest hole."
 )
 # the six faces, and the cosine of the angle within which a pose is on one, 20 degrees
 FACES = {
