@@ -12,9 +12,9 @@ from imuloop.report.svg import BLUE, VERMILLION, Picture, draw, write_csv
 NOTE = (
     "A square a pair of parameters (T misalignment, K scale factor, b bias), the fuller the more "
     "an error of one shows as an error of the other: blue in the same sense, orange-red in the "
-    "opposite; point at it for the number. Good: pale squares only. A full one, beyond 0.9, says that the "
-    "data hardly tell the two apart: add attitudes, or turns about other axes, in which they "
-    "differ."
+    "opposite; point at it for the number. Good: pale squares only. A full one, beyond 0.9, says "
+    "that the data hardly tell the two apart: add attitudes, or turns about other axes, in which "
+    "they differ."
 )
 # a correlation below which two parameters are told apart well
 TOLD_APART = 0.5
