@@ -4,11 +4,20 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report test lint format bench bench-noise study coverage fuzz kill large setup lock clean
+.PHONY: report picture test lint format bench bench-noise study coverage fuzz kill large setup lock clean
 
+# of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
-	$(BIN)/snakemake -c$(CORES) results/report.html
+	$(BIN)/snakemake $(if $(CONFIG),--configfile $(CONFIG)) -c$(CORES) results/report.html
 	@echo "Open results/report.html"
+
+# docs/report.png, the first screen of the report of config.yaml; needs Chromium
+BROWSER ?= chromium
+picture: report
+	$(BROWSER) --headless --no-sandbox --hide-scrollbars --window-size=1400,880 \
+		--screenshot=docs/report.png file://$(CURDIR)/results/report.html
+	$(BIN)/python -c 'from PIL import Image; \
+		Image.open("docs/report.png").quantize(48).save("docs/report.png", optimize=True)'
 
 test: setup
 	$(BIN)/pytest -n $(CORES) --dist loadgroup

@@ -158,8 +158,9 @@ def results(tmp_path, monkeypatch):
     )
     figures = ("in_sample_before", "in_sample_after", "before", "after", "chi2_after")
     errors = dict.fromkeys(figures, 0.01)
-    residuals = {"gravity_norm": errors, "pose_rate": errors, "rotation": errors}
-    residuals["bias"] = errors | {"sessions": {"static": {"az": errors}}}
+    units = {"gravity_norm": "m/s^2", "pose_rate": "rad/s", "rotation": "rad"}
+    residuals = {name: errors | {"unit": unit} for name, unit in units.items()}
+    residuals["bias"] = errors | {"unit": "m/s^2"} | {"sessions": {"static": {"az": errors}}}
     effect = {"name": "sinusoid", "p_value": 0.5, "constants": {"frequency": 0.1}}
     components = {"before": [0.2, 0.1, 0.1], "after": [0.1, 0.1, 0.0]}
     block = {
@@ -179,7 +180,9 @@ def results(tmp_path, monkeypatch):
         for name in ("calibration", "multi_position", "six_position"):
             calibration.to_json(folder / f"{name}.json")
         (folder / "diagnosis.json").write_text(
-            json.dumps({"sensors": {"accelerometer": sensor, "gyroscope": sensor}})
+            json.dumps(
+                {"device": device, "sensors": {"accelerometer": sensor, "gyroscope": sensor}}
+            )
         )
     errors = {
         "models": {model: {"rms_deg": 0.1} for model in ("raw", "base", "final")},
