@@ -16,7 +16,7 @@ NOTE = (
 )
 WARM_NOTE = f"{NOTE} Where they follow the temperature below, that is the first thing to look at."
 # stretches that a line is cut into, two points each
-BUCKETS = 90
+BUCKETS = 64
 
 
 def bias_pictures(device, sensor, block, folder):
@@ -88,7 +88,7 @@ def _picture(device, sensor, session, points, block, folder):
 
     def limits(ax):
         # the floor is smooth: a few points draw it
-        few = slice(None, None, len(t) // 100 + 1)
+        few = slice(None, None, len(t) // 40 + 1)
         for sign in (1, -1):
             handle = ax.plot(
                 t[few] / size, sign * floor[few] * display.factor, color=INK, ls="--", lw=1

@@ -21,7 +21,7 @@ from imuloop.report.smoothing import smoothed
 from imuloop.report.svg import AXES, BLUE, GRID, INK, VERMILLION, Picture, draw, write_csv
 
 # stretches of equal length that a line is cut into; each gives two points, far below 2,000
-BUCKETS = 300
+BUCKETS = 240
 # means that a stretch is cut into before it is smoothed, and stretches of the smooth line
 MEANS, SMOOTH_BUCKETS = 4096, 120
 # what moves is shown as it is, what rests as milli-g or degrees per second about its median
