@@ -2,6 +2,8 @@
 
 import math
 
+from matplotlib.ticker import LogLocator, MaxNLocator
+
 from imuloop.report.numbers import superscript
 
 # powers of ten that are written out
@@ -27,15 +29,12 @@ def linear_ticks(low, high, count):
     factor : str
         What the labels have to be multiplied with, as text; empty for 1.
     """
-    least = (high - low) / count
-    power = 10.0 ** math.floor(math.log10(least))
-    steps = [m * power for m in (1, 2, 5, 10)]
-    step = next(s for s in steps if s >= least * (1 - 1e-9))
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    if last <= first:
-        # one mark tells no scale
-        return linear_ticks(low, high, 2 * count)
-    places = [k * step for k in range(first, last + 1)]
+    found = MaxNLocator(max(int(count), 1), steps=(1, 2, 5, 10), min_n_ticks=2).tick_values(
+        low, high
+    )
+    slack = 1e-9 * (high - low)
+    places = [p for p in found.tolist() if low - slack <= p <= high + slack]
+    step = found[1] - found[0]
     largest = max(map(abs, places), default=0.0)
     exponent = math.floor(math.log10(largest) + 1e-9) if largest else 0
     exponent = 0 if -4 < exponent < 5 else exponent
@@ -59,16 +58,11 @@ def decade_ticks(low, high, count):
     places : list of float
     labels : list of str
     """
-    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-    stride = max(1, math.ceil((last - first) / count))
     digits = (1, 2, 5) if high < 100 * low else (1,)
-    marks = [
-        (digit, exponent)
-        for exponent in range(first, last + 1)
-        for digit in digits
-        if exponent % stride == 0 and low <= digit * 10.0**exponent * (1 + 1e-9)
-        if digit * 10.0**exponent <= high * (1 + 1e-9)
-    ]
+    found = LogLocator(subs=digits, numticks=max(int(count), 2)).tick_values(low, high)
+    places = [p for p in found.tolist() if low * (1 - 1e-9) <= p <= high * (1 + 1e-9)]
+    exponents = [math.floor(math.log10(p) + 1e-9) for p in places]
+    marks = [(round(p / 10.0**e), e) for p, e in zip(places, exponents, strict=True)]
     plain = all(exponent in PLAIN for _, exponent in marks)
     labels = [
         f"{digit * 10.0**exponent:.{max(-exponent, 0)}f}"
