@@ -29,9 +29,8 @@ def linear_ticks(low, high, count):
     factor : str
         What the labels have to be multiplied with, as text; empty for 1.
     """
-    found = MaxNLocator(max(int(count), 1), steps=(1, 2, 5, 10), min_n_ticks=2).tick_values(
-        low, high
-    )
+    locator = MaxNLocator(max(int(count), 1), steps=(1, 2, 5, 10), min_n_ticks=2)
+    found = locator.tick_values(low, high)
     slack = 1e-9 * (high - low)
     places = [p for p in found.tolist() if low - slack <= p <= high + slack]
     step = found[1] - found[0]
