@@ -22,7 +22,7 @@ NOTE = (
     "the flat part of the Allan curve divided by 0.664, not the scatter of means, which is below."
 )
 SAMPLE_NOTE = (
-    "SI: what Kalibr, OpenVINS and VINS-Fusion call noise density (N) and random walk (K). Per "
+    "SI: what Kalibr, OpenVINS and ORB-SLAM3 call noise density (N) and random walk (K). Per "
     "sample: what a filter needs that runs at the logged {rate} Hz. N·√rate is the standard "
     "deviation of a sample only if the sensor passes the whole band up to {half} Hz; quantisation "
     "adds √2·Q·rate; K/√rate is the step of the walk from sample to sample; R/rate the change; "
