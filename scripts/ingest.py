@@ -1,7 +1,8 @@
 """Bring one raw log into the canonical samples and measure its quality."""
 
+from imuloop.core.files import read_json
 from imuloop.ingest.ingest import ingest
-from imuloop.job_log import open_log, teller
+from imuloop.job_log import open_log, tell, teller
 
 params = snakemake.params
 session = f"{params.device}/{params.session}"
@@ -19,3 +20,7 @@ ingest(
     threads=snakemake.threads,
     progress=teller(session),
 )
+
+quality = read_json(snakemake.output.quality)
+for line in (*(f"rejected: {reason}" for reason in quality["reasons"]), *quality["warnings"]):
+    tell(f"{session}: {line}")

@@ -112,6 +112,9 @@ def test_each_fault_is_told_without_a_traceback(runs):
         assert quality["status"] == status, name
         said = quality["reasons"] if status == "rejected" else quality["warnings"]
         assert any(text in line for line in said), (name, said)
+        rejected = "rejected: " if status == "rejected" else ""
+        told = [line for line in done.stderr.splitlines() if f"faulty/{name}: {rejected}" in line]
+        assert any(" ".join(text.split()) in line for line in told), (name, told)
         assert name in (folder / "results/faulty/section.html").read_text()
     texts = {p: p.read_text() for p in (folder / "logs").rglob("*") if p.is_file()}
     assert len(texts) > 10

@@ -34,6 +34,12 @@ def open_log(path, job):
     sys.excepthook = fail
 
 
+def tell(line):
+    """Say a line in the job's log and on the terminal."""
+    logging.info(line)
+    print(one_line(line), file=sys.__stderr__, flush=True)
+
+
 def teller(job, seconds=10.0, clock=time.monotonic):
     """Return ``progress(what, done, total)``, in bytes, that tells how far a job is.
 
@@ -60,7 +66,6 @@ def teller(job, seconds=10.0, clock=time.monotonic):
         last, rate = now, done / (now - begin)
         line = f"{job}: {what} {done / 1e9:.1f} of {total / 1e9:.1f} GB, {rate / 1e6:.0f} MB/s"
         line += f", {(total - done) / rate:.0f} s left"
-        logging.info(line)
-        print(line, file=sys.__stderr__, flush=True)
+        tell(line)
 
     return progress
