@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report picture test lint format bench bench-noise study coverage fuzz kill large setup lock clean
+.PHONY: report picture test lint format bench bench-noise bench-report study coverage fuzz kill large setup lock clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -35,6 +35,11 @@ format: setup
 
 bench: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
+
+# the report of ten devices: time, size, same bytes; from the results of finished runs
+RESULTS ?= results
+bench-report: setup
+	PYTHONPATH=workflow/lib $(BIN)/python bench/ten_devices.py $(RESULTS)
 
 # noise coefficients beside truth, bound and common tools. Writes docs/noise_figures.md, half an hour
 # on two cores; for a part of it NOISE_OPTIONS="--short" or "--parts accuracy --seeds 10"
