@@ -149,3 +149,12 @@ def test_json_of_before_needed_length_and_origin_is_read():
     del content["axes"]["ax"]["R"]["needed_s"], content["axes"]["ax"]["sinusoid"][0]["origin"]
     noise = NoiseModel.from_dict(content).axes["ax"]
     assert (noise.R.needed_s, noise.sinusoid[0].origin) == (None, None)
+
+
+def test_at_limits_slow_terms_that_were_not_seen_have_their_limits():
+    seen, unseen = Coefficient(2.0, upper95=3.0), Coefficient(upper95=5.0)
+    axes = {name: AxisNoise(Q=unseen, N=seen, B=seen, K=unseen) for name in CHANNELS}
+    found = NoiseModel("imu", axes).at_limits().axes["gx"]
+    assert (found.B.value, found.K.value, found.N.value, found.Q.value) == (2.0, 5.0, 2.0, None)
+    for known in (AxisNoise(N=seen, B=seen, K=seen), AxisNoise(N=seen)):
+        assert NoiseModel("imu", dict.fromkeys(CHANNELS, known)).at_limits() is None

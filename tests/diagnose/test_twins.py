@@ -132,3 +132,26 @@ def test_an_effect_of_its_detection_limit_is_found_with_the_stated_power():
     found = [trial(limit).p_value < settings.significance / tests for _ in range(400)]
     # a little less: the scale of the test is never below the noise model's
     assert np.mean(found) == pytest.approx(settings.power, abs=0.06)
+
+
+def test_a_walk_that_the_noise_model_does_not_exclude_passes_for_no_drift():
+    # walk of 0.5 a step beside white noise of 1; its limit is four times as much
+    jacobian, drift = np.ones((N, 1)), (1 - np.exp(-5 * T))[:, None]
+    limit = np.eye(N) + 4.0 * np.minimum.outer(np.arange(N), np.arange(N))
+    rng, alone, guarded, found = np.random.default_rng(6), 0, 0, 0
+    for _ in range(200):
+        walk = np.cumsum(0.5 * rng.normal(size=N)) + rng.normal(size=N)
+        for size in (0.0, 60.0):
+            values = walk + size * np.sin(40 * T) if size else walk
+            columns = (np.sin(40 * T)[:, None],) if size else (drift,)
+            made = [white(values, jacobian, columns, (Column(),), c) for c in (None, limit)]
+            log_p = [try_shapes(made[0], (Column(),), d)[0][Column].log_p for d in ((), made[1:])]
+            if size:
+                found += log_p[1] < np.log(0.01)
+            else:
+                alone += log_p[0] < np.log(0.01)
+                guarded += log_p[1] < np.log(0.01)
+    # one in a hundred by chance, and what no walk makes is found as before
+    assert alone > 60
+    assert guarded <= 6
+    assert found == 200

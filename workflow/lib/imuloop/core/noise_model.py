@@ -1,6 +1,6 @@
 """Noise coefficients of a device, and the covariance that they give means and angles."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -249,6 +249,21 @@ class NoiseModel:
 
     device: str
     axes: dict[str, AxisNoise]
+
+    def at_limits(self):
+        """Return the model with flicker and walk at their 95 % limits where they were not seen.
+
+        None where both were seen on all axes, or nothing limits them.
+        """
+        axes = {}
+        for name, axis in self.axes.items():
+            limits = {
+                term: replace(c, value=c.upper95)
+                for term in "BK"
+                if (c := getattr(axis, term)).value is None and c.upper95
+            }
+            axes[name] = replace(axis, **limits)
+        return replace(self, axes=axes) if axes != self.axes else None
 
     def allan_variance(self, axis, tau):
         """Return the Allan variance of `axis`, its unit squared, at `tau` in s (array_like)."""

@@ -35,7 +35,7 @@ class Pair:
     values: np.ndarray
 
 
-def best_pair(white, spread, shapes, banned, log_threshold):
+def best_pair(white, doubts, shapes, banned, log_threshold):
     """Return the pair of effects that passes with the smallest p-value, or None.
 
     Both together have to pass, and each beside the other, by the test that single effects have.
@@ -44,8 +44,10 @@ def best_pair(white, spread, shapes, banned, log_threshold):
 
     Parameters
     ----------
-    white, spread : White
-        Residuals weighted by the noise model, and with their excess; `spread` may be None.
+    white : White
+        Residuals weighted by the noise model.
+    doubts : sequence of White
+        The same with other weights, which a pair has to pass with, too.
     shapes : sequence of Effect
         The shapes of their columns.
     banned : collection of (type, type)
@@ -59,8 +61,8 @@ def best_pair(white, spread, shapes, banned, log_threshold):
         if type(shapes[i]) is not type(shapes[j])
         and (type(shapes[i]), type(shapes[j])) not in banned
     ]
-    ways = [_Left.of(w, len(shapes)) for w in (white, spread) if w is not None]
-    least = (1.0, 0.0)
+    ways = [_Left.of(w, len(shapes)) for w in (white, *doubts)]
+    least = (1.0, *(0.0 for _ in doubts))
     best = None
     for i, j in pairs:
         both, first, second = [], [], []

@@ -3,6 +3,7 @@
 from dataclasses import asdict, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from imuloop.diagnose.correlates import correlates, probes
 from imuloop.diagnose.residuals import size
@@ -88,6 +89,7 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None):
     fitted = final.solution.calibration.effects[len(model.known) :]
     content = {
         "verdict": verdict(*above, effects),
+        "slow_noise": above[1] and _within_limits(final, share),
         "residuals": {
             kind: {
                 "unit": base.solution.residuals[kind].unit,
@@ -212,6 +214,13 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
     elif trial.impossible:
         why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
+    elif cls not in classes and _walk_alike(
+        at, trial, whole.threshold(effects), len(whole.available[cls])
+    ):
+        why = (
+            "slow noise that the rests are too short to exclude could look the same: record "
+            "hours at rest"
+        )
     elif cls not in classes:
         twin = _twin(cls, whole, effects)
         if twin:
@@ -238,6 +247,23 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         "detection_limit": detection_limit(sized, len(whole.available[cls]), settings, whole.tests),
         "units": trial.effect.units(whole.model.sensor),
     }
+
+
+def _within_limits(step, significance):
+    """Tell whether slow noise at its limits leaves nothing unexplained."""
+    if step.slow is None:
+        return False
+    left = step.slow.left(step.slow.residual)
+    return bool(chi2.sf(left @ left, len(left) - step.slow.q.shape[1]) >= significance)
+
+
+def _walk_alike(step, trial, threshold, shapes):
+    """Tell whether nothing but slow noise at its limits speaks against a candidate."""
+    if step.slow is None or trial.log_p < np.log(threshold):
+        return False
+    one = [replace(w, columns=(w.columns[trial.column],)) for w in (step.white, step.spread) if w]
+    found = try_shapes(one[0], [trial.effect], one[1:])[0].get(type(trial.effect))
+    return found is not None and found.log_p + np.log(shapes) < np.log(threshold)
 
 
 def _twin(cls, whole, effects):

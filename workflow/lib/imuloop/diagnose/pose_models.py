@@ -1,6 +1,6 @@
 """The two sensors at the poses: how each is fitted, with or without effects, and what is left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,6 +85,11 @@ class AccelerometerPoses:
     settings: CalibrateSettings
     known: tuple[FittedEffect, ...] = ()
     sensor = "accelerometer"
+
+    def at_limits(self):
+        """Return the model with `NoiseModel.at_limits`, None where that is None."""
+        noise = self.noise.at_limits()
+        return noise and replace(self, noise=noise)
 
     def untestable(self, recording):
         """Return why the data determine no calibration, or None."""
@@ -175,6 +180,11 @@ class GyroscopePoses:
     unit: RawUnit
     known: tuple[FittedEffect, ...] = ()
     sensor = "gyroscope"
+
+    def at_limits(self):
+        """Return the model with `NoiseModel.at_limits`, None where that is None."""
+        force = self.force.at_limits()
+        return force and replace(self, force=force)
 
     def _force(self, recording):
         if self.fallback is not None:

@@ -1,6 +1,6 @@
 """The search for effects: test, add the best that passes, refit; and on held-out data."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -61,6 +61,8 @@ class Step:
         Those, whitened.
     spread : White or None
         The same with their excess as variance too; None at the floor.
+    slow : White or None
+        The same with the slow noise that the rests were too short to exclude; None without.
     trials : dict of type to Trial
         The candidates, effects of the fit left out.
     reasons : dict of type to str
@@ -72,8 +74,14 @@ class Step:
     seen: np.ndarray
     white: White
     spread: White | None
+    slow: White | None
     trials: dict[type, Trial]
     reasons: dict[type, str]
+
+    @property
+    def doubts(self):
+        """The weights, beside the noise model's, that an effect has to pass with."""
+        return tuple(white for white in (self.spread, self.slow) if white)
 
 
 @dataclass(frozen=True)
@@ -120,8 +128,12 @@ class Search:
             spread = None
             if more.any():
                 spread = White.of(linear, seen, solution.covariance + np.diag(more))
-            trials, reasons = try_shapes(white, shapes, spread)
-            self._steps[effects] = Step(solution, linear, seen, white, spread, trials, reasons)
+            limits, slow = self.model.at_limits(), None
+            if limits:
+                slow = White.of(linear, seen, limits.covariance(solution, seen_only))
+            step = Step(solution, linear, seen, white, spread, slow, {}, {})
+            trials, reasons = try_shapes(white, shapes, step.doubts)
+            self._steps[effects] = replace(step, trials=trials, reasons=reasons)
         return self._steps[effects]
 
     def threshold(self, effects):
@@ -170,7 +182,7 @@ class Search:
         if chi2.sf(step.solution.chi2, step.solution.dof) >= self.settings.significance:
             return None
         log_threshold = np.log(self.threshold(effects))
-        return best_pair(step.white, step.spread, step.linear.shapes, banned, log_threshold)
+        return best_pair(step.white, step.doubts, step.linear.shapes, banned, log_threshold)
 
     def gate(self, effects, tried):
         """Return the interval of held-out error with what was tried over that without.

@@ -202,7 +202,7 @@ def excess(linear, seen, covariance):
     return found
 
 
-def try_shapes(white, shapes, spread=None):
+def try_shapes(white, shapes, doubts=()):
     """Return the best trial of each class among the shapes, or why there is none.
 
     Every parameter of the model is refitted together with the effect's: the step of generalised
@@ -214,9 +214,10 @@ def try_shapes(white, shapes, spread=None):
         Residuals weighted by the noise model.
     shapes : sequence of Effect
         The shapes of its columns.
-    spread : White, optional
-        The same weighted with their `excess`: an effect has to pass with these weights too, where
-        no few residuals of small noise can carry it alone.
+    doubts : sequence of White
+        The same weighted otherwise; an effect has to pass with these weights too, of the size that
+        the residual has. With their `excess`, no few residuals of small noise can carry it alone;
+        with slow noise at its limits, no walk can pass for what drifts.
 
     Returns
     -------
@@ -244,8 +245,7 @@ def try_shapes(white, shapes, spread=None):
         drop = total - ((residual + pattern @ values) ** 2).sum()
         scale = max(1.0, (total - drop) / dof)
         log_p = log_p_value(drop, total - drop, q, dof)
-        if spread is not None:
-            log_p = max(log_p, _spread_log_p(spread, column, dof))
+        log_p = max(log_p, *(_doubtful_log_p(w, column, dof) for w in doubts), -np.inf)
         log_p += np.log(count[cls])
         if cls in best and (best[cls].log_p, -best[cls].drop) <= (log_p, -drop):
             continue
@@ -256,10 +256,10 @@ def try_shapes(white, shapes, spread=None):
     return best, {cls: why for cls, why in reasons.items() if cls not in best}
 
 
-def _spread_log_p(spread, column, dof):
-    """Return the logarithm of the p-value of a shape with the weights of `spread`."""
-    residual, raw = spread.left(spread.residual), spread.columns[column]
-    pattern = spread.left(raw) / np.linalg.norm(raw, axis=0)
+def _doubtful_log_p(white, column, dof):
+    """Return the logarithm of the p-value of a shape with other weights, of the residual's size."""
+    residual, raw = white.left(white.residual), white.columns[column]
+    pattern = white.left(raw) / np.linalg.norm(raw, axis=0)
     after = residual - pattern @ np.linalg.lstsq(pattern, residual, rcond=None)[0]
     total, left = residual @ residual, after @ after
     return log_p_value(total - left, left, raw.shape[1], dof, least=0.0)

@@ -38,6 +38,11 @@ CORRELATES = {
 }
 # those that have no article
 CHANNELS = ("time", "temperature")
+# of a residual that the noise model's limits do not exclude
+SLOW_NOISE = (
+    " Flicker or a random walk that these rests are too short to show could be all of it: a static "
+    "record of two hours or more would tell."
+)
 # probability of naming one of them by chance, and the share of the residual that is worth naming
 BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 # the residual that a verdict quotes, the one a user feels first
@@ -186,7 +191,8 @@ def sentence(sensor, block):
     moved = f"{RESIDUAL_WORDS.get(name, name)}, {change(residual, bool(effects))}"
     moved += known_text(block)
     probe = leading(block)
-    left = f".{misfit(block)}" + (
+    slow = SLOW_NOISE if block.get("slow_noise") else ""
+    left = f".{misfit(block)}{slow}" + (
         f" What is left goes most with {'' if probe['name'] in CHANNELS else 'the '}"
         f"{correlate_words(probe['name'])}, which "
         f"explains {percent(probe['share'])} of it."
