@@ -28,8 +28,9 @@ PLAUSIBLE_FORCE = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
 TREATMENT = (
     "Rows whose stamp or one of the six axes is missing or not finite, rows whose stamp repeats "
     "or lies before an earlier one, and lines that are no row are dropped and counted; nothing is "
-    "filled, interpolated or clipped. A temperature that is missing stays missing. A step longer "
-    f"than {GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
+    "filled or clipped, and nothing interpolated but sensors with clocks of their own, which is "
+    "told. A temperature that is missing stays missing. A step longer than "
+    f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
     f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
     "rejected. Zeros on all axes, stuck, clipped, held or copied values and spikes are counted and "
     "named; they stay in the samples."
