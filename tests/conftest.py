@@ -1,10 +1,15 @@
 """Fixtures shared by all tests."""
 
 import os
+import textwrap
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from snakemake.common.configfile import load_configfile
+
+from entries import REPLICAS
+from imuloop.config_faults import config_faults
 
 # the same examples in every run; a shared machine's speed is no property of the code
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -55,3 +60,32 @@ class Recordings:
 def recordings():
     """Find a measured recording by its file name."""
     return Recordings()
+
+
+@pytest.fixture
+def schema(repository):
+    return repository / "workflow/schemas/config.schema.yaml"
+
+
+@pytest.fixture
+def faults(tmp_path, schema, monkeypatch):
+    """Return a function: the faults of a config text, without the file's name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "poses.csv").write_text(
+        "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
+    )
+    (tmp_path / "counts.csv").write_text(
+        "t,ax [lsb],ay [lsb],az [lsb],gx,gy,gz\n" + "0,0,0,9,0,0,0\n" * 9
+    )
+    (tmp_path / "bare.csv").write_text("0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n")
+
+    def of(text, **options):
+        path = tmp_path / "config.yaml"
+        path.write_text(textwrap.dedent(text))
+        config = load_configfile(path)
+        lines = config_faults(config, {"config.yaml": path}, schema, REPLICAS, **options)
+        assert all(line.startswith(("config.yaml: ", "IMULOOP_MIRROR")) for line in lines)
+        assert all("\n" not in line for line in lines)
+        return [line.removeprefix("config.yaml: ") for line in lines]
+
+    return of

@@ -1,63 +1,19 @@
 """Faults of a config: all are told, one a line, each with its key and the remedy."""
 
-import dataclasses
 import json
-import os
-import textwrap
-import zipfile
 
 import netCDF4
 import pytest
 import yaml
-from snakemake.common.configfile import load_configfile
 
+from entries import REPLICAS, SOUND, session
 from imuloop.config import merge
 from imuloop.config_faults import as_given, config_faults, unreadable
-from imuloop.ingest import phone
-from imuloop.ingest.formats import FORMATS
 
-REPLICAS = {"iphone_6": ["static", "six_position"]}
 SHA = "0" * 64
 # each line a list of ten of the line before
 TOWER = "\n".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]" for i in range(8))
 TOWER = f"a0: &a0 [1]\n{TOWER}"
-
-
-@pytest.fixture
-def schema(repository):
-    return repository / "workflow/schemas/config.schema.yaml"
-
-
-@pytest.fixture
-def faults(tmp_path, schema, monkeypatch):
-    """Return a function: the faults of a config text, without the file's name."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "poses.csv").write_text(
-        "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
-    )
-    (tmp_path / "counts.csv").write_text(
-        "t,ax [lsb],ay [lsb],az [lsb],gx,gy,gz\n" + "0,0,0,9,0,0,0\n" * 9
-    )
-    (tmp_path / "bare.csv").write_text("0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n")
-
-    def of(text, **options):
-        path = tmp_path / "config.yaml"
-        path.write_text(textwrap.dedent(text))
-        config = load_configfile(path)
-        lines = config_faults(config, {"config.yaml": path}, schema, REPLICAS, **options)
-        assert all(line.startswith(("config.yaml: ", "IMULOOP_MIRROR")) for line in lines)
-        assert all("\n" not in line for line in lines)
-        return [line.removeprefix("config.yaml: ") for line in lines]
-
-    return of
-
-
-def session(text, device=""):
-    """Return a config with one session; `text` is its keys, `device` keys beside."""
-    return f"devices: {{imu: {{{device} sessions: {{a: {{{text}}}}}}}}}"
-
-
-SOUND = "kind: multi_position, file: poses.csv"
 
 
 def test_smallest_entry_works(faults):
@@ -291,46 +247,6 @@ def test_one_variable_can_hold_all_three(faults, tmp_path):
     assert line.startswith("devices.imu.sessions.a.columns.acceleration: no variable 'forces'")
 
 
-def test_a_log_can_be_a_folder(faults, tmp_path):
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag" / "bag_0.db3").write_text("damaged, for the job to find")
-    assert faults(session("kind: static, file: bag")) == []
-    line = "devices.imu.sessions.a.file: bag is a folder, not a file"
-    assert faults(session("kind: static, file: bag, format: csv")) == [line]
-    (tmp_path / "bag" / "bag_0.db3").unlink()
-    assert faults(session("kind: static, file: bag")) == [line]
-
-
-@pytest.mark.parametrize("checked", [1, 1 << 25])
-def test_streams_of_a_large_log_are_checked_before_the_run(faults, tmp_path, monkeypatch, checked):
-    monkeypatch.setattr("imuloop.config_faults.CHECKED", checked)
-    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
-        for name in ("Accelerometer", "Gyroscope"):
-            rows = "".join(f"{i / 100},0,0,1\n" for i in range(100_000))
-            archive.writestr(f"{name}.csv", f"Time (s),{name} x,{name} y,{name} z\n{rows}")
-    read, most = phone.read, []
-
-    def spy(*arguments, **options):
-        most.append(options.get("most"))
-        return read(*arguments, **options)
-
-    sound = dataclasses.replace(FORMATS["phone"], read=spy)
-    monkeypatch.setitem(FORMATS, "phone", sound)
-    text = session("kind: static, file: log.zip, columns: {angular_rate: %s}")
-    assert faults(text % "Gyroscope") == []
-    assert most == ([1] if checked == 1 else [None])
-    [line] = faults(text % "Gyrosope")
-    assert "no stream 'Gyrosope'" in line and line.endswith("did you mean 'Gyroscope'?")
-    # what the head lacks may come later; then once more for the other columns
-    assert most[1:] == ([1, None, 1] if checked == 1 else [None, None])
-
-
-def test_stamps_that_come_later_are_no_fault(faults, tmp_path):
-    rows = [f"{i / 100 if i > 5000 else ''},0,0,9.8,0,0,0" for i in range(6000)]
-    (tmp_path / "late.csv").write_text("\n".join(["t,ax,ay,az,gx,gy,gz", *rows]))
-    assert faults(session("kind: static, file: late.csv")) == []
-
-
 def test_numbers_of_a_json_config_are_what_they_look_like(faults):
     config = {"imu": {"sessions": {"a": {"kind": "static", "file": "poses.csv", "rate": 1}}}}
     assert faults(json.dumps({"devices": config}).replace(": 1}", ": 1e2}")) == []
@@ -387,18 +303,6 @@ def test_all_columns_that_are_not_there_are_told(faults):
 def test_a_unit_is_never_mistaken_for_another_by_its_letters(faults, quantity, written, hint):
     [line] = faults(session(f"{SOUND}, units: {{{quantity}: '{written}'}}"))
     assert line.endswith(f"'{written}' is not a unit; {hint}")
-
-
-def test_what_is_no_regular_file_is_said(faults, tmp_path):
-    (tmp_path / "folder.csv").mkdir()
-    os.mkfifo(tmp_path / "pipe.csv")
-    for name, text in (
-        ("folder.csv", "folder.csv is a folder, not a file"),
-        ("pipe.csv", "pipe.csv is not a regular file"),
-        ("none.csv", "there is no file none.csv"),
-    ):
-        [line] = faults(session(f"kind: static, file: {name}"))
-        assert line == f"devices.imu.sessions.a.file: {text}"
 
 
 @pytest.mark.parametrize(
@@ -459,68 +363,3 @@ def test_config_is_named_as_it_was_given():
     assert as_given("/home/some/c.yaml", arguments) == "../some/c.yaml"
     assert as_given("/home/c.yaml", ["--configfile=/home/c.yaml"]) == "/home/c.yaml"
     assert as_given("config.yaml", ["results/report.html"]) == "config.yaml"
-
-
-def test_links_that_lead_nowhere_and_files_that_may_not_be_read(faults, tmp_path, monkeypatch):
-    (tmp_path / "loop.csv").symlink_to("loop.csv")
-    (tmp_path / "gone.csv").symlink_to("nowhere.csv")
-    for name in ("loop.csv", "gone.csv"):
-        assert faults(session(f"kind: static, file: {name}")) == [
-            f"devices.imu.sessions.a.file: {name} is a link that leads to no file"
-        ]
-    assert faults(session(f"kind: static, file: {300 * 'x'}.csv")) == [
-        "devices.imu.sessions.a.file: cannot be read: File name too long"
-    ]
-    [fault] = faults(f"mirror: {300 * 'x'}\n{session(SOUND)}")
-    assert fault.startswith("mirror: there is no folder xxx")
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert faults(session(SOUND)) == [
-        "devices.imu.sessions.a.file: poses.csv cannot be read: permission denied"
-    ]
-
-
-def test_marks_of_one_pulse_per_second(faults, tmp_path):
-    (tmp_path / "marks.csv").write_text("c,gnss\n1000000,5\n2000000,6\n")
-    (tmp_path / "text.csv").write_text("no table\n")
-    assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}")) == []
-    assert faults(session(f"{SOUND}, pps: {{file: marks.csv, counter: c, time: gnss}}")) == []
-    assert faults(session(f"{SOUND}, pps: {{counter: gx, time: gy}}")) == []
-    dated = "time_range: ['2024-02-29T23:59:00Z', null]"
-    assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}, {dated}")) == []
-    key = "devices.imu.sessions.a.pps"
-    for pps, line in (
-        ("{counter: gx}", f"{key}.time: missing; marks are two columns of the log, or a file"),
-        ("{file: none.csv}", f"{key}.file: there is no file none.csv"),
-        ("{file: .}", f"{key}.file: . is a folder, not a file"),
-        ("{file: text.csv}", f"{key}.file: the file is not a table of numbers in rows and columns"),
-        (
-            "{file: marks.csv, counter: q}",
-            f"{key}.counter: no column 'q'; there are c, gnss",
-        ),
-        (
-            "{counter: gx, time: q}",
-            f"{key}.time: no column 'q'; there are t, ax, ay, az, gx, gy, gz, note",
-        ),
-        ("{columns: [a, b]}", f"{key}.columns: unknown key; use one of file, counter, time"),
-    ):
-        assert faults(session(f"{SOUND}, pps: {pps}")) == [line]
-    bare = "kind: static, file: bare.csv, columns: {acceleration: [0, 1, 2], "
-    bare += "angular_rate: [3, 4, 5]}, rate: 9, pps: {file: marks.csv}"
-    assert faults(session(bare)) == [
-        f"{key}: the log has no time column, which is to be the local counter"
-    ]
-
-
-def test_increments_need_an_interval(faults, tmp_path):
-    names = "dvx,dvy,dvz,dax,day,daz"
-    (tmp_path / "sums.csv").write_text(f"{names}\n0,0,0.1,0,0,0\n0,0,0.1,0,0,0\n")
-    (tmp_path / "own.csv").write_text(f"{names},dt\n0,0,0.1,0,0,0,0.01\n0,0,0.1,0,0,0,0.01\n")
-    assert faults(session("kind: static, file: own.csv")) == []
-    assert faults(session("kind: static, file: sums.csv, rate: 100")) == []
-    assert faults(session("kind: static, file: sums.csv")) == [
-        "devices.imu.sessions.a.rate: missing; sums.csv has no time column"
-    ]
-    assert faults(session("kind: static, file: own.csv, columns: {interval: step}")) == [
-        "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
-        f"{', '.join(names.split(','))}, dt"
-    ]

@@ -34,3 +34,11 @@ def did_you_mean(name, known, cutoff=0.6):
     """
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def nearest(name, known, cutoff=0.6):
+    """Return the end of a message that names the nearest of the known names, or all of them.
+
+    Parameters are those of `did_you_mean`.
+    """
+    return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"

@@ -1,0 +1,128 @@
+"""Faults of a session's files are told before the run."""
+
+import dataclasses
+import os
+import zipfile
+
+import pytest
+
+from entries import SOUND, session
+from imuloop.ingest import phone
+from imuloop.ingest.formats import FORMATS
+
+
+def test_a_log_can_be_a_folder(faults, tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.db3").write_text("damaged, for the job to find")
+    assert faults(session("kind: static, file: bag")) == []
+    line = "devices.imu.sessions.a.file: bag is a folder, not a file"
+    assert faults(session("kind: static, file: bag, format: csv")) == [line]
+    (tmp_path / "bag" / "bag_0.db3").unlink()
+    assert faults(session("kind: static, file: bag")) == [line]
+
+
+@pytest.mark.parametrize("checked", [1, 1 << 25])
+def test_streams_of_a_large_log_are_checked_before_the_run(faults, tmp_path, monkeypatch, checked):
+    monkeypatch.setattr("imuloop.file_faults.CHECKED", checked)
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        for name in ("Accelerometer", "Gyroscope"):
+            rows = "".join(f"{i / 100},0,0,1\n" for i in range(100_000))
+            archive.writestr(f"{name}.csv", f"Time (s),{name} x,{name} y,{name} z\n{rows}")
+    read, most = phone.read, []
+
+    def spy(*arguments, **options):
+        most.append(options.get("most"))
+        return read(*arguments, **options)
+
+    sound = dataclasses.replace(FORMATS["phone"], read=spy)
+    monkeypatch.setitem(FORMATS, "phone", sound)
+    text = session("kind: static, file: log.zip, columns: {angular_rate: %s}")
+    assert faults(text % "Gyroscope") == []
+    assert most == ([1] if checked == 1 else [None])
+    [line] = faults(text % "Gyrosope")
+    assert "no stream 'Gyrosope'" in line and line.endswith("did you mean 'Gyroscope'?")
+    # what the head lacks may come later; then once more for the other columns
+    assert most[1:] == ([1, None, 1] if checked == 1 else [None, None])
+
+
+def test_stamps_that_come_later_are_no_fault(faults, tmp_path):
+    rows = [f"{i / 100 if i > 5000 else ''},0,0,9.8,0,0,0" for i in range(6000)]
+    (tmp_path / "late.csv").write_text("\n".join(["t,ax,ay,az,gx,gy,gz", *rows]))
+    assert faults(session("kind: static, file: late.csv")) == []
+
+
+def test_what_is_no_regular_file_is_said(faults, tmp_path):
+    (tmp_path / "folder.csv").mkdir()
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name, text in (
+        ("folder.csv", "folder.csv is a folder, not a file"),
+        ("pipe.csv", "pipe.csv is not a regular file"),
+        ("none.csv", "there is no file none.csv"),
+    ):
+        [line] = faults(session(f"kind: static, file: {name}"))
+        assert line == f"devices.imu.sessions.a.file: {text}"
+
+
+def test_links_that_lead_nowhere_and_files_that_may_not_be_read(faults, tmp_path, monkeypatch):
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    (tmp_path / "gone.csv").symlink_to("nowhere.csv")
+    for name in ("loop.csv", "gone.csv"):
+        assert faults(session(f"kind: static, file: {name}")) == [
+            f"devices.imu.sessions.a.file: {name} is a link that leads to no file"
+        ]
+    assert faults(session(f"kind: static, file: {300 * 'x'}.csv")) == [
+        "devices.imu.sessions.a.file: cannot be read: File name too long"
+    ]
+    [fault] = faults(f"mirror: {300 * 'x'}\n{session(SOUND)}")
+    assert fault.startswith("mirror: there is no folder xxx")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    assert faults(session(SOUND)) == [
+        "devices.imu.sessions.a.file: poses.csv cannot be read: permission denied"
+    ]
+
+
+def test_marks_of_one_pulse_per_second(faults, tmp_path):
+    (tmp_path / "marks.csv").write_text("c,gnss\n1000000,5\n2000000,6\n")
+    (tmp_path / "text.csv").write_text("no table\n")
+    assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}")) == []
+    assert faults(session(f"{SOUND}, pps: {{file: marks.csv, counter: c, time: gnss}}")) == []
+    assert faults(session(f"{SOUND}, pps: {{counter: gx, time: gy}}")) == []
+    dated = "time_range: ['2024-02-29T23:59:00Z', null]"
+    assert faults(session(f"{SOUND}, pps: {{file: marks.csv}}, {dated}")) == []
+    key = "devices.imu.sessions.a.pps"
+    for pps, line in (
+        ("{counter: gx}", f"{key}.time: missing; marks are two columns of the log, or a file"),
+        ("{file: none.csv}", f"{key}.file: there is no file none.csv"),
+        ("{file: .}", f"{key}.file: . is a folder, not a file"),
+        ("{file: text.csv}", f"{key}.file: the file is not a table of numbers in rows and columns"),
+        (
+            "{file: marks.csv, counter: q}",
+            f"{key}.counter: no column 'q'; there are c, gnss",
+        ),
+        (
+            "{counter: gx, time: q}",
+            f"{key}.time: no column 'q'; there are t, ax, ay, az, gx, gy, gz, note",
+        ),
+        ("{columns: [a, b]}", f"{key}.columns: unknown key; use one of file, counter, time"),
+    ):
+        assert faults(session(f"{SOUND}, pps: {pps}")) == [line]
+    bare = "kind: static, file: bare.csv, columns: {acceleration: [0, 1, 2], "
+    bare += "angular_rate: [3, 4, 5]}, rate: 9, pps: {file: marks.csv}"
+    assert faults(session(bare)) == [
+        f"{key}: the log has no time column, which is to be the local counter"
+    ]
+
+
+def test_increments_need_an_interval(faults, tmp_path):
+    names = "dvx,dvy,dvz,dax,day,daz"
+    (tmp_path / "sums.csv").write_text(f"{names}\n0,0,0.1,0,0,0\n0,0,0.1,0,0,0\n")
+    (tmp_path / "own.csv").write_text(f"{names},dt\n0,0,0.1,0,0,0,0.01\n0,0,0.1,0,0,0,0.01\n")
+    assert faults(session("kind: static, file: own.csv")) == []
+    assert faults(session("kind: static, file: sums.csv, rate: 100")) == []
+    assert faults(session("kind: static, file: sums.csv")) == [
+        "devices.imu.sessions.a.rate: missing; sums.csv has no time column"
+    ]
+    assert faults(session("kind: static, file: own.csv, columns: {interval: step}")) == [
+        "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
+        f"{', '.join(names.split(','))}, dt"
+    ]

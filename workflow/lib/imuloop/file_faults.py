@@ -1,0 +1,185 @@
+"""What is wrong with the files of a session, as far as it can be seen before the run."""
+
+import os
+import re
+from contextlib import suppress
+from pathlib import Path
+
+from imuloop.config import sources
+from imuloop.core.errors import ImuloopError, RejectedLog, nearest
+from imuloop.core.units import raw_unit
+from imuloop.ingest.convert import Counts, si_batches
+from imuloop.ingest.formats import find_format
+from imuloop.ingest.ingest import used_units
+from imuloop.ingest.pps import read_marks
+from imuloop.ingest.sources import file_name
+
+# where the simulate rule puts a replica's log, relative to the working folder
+SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
+
+# most bytes judged before the run of a log that is read as a whole, unless a fault is in them
+CHECKED = 1 << 23
+
+
+def marks_faults(marks, replicas):
+    """Yield what is wrong with 1PPS marks, as far as it can be seen without the log."""
+    if not marks:
+        return
+    if "file" not in marks:
+        for key in ("counter", "time"):
+            if key not in marks:
+                yield ("pps", key), "missing; marks are two columns of the log, or a file"
+        return
+    source = sources(marks["file"])["log"]
+    path = source.get("path")
+    if path is None:
+        return
+    if not Path(path).is_file():
+        yield ("pps", "file"), _missing(path, replicas) or f"{path} is no table of marks"
+        return
+    try:
+        read_marks(path, marks)
+    except ImuloopError as error:
+        key, _, text = str(error).partition(": ")
+        yield (
+            (tuple(key.split(".")), text)
+            if key.startswith("pps.")
+            else (
+                ("pps", "file"),
+                str(error),
+            )
+        )
+    except OSError as error:
+        yield ("pps", "file"), f"{path} cannot be read: {error.strerror}"
+
+
+def file_faults(session, nominal, replicas, whole, marked):
+    """Yield what is wrong with a session's file, as far as it can be seen before the run."""
+    given = sources(session["file"])
+    names = {role: source.get("path") or file_name(source) for role, source in given.items()}
+    try:
+        _, log_format = find_format(session.get("format"), names)
+    except ImuloopError as error:
+        yield ("file",), str(error)
+        return
+    except OSError as error:
+        # a name too long, a folder that may not be entered
+        yield ("file",), f"cannot be read: {error.strerror}"
+        return
+    there = [role for role, source in given.items() if _is_there(source.get("path"))]
+    for role in (role for role in given if role not in there):
+        text = "path" in given[role] and _missing(names[role], replicas)
+        if text:
+            yield ("file", *(() if role == "log" else (role,))), text
+    locked = [names[role] for role in there if not os.access(names[role], os.R_OK)]
+    if locked:
+        yield ("file",), f"{locked[0]} cannot be read: permission denied"
+    elif len(there) == len(given):
+        yield from _log_faults(session, nominal, log_format, names, whole and marked)
+
+
+def _size(names):
+    """Return the bytes of a session's files, those inside of folders too."""
+    paths = [Path(name) for name in names.values()]
+    files = [f for path in paths for f in (path.iterdir() if path.is_dir() else [path])]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _is_there(path):
+    return path is not None and (Path(path).is_file() or Path(path).is_dir())
+
+
+def _log_faults(session, nominal, log_format, names, whole):
+    """Yield which of the declared columns a log lacks, and what of the rest does not fit it."""
+    declared = dict(session.get("columns") or {})
+    marks = session.get("pps") or {}
+    if {"counter", "time"} == {*marks}:
+        declared["pps"] = marks
+    wrong = set()
+    while True:
+        try:
+            log = _read(log_format, names, declared, 1 << 10)
+            break
+        except RejectedLog:
+            # a fault of the data, for the job to find
+            return
+        except ImuloopError as error:
+            quantity, _, text = str(error).removeprefix("columns.").partition(": ")
+            if quantity.startswith("pps."):
+                yield tuple(quantity.split(".")), text
+                wrong.add("pps")
+                del declared["pps"]
+                continue
+            if quantity not in declared:
+                # without a column that was declared wrongly, the log may well lack others
+                if not wrong:
+                    yield ("file",), str(error)
+                return
+            yield ("columns", quantity), text
+            # the others may be wrong too
+            wrong.add(quantity)
+            del declared[quantity]
+    timed = {"time", "interval"} & {*log.found, *wrong}
+    if "log" in names and not timed and "rate" not in session:
+        yield ("rate",), f"missing; {names['log']} has no time column"
+    elif marks and "time" not in {*log.found, *wrong}:
+        yield ("pps",), "the log has no time column, which is to be the local counter"
+    elif "pps" in declared and "pps" not in log.found:
+        yield ("pps",), "only tables hold columns of marks; name a file in pps.file"
+    elif whole and not wrong:
+        text = _fitting_fault(session, nominal, log)
+        if text:
+            # stamps may be missing at first: what few rows show counts where it does for the job
+            log = _read(log_format, names, declared, 1 << 16)
+            text = _fitting_fault(session, nominal, log)
+        key, _, rest = (text or "").partition(": ")
+        if text:
+            told = re.fullmatch(r"time_range|units\.\w+", key)
+            yield (tuple(key.split(".")), rest) if told else (("file",), text)
+
+
+def _fitting_fault(session, nominal, log):
+    """Return why units or range do not fit a log's first rows, or None."""
+    try:
+        units, _ = used_units(log, session.get("units") or {})
+        sensors = ("acceleration", "angular_rate")
+        raw_units = {q: raw_unit(q, units[q], nominal.get(q)) for q in sensors}
+        declared = {key: session.get(key) for key in ("rate", "time_range")}
+        if session.get("pps"):
+            # dates are the marks', not the stamps'
+            declared["time_range"] = None
+        batches = si_batches(log, units=units, raw_units=raw_units, counts=Counts(), **declared)
+        next(batches, None)
+    except RejectedLog:
+        return None
+    except ImuloopError as error:
+        return str(error)
+    return None
+
+
+def _read(log_format, names, declared, rows):
+    """Return the log, of a large one the head where nothing is amiss in it."""
+    if log_format.whole and _size(names) > CHECKED:
+        # a stream that the head lacks may come later
+        with suppress(ImuloopError):
+            return log_format.read(names, declared, rows, most=CHECKED)
+    return log_format.read(names, declared, rows)
+
+
+def _missing(path, replicas):
+    """Return why a local file cannot be had, or None if the workflow makes it."""
+    simulated = SIMULATED.fullmatch(os.path.normpath(path))
+    if not simulated:
+        if Path(path).is_dir():
+            return f"{path} is a folder, not a file"
+        if Path(path).is_symlink() and not Path(path).exists():
+            return f"{path} is a link that leads to no file"
+        return (
+            f"{path} is not a regular file" if Path(path).exists() else f"there is no file {path}"
+        )
+    replica, session = simulated.groups()
+    if replica not in replicas:
+        return f"there is no replica '{replica}'{nearest(replica, replicas, 0.6)}"
+    if session not in replicas[replica]:
+        return f"{replica} has no session '{session}'{nearest(session, replicas[replica], 0.6)}"
+    return None
