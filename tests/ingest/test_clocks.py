@@ -241,11 +241,15 @@ def bursts(rows, size=5, rate=100, spacing=0.002, seed=6):
 
 def test_bursts_are_rebuilt(log, quality):
     log.loc[[7, 300], "ax"] = np.nan
-    done = quality(bursts(500))
+    stamps = bursts(500)
+    done = quality(stamps)
     clock = done.quality["clock"]
     # a row that is dropped keeps its place
     rows = np.delete(np.arange(500), [7, 300])
     np.testing.assert_allclose(done.samples.t, rows / 100, rtol=1e-3, atol=1e-12)
+    # what was stamped is kept beside it
+    np.testing.assert_array_equal(done.samples.t_logged, stamps[rows] - stamps[0])
+    assert "t_logged" not in done.quality["range"]
     assert done.quality["status"] == "ok"
     assert clock["rebuilt"]
     assert clock["jitter_ppm"] < 1e-3
@@ -313,4 +317,6 @@ def test_points_are_few_and_the_same_for_any_batches(monkeypatch):
 def test_times_of_any_size_are_on_no_line(quality):
     for largest in (1e18, 1e100):
         stamps = np.sort(np.random.default_rng(8).random(500) ** 40) * largest
-        assert not quality(stamps).quality["clock"]["rebuilt"]
+        done = quality(stamps)
+        assert not done.quality["clock"]["rebuilt"]
+        assert "t_logged" not in done.samples

@@ -1,7 +1,8 @@
 """Samples: the one table from ingest to the end, SI units, one clock.
 
 A pandas DataFrame of float64 columns: `t` (s from the first sample), specific force `ax ay az`
-(m/s^2), angular rate `gx gy gz` (rad/s) and, where logged, `temperature` (degC).
+(m/s^2), angular rate `gx gy gz` (rad/s) and, where logged, `temperature` (degC). Where `t` was
+rebuilt, `t_logged` is the time as stamped.
 """
 
 import json
@@ -22,12 +23,14 @@ ANGULAR_RATE = ("gx", "gy", "gz")
 CHANNELS = ACCELERATION + ANGULAR_RATE
 # temperature, degC
 TEMPERATURE = "temperature"
+# time as the log's stamps have it, s from the first sample; beside a `t` that was rebuilt
+LOGGED_TIME = "t_logged"
 
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
 
 
-def schema(temperature, metadata):
+def schema(temperature, metadata, rebuilt=False):
     """Return the Parquet schema of a samples file.
 
     Parameters
@@ -36,8 +39,10 @@ def schema(temperature, metadata):
         Whether the log holds a temperature.
     metadata : dict
         Source, units, hashes; kept as JSON in the file.
+    rebuilt : bool
+        Whether `t` is not that of the stamps.
     """
-    names = (TIME, *CHANNELS, *((TEMPERATURE,) if temperature else ()))
+    names = [TIME, *CHANNELS, *[TEMPERATURE] * temperature, *[LOGGED_TIME] * rebuilt]
     fields = [pa.field(name, pa.float64()) for name in names]
     return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
 

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, LOGGED_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
@@ -97,7 +97,7 @@ def si_batches(
     counts : Counts
         Filled on the way.
     step : float, optional
-        Seconds from row to row; `t` is then rebuilt from the row number.
+        Seconds from row to row; `t` is then rebuilt from the row number, `t_logged` as stamped.
     usual : float, optional
         Usual step of the stamps, s; that of increments after a gap.
     timeline : imuloop.ingest.pps.Timeline, optional
@@ -190,7 +190,7 @@ def si_batches(
                 counts.start_ns = _moment(zero, units, absolute, timeline)
         samples = {TIME: (x[keep] - zero) * scale}
         if step is not None:
-            samples = {TIME: (rows[keep] - first) * step}
+            samples = {TIME: (rows[keep] - first) * step, LOGGED_TIME: samples[TIME]}
         elif timeline:
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:

@@ -14,6 +14,7 @@ from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
+    LOGGED_TIME,
     METADATA_KEY,
     TIME,
 )
@@ -63,7 +64,7 @@ def measure(file, figures, threads=1, progress=None):
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
     if not file.metadata.num_rows or not 0 < (figures["rate_hz"] or 0) < MOST_RATE:
         return {}
-    names = [name for name in file.schema_arrow.names if name != TIME]
+    names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
     steps = figures["quantisation_step"]
     zeros = _zeros(file)
     runs = {name: Runs(steps[name]) for name in CHANNELS}

@@ -174,7 +174,7 @@ def ingest(
                     log = form.read(files, columns or None, batch_rows)
                     log.threads = threads
                     samples = si_batches(log, **declared, counts=counts, step=step)
-                    _write(temporary, samples, log, counts, *own)
+                    _write(temporary, samples, log, counts, *own, rebuilt=True)
                     figures = measure()
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
@@ -223,16 +223,16 @@ def ingest(
     )
 
 
-def _write(path, batches, log, counts, origin, hashes, progress):
+def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
     """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
-    plain = schema(log.temperature, {}).remove_metadata()
+    plain = schema(log.temperature, {}, rebuilt).remove_metadata()
     tables = rechunked(batches, ROW_GROUP)
-    first = next(tables, plain.empty_table()).cast(plain)
+    first = next(tables, plain.empty_table()).select(plain.names).cast(plain)
     # what is known at the end only cannot be in an Arrow schema; doubles need none
     options = {"compression": "zstd", "store_schema": False, **_encodings(first)}
     with pq.ParquetWriter(path, plain, **options) as writer:
         for table in chain([first] if len(first) else [], tables):
-            writer.write_table(table.cast(plain), row_group_size=ROW_GROUP)
+            writer.write_table(table.select(plain.names).cast(plain), row_group_size=ROW_GROUP)
             progress(log.position)
         origin["sha256"] = hashes.result()
         if counts.start_ns is not None:

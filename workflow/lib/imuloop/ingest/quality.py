@@ -3,7 +3,14 @@
 import numpy as np
 import pyarrow.parquet as pq
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    CHANNELS,
+    LOGGED_TIME,
+    TEMPERATURE,
+    TIME,
+)
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import fault_lines, faults
@@ -134,7 +141,7 @@ def _median(part):
 
 
 def _channel_figures(file, tables, full_scale, threads):
-    names = [name for name in file.schema_arrow.names if name != TIME]
+    names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
     low, high = dict.fromkeys(names, np.inf), dict.fromkeys(names, -np.inf)
     step = dict.fromkeys(names, np.inf)
     sensors = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
