@@ -113,9 +113,18 @@ def test_marks_of_a_logarithmic_axis():
     assert decade_ticks(0.01, 1000, 8) == (
         [0.01, 0.1, 1, 10, 100, 1000],
         ["0.01", "0.1", "1", "10", "100", "1000"],
+        "",
     )
     assert decade_ticks(2e-6, 3e-5, 8)[1] == ["2·10⁻⁶", "5·10⁻⁶", "10⁻⁵", "2·10⁻⁵"]
     assert decade_ticks(1e-9, 1e3, 4)[1] == ["10⁻⁹", "10⁻⁵", "10⁻¹", "10³"]
+
+
+def test_a_short_logarithmic_axis_has_marks_inside_it():
+    places, labels, _ = decade_ticks(1.1, 1.9, 4)
+    assert places == pytest.approx([1.2, 1.4, 1.6, 1.8])
+    assert labels == ["1.2", "1.4", "1.6", "1.8"]
+    places, _, factor = decade_ticks(2.1e-6, 4.9e-6, 4)
+    assert places == pytest.approx([3e-6, 4e-6]) and factor == "×10⁻⁶"
 
 
 def _plot(label):

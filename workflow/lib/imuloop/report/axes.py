@@ -336,7 +336,7 @@ class Axes:
             return self._ticks[which]
         size = self.width if which == "x" else self.height
         if which in self._logarithmic:
-            return *decade_ticks(low, high, size / ROOM[which, "decade"]), ""
+            return decade_ticks(low, high, size / ROOM[which, "decade"])
         return linear_ticks(min(low, high), max(low, high), max(size / ROOM[which, "linear"], 2))
 
 

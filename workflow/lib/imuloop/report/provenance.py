@@ -5,7 +5,7 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 
 # packages whose numbers or pictures are in a report
-PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets", "matplotlib")
+PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets")
 
 
 def provenance(repository, command, config):

@@ -2,12 +2,12 @@
 
 import math
 
-from matplotlib.ticker import LogLocator, MaxNLocator
-
 from imuloop.report.numbers import superscript
 
 # powers of ten that are written out
 PLAIN = range(-2, 4)
+# what rounding may take from a place, a share of the axis
+SLACK = 1e-9
 
 
 def linear_ticks(low, high, count):
@@ -29,15 +29,20 @@ def linear_ticks(low, high, count):
     factor : str
         What the labels have to be multiplied with, as text; empty for 1.
     """
-    locator = MaxNLocator(max(int(count), 1), steps=(1, 2, 5, 10), min_n_ticks=2)
-    found = locator.tick_values(low, high)
-    slack = 1e-9 * (high - low)
-    places = [p for p in found.tolist() if low - slack <= p <= high + slack]
-    step = found[1] - found[0]
+    rough = (high - low) / max(int(count), 1)
+    decade = math.floor(math.log10(rough))
+    steps = [d * 10.0**e for e in (decade - 1, decade) for d in (1, 2, 5)] + [10.0 ** (decade + 1)]
+    # the smallest that is wide enough, or the next below that has two marks
+    wide = [s for s in steps if s >= rough]
+    narrow = [s for s in steps if s < rough]
+    for step in [wide[0], *narrow[::-1]]:
+        places = [k * step for k in _between(low / step, high / step)]
+        if len(places) > 1:
+            break
     largest = max(map(abs, places), default=0.0)
-    exponent = math.floor(math.log10(largest) + 1e-9) if largest else 0
+    exponent = math.floor(math.log10(largest) + SLACK) if largest else 0
     exponent = 0 if -4 < exponent < 5 else exponent
-    digits = max(0, exponent - math.floor(math.log10(step) + 1e-9))
+    digits = max(0, exponent - math.floor(math.log10(step) + SLACK))
     labels = [f"{p / 10.0**exponent + 0.0:.{digits}f}".replace("-", "−") for p in places]
     return places, labels, f"×10{superscript(exponent)}" if exponent else ""
 
@@ -56,12 +61,23 @@ def decade_ticks(low, high, count):
     -------
     places : list of float
     labels : list of str
+    factor : str
+        As for `linear_ticks`, whose round numbers are taken where those above are fewer than two.
     """
-    digits = (1, 2, 5) if high < 100 * low else (1,)
-    found = LogLocator(subs=digits, numticks=max(int(count), 2)).tick_values(low, high)
-    places = [p for p in found.tolist() if low * (1 - 1e-9) <= p <= high * (1 + 1e-9)]
-    exponents = [math.floor(math.log10(p) + 1e-9) for p in places]
-    marks = [(round(p / 10.0**e), e) for p, e in zip(places, exponents, strict=True)]
+    ends = math.log10(low), math.log10(high)
+    if high < 100 * low:
+        marks = [
+            (digit, exponent)
+            for exponent in range(math.floor(ends[0]), math.floor(ends[1] + SLACK) + 1)
+            for digit in (1, 2, 5)
+            if low * (1 - SLACK) <= digit * 10.0**exponent <= high * (1 + SLACK)
+        ]
+    else:
+        decades = _between(*ends)
+        stride = -(-len(decades) // max(int(count), 2))
+        marks = [(1, exponent) for exponent in decades[::stride]]
+    if len(marks) < 2:
+        return linear_ticks(low, high, count)
     plain = all(exponent in PLAIN for _, exponent in marks)
     labels = [
         f"{digit * 10.0**exponent:.{max(-exponent, 0)}f}"
@@ -69,4 +85,10 @@ def decade_ticks(low, high, count):
         else f"{digit}·" * (digit > 1) + f"10{superscript(exponent)}"
         for digit, exponent in marks
     ]
-    return [digit * 10.0**exponent for digit, exponent in marks], labels
+    return [digit * 10.0**exponent for digit, exponent in marks], labels, ""
+
+
+def _between(low, high):
+    """Return the whole numbers between two limits, both included."""
+    slack = SLACK * (high - low)
+    return range(math.ceil(low - slack), math.floor(high + slack) + 1)
