@@ -1,3 +1,4 @@
+# A folder has no checksum: where only its time is new, what it was made from tells whether it changed.
 rule report_device:
     input:
         samples=each_session("samples"),
@@ -12,7 +13,7 @@ rule report_device:
         diagnosis="results/{device}/diagnosis.json",
         attitude="results/{device}/attitude.json",
         attitude_series="results/{device}/attitude.parquet",
-        exports="results/{device}/exports",
+        exports=ancient("results/{device}/exports"),
         template=f"{TEMPLATES}/section.html.j2",
     output:
         section="results/{device}/section.html",
@@ -37,6 +38,7 @@ rule report_device:
         label=setting("label"),
         sessions=sessions,
         code=code("report_device.py"),
+        exports_code=code("export.py"),
     script:
         "../../scripts/report_device.py"
 
@@ -45,7 +47,7 @@ rule report:
     input:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
-        exports=expand("results/{device}/exports", device=DEVICES),
+        exports=ancient(expand("results/{device}/exports", device=DEVICES)),
         template=f"{TEMPLATES}/report.html.j2",
         style=f"{TEMPLATES}/style.css",
         sorting=f"{TEMPLATES}/sorting.js",
