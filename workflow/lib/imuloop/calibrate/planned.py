@@ -3,12 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 
-from imuloop.calibrate.recording import record
+from imuloop.calibrate.poses import Poses, Rotations
+from imuloop.calibrate.recording import Log, Recording, pose_means
 from imuloop.core.rotation import exponential, matrix
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
-from imuloop.core.segments import MOTION, STATIC, segment_table
 from imuloop.core.sphere import fibonacci_lattice
 
 # what a first session should hold: seconds at rest before all, poses, seconds of a rest and a move
@@ -145,42 +143,67 @@ def planned_recording(plan, calibration, variance, rate):
     Recording
         SI, as logged.
     """
-    up, pieces, spans = np.asarray(plan.up, dtype=float), [], []
-    at = _steps(plan.initial_rest_s)
-    pieces.append((np.tile(up, (at, 1)), np.zeros((at, 3))))
-    spans.append((0, at, STATIC))
-    for turn, seconds in zip(
-        plan.turns, np.broadcast_to(plan.move_s, len(plan.turns)), strict=True
-    ):
-        n = _steps(seconds)
+    up = np.asarray(plan.up, dtype=float)
+    moves = [_steps(s) for s in np.broadcast_to(plan.move_s, len(plan.turns))]
+    rests = [_steps(plan.initial_rest_s), *[_steps(plan.rest_s)] * len(moves)]
+    directions, rates = [np.tile(up, (rests[0], 1))], [np.zeros((rests[0], 3))]
+    for turn, n, rest in zip(plan.turns, moves, rests[1:], strict=True):
         share = np.arange(n) / n
         course = share - np.sin(2 * np.pi * share) / (2 * np.pi)
         attitude = matrix(exponential(course[:, None] * turn))
         speed = (1 - np.cos(2 * np.pi * share)) / (n / RATE)
-        pieces.append((np.einsum("nji,j->ni", attitude, up), speed[:, None] * turn))
+        directions.append(np.einsum("nji,j->ni", attitude, up))
+        rates.append(speed[:, None] * turn)
         up = matrix(exponential(turn)).T @ up
-        rest = _steps(plan.rest_s)
-        pieces.append((np.tile(up, (rest, 1)), np.zeros((rest, 3))))
-        spans += [(at, at + n, MOTION), (at + n, at + n + rest, STATIC)]
-        at += n + rest
-    directions, rates = (np.concatenate(part) for part in zip(*pieces, strict=True))
-    samples = pd.DataFrame({TIME: np.arange(at) / RATE})
-    for columns, sensor, x in (
-        (ACCELERATION, calibration.accelerometer, calibration.gravity * directions),
-        (ANGULAR_RATE, calibration.gyroscope, rates),
+        directions.append(np.tile(up, (rest, 1)))
+        rates.append(np.zeros((rest, 3)))
+    logged = []
+    for sensor, pieces, size in (
+        (calibration.accelerometer, directions, calibration.gravity),
+        (calibration.gyroscope, rates, 1.0),
     ):
-        raw = x @ np.linalg.inv(sensor.T).T / sensor.K + sensor.b
-        samples[list(columns)] = sensor.raw_unit.to_si(raw)
+        raw = size * np.concatenate(pieces) @ np.linalg.inv(sensor.T).T / sensor.K + sensor.b
+        logged.append(sensor.raw_unit.to_si(raw))
+    t, temperature = np.arange(len(logged[0])) / RATE, None
     if plan.temperature:
-        samples[TEMPERATURE] = np.interp(np.arange(at) / at, *np.transpose(plan.temperature))
-    first, last, kinds = zip(*spans, strict=True)
-    poses = np.where(np.array(kinds) == STATIC, (np.arange(len(kinds)) + 1) // 2, -1)
-    segments = segment_table(samples, np.divide(first, RATE), np.divide(last, RATE), kinds, poses)
-    made = record([samples], [segments], np.inf)
-    n = np.maximum(1, np.rint(made.poses.duration_s * rate)).astype(int)
-    return replace(
-        made, poses=replace(made.poses, n=n, variance=np.tile(variance, (len(made.poses), 1)))
+        temperature = np.interp(np.arange(len(t)) / len(t), *np.transpose(plan.temperature))
+    log = Log(t, *logged, temperature)
+    return _recorded(log, np.array(rests), np.array(moves, dtype=int), variance, rate)
+
+
+def _recorded(log, rests, moves, variance, rate):
+    """Return the recording of a log whose rests and moves have so many samples, in turn."""
+    last = np.cumsum(rests) + np.concatenate([[0], np.cumsum(moves)])
+    first, n = last - rests, len(rests)
+    start, end = first / RATE, last / RATE
+    # a rest of a plan does not change
+    f, w = log.f[first], log.w[first]
+    poses = Poses(
+        session=np.zeros(n, dtype=int),
+        start_s=start,
+        end_s=end,
+        duration_s=end - start,
+        n=np.maximum(1, np.rint((end - start) * rate)).astype(int),
+        f=f,
+        w=w,
+        variance=np.tile(variance, (n, 1)),
+        temperature=None,
     )
+    if log.temperature is not None:
+        poses = replace(poses, temperature=pose_means(poses, (log,), [log.temperature]))
+    # from the last sample of a rest to the first of the next, that one repeated
+    steps = np.arange(moves.max(initial=0) + 2)
+    at = np.minimum(last[:-1, None] - 1 + steps, first[1:, None])
+    rotations = Rotations(
+        first=np.arange(n - 1),
+        start_s=log.t[at[:, 0]],
+        end_s=log.t[at[:, -1]],
+        t=log.t[at],
+        w=log.w[at],
+        f=log.f[at],
+        temperature=None if log.temperature is None else log.temperature[at],
+    )
+    return Recording(poses, rotations, (log,))
 
 
 def _steps(seconds):
