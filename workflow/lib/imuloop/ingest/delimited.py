@@ -29,6 +29,8 @@ _SEPARATORS = (",", "\t", ";", _BLANKS)
 _COMMENT = re.compile(r"\s*(#|%|//)")
 _MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
+# what the csv module takes otherwise than as a part of a field
+_QUOTED = re.compile(r'["\r\n\0]')
 # a longer line is no row, bytes; what has none in its head is no table
 _LONGEST_LINE = _HEAD
 # typical length of a row, bytes: turns rows a batch into bytes a block
@@ -130,13 +132,15 @@ def find_layout(path, least=3):
     lines = head.split(b"\n")
     if len(head) == _HEAD:
         lines.pop()
-    texts = [line.decode("utf-8-sig", "replace").rstrip("\r") for line in lines]
+    texts = [line.decode("utf-8", "replace").removeprefix("\ufeff").rstrip("\r") for line in lines]
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
     table = [texts[i] for i in rows]
-    best = max(_SEPARATORS, key=lambda s: _numeric_share(table, s, least))
-    if _numeric_share(table, best, least) < 0.5:
+    share, best = max(
+        ((_numeric_share(table, s, least), s) for s in _SEPARATORS), key=lambda found: found[0]
+    )
+    if share < 0.5:
         raise RejectedLog("the file is not a table of numbers in rows and columns")
     width = _width(table, best)
     # as many tabs as blanks: the blanks are inside of the header's names
@@ -156,8 +160,10 @@ def find_layout(path, least=3):
             if len(header) == width and not any(_is_number(text) for text in header):
                 names, headed = header, True
     start = sum(len(line) + 1 for line in lines[:first])
-    sample = [text for i in rows if i >= first for text in _fields(texts[i], best)]
-    decimal_comma = any("," in text for text in sample) and not any("." in t for t in sample)
+    sample = [texts[i] for i in rows if i >= first]
+    decimal_comma = not any("." in text for text in sample) and any(
+        "," in field for text in sample for field in _fields(text, best)
+    )
     return Layout(best, [n.strip() for n in names], headed, start, decimal_comma, preamble)
 
 
@@ -301,6 +307,8 @@ def _no_text(head):
 def _fields(line, separator):
     if separator == _BLANKS:
         return line.split()
+    if not _QUOTED.search(line):
+        return [field.strip() for field in line.split(separator)]
     try:
         return [field.strip() for field in next(csv.reader([line], delimiter=separator), [])]
     except csv.Error:
@@ -323,12 +331,23 @@ def _width(lines, separator):
 
 def _numeric_share(lines, separator, least):
     """Return the share of fields that are numbers, 0 of fewer than the `least` columns."""
+    if least > 1 and separator != _BLANKS and not any(separator in line for line in lines):
+        return 0.0
     fields = [_fields(line, separator) for line in lines]
     width = Counter(len(row) for row in fields).most_common(1)[0][0]
     if width < least:
         return 0.0
-    flat = [text for row in fields if len(row) == width for text in row]
-    return sum(_is_number(text) for text in flat) / len(flat)
+    rows = [row for row in fields if len(row) == width]
+    return sum(map(_numeric, rows)) / (len(rows) * width)
+
+
+def _numeric(row):
+    """Return how many fields of a row are numbers."""
+    try:
+        # nearly every row, and much faster
+        return len([float(text) for text in row])
+    except ValueError:
+        return sum(map(_is_number, row))
 
 
 # bytes that no number has, so that damaged ones spoil their own row alone
