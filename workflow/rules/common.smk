@@ -2,6 +2,7 @@
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
 
 import yaml
@@ -51,6 +52,7 @@ wildcard_constraints:
     filename=r"[^/]+",
 
 
+@cache
 def code(script):
     """Return the digest of the code that a script reaches."""
     return code_digest(REPOSITORY / "scripts" / script)

@@ -48,6 +48,7 @@ def code_digest(script, library=_LIBRARY):
     return digest.hexdigest()
 
 
+@cache
 def _module_path(library, name):
     """Return the file of a module by its dotted name; None outside the library."""
     first, *rest = name.split(".")
