@@ -107,7 +107,7 @@ def test_held_out_blocks_tell_a_process_from_none():
     def ratio(values):
         blocks = [coefficients(b) for b in np.array_split(values, 8)]
         folds = [(blocks[:k] + blocks[k + 1 :], blocks[k : k + 1]) for k in range(8)]
-        return held_out_ratio(folds, LENGTH, settings)
+        return held_out_ratio(folds, settings)
 
     value, (low, high) = ratio(means(3, q=2.0, tc=30.0))
     assert low <= value <= high < 1

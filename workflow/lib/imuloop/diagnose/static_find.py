@@ -181,4 +181,4 @@ def _process(fine, blocks, settings):
         _, parts = left(frozenset({k}))
         others = [c for j, own in enumerate(parts) if j != k for c in own]
         pairs.append((others, parts[k]))
-    return Process(coloured(axes, window), axes, window, *held_out_ratio(pairs, window, settings))
+    return Process(coloured(axes, window), axes, window, *held_out_ratio(pairs, settings))

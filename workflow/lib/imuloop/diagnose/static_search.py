@@ -57,9 +57,12 @@ def fisher(log_p):
     ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at
     ``L = -Σ log p``.
     """
-    total = -float(np.sum(log_p))
-    terms = np.cumprod([1.0, *(total / i for i in range(1, len(log_p)))])
-    return float(np.log(terms.sum()) - total)
+    total = -sum(log_p)
+    term = series = total * 0 + 1.0
+    for i in range(1, len(log_p)):
+        term = term * total / i
+        series = series + term
+    return np.log(series) - total
 
 
 @dataclass

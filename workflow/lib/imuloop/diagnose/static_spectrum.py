@@ -4,17 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dct
-from scipy.optimize import brentq, nnls
-from scipy.stats import norm
+from scipy.special import log_ndtr, ndtri
 
+from imuloop.core.root import root
+from imuloop.diagnose.spectrum_fit import CLOSE, likeliest, log_likelihood
 from imuloop.diagnose.static_search import fisher
 
 # bins of the spectrum a decade, and the correlation times that are tried
 BINS, TIMES = 12, 4
 # correlation times from so many windows to such a share of the record
 SHORTEST, LONGEST = 2.0, 1 / 16
-# the fit ends where the likelihood grows by less
-CLOSE, ROUNDS = 1e-4, 60
 
 
 def unit_spectra(theta):
@@ -65,29 +64,9 @@ class Spectrum:
     power: np.ndarray
     count: np.ndarray
 
-    def log_likelihood(self, expected):
-        """Return ``-Σ n (log E + P/E)/2``."""
-        return float(-(self.count * (np.log(expected) + self.power / expected)).sum() / 2)
-
     def fit(self, units):
-        """Return the likeliest variances, none negative, of unit spectra, shape (m, k).
-
-        Non-negative least squares, the weights those of the last fit, until the likelihood stays.
-        """
-        size = units.max(axis=0)
-        units = units / size
-        expected, last = self.power.copy(), -np.inf
-        for _ in range(ROUNDS):
-            weight = np.sqrt(self.count) / expected
-            variances, _ = nnls(units * weight[:, None], self.power * weight)
-            new = np.maximum(units @ variances, 1e-9 * self.power.max())
-            # half steps in the logarithm do not swing to and fro
-            expected = np.sqrt(expected * new)
-            value = self.log_likelihood(new)
-            if abs(value - last) < CLOSE:
-                break
-            last = value
-        return variances / size
+        """Return the likeliest variances, none negative, of unit spectra, shape (m, k)."""
+        return likeliest(self.power, self.count, units)
 
 
 def coefficients(values):
@@ -147,35 +126,68 @@ def correlation_times(axes):
     return SHORTEST * 10 ** (np.arange(count) / TIMES)
 
 
-def log_p_value(axis, tc):
-    """Return log p of the likelihood ratio of a process of one axis; half of chance gives none."""
-    plain = unit_spectra(axis.theta)
-    wide = np.column_stack([plain, process_spectrum(axis.theta, tc)])
-    without, with_it = (axis.log_likelihood(u @ axis.fit(u)) for u in (plain, wide))
-    gain = with_it - without
-    return float(norm.logsf(np.sqrt(2 * gain))) if gain > 10 * CLOSE else 0.0
+@dataclass(frozen=True)
+class _Fits:
+    """Fits of the three axes, without a process and with one of each correlation time.
+
+    Attributes
+    ----------
+    times : ndarray, shape (c,)
+        Correlation times, lengths of a window.
+    log_p : ndarray, shape (c,)
+        Of the likelihood ratio, the axes combined.
+    plain, wide : ndarray, shape (3, 4) and (c, 3, 5)
+        Variances.
+    """
+
+    times: np.ndarray
+    log_p: np.ndarray
+    plain: np.ndarray
+    wide: np.ndarray
+
+    @classmethod
+    def of(cls, axes):
+        times, theta, count = correlation_times(axes), axes[0].theta, axes[0].count
+        power = np.array([axis.power for axis in axes])
+        plain = unit_spectra(theta)
+        # one array a time, for all axes
+        wide = np.array([_units(theta, tc, True) for tc in times])[:, None]
+        without, with_it = likeliest(power, count, plain), likeliest(power, count, wide)
+        gain = log_likelihood(power, count, (wide @ with_it[..., None])[..., 0])
+        gain = gain - log_likelihood(power, count, without @ plain.T)
+        # half of chance gives no gain
+        log_p = np.where(gain > 10 * CLOSE, log_ndtr(-np.sqrt(2 * np.maximum(gain, 0))), 0.0)
+        return cls(times, np.array([fisher(p) for p in log_p]), without, with_it)
+
+    @property
+    def best(self):
+        """Index of the most telling correlation time."""
+        return int(np.argmin(self.log_p))
 
 
 def coloured(axes, length):
     """Return the Coloured test of the three axes' spectra of windows of `length`, s."""
-    times = correlation_times(axes)
-    tests = [fisher([log_p_value(axis, tc) for axis in axes]) for tc in times]
-    best = int(np.argmin(tests))
-    tc = times[best]
-    variances, std = zip(*(_estimate(axis, tc, length) for axis in axes), strict=True)
+    fits = _Fits.of(axes)
+    best, times = fits.best, fits.times
+    variances, std = zip(
+        *(
+            _estimate(axis, times[best], v, length)
+            for axis, v in zip(axes, fits.wide[best], strict=True)
+        ),
+        strict=True,
+    )
     return Coloured(
-        tests[best] + np.log(len(times)),
-        float(tc * length),
+        float(fits.log_p[best] + np.log(len(times))),
+        float(times[best] * length),
         len(times),
         np.array(variances),
         np.array(std),
     )
 
 
-def _estimate(axis, tc, length):
+def _estimate(axis, tc, variances, length):
     """Return Q², N², B², K² and the variance of the process, and standard errors."""
-    units = np.column_stack([unit_spectra(axis.theta), process_spectrum(axis.theta, tc)])
-    variances = axis.fit(units)
+    units = _units(axis.theta, tc, True)
     there = np.flatnonzero(variances > 0)
     relative = units[:, there] * np.sqrt(axis.count / 2)[:, None] / (units @ variances)[:, None]
     std = np.zeros(5)
@@ -203,36 +215,45 @@ def limits(test, axes, length, threshold, power):
     """
 
     def chance(p):
-        return fisher([p, *[np.log(0.5)] * (len(axes) - 1)]) + np.log(test.tries) - threshold
+        alone = np.full((len(axes) - 1, *p.shape), np.log(0.5))
+        return fisher([p, *alone]) + np.log(test.tries) - threshold
 
-    needed = norm.isf(np.exp(brentq(chance, -700.0, 0.0))) + norm.ppf(power)
+    needed = -ndtri(np.exp(root(chance, -700.0, 0.0))[0]) + ndtri(power)
     times = sorted(correlation_times(axes), key=lambda tc: abs(np.log(tc * length / test.tc)))
     for tc in times:
-        found = [_limit(axis, tc, needed) for axis in axes]
+        found = _limits(axes, tc, needed)
         if any(found):
             break
     return float(tc * length), [v and float(np.sqrt(2 * v / (tc * length))) for v in found]
 
 
-def _limit(axis, tc, needed):
+def _limits(axes, tc, needed):
     """Return the variance of a process at which the root of twice the loss is as needed."""
-    plain, process = unit_spectra(axis.theta), process_spectrum(axis.theta, tc)
-    base = plain @ axis.fit(plain)
+    theta, count = axes[0].theta, axes[0].count
+    plain, process = unit_spectra(theta), process_spectrum(theta, tc)
+    base = likeliest(np.array([axis.power for axis in axes]), count, plain) @ plain.T
 
-    def excess(log_v):
-        expected = base + np.exp(log_v) * process
-        seen = Spectrum(axis.theta, expected, axis.count)
-        loss = seen.log_likelihood(expected) - seen.log_likelihood(plain @ seen.fit(plain))
-        return np.sqrt(max(2 * loss, 0.0)) - needed
+    def excess(log_v, base):
+        expected = base + np.exp(log_v)[..., None] * process
+        seen = likeliest(expected, count, plain) @ plain.T
+        loss = log_likelihood(expected, count, expected) - log_likelihood(expected, count, seen)
+        return np.sqrt(np.maximum(2 * loss, 0.0)) - needed
 
-    low = np.log(base.min() / process.max()) - 4
-    for high in low + np.arange(2.0, 32.0, 2.0):
-        if excess(high) > 0:
-            return float(np.exp(brentq(excess, high - 2, high, xtol=1e-2)))
-    return None
+    tried = (np.log(base.min(axis=1) / process.max()) - 4) + np.arange(0.0, 32.0, 2.0)[:, None]
+    enough = excess(tried, base) > 0
+    enough[0] = False
+    high = tried[enough.argmax(axis=0), np.arange(len(axes))]
+    there = enough.any(axis=0)
+    found = [None] * len(axes)
+    if there.any():
+        seen, high = base[there], high[there]
+        sizes = np.exp(root(lambda log_v: excess(log_v, seen), high - 2, high, 1e-4))
+        for place, v in zip(np.flatnonzero(there), sizes.tolist(), strict=True):
+            found[place] = v
+    return found
 
 
-def held_out_ratio(folds, length, settings):
+def held_out_ratio(folds, settings):
     """Return by how much a process shrinks the error that held-out means are expected to have.
 
     ``exp(-gain)`` with the gain in log-likelihood a coefficient: a normal error that is smaller by
@@ -242,8 +263,6 @@ def held_out_ratio(folds, length, settings):
     ----------
     folds : list of (list of (θ, squares), list of (θ, squares))
         Coefficients of the parts of the other blocks, and of each block.
-    length : float
-        Length of the windows, s.
     settings : DiagnoseSettings
         Draws and seed.
 
@@ -256,13 +275,12 @@ def held_out_ratio(folds, length, settings):
     """
     gains, number = [], 0
     for others, own in folds:
-        gain, seen = 0.0, spectra(others)
-        tc = coloured(seen, length).tc / length
-        for rest, held in zip(seen, spectra(own), strict=True):
-            plain, wide = (_units(rest.theta, tc, w) for w in (False, True))
-            at, at_wide = (_units(held.theta, tc, w) for w in (False, True))
-            gain += held.log_likelihood(at_wide @ rest.fit(wide))
-            gain -= held.log_likelihood(at @ rest.fit(plain))
+        fits = _Fits.of(spectra(others))
+        tc, gain = fits.times[fits.best], 0.0
+        for held, plain, wide in zip(spectra(own), fits.plain, fits.wide[fits.best], strict=True):
+            for v, sign in ((plain, -1), (wide, 1)):
+                expected = _units(held.theta, tc, len(v) == 5) @ v
+                gain += sign * log_likelihood(held.power, held.count, expected)
             number += held.count.sum()
         gains.append(gain)
     draws = np.random.default_rng(settings.seed).integers(
