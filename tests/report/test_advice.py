@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -24,12 +23,13 @@ def poses(up, initial_s=50.0):
     means = {f"{c}_mean": np.zeros(len(up)) for c in CHANNELS}
     means |= {f"a{axis}_mean": 9.8 * up[:, i] for i, axis in enumerate("xyz")}
     end = np.concatenate([[initial_s], start[1:] + 4.0])
-    rows = {"start_s": start, "end_s": end, "kind": "static", "pose": np.arange(len(up)), "n": 400}
-    return pd.DataFrame(rows | means)
+    kinds, counts = np.full(len(up), "static"), np.full(len(up), 400)
+    pose = np.arange(len(up))
+    return {"start_s": start, "end_s": end, "kind": kinds, "pose": pose, "n": counts} | means
 
 
 def session(name, kind, segments=None, status="ok", duration_s=300.0, path=None, reasons=()):
-    segments = pd.DataFrame({"pose": []}) if segments is None else segments
+    segments = {"pose": np.empty(0)} if segments is None else segments
     if path is None:
         path = "none"
     quality = {"status": status, "reasons": list(reasons), "duration_s": duration_s}

@@ -177,10 +177,10 @@ def test_fields_that_are_missing_are_not_shown(devices, tmp_path, name, mode):
 def test_temperatures_are_those_of_the_windows(devices):
     session = devices["still"].sessions[0]
     start = 60.0 * np.arange(15)
-    samples = session.samples((TIME, TEMPERATURE))
-    inside = (samples[TIME] >= 120) & (samples[TIME] < 180)
+    t, warmth = (session.samples[name] for name in (TIME, TEMPERATURE))
+    inside = (t >= 120) & (t < 180)
     found = temperatures(session, start)
-    assert found[2] == pytest.approx(samples.loc[inside, TEMPERATURE].mean(), rel=1e-12)
+    assert found[2] == pytest.approx(warmth[inside].mean(), rel=1e-12)
     assert temperatures(devices["board"].sessions[0], start) is None
 
 

@@ -8,17 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import ANGULAR_RATE
 from imuloop.core.units import DEGREE
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.calibration_tables import correlations
+from imuloop.report.columns import from_records
 from imuloop.report.parameter_plot import correlation_matrices
 from imuloop.report.pose_plot import pose_picture
 from imuloop.report.ranking_plot import ranking_pictures
-from imuloop.report.residual_plot import against, goes_with, residual_pictures
-from imuloop.report.results import read_device
+from imuloop.report.residual_plot import _ranks, against, goes_with, residual_pictures
+from imuloop.report.results import Session, read_device
 from imuloop.report.time_series import session_pictures
-from imuloop.report.turns import MIXED, pose_temperatures, turns
+from imuloop.report.turns import pose_temperatures, turns
 from report.build import joined_report
 from report.plausible_results import write_results
 
@@ -45,7 +46,7 @@ def plain(text):
 class Turned:
     """A session of three rests with a turn of 90° about +z and one of 40° about −x between."""
 
-    kind = "multi_position"
+    kind, rests = "multi_position", Session.rests
     t = np.arange(0, 30, 1 / RATE)
 
     def __init__(self, bias):
@@ -54,19 +55,14 @@ class Turned:
             inside = (self.t >= start) & (self.t <= start + 2)
             rate[inside, axis] = angle * DEGREE * (1 - np.cos(np.pi * (self.t[inside] - start))) / 2
         self.rate = rate + bias
-        self.segments = pd.DataFrame(
-            {
-                "start_s": [0.0, 8.0, 10.02, 18.0, 20.02],
-                "end_s": [8.0, 10.02, 18.0, 20.02, 30.0],
-                "kind": ["static", "motion"] * 2 + ["static"],
-                "pose": [0, -1, 1, -1, 2],
-                "temperature_mean": [20.0, 21, 22, 23, 24],
-            }
-        )
-
-    def samples(self, columns):
-        table = np.column_stack([self.t, np.zeros((len(self.t), 3)), self.rate])
-        return pd.DataFrame(table, columns=["t", *CHANNELS])[list(columns)]
+        self.segments = {
+            "start_s": np.array([0.0, 8.0, 10.02, 18.0, 20.02]),
+            "end_s": np.array([8.0, 10.02, 18.0, 20.02, 30.0]),
+            "kind": np.array(["static", "motion"] * 2 + ["static"]),
+            "pose": np.array([0, -1, 1, -1, 2]),
+            "temperature_mean": np.array([20.0, 21, 22, 23, 24]),
+        }
+        self.samples = {"t": self.t, **dict(zip(ANGULAR_RATE, self.rate.T, strict=True))}
 
 
 def turned(device):
@@ -80,27 +76,31 @@ def test_turns_are_told_by_angle_speed_and_axis(devices, monkeypatch):
     device = turned(devices["board"])
     monkeypatch.setattr(type(device), "used", property(lambda d: d.sessions))
     found = turns(device)
+    assert list(found) == [0, 1]
     # scale factors are off by below 1 %
-    assert found["angle_rad"].to_numpy() / DEGREE == pytest.approx([90, 40], rel=0.02)
-    assert found["speed_rad_s"].to_numpy() / DEGREE == pytest.approx([90, 40], rel=0.02)
-    assert list(found["axis"]) == ["+z", "−x"] and MIXED not in set(found["axis"])
+    for key in ("angle_rad", "speed_rad_s"):
+        degrees = [turn[key] / DEGREE for turn in found.values()]
+        assert degrees == pytest.approx([90, 40], rel=0.02)
+    assert [turn["axis"] for turn in found.values()] == ["+z", "−x"]
     assert list(pose_temperatures(device)) == [20, 22, 24]
 
 
 def test_a_residual_is_shown_against_time_attitude_and_turn(devices):
     device = devices["board"]
-    points = pd.DataFrame(block(device)["points"])
-    rate = points[points["residual"] == "pose_rate"]
-    assert list(against(device, "pose_rate", rate)) == ["time_s", "up_x", "up_y", "up_z"]
-    turn = points[points["residual"] == "rotation"].iloc[:-1]
-    panels = against(device, "rotation", turn)
+    points = block(device)["points"]
+    rate, turn = (
+        [p for p in points if p["residual"] == kind] for kind in ("pose_rate", "rotation")
+    )
+    panels = against(device, "pose_rate", from_records(rate))
+    assert list(panels) == ["time_s", "up_x", "up_y", "up_z"]
+    panels = against(device, "rotation", from_records(turn[:-1]))
     assert list(panels) == ["time_s", "angle_deg", "speed_deg_s", "axis"]
-    assert all(len(values) == len(turn) for _, values in panels.values())
+    assert all(len(values) == len(turn) - 1 for _, values in panels.values())
 
 
 def test_sessions_stand_one_after_the_other(devices):
-    points = pd.DataFrame(block(devices["board"])["points"]).iloc[:4]
-    points = points.assign(session=[0, 0, 1, 1], start_s=[0.0, 50.0, 0.0, 20.0])
+    points = from_records(block(devices["board"])["points"][:4])
+    points |= {"session": [0, 0, 1, 1], "start_s": [0.0, 50.0, 0.0, 20.0]}
     _, time = against(devices["board"], "pose_rate", points)["time_s"]
     assert list(time) == [0, 50, 50, 70]
 
@@ -235,3 +235,7 @@ def test_a_report_of_ten_devices_is_below_5_mb(tmp_path, repository):
             (folder / name / file).write_text(text.replace("board", name), encoding="utf-8")
     joined_report(folder, names, repository, tmp_path)
     assert (tmp_path / "report.html").stat().st_size < 5e6
+
+
+def test_equal_values_share_the_mean_of_their_ranks():
+    assert list(_ranks(np.array([3.0, 1.0, 3.0, 2.0]))) == [3.5, 1.0, 3.5, 2.0]

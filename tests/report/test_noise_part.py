@@ -225,11 +225,12 @@ def test_density_carries_the_model_and_says_where_the_record_leaves_it(board, re
 def test_a_ramp_is_drawn_as_the_spectrum_shows_it(board, record, tmp_path):
     count, slope = 200_000, 1e-6
     f, s, _ = power_spectrum([0.3 + slope * np.arange(count) / RATE], RATE)
-    table = dict(zip(COLUMNS, ("psd", "gy", f, s, 0.9 * s, 1.1 * s), strict=True))
+    names = (np.full(len(f), name) for name in ("psd", "gy"))
+    views = dict(zip(COLUMNS, (*names, f, s, 0.9 * s, 1.1 * s), strict=True))
     axes = copy.deepcopy(board.noise["axes"])
     axes["gy"].update(dict.fromkeys("QNBK", axes["gy"]["K"]), R=known(slope))
     device = with_noise(board, axes=axes)
-    density_pictures(device, replace(record, views=pd.DataFrame(table)), tmp_path)
+    density_pictures(device, replace(record, views=views), tmp_path)
     rows = pd.read_csv(tmp_path / "long_psd.csv")
     assert rows["model"][:6].to_numpy() == pytest.approx(rows["psd"][:6], rel=1e-6)
     assert rows[["model", "psd"]][40:].max().max() < 1e-7 * rows["psd"][0]
@@ -250,14 +251,16 @@ def test_chance_is_no_finding_and_a_true_departure_is(board, record, tmp_path, s
     for axis in SENSORS["gyroscope"]:
         s = model.density(f, RATE) * rng.chisquare(edf, len(f)) / edf
         ends = (s * edf / chi2.ppf(p, edf) for p in (0.975, 0.025))
-        columns = zip(("x", "value", "ci_low", "ci_high"), (f, s, *ends), strict=True)
-        tables.append(pd.DataFrame({"view": "psd", "axis": axis, **dict(columns)}))
-    views = pd.concat(tables, ignore_index=True)
+        names = (np.full(len(f), name) for name in ("psd", axis))
+        tables.append((*names, f, s, *ends))
+    columns = (np.concatenate(parts) for parts in zip(*tables, strict=True))
+    views = dict(zip(COLUMNS, columns, strict=True))
     device = with_noise(board, axes={a: board.noise["axes"]["gz"] for a in board.noise["axes"]})
     (picture,) = density_pictures(device, replace(record, views=views), tmp_path)
     assert "keeps within 10\u202f% of the model" in picture.caption
-    hump = (views["axis"] == "gy") & views["x"].between(0.2, 0.5)
-    views.loc[hump, ["value", "ci_low", "ci_high"]] *= 3
+    hump = (views["axis"] == "gy") & (views["x"] >= 0.2) & (views["x"] <= 0.5)
+    for name in ("value", "ci_low", "ci_high"):
+        views[name][hump] *= 3
     (picture,) = density_pictures(device, replace(record, views=views), tmp_path)
     found = re.search(
         r"most at ([\d.]+) to ([\d.]+)\u202fHz \(y\), with ([\d.]+) times", picture.caption

@@ -3,6 +3,7 @@
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.report.columns import rows
 from imuloop.report.numbers import NOISE_UNITS, coefficient_text, missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.svg import AXES, INK, Picture, draw, write_csv
@@ -70,8 +71,7 @@ def _corrected_picture(device, session, sensor, curves, folder):
         handles = []
         for colour, (raw, after) in zip(AXES, curves.values(), strict=True):
             handles += ax.loglog(after["tau_s"], after["adev"], color=colour)
-            band = (after[c].to_numpy() for c in ("tau_s", "ci_low", "ci_high"))
-            ax.fill_between(*band, color=colour)
+            ax.fill_between(*(after[c] for c in ("tau_s", "ci_low", "ci_high")), color=colour)
             ax.loglog(raw["tau_s"], raw["adev"], color=colour, ls=":", lw=1.6)
         ax.set_xlabel("averaging time τ, s")
         ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
@@ -80,8 +80,8 @@ def _corrected_picture(device, session, sensor, curves, folder):
     parts = [f"{axis} {text}" for axis, pair in curves.items() if (text := _fall(sensor, *pair))]
     caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
     stem = f"{session.name}_allan_{sensor}_corrected"
-    rows = session.allan[session.allan["axis"].isin(SENSORS[sensor])]
-    csv = write_csv(folder, stem, rows)
+    of_sensor = np.isin(session.allan["axis"].astype(str), SENSORS[sensor])
+    csv = write_csv(folder, stem, rows(session.allan, of_sensor))
     name = f"{device.name}.{session.name}.allan_{sensor}_corrected"
     alt = f"Allan deviation, {caption}"
     return Picture(name, draw(name, alt, 440, 300, plot), caption, CORRECTED_NOTE, (csv,))
@@ -89,10 +89,10 @@ def _corrected_picture(device, session, sensor, curves, folder):
 
 def _fall(sensor, raw, after):
     """Return by how much the correction lowers a curve where it lowers it most."""
-    if not len(raw) or not len(after):
+    tau, adev = raw["tau_s"], raw["adev"]
+    if not len(tau) or not len(after["tau_s"]):
         return ""
-    tau, adev = raw["tau_s"].to_numpy(), raw["adev"].to_numpy()
-    inside = (tau >= after["tau_s"].iloc[0]) & (tau <= after["tau_s"].iloc[-1])
+    inside = (tau >= after["tau_s"][0]) & (tau <= after["tau_s"][-1])
     if not inside.any():
         return ""
     tau, adev = tau[inside], adev[inside]
@@ -107,9 +107,10 @@ def _fall(sensor, raw, after):
 
 def curve(allan, axis, stage="corrected"):
     """Return the rows of one axis: of that stage, or the raw ones where it has none."""
-    rows = allan[(allan["axis"] == axis) & (allan["adev"] > 0)]
-    chosen = rows[rows["stage"] == stage]
-    return (chosen if len(chosen) else rows[rows["stage"] == "raw"]).sort_values("tau_s")
+    known = (allan["axis"] == axis) & (allan["adev"] > 0)
+    chosen = known & (allan["stage"] == stage)
+    at = np.flatnonzero(chosen if chosen.any() else known & (allan["stage"] == "raw"))
+    return rows(allan, at[np.argsort(allan["tau_s"][at], kind="stable")])
 
 
 def _terms(content, tau):
@@ -133,13 +134,13 @@ def _picture(device, session, sensor, channels, axes, csv):
     def plot(areas):
         levels = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
         levels = np.concatenate([v[v > 0] for v in levels])
-        for ax, axis, colour, (channel, rows) in zip(areas, XYZ, AXES, curves.items(), strict=True):
+        for ax, axis, colour, (channel, r) in zip(areas, XYZ, AXES, curves.items(), strict=True):
             ax.set_xlabel(f"{axis}: averaging time τ, s")
-            if not len(rows):
+            tau = r["tau_s"]
+            if not len(tau):
                 continue
-            tau = rows["tau_s"].to_numpy()
-            ax.fill_between(tau, rows["ci_low"], rows["ci_high"], color=colour)
-            handles = ax.loglog(tau, rows["adev"], color=colour, lw=1.6)
+            ax.fill_between(tau, r["ci_low"], r["ci_high"], color=colour)
+            handles = ax.loglog(tau, r["adev"], color=colour, lw=1.6)
             labels = ["measured, 95 % band"]
             # a term may lie far below the curve
             ax.set_ylim(levels.min() / 1.3, levels.max() * 1.3)
@@ -162,10 +163,10 @@ def _picture(device, session, sensor, channels, axes, csv):
 
     caption = f"{session.name}, {sensor}: {_finding(sensor, channels, axes)}{_fit(curves, axes)}"
     lowest = "; ".join(
-        f"{axis} lowest {rows['adev'].min():.3g} {UNITS[sensor]} at "
-        f"{rows.loc[rows['adev'].idxmin(), 'tau_s']:.3g} s"
-        for axis, rows in zip(XYZ, curves.values(), strict=True)
-        if len(rows)
+        f"{axis} lowest {r['adev'].min():.3g} {UNITS[sensor]} at "
+        f"{r['tau_s'][r['adev'].argmin()]:.3g} s"
+        for axis, r in zip(XYZ, curves.values(), strict=True)
+        if len(r["adev"])
     )
     name = f"{device.name}.{session.name}.allan_{sensor}"
     svg = draw(
@@ -183,11 +184,11 @@ def _picture(device, session, sensor, channels, axes, csv):
 def _fit(curves, axes):
     """Return at how many averaging times the model lies within the band."""
     inside, count = 0, 0
-    for channel, rows in curves.items():
+    for channel, r in curves.items():
         if channel in axes:
-            model = np.sqrt(AxisNoise.from_dict(axes[channel]).allan_variance(rows["tau_s"]))
-            inside += int(((rows["ci_low"] <= model) & (model <= rows["ci_high"])).sum())
-            count += len(rows) if (model > 0).all() else 0
+            model = np.sqrt(AxisNoise.from_dict(axes[channel]).allan_variance(r["tau_s"]))
+            inside += int(((r["ci_low"] <= model) & (model <= r["ci_high"])).sum())
+            count += len(model) if (model > 0).all() else 0
     return f" The model lies in the band at {inside} of {count} averaging times." if count else ""
 
 

@@ -1,8 +1,7 @@
 """Validation by attitude: the error of gravity's direction that a user of each model meets."""
 
-import pandas as pd
-
 from imuloop.core.files import read_json
+from imuloop.report.columns import groups, read_columns, rows
 from imuloop.report.numbers import duration, interval_text, number, plural, with_unit
 from imuloop.report.svg import BLUE, GREEN, ORANGE, Picture, draw, write_csv
 from imuloop.report.table import Table
@@ -42,7 +41,7 @@ def attitude_part(device, folder):
     content = read_json(path) if path.exists() else {}
     if content.get("status") != "ok":
         return {"finding": _nothing(content), "tables": [], "pictures": []}
-    series = pd.read_parquet(path.with_suffix(".parquet"))
+    series = read_columns(path.with_suffix(".parquet"))
     return {
         "finding": _finding(content["methods"]["rotation"]),
         "tables": [_table(content["methods"])],
@@ -109,12 +108,14 @@ def _table(methods):
 
 
 def _picture(device, content, series, method, folder):
-    rows = series[series["method"] == method]
     # clocks of sessions do not share a zero: the one with the most is drawn
-    session = rows["session"].mode()[0]
-    rows = rows[rows["session"] == session]
+    sessions = groups(series["session"])
+    of_method = series["method"] == method
+    session = max(sessions, key=lambda name: (of_method & sessions[name]).sum())
+    shown = rows(series, of_method & sessions[session])
     identity = f"{device.name}.attitude_{method}"
-    csv = write_csv(folder, f"attitude_{method}", rows.drop(columns="method"))
+    columns = {name: values for name, values in shown.items() if name != "method"}
+    csv = write_csv(folder, f"attitude_{method}", columns)
 
     of = content["methods"][method]["models"]
     words = dict(MODELS)
@@ -124,11 +125,10 @@ def _picture(device, content, series, method, folder):
     def plot(ax):
         handles = []
         for model in words:
-            lines = [g for _, g in rows[rows["model"] == model].groupby("stretch")]
-            drawn = [
-                ax.plot(g["t_s"].to_numpy(), g["error_deg"].to_numpy(), "-o", **_LOOKS[model])
-                for g in lines
-            ]
+            of_model = rows(shown, shown["model"] == model)
+            t, error = of_model["t_s"], of_model["error_deg"]
+            stretches = groups(of_model["stretch"]).values()
+            drawn = [ax.plot(t[at], error[at], "-o", **_LOOKS[model]) for at in stretches]
             handles += drawn[0]
         ax.set_yscale("log")
         ax.set_xlabel("time, s")

@@ -1,9 +1,9 @@
 """How the bias wandered over a static record, before and after correction, with temperature."""
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.report.columns import from_records
 from imuloop.report.numbers import RESIDUAL, number
 from imuloop.report.results import XYZ
 from imuloop.report.svg import AXES, BLUE, INK, ORANGE, PURPLE, Picture, draw, write_csv
@@ -33,12 +33,13 @@ def bias_pictures(device, sensor, block, folder):
     folder : Path
         Where the CSV files go.
     """
-    points = pd.DataFrame(block.get("points") or [])
-    if points.empty or "values" not in points:
-        return []
+    sessions = {}
+    for point in block.get("points") or []:
+        if "values" in point:
+            sessions.setdefault(point["session"], []).append(point)
     return [
-        _picture(device, sensor, session, group, block, folder)
-        for session, group in points.groupby("session", sort=False)
+        _picture(device, sensor, session, from_records(points), block, folder)
+        for session, points in sessions.items()
     ]
 
 
@@ -52,10 +53,11 @@ def temperatures(session, start):
     start : ndarray, shape (n,)
         Start of each window, s; a window ends where the next may start.
     """
-    if not session.has_temperature or len(start) < 2:
+    if TEMPERATURE not in session.samples or len(start) < 2:
         return None
-    samples = session.samples((TIME, TEMPERATURE)).dropna()
-    t, value = samples[TIME].to_numpy(), samples[TEMPERATURE].to_numpy()
+    t, value = (session.samples[c] for c in (TIME, TEMPERATURE))
+    known = np.isfinite(value)
+    t, value = t[known], value[known]
     total = np.concatenate([[0.0], np.cumsum(value)])
     first, last = (np.searchsorted(t, s) for s in (start, start + np.median(np.diff(start))))
     count = last - first
@@ -66,19 +68,18 @@ def temperatures(session, start):
 
 def _picture(device, sensor, session, points, block, folder):
     display = RESIDUAL[block["residuals"]["bias"]["unit"]]
-    t = points["start_s"].to_numpy(float)
-    before = np.array(points["values"].tolist(), float)
+    t, before, floor = (np.array(points[k], float) for k in ("start_s", "values", "floor"))
+    floor = floor / np.sqrt(3)
     after = None
-    if block.get("effects") and "corrected" in points and points["corrected"].notna().all():
-        after = np.array(points["corrected"].tolist(), float)
-    floor = points["floor"].astype(float).to_numpy() / np.sqrt(3)
+    if block.get("effects") and None not in points.get("corrected", [None]):
+        after = np.array(points["corrected"], float)
     logged = temperatures(next(s for s in device.sessions if s.name == session), t)
     columns = {"start_s": t, "floor": floor, **dict(zip(XYZ, before.T, strict=True))}
     if after is not None:
         columns |= {f"{axis}_corrected": y for axis, y in zip(XYZ, after.T, strict=True)}
     if logged is not None:
         columns["temperature_degC"] = logged
-    csv = write_csv(folder, f"{session}_bias_{sensor}", pd.DataFrame(columns))
+    csv = write_csv(folder, f"{session}_bias_{sensor}", columns)
     unit, size = clock(t[-1])
     drawn = 1 if after is None else 3
 

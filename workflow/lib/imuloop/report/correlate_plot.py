@@ -1,8 +1,8 @@
 """What the residual that is left goes with: a bar for everything that it was compared with."""
 
 import numpy as np
-import pandas as pd
 
+from imuloop.report.columns import from_records
 from imuloop.report.numbers import missing, p_text, percent
 from imuloop.report.svg import BLUE, GRID, Picture, draw, write_csv
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, beyond_chance, correlate_words
@@ -40,7 +40,7 @@ def _picture(device, sensor, part, residual, probes, count, folder):
     """Return the picture of one kind of residual; `count` probes were compared in all."""
     probes = sorted(probes, key=lambda c: c["share"])
     stem = "_".join(filter(None, [sensor, part, residual, "correlates"]))
-    csv = write_csv(folder, stem, pd.DataFrame(probes[::-1]))
+    csv = write_csv(folder, stem, from_records(probes[::-1]))
     words = [correlate_words(c["name"]) for c in probes]
     shares = np.clip([c["share"] for c in probes], 0, 1) * 1e2
     sure = [beyond_chance(c, count) for c in probes]

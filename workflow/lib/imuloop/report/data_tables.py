@@ -152,15 +152,13 @@ def segment_table(device):
     """Return the table of stretches: how long each session was at rest, moving, disturbed."""
     rows = []
     for session in device.used:
-        s = session.segments
-        length = (s["end_s"] - s["start_s"]).groupby(s["kind"]).sum()
-        rests = s["pose"] >= 0
+        rests = session.rests.values()
         rows.append(
             (
                 session.name,
-                str(s.loc[rests, "pose"].nunique()),
-                str(int(rests.sum())),
-                *(duration(length.get(kind, 0.0)) for kind in KINDS),
+                str(len(rests)),
+                str(sum(int(at.sum()) for at in rests)),
+                *(duration(session.seconds(kind)) for kind in KINDS),
                 text_of(session.segmentation.get("short_rests")),
                 text_of(session.segmentation.get("multiples")),
             )

@@ -2,10 +2,11 @@
 
 from itertools import cycle
 
-import pandas as pd
+import numpy as np
 
 from imuloop.report.allan_plot import curve
-from imuloop.report.numbers import missing, number, with_unit
+from imuloop.report.columns import rows
+from imuloop.report.numbers import number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.spectrum_plot import view
 from imuloop.report.svg import INK, PALETTE, Picture, draw, write_csv
@@ -31,12 +32,12 @@ def deviation_pictures(device, session, folder):
     found = {n: view(session, n) for n in names if n not in SPECTRA}
     if not found:
         return []
-    rows = pd.concat(found.values())
-    csv = write_csv(
-        folder,
-        f"{session.name}_deviations",
-        rows.rename(columns={"view": "definition", "x": "tau_s", "value": "deviation"}),
-    )
+    called = {"view": "definition", "x": "tau_s", "value": "deviation"}
+    table = {
+        called.get(name, name): np.concatenate([r[name] for r in found.values()])
+        for name in session.views
+    }
+    csv = write_csv(folder, f"{session.name}_deviations", table)
     return [_picture(device, session, sensor, found, csv) for sensor in SENSORS]
 
 
@@ -58,13 +59,13 @@ def _picture(device, session, sensor, found, csv):
         for ax, axis, channel in zip(panels, XYZ, SENSORS[sensor], strict=True):
             handles, labels = [], []
             if session.allan is not None:
-                rows = curve(session.allan, channel, "raw")
-                handles += ax.loglog(rows["tau_s"], rows["adev"], color=INK, lw=1)
+                allan = curve(session.allan, channel, "raw")
+                handles += ax.loglog(allan["tau_s"], allan["adev"], color=INK, lw=1)
                 labels.append("Allan")
-            for colour, (name, rows) in zip(cycle(PALETTE), found.items(), strict=False):
-                rows = rows[rows["axis"] == channel]
-                handles += ax.loglog(rows["x"], rows["value"], color=colour)
-                ax.fill_between(rows["x"], rows["ci_low"], rows["ci_high"], color=colour, alpha=0.1)
+            for colour, (name, table) in zip(cycle(PALETTE), found.items(), strict=False):
+                r = rows(table, table["axis"] == channel)
+                handles += ax.loglog(r["x"], r["value"], color=colour)
+                ax.fill_between(r["x"], r["ci_low"], r["ci_high"], color=colour, alpha=0.1)
                 labels.append(words(name))
             ax.set_xlabel(f"{axis}: averaging time τ, s")
         panels[0].set_ylabel(f"deviation, {UNITS[sensor]}")
@@ -90,16 +91,18 @@ def _finding(session, sensor, found):
     """Return the lowest value of each definition, of the worst axis."""
     told = []
     if session.allan is not None:
-        lows = [(curve(session.allan, c, "raw")["adev"].min(), c[-1]) for c in SENSORS[sensor]]
-        lows = [low for low in lows if not missing(low[0])]
-        if lows:
-            told.append(f"Allan {_low(max(lows), sensor)}")
-    for name, rows in found.items():
-        lows = rows[rows["axis"].isin(SENSORS[sensor])].groupby("axis")["value"].min()
-        if len(lows):
-            told.append(f"{words(name)} {_low((lows.max(), lows.idxmax()[-1]), sensor)}")
+        curves = {c: curve(session.allan, c, "raw")["adev"] for c in SENSORS[sensor]}
+        told += _low("Allan", curves, sensor)
+    for name, r in found.items():
+        curves = {c: r["value"][r["axis"] == c] for c in SENSORS[sensor]}
+        told += _low(words(name), curves, sensor)
     return f"lowest part, by definition, of the axis where it is highest: {'; '.join(told)}"
 
 
-def _low(low, sensor):
-    return f"{with_unit(number(low[0]), UNITS[sensor])} ({low[1]})"
+def _low(words, curves, sensor):
+    """Return the lowest value of the axis where it is highest, in words; none without any."""
+    lows = [(values.min(), channel[-1]) for channel, values in curves.items() if len(values)]
+    if not lows:
+        return []
+    low, axis = max(lows)
+    return [f"{words} {with_unit(number(low), UNITS[sensor])} ({axis})"]

@@ -20,12 +20,12 @@ def heat_and_cool(device):
     """Yield that temperature and time cannot be told apart, and how to heat and cool."""
     worst = None
     for session in device.used:
-        if not session.has_temperature:
+        if TEMPERATURE not in session.samples:
             continue
-        table = session.samples([TIME, TEMPERATURE]).dropna()
-        t, warmth = (
-            table[c].to_numpy()[:: max(1, len(table) // 2000)] for c in (TIME, TEMPERATURE)
-        )
+        t, warmth = (session.samples[c] for c in (TIME, TEMPERATURE))
+        known = np.flatnonzero(np.isfinite(warmth))
+        few = known[:: max(1, len(known) // 2000)]
+        t, warmth = t[few], warmth[few]
         if len(t) < 3 or np.ptp(warmth) < SPAN_K:
             continue
         r = float(np.corrcoef(t, warmth)[0, 1])

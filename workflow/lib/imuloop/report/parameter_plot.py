@@ -1,7 +1,6 @@
 """Which parameters of the calibration the data tell apart: their correlations as a matrix."""
 
 import numpy as np
-import pandas as pd
 
 from imuloop.report.calibration_tables import correlations, parameter_words
 from imuloop.report.numbers import number
@@ -46,8 +45,7 @@ def _picture(device, sensor, r, folder):
         f"{n.partition('.')[0]} {s}" if "." in n else parameter_words(n)
         for n, s in zip(names, short, strict=True)
     ]
-    table = pd.DataFrame(r, columns=list(names))
-    table.insert(0, "parameter", names)
+    table = {"parameter": names, **dict(zip(names, r.T, strict=True))}
     csv = write_csv(folder, f"{sensor}_correlations", table)
     count, places = len(names), range(len(names))
 

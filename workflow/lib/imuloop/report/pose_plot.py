@@ -1,9 +1,7 @@
 """Attitude coverage: where on the sphere specific force pointed while the sensor rested."""
 
 import numpy as np
-import pandas as pd
 
-from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.numbers import joined, number
 from imuloop.report.svg import BLUE, GRID, ORANGE, VERMILLION, Picture, draw, write_csv
@@ -54,7 +52,7 @@ def pose_directions(device):
     found = {}
     for session in device.used:
         if session.kind in MARKS and len(session.poses):
-            f = session.poses[[f"{c}_mean" for c in ACCELERATION]].to_numpy()
+            f = session.poses
             found.setdefault(session.kind, []).append(f / np.linalg.norm(f, axis=1, keepdims=True))
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
@@ -69,10 +67,10 @@ def pose_picture(device, folder):
     csv = write_csv(
         folder,
         "poses",
-        pd.concat(
-            pd.DataFrame(u, columns=["up_x", "up_y", "up_z"]).assign(kind=kind)
-            for kind, u in directions.items()
-        ),
+        {
+            **dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True)),
+            "kind": [kind for kind, u in directions.items() for _ in u],
+        },
     )
 
     def plot(axes):

@@ -1,8 +1,8 @@
 """Candidate effects side by side: what each alone does to the held-out error."""
 
 import numpy as np
-import pandas as pd
 
+from imuloop.report.columns import from_records
 from imuloop.report.numbers import RESIDUAL, missing, number, probability, with_unit
 from imuloop.report.ranking import ranked
 from imuloop.report.svg import BLUE, GRID, Picture, draw, write_csv
@@ -60,17 +60,20 @@ def _picture(device, sensor, part, kind, candidates, residual, folder):
     csv = write_csv(
         folder,
         stem,
-        pd.DataFrame(
-            {
-                "effect": [c["name"] for c in candidates],
-                "status": [c["status"] for c in candidates],
-                "p_value": [c.get("p_value") for c in candidates],
-                "heldout_after": [c["heldout_after"] for c in candidates],
-                "heldout_before": before,
-                "floor": residual.get("floor"),
-                "unit": residual["unit"],
-            }
-        )[::-1],
+        from_records(
+            [
+                {
+                    "effect": c["name"],
+                    "status": c["status"],
+                    "p_value": c.get("p_value"),
+                    "heldout_after": c["heldout_after"],
+                    "heldout_before": before,
+                    "floor": residual.get("floor"),
+                    "unit": residual["unit"],
+                }
+                for c in candidates[::-1]
+            ]
+        ),
     )
 
     shown = np.minimum(left, LONGEST)

@@ -22,10 +22,10 @@ def initial_rest(device):
         return
     axes = device.noise.get("axes") or {}
     for session in device.used:
-        first = session.segments[session.segments["pose"] == 0]
-        if session.kind != "multi_position" or not len(first):
+        segments, first = session.segments, session.segments["pose"] == 0
+        if session.kind != "multi_position" or not first.any():
             continue
-        now = float((first["end_s"] - first["start_s"]).sum())
+        now = float((segments["end_s"] - segments["start_s"])[first].sum())
         needs = []
         for channel in SENSORS["gyroscope"]:
             white, flat = ((axes.get(channel) or {}).get(k, {}).get("value") for k in "NB")

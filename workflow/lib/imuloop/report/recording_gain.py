@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from imuloop.calibrate.planned import INITIAL_REST_S, POSES
 from imuloop.report.numbers import duration, joined, missing, number, percent
 from imuloop.report.pose_plot import largest_hole, pose_directions
 from imuloop.report.recording_words import (
@@ -59,6 +58,9 @@ def first_session(device):
     # a rejected one has its own line, which asks for the same
     if any(s.kind == "multi_position" for s in device.sessions):
         return
+    # loads for half a second, and most devices have such a session
+    from imuloop.calibrate.planned import INITIAL_REST_S, POSES
+
     gains = []
     for sensor in SENSORS:
         _, candidates = plans(device, sensor)

@@ -1,8 +1,8 @@
 """Residual of each pose or turn, before and after the added effects, and what it goes with."""
 
 import numpy as np
-import pandas as pd
 
+from imuloop.report.columns import from_records
 from imuloop.report.numbers import DEGREE_PER_SECOND, DEGREES, RESIDUAL, number, with_unit
 from imuloop.report.results import XYZ
 from imuloop.report.svg import BLUE, INK, ORANGE, Picture, draw, write_csv
@@ -39,12 +39,11 @@ def residual_pictures(device, sensor, block, folder):
     folder : Path
         Where the CSV files go.
     """
-    points = pd.DataFrame(block.get("points") or [])
-    if points.empty:
-        return []
+    kinds = {}
+    for point in sorted(block.get("points") or [], key=lambda point: point["index"]):
+        kinds.setdefault(point["residual"], []).append(point)
     return [
-        _picture(device, sensor, name, group.sort_values("index"), block, folder)
-        for name, group in points.groupby("residual", sort=False)
+        _picture(device, sensor, name, from_records(kinds[name]), block, folder) for name in kinds
     ]
 
 
@@ -57,42 +56,41 @@ def against(device, name, points):
         The device.
     name : str
         Kind of residual.
-    points : DataFrame
-        Its points.
+    points : dict of str to list
+        Its points, a column each.
 
     Returns
     -------
     dict of str to (str, ndarray, shape (n,))
         By the name of a column of the CSV file: words with unit, and values in it.
     """
-    start = points["start_s"].to_numpy(float)
-    session = points["session"].to_numpy(int) if "session" in points else np.zeros(len(start), int)
+    start, index = np.array(points["start_s"], float), points["index"]
+    session = np.array(points.get("session", [0] * len(start)))
     # sessions one after the other
     length = [start[session == s].max(initial=0.0) for s in range(session.max() + 1)]
     elapsed = start + np.concatenate([[0.0], np.cumsum(length)])[session]
     unit, size = clock(elapsed.max())
     found = {f"time_{unit}": (f"time, {unit}", elapsed / size)}
-    index = points["index"].to_numpy(int)
     if name == "rotation":
-        turned = turns(device)
-        if not set(index) <= set(turned.index):
+        known = turns(device)
+        if not set(index) <= set(known):
             return found
-        turned = turned.loc[index]
+        turned = [known[i] for i in index]
         angle, speed = (
-            turned[c].to_numpy(float) * d.factor
+            np.array([turn[c] for turn in turned], float) * d.factor
             for c, d in (("angle_rad", DEGREES), ("speed_rad_s", DEGREE_PER_SECOND))
         )
-        axis = turned["axis"].map(TURN_AXES.index).to_numpy()
+        axis = np.array([TURN_AXES.index(turn["axis"]) for turn in turned])
         return found | {
             "angle_deg": ("angle turned, °", angle),
             "speed_deg_s": ("greatest speed, °/s", speed),
             "axis": ("about axis", axis),
         }
-    direction = np.array(points["direction"].tolist(), float)
+    direction = np.array(points["direction"], float)
     for axis, values in zip(XYZ, direction.T, strict=True):
         found[f"up_{axis}"] = f"{axis} of “up”, 1", values
     warm = pose_temperatures(device)
-    if warm is not None and index.max(initial=0) < len(warm):
+    if warm is not None and max(index, default=0) < len(warm):
         found["temperature_degC"] = "temperature, °C", warm[index]
     return found
 
@@ -103,9 +101,9 @@ def goes_with(panels, error):
     Spearman's rank correlation ρ of the size of the error; its standard deviation is
     1/√(n − 1) where nothing is there.
     """
-    size, rank = np.abs(error), lambda v: pd.Series(v).rank().to_numpy()
+    size = np.abs(error)
     found = [
-        (np.corrcoef(rank(size), rank(values))[0, 1], words.partition(",")[0])
+        (np.corrcoef(_ranks(size), _ranks(values))[0, 1], words.partition(",")[0])
         for key, (words, values) in panels.items()
         if key != "axis" and np.ptp(values) > 0 and np.ptp(size) > 0
     ]
@@ -117,19 +115,24 @@ def goes_with(panels, error):
     return f"its size {verb} with {words} (rank correlation {number(rho, 2)})"
 
 
+def _ranks(values):
+    """Return the rank of each value; equal ones share the mean of theirs."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - (count - 1) / 2)[place]
+
+
 def _picture(device, sensor, name, points, block, folder):
     residual = block["residuals"].get(name, {})
     display = RESIDUAL[residual.get("unit") or "rad"]
-    index = points["index"].to_numpy()
+    index = points["index"]
     before, after, floor = (
-        points[c].astype(float).to_numpy() * display.factor for c in ("before", "after", "floor")
+        np.array(points[c], float) * display.factor for c in ("before", "after", "floor")
     )
     panels = against(device, name, points)
-    columns = points.drop(columns=["direction", "residual", "components"], errors="ignore")
-    values = {
-        key: [TURN_AXES[v] for v in x] if key == "axis" else x for key, (_, x) in panels.items()
-    }
-    csv = write_csv(folder, f"{sensor}_{name}", columns.assign(**values))
+    columns = {k: v for k, v in points.items() if k not in ("direction", "residual", "components")}
+    for key, (_, x) in panels.items():
+        columns[key] = [TURN_AXES[v] for v in x] if key == "axis" else x
+    csv = write_csv(folder, f"{sensor}_{name}", columns)
     words, changed = RESIDUAL_WORDS[name], bool(block.get("effects"))
     thing = "turn" if name == "rotation" else "pose"
     signed = np.nanmin(np.concatenate([before, after])) < 0

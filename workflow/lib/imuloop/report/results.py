@@ -5,20 +5,16 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-import pyarrow.parquet as pq
 
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
-    CHANNELS,
-    TEMPERATURE,
+    Columns,
     read_metadata,
-    read_samples,
 )
-from imuloop.core.segments import read_segments
+from imuloop.report.columns import groups, read_columns
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 XYZ = ("x", "y", "z")
@@ -41,13 +37,13 @@ class Session:
         Metadata of the samples: source, hashes, units.
     samples_path : Path
         The samples.
-    segments : DataFrame
-        Segments; empty for a rejected session.
+    segments : dict of str to ndarray
+        Segments, a column each; without rows for a rejected session.
     segmentation : dict
         What the segmentation chose.
-    allan : DataFrame or None
+    allan : dict of str to ndarray, or None
         Allan deviation, where it was computed.
-    views : DataFrame or None
+    views : dict of str to ndarray, or None
         Power spectral density, autocorrelation and other deviations, where they were computed.
     """
 
@@ -56,10 +52,10 @@ class Session:
     quality: dict
     source: dict
     samples_path: Path
-    segments: pd.DataFrame
+    segments: dict
     segmentation: dict
-    allan: pd.DataFrame | None
-    views: pd.DataFrame | None = None
+    allan: dict | None
+    views: dict | None = None
 
     @property
     def rejected(self):
@@ -68,20 +64,30 @@ class Session:
 
     @cached_property
     def poses(self):
-        """Mean of each pose over its rests, six channels, SI; a row a pose."""
-        rests = self.segments[self.segments["pose"] >= 0]
-        means = rests[[f"{c}_mean" for c in CHANNELS]].mul(rests["n"], axis=0)
-        grouped = means.groupby(rests["pose"]).sum()
-        return grouped.div(rests["n"].groupby(rests["pose"]).sum(), axis=0)
+        """Mean specific force of each pose over its rests, SI, shape (poses, 3)."""
+        s = self.segments
+        force = np.column_stack([s[f"{c}_mean"] for c in ACCELERATION])
+        return np.array([s["n"][at] @ force[at] / s["n"][at].sum() for at in self.rests.values()])
 
     @property
-    def has_temperature(self):
-        """Whether the temperature was logged."""
-        return TEMPERATURE in pq.read_schema(self.samples_path).names
+    def rests(self):
+        """Which segments are rests of each pose, by its number."""
+        return {pose: at for pose, at in groups(self.segments["pose"]).items() if pose >= 0}
 
-    def samples(self, columns):
-        """Return the samples, only the columns named."""
-        return read_samples(self.samples_path, columns)
+    @property
+    def has_allan(self):
+        """Whether there is an Allan deviation."""
+        return self.allan is not None and len(self.allan["axis"]) > 0
+
+    def seconds(self, kind):
+        """Return how long all segments of a kind are, s."""
+        s = self.segments
+        return float((s["end_s"] - s["start_s"])[s["kind"] == kind].sum())
+
+    @cached_property
+    def samples(self):
+        """The samples, a column at a time."""
+        return Columns(self.samples_path)
 
 
 @dataclass(frozen=True)
@@ -138,10 +144,10 @@ def _session(folder, name, kind):
         read_json(path / "quality.json"),
         read_metadata(samples),
         samples,
-        read_segments(segments),
+        read_columns(segments),
         read_metadata(segments),
-        pd.read_parquet(allan) if allan.exists() else None,
-        pd.read_parquet(views) if views.exists() else None,
+        read_columns(allan) if allan.exists() else None,
+        read_columns(views) if views.exists() else None,
     )
 
 

@@ -112,10 +112,7 @@ def content(device, figures):
         "matrices": correlation_matrices(device, figures),
         "model": [model_table(device, s) for s in SENSORS if final],
         "allan": [
-            p
-            for s in device.used
-            if s.allan is not None and len(s.allan)
-            for p in allan_pictures(device, s, figures)
+            p for s in device.used if s.has_allan for p in allan_pictures(device, s, figures)
         ],
         "spectra": [p for s in device.used for p in density_pictures(device, s, figures)],
         "autocorrelations": [

@@ -1,9 +1,9 @@
 """Power spectral density with the model over it, and autocorrelation, of a record at rest."""
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.noise_model import AxisNoise
+from imuloop.report.columns import rows
 from imuloop.report.noise_units import quantities
 from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
@@ -38,49 +38,56 @@ def density_pictures(device, session, folder):
     folder : Path
         Where the CSV files go.
     """
-    rows = view(session, "psd")
-    if not len(rows):
+    found = view(session, "psd")
+    if not len(found["x"]):
         return []
     rate = device.noise.get("rate_hz") or session.quality["rate_hz"]
-    rows = rows.assign(model=np.nan)
+    found["model"] = np.full(len(found["x"]), np.nan)
     for channel, content in (device.noise.get("axes") or {}).items():
-        at = rows["axis"] == channel
-        noise, frequency = AxisNoise.from_dict(content), rows.loc[at, "x"]
-        rows.loc[at, "model"] = noise.density(frequency, rate) + noise.R.square * _ramp(frequency)
-    return _pictures(_density, device, session, folder, rows, ("frequency_hz", "psd"))
+        at = found["axis"] == channel
+        if at.any():
+            noise, f = AxisNoise.from_dict(content), found["x"][at]
+            found["model"][at] = noise.density(f, rate) + noise.R.square * _ramp(f)
+    return _pictures(_density, device, session, folder, found, ("frequency_hz", "psd"))
 
 
 def correlation_pictures(device, session, folder):
     """Return the autocorrelation of a session's accelerometer and gyroscope; as above."""
-    rows = view(session, "autocorrelation")
-    rows = rows[rows["x"] > 0]
-    if not len(rows):
+    found = view(session, "autocorrelation")
+    found = rows(found, found["x"] > 0)
+    if not len(found["x"]):
         return []
-    return _pictures(_correlation, device, session, folder, rows, ("lag_s", "autocorrelation"))
+    return _pictures(_correlation, device, session, folder, found, ("lag_s", "autocorrelation"))
 
 
 def view(session, name):
     """Return the rows of one view of a session, in order; none where it was not computed."""
     if session.views is None:
-        return pd.DataFrame(columns=["view", "axis", "x", "value", "ci_low", "ci_high"])
-    rows = session.views[session.views["view"] == name]
-    return rows[np.isfinite(rows["value"])].sort_values(["axis", "x"], kind="stable")
+        return {c: np.empty(0) for c in ("view", "axis", "x", "value", "ci_low", "ci_high")}
+    found = rows(
+        session.views, (session.views["view"] == name) & np.isfinite(session.views["value"])
+    )
+    return rows(found, np.lexsort((found["x"], found["axis"].astype(str))))
 
 
-def _pictures(picture, device, session, folder, rows, names):
+def _pictures(picture, device, session, folder, found, names):
     """Return a picture of each sensor that has rows; `names` of x and value in the CSV file."""
-    renamed = rows.rename(columns=dict(zip(("x", "value"), names, strict=True)))
-    csv = write_csv(folder, f"{session.name}_{names[1]}", renamed.drop(columns="view"))
+    called = dict(zip(("x", "value"), names, strict=True))
+    csv = write_csv(
+        folder,
+        f"{session.name}_{names[1]}",
+        {called.get(name, name): values for name, values in found.items() if name != "view"},
+    )
     return [
         picture(
             device,
             session,
             sensor,
-            {a: rows[rows["axis"] == c] for a, c in zip(XYZ, channels, strict=True)},
+            {a: rows(found, found["axis"] == c) for a, c in zip(XYZ, channels, strict=True)},
             csv,
         )
         for sensor, channels in SENSORS.items()
-        if rows["axis"].isin(channels).any()
+        if set(channels) & set(found["axis"])
     ]
 
 
@@ -102,16 +109,16 @@ def _density(device, session, sensor, curves, csv):
 
     def plot(ax):
         handles = []
-        for colour, (axis, rows) in zip(AXES, curves.items(), strict=True):
-            handles += ax.loglog(rows["x"], rows["value"], color=colour)
-            ax.fill_between(rows["x"], rows["ci_low"], rows["ci_high"], color=colour)
-            if (rows["model"] > 0).all():
+        for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
+            handles += ax.loglog(r["x"], r["value"], color=colour)
+            ax.fill_between(r["x"], r["ci_low"], r["ci_high"], color=colour)
+            if (r["model"] > 0).all():
                 # the model is smooth: a few points draw it
-                few = rows.iloc[:: len(rows) // 60 + 1]
-                ax.loglog(few["x"], few["model"], color=colour, ls="--", lw=1)
+                few = slice(None, None, len(r["x"]) // 60 + 1)
+                ax.loglog(r["x"][few], r["model"][few], color=colour, ls="--", lw=1)
             for f in (f for f, a, _ in lines if a == axis):
                 ax.flag(f, colour)
-        highest = max(rows["x"].max() for rows in curves.values() if len(rows))
+        highest = max(r["x"].max(initial=0.0) for r in curves.values())
         if band and band < 0.95 * highest:
             ax.axvspan(band, highest, color=GRID, alpha=0.35)
         ax.set_xlabel("frequency, Hz")
@@ -131,10 +138,10 @@ def _density(device, session, sensor, curves, csv):
         f"{'lines at ' + joined(named) + '; ' if named else ''}{departure}."
     )
     lowest = "; ".join(
-        f"{axis} {rows['value'].iloc[0]:.3g} at {rows['x'].iloc[0]:.3g} Hz, "
-        f"{rows['value'].iloc[-1]:.3g} at {rows['x'].iloc[-1]:.3g} Hz"
-        for axis, rows in curves.items()
-        if len(rows)
+        f"{axis} {r['value'][0]:.3g} at {r['x'][0]:.3g} Hz, "
+        f"{r['value'][-1]:.3g} at {r['x'][-1]:.3g} Hz"
+        for axis, r in curves.items()
+        if len(r["x"])
     )
     name = f"{device.name}.{session.name}.psd_{sensor}"
     alt = (
@@ -165,18 +172,15 @@ def _band(device, sensor):
 
 def _departure(curves, highest):
     """Return where the measured density leaves the model most, as far as chance lets one tell."""
-    known = {axis: rows[rows["model"] > 0] for axis, rows in curves.items()}
-    if not any(map(len, known.values())):
+    known = {axis: rows(r, (r["model"] > 0) & (r["x"] <= highest)) for axis, r in curves.items()}
+    if not any((r["model"] > 0).any() for r in curves.values()):
         return "no model to compare it with"
     worst = (
         np.log(DEPARTURE),
         f"the record keeps within {percent(DEPARTURE - 1)} of the model, chance left aside",
     )
-    for axis, rows in known.items():
-        x, value, low, high, model = (
-            rows.loc[rows["x"] <= highest, c].to_numpy()
-            for c in ("x", "value", "ci_low", "ci_high", "model")
-        )
+    for axis, r in known.items():
+        x, value, low, high, model = (r[c] for c in ("x", "value", "ci_low", "ci_high", "model"))
         # neighbours together: of hundreds of points some leave their intervals by chance
         first = np.arange(0, len(x), NEIGHBOURS)
         if not len(first):
@@ -199,22 +203,22 @@ def _departure(curves, highest):
 
 
 def _correlation(device, session, sensor, curves, csv):
-    known = {axis: rows for axis, rows in curves.items() if len(rows)}
+    known = {axis: r for axis, r in curves.items() if len(r["x"])}
     # that of white noise depends on the number of samples only
     band = next(iter(known.values()))
 
     def plot(ax):
         ax.axhline(0)
         ax.fill_between(*(band[c] for c in ("x", "ci_low", "ci_high")), color=GRID, alpha=0.6)
-        for colour, rows in zip(AXES, curves.values(), strict=True):
-            ax.semilogx(rows["x"], rows["value"], color=colour)
+        for colour, r in zip(AXES, curves.values(), strict=True):
+            ax.semilogx(r["x"], r["value"], color=colour)
         ax.set_xlabel("lag, s")
         ax.set_ylabel("autocorrelation, 1")
         ax.legend(ax.lines, XYZ)
 
-    first = ", ".join(number(rows["value"].iloc[0], 2) for rows in known.values())
-    lag = band["x"].iloc[0]
-    farthest = {axis: _farthest(rows) for axis, rows in known.items()}
+    first = ", ".join(number(r["value"][0], 2) for r in known.values())
+    lag = band["x"][0]
+    farthest = {axis: _farthest(r) for axis, r in known.items()}
     axis = max(farthest, key=farthest.get)
     reach = (
         f"beyond chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
@@ -230,8 +234,8 @@ def _correlation(device, session, sensor, curves, csv):
     return Picture(name, svg, caption, CORRELATION_NOTE, (csv,))
 
 
-def _farthest(rows):
+def _farthest(curve):
     """Return the lag up to which every value leaves the band of white noise, 0 without any."""
-    inside = rows["value"].between(rows["ci_low"], rows["ci_high"]).to_numpy()
+    inside = (curve["ci_low"] <= curve["value"]) & (curve["value"] <= curve["ci_high"])
     count = int(inside.argmax()) if inside.any() else len(inside)
-    return rows["x"].iloc[count - 1] if count else 0.0
+    return curve["x"][count - 1] if count else 0.0

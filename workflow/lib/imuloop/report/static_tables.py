@@ -3,6 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION
+from imuloop.report.columns import rows
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.noise_units import COEFFICIENTS, quantities
 from imuloop.report.numbers import (
@@ -22,10 +23,10 @@ ON_AXIS = 0.94
 
 def orientation(session):
     """Return which axis pointed up in a session at rest: ``+z up``; empty where none did."""
-    rests = session.segments[session.segments["kind"] == "static"]
-    if not len(rests):
+    still = rows(session.segments, session.segments["kind"] == "static")
+    if not len(still["n"]):
         return ""
-    mean = np.average(rests[[f"{c}_mean" for c in ACCELERATION]], axis=0, weights=rests["n"])
+    mean = [np.average(still[f"{c}_mean"], weights=still["n"]) for c in ACCELERATION]
     up = mean / np.linalg.norm(mean)
     axis = int(np.abs(up).argmax())
     if abs(up[axis]) < ON_AXIS:

@@ -209,7 +209,7 @@ def _largest_noise(axes, channels, key):
 
 def _longest_record(device):
     """Return the session whose Allan curve reaches farthest, None without any."""
-    records = [s for s in device.used if s.allan is not None and len(s.allan)]
+    records = [s for s in device.used if s.has_allan]
     return max(records, key=lambda s: s.allan["tau_s"].max(), default=None)
 
 
@@ -225,8 +225,4 @@ def _allan(device):
     if record is None:
         return {}
     curves = {c: curve(record.allan, c) for channels in SENSORS.values() for c in channels}
-    return {
-        channel: {"tau_s": rows["tau_s"], "adev": rows["adev"]}
-        for channel, frame in curves.items()
-        for rows in [{k: frame[k].to_numpy() for k in ("tau_s", "adev")}]
-    }
+    return {c: {name: rows[name] for name in ("tau_s", "adev")} for c, rows in curves.items()}

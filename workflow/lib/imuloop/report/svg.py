@@ -152,8 +152,18 @@ def write_svg(folder, name, picture):
     (folder / f"{name}.svg").write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
-def write_csv(folder, name, frame):
-    """Write the numbers behind a picture; return the file's path from the report's folder."""
-    table = pa.Table.from_pandas(frame, preserve_index=False)
+def write_csv(folder, name, columns):
+    """Write the numbers behind a picture; return the file's path from the report's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to.
+    name : str
+        The file's, without its ending.
+    columns : dict of str to sequence
+        A column each; what is None or not a number stays empty.
+    """
+    table = pa.table({k: pa.array(v, from_pandas=True) for k, v in columns.items()})
     csv.write_csv(table, folder / f"{name}.csv", csv.WriteOptions(quoting_style="needed"))
     return f"{folder.parent.name}/{folder.name}/{name}.csv"

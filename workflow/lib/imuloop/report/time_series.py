@@ -3,10 +3,9 @@
 from itertools import pairwise
 
 import numpy as np
-import pandas as pd
 
-from imuloop.core.samples import CHANNELS, TIME
-from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC
+from imuloop.core.samples import TIME
+from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
 from imuloop.report.numbers import (
     DEGREE_PER_SECOND,
     MILLI_G,
@@ -117,29 +116,28 @@ def session_pictures(device, session, folder):
     folder : Path
         Where the CSV files go.
     """
-    samples = session.samples((TIME, *CHANNELS))
-    return [
-        _picture(device, session, folder, sensor, samples[[TIME, *channels]])
-        for sensor, channels in SENSORS.items()
-    ]
+    t = session.samples[TIME]
+    return [_picture(device, session, folder, sensor, t) for sensor in SENSORS]
 
 
-def _picture(device, session, folder, sensor, samples):
-    t, channels = samples[TIME].to_numpy(), SENSORS[sensor]
-    segments = session.segments
+def _picture(device, session, folder, sensor, t):
+    channels, segments = SENSORS[sensor], session.segments
     resting = session.kind == "static"
     display = (RESTING if resting else MOVING)[sensor]
-    gaps = segments.loc[segments["kind"] == GAP, "start_s"].to_numpy()
-    raw, smooth, middle, quiet = {}, {}, {}, {}
-    still = segments.loc[segments["kind"] == STATIC, ["start_s", "end_s"]]
-    rests = np.searchsorted(t, still.to_numpy()).tolist()
+    gaps = segments["start_s"][segments["kind"] == GAP]
+    raw, smooth, middle, quiet, square = {}, {}, {}, {}, 0.0
+    still, moved = (segments["kind"] == kind for kind in (STATIC, MOTION))
+    ends = np.column_stack([segments[name][still] for name in ("start_s", "end_s")])
+    rests = np.searchsorted(t, ends).tolist()
     for axis, channel in zip(XYZ, channels, strict=True):
-        x = samples[channel].to_numpy()
+        x = session.samples[channel]
         chosen = extremes(x)
         # a line is not drawn across a gap
         where = np.searchsorted(t[chosen], gaps, side="right")
         raw[axis] = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
         middle[axis] = np.median(x) if resting else 0.0
+        if moved.any():
+            square = square + x**2
         if resting:
             smooth[axis] = trend(t, x, rests)
             # a knock must not flatten the rest: it is cut off at the frame
@@ -149,13 +147,7 @@ def _picture(device, session, folder, sensor, samples):
     csv = write_csv(
         folder,
         f"{session.name}_{sensor}",
-        pd.concat(
-            pd.DataFrame(
-                {"channel": c, "line": line, "t_s": x, f"value_{FILE_UNITS[sensor]}": y}
-            ).dropna()
-            for line, curves in (("raw", raw), ("smoothed", smooth))
-            for c, (x, y) in zip(channels, curves.values(), strict=False)
-        ),
+        _numbers(sensor, {"raw": raw, "smoothed": smooth}),
     )
     unit, size = clock(t[-1])
 
@@ -184,9 +176,9 @@ def _picture(device, session, folder, sensor, samples):
             axes[0].legend()
 
     alt = f"{sensor} of session {session.name} over {duration(t[-1])}: " + "; ".join(
-        f"{axis} from {number(samples[c].min() * display.factor)} to "
-        f"{number(samples[c].max() * display.factor)} {display.unit}"
-        for axis, c in zip(XYZ, channels, strict=True)
+        f"{axis} from {number(np.nanmin(x) * display.factor)} to "
+        f"{number(np.nanmax(x) * display.factor)} {display.unit}"
+        for axis, (_, x) in raw.items()
     )
     svg = draw(
         f"{device.name}.{session.name}.{sensor}",
@@ -198,7 +190,7 @@ def _picture(device, session, folder, sensor, samples):
         rows=(1, 1, 1) if resting else (1,),
         sharex=True,
     )
-    caption = _finding(session, sensor, segments, samples, channels)
+    caption = _finding(session, sensor, np.sqrt(np.max(square)))
     if resting:
         moved = [np.ptp(y[np.isfinite(y)]) for _, y in smooth.values() if np.isfinite(y).any()]
         told = ", ".join(number(m * display.factor, 2) for m in moved) or NO_NUMBER
@@ -216,30 +208,42 @@ def _shade(ax, segments, size):
     # a disturbance has an outline, so that a short one still shows in a long record
     looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
     for kind, (colour, alpha, width) in looks.items():
-        rows = segments[segments["kind"] == kind]
-        ax.axvspan(rows["start_s"] / size, rows["end_s"] / size, colour, alpha, width)
+        at = segments["kind"] == kind
+        ends = (segments[name][at] / size for name in ("start_s", "end_s"))
+        ax.axvspan(*ends, colour, alpha, width)
 
 
-def _finding(session, sensor, segments, samples, channels):
+def _numbers(sensor, lines):
+    """Return the numbers behind a picture's lines, a row a point."""
+    parts = []
+    for line, curves in lines.items():
+        for channel, (t, x) in zip(SENSORS[sensor], curves.values(), strict=False):
+            known = np.isfinite(t) & np.isfinite(x)
+            parts.append(([channel] * known.sum(), [line] * known.sum(), t[known], x[known]))
+    names = ("channel", "line", "t_s", f"value_{FILE_UNITS[sensor]}")
+    return {n: np.concatenate(c) for n, c in zip(names, zip(*parts, strict=True), strict=True)}
+
+
+def _finding(session, sensor, peak):
     """Return what the picture says: how much of it is rest, and what was cut."""
-    length = (segments["end_s"] - segments["start_s"]).groupby(segments["kind"]).sum()
-    parts = [f"{session.name}, {sensor}: {duration(length.get(STATIC, 0.0))} at rest"]
-    poses = segments.loc[segments["pose"] >= 0, "pose"].nunique()
+    start, kinds = (session.segments[name] for name in ("start_s", "kind"))
+    length = {kind: duration(session.seconds(kind)) for kind in KINDS}
+    parts = [f"{session.name}, {sensor}: {length[STATIC]} at rest"]
     if session.kind != "static":
-        parts.append(f" in {plural(poses, 'pose')}")
-    if MOTION in length:
+        parts.append(f" in {plural(len(session.rests), 'pose')}")
+    if MOTION in kinds:
         display = MOVING[sensor]
-        peak = np.linalg.norm(samples[list(channels)], axis=1).max() * display.factor
-        parts.append(f", {duration(length[MOTION])} of motion up to {number(peak)} {display.unit}")
-    cut = segments.loc[segments["kind"] == DISTURBED, "start_s"]
+        size = f"{number(peak * display.factor)} {display.unit}"
+        parts.append(f", {length[MOTION]} of motion up to {size}")
+    cut = start[kinds == DISTURBED]
     if len(cut):
         parts.append(
-            f"; {plural(len(cut), 'disturbed stretch', 'es')} cut out, "
-            f"{duration(length[DISTURBED])} in all, the first at {duration(cut.iloc[0])}"
+            f"; {plural(len(cut), 'disturbed stretch', 'es')} cut out, {length[DISTURBED]} in all, "
+            f"the first at {duration(cut[0])}"
         )
     elif session.kind == "static":
         parts.append("; no disturbance found")
-    if GAP in length:
-        count = int((segments["kind"] == GAP).sum())
-        parts.append(f"; {plural(count, 'gap')} without samples, {duration(length[GAP])}")
+    if GAP in kinds:
+        count = int((kinds == GAP).sum())
+        parts.append(f"; {plural(count, 'gap')} without samples, {length[GAP]}")
     return "".join(parts) + "."

@@ -1,7 +1,6 @@
 """The turns from pose to pose: how far, how fast, and about which axis."""
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.samples import ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.report.results import XYZ
@@ -17,26 +16,26 @@ def pose_sessions(device):
 
 
 def turns(device):
-    """Return the turns of a device, a row each, by the number of the pose that it starts from.
+    """Return the turns of a device by the number of the pose that each starts from.
 
     Returns
     -------
-    DataFrame
+    dict of int to dict
         ``angle_rad``, the way turned, that is the integral of the size of the angular rate;
         ``speed_rad_s``, its greatest value; ``axis``, as ``+z``, or `MIXED`.
     """
-    gyroscope, rows, before = device.calibrations["final"].gyroscope, {}, 0
+    gyroscope, found, before = device.calibrations["final"].gyroscope, {}, 0
     for session in pose_sessions(device):
-        rests = session.segments[session.segments["pose"] >= 0].groupby("pose")
-        samples = session.samples((TIME, *ANGULAR_RATE))
-        t, raw = samples[TIME].to_numpy(), samples[list(ANGULAR_RATE)].to_numpy()
+        segments, rests = session.segments, session.rests.values()
+        t = session.samples[TIME]
+        raw = np.column_stack([session.samples[c] for c in ANGULAR_RATE])
         # from the last sample of a pose to the first of the next
-        first = np.searchsorted(t, rests["end_s"].max()) - 1
-        last = np.searchsorted(t, rests["start_s"].min()) + 1
+        first = np.searchsorted(t, [segments["end_s"][at].max() for at in rests]) - 1
+        last = np.searchsorted(t, [segments["start_s"][at].min() for at in rests]) + 1
         for k, (i, j) in enumerate(zip(first[:-1], last[1:], strict=True), before):
-            rows[k] = _turn(t[i:j], gyroscope.output(raw[i:j]))
+            found[k] = _turn(t[i:j], gyroscope.output(raw[i:j]))
         before += len(first)
-    return pd.DataFrame.from_dict(rows, orient="index")
+    return found
 
 
 def _turn(t, rate):
@@ -59,7 +58,13 @@ def pose_temperatures(device):
     for session in pose_sessions(device):
         if column not in session.segments:
             return None
-        rests = session.segments[session.segments["pose"] >= 0]
-        means.append(rests.groupby("pose")[column].mean().to_numpy())
-    mean = np.concatenate(means or [[]])
+        warmth = session.segments[column]
+        means += [_mean(warmth[at]) for at in session.rests.values()]
+    mean = np.array(means, float)
     return mean if np.isfinite(mean).any() else None
+
+
+def _mean(values):
+    """Return the mean of what is a number."""
+    known = values[np.isfinite(values)]
+    return known.mean() if len(known) else np.nan
