@@ -5,34 +5,40 @@ import numpy as np
 
 def multiply(p, q):
     """Return the quaternion product ``p q``; shapes (..., 4) broadcast."""
-    pw, px, py, pz = np.moveaxis(p, -1, 0)
-    qw, qx, qy, qz = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
-    )
+    return _quaternions(*_product(*_pairs(p), *_pairs(q)))
+
+
+def _pairs(q):
+    """Return complex a = w + x i and b = y + z i of the quaternions ``a + b j``."""
+    pairs = np.ascontiguousarray(q, dtype=float).view(complex)
+    return pairs[..., 0], pairs[..., 1]
+
+
+def _quaternions(a, b):
+    return np.stack([a, b], axis=-1).view(float)
+
+
+def _product(a, b, c, d):
+    """Return ``(a + b j)(c + d j)`` as such a pair; ``j c`` is ``c* j``."""
+    return a * c - b * d.conj(), a * d + b * c.conj()
 
 
 def exponential(vectors):
     """Return the quaternions of rotation vectors, shape (..., 3), rad."""
-    half = np.linalg.norm(vectors, axis=-1, keepdims=True) / 2
-    return np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * vectors], axis=-1)
+    x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
+    half = np.sqrt(x * x + y * y + z * z) / 2
+    scale = np.divide(np.sin(half), 2 * half, out=np.full_like(half, 0.5), where=half > 0)
+    return np.stack([np.cos(half), scale * x, scale * y, scale * z], axis=-1)
 
 
 def matrix(q):
     """Return the rotation matrices of unit quaternions, shape (..., 4) to (..., 3, 3)."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    w, x, y, z = np.sqrt(2) * np.moveaxis(np.asarray(q), -1, 0)
+    rows = np.empty((3, 3, *np.shape(w)))
+    rows[0, 0], rows[0, 1], rows[0, 2] = 1 - y * y - z * z, x * y - w * z, x * z + w * y
+    rows[1, 0], rows[1, 1], rows[1, 2] = x * y + w * z, 1 - x * x - z * z, y * z - w * x
+    rows[2, 0], rows[2, 1], rows[2, 2] = x * z - w * y, y * z + w * x, 1 - x * x - y * y
+    return np.moveaxis(rows, (0, 1), (-2, -1))
 
 
 def step_vectors(rates, steps):
@@ -63,17 +69,24 @@ def step_vectors(rates, steps):
     ----------
     Iserles, Munthe-Kaas, Nørsett, Zanna, "Lie-group methods", Acta Numerica 9 (2000), section 4.
     """
-    rates, dt = np.asarray(rates), np.asarray(steps)[..., None]
-    first, second = rates[..., :-1, :], rates[..., 1:, :]
-    mean = (first + second) / 2
-    mean[..., 1:-1, :] += (
-        first[..., 1:-1, :] + second[..., 1:-1, :] - rates[..., :-3, :] - rates[..., 3:, :]
-    ) / 24
-    return mean * dt + np.cross(first, second) * dt**2 / 12
+    # an axis after the other: sums along the samples are then of neighbours in memory
+    rates, dt = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
+    first, second = rates[..., :-1], rates[..., 1:]
+    total = first + second
+    vectors = total / 2
+    vectors[..., 1:-1] += (total[..., 1:-1] - rates[..., :-3] - rates[..., 3:]) / 24
+    vectors = vectors * dt
+    square = dt**2 / 12
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        vectors[i] += (first[j] * second[k] - first[k] * second[j]) * square
+    return np.moveaxis(vectors, 0, -1)
 
 
 def prefix_product(q):
-    """Return ``q₀, q₀q₁, q₀q₁q₂, …`` along the second to last axis, by doubling.
+    """Return ``q₀, q₀q₁, q₀q₁q₂, …`` along the second to last axis.
+
+    The products of neighbours, their prefix products by the same rule, and what lies between: two
+    multiplications a quaternion in all.
 
     Parameters
     ----------
@@ -84,10 +97,25 @@ def prefix_product(q):
     -------
     ndarray, shape (..., n, 4)
         Attitude after each step.
+
+    References
+    ----------
+    Blelloch, "Prefix sums and their applications", CMU-CS-90-190 (1990).
     """
-    q = np.array(q)
-    shift = 1
-    while shift < q.shape[-2]:
-        q[..., shift:, :] = multiply(q[..., :-shift, :], q[..., shift:, :])
-        shift *= 2
-    return q
+    return _quaternions(*_prefixes(*_pairs(q)))
+
+
+def _prefixes(a, b):
+    n = a.shape[-1]
+    if n < 2:
+        return a, b
+    even, odd = slice(0, n - 1, 2), slice(1, None, 2)
+    c, d = _prefixes(*_product(a[..., even], b[..., even], a[..., odd], b[..., odd]))
+    later = slice(2, None, 2)
+    between = _product(
+        *(part[..., : (n - 1) // 2] for part in (c, d)), a[..., later], b[..., later]
+    )
+    prefixes = np.empty_like(a), np.empty_like(b)
+    for whole, own, pairs, rest in zip(prefixes, (a, b), (c, d), between, strict=True):
+        whole[..., 0], whole[..., odd], whole[..., later] = own[..., 0], pairs, rest
+    return prefixes
