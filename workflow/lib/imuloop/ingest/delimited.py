@@ -137,14 +137,14 @@ def find_layout(path, least=3):
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
     table = [texts[i] for i in rows]
-    share, best = max(
-        ((_numeric_share(table, s, least), s) for s in _SEPARATORS), key=lambda found: found[0]
-    )
-    if share < 0.5:
+    tried = {s: _split(table, s) for s in _SEPARATORS}
+    shares = {s: _numeric_share(*tried[s], least) for s in _SEPARATORS}
+    best = max(_SEPARATORS, key=shares.get)
+    width = tried[best][1]
+    if shares[best] < 0.5:
         raise RejectedLog("the file is not a table of numbers in rows and columns")
-    width = _width(table, best)
     # as many tabs as blanks: the blanks are inside of the header's names
-    if best == _BLANKS and _width(table, "\t") == width:
+    if best == _BLANKS and tried["\t"][1] == width:
         best = "\t"
     first = next(i for i in rows if len(_fields(texts[i], best)) == width)
     fields = _fields(texts[first], best)
@@ -325,16 +325,16 @@ def _is_number(text):
     return True
 
 
-def _width(lines, separator):
-    return Counter(len(_fields(line, separator)) for line in lines).most_common(1)[0][0]
-
-
-def _numeric_share(lines, separator, least):
-    """Return the share of fields that are numbers, 0 of fewer than the `least` columns."""
-    if least > 1 and separator != _BLANKS and not any(separator in line for line in lines):
-        return 0.0
+def _split(lines, separator):
+    """Return the fields of each line, and how many the most lines have."""
+    if separator != _BLANKS and not any(separator in line for line in lines):
+        return [[line] for line in lines], 1
     fields = [_fields(line, separator) for line in lines]
-    width = Counter(len(row) for row in fields).most_common(1)[0][0]
+    return fields, Counter(map(len, fields)).most_common(1)[0][0]
+
+
+def _numeric_share(fields, width, least):
+    """Return the share of fields that are numbers, 0 of fewer than the `least` columns."""
     if width < least:
         return 0.0
     rows = [row for row in fields if len(row) == width]
