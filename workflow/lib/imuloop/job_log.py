@@ -5,10 +5,11 @@ import sys
 import time
 
 from imuloop.core.errors import one_line
+from imuloop.without_pandas import hide_pandas
 
 
 def open_log(path, job):
-    """Send all that a job logs, warnings and a last traceback to its log file.
+    """Begin a job: send all that it logs, warnings and a last traceback to its log file.
 
     Parameters
     ----------
@@ -17,6 +18,7 @@ def open_log(path, job):
     job : str
         Stage and device, named in the one line that the terminal gets when the job fails.
     """
+    hide_pandas()
     logging.basicConfig(
         filename=path,
         filemode="w",
