@@ -1,8 +1,12 @@
 """Calibrated specific force where the gyroscope needs it: at the poses and along the rotations."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+
+from imuloop.calibrate.recording import Recording
+from imuloop.core.model import SensorCalibration
 
 
 @dataclass(frozen=True)
@@ -13,15 +17,28 @@ class Force:
     ----------
     poses : ndarray, shape (n, 3)
         m/s^2, at each pose.
-    rotations : ndarray, shape (m, k, 3)
-        m/s^2, along each rotation.
     direction_covariance : ndarray, shape (3 n, 3 n)
         Covariance of the unit vectors at the poses, pose by pose.
+    calibration : SensorCalibration
+        Of the accelerometer.
+    recording : Recording
+        Poses, n of them, and rotations, m of k samples.
     """
 
     poses: np.ndarray
-    rotations: np.ndarray
     direction_covariance: np.ndarray
+    calibration: SensorCalibration
+    recording: Recording
+
+    @cached_property
+    def rotations(self):
+        """m/s^2, along each rotation, shape (m, k, 3)."""
+        calibration, rotations = self.calibration, self.recording.rotations
+        along = calibration.apply(
+            rotations.f.reshape(-1, 3),
+            self.recording.rotation_channels("accelerometer", calibration.output, rotations.w),
+        )
+        return along.reshape(rotations.f.shape)
 
 
 def calibrated_force(calibration, recording, noise):
@@ -39,14 +56,9 @@ def calibrated_force(calibration, recording, noise):
     noise : NoiseModel
         Noise of the device.
     """
-    poses, rotations = recording.poses, recording.rotations
-    sensor = "accelerometer"
+    poses = recording.poses
     at_poses = calibration.apply(
-        poses.f, recording.pose_channels(sensor, calibration.output, poses.w)
-    )
-    along = calibration.apply(
-        rotations.f.reshape(-1, 3),
-        recording.rotation_channels(sensor, calibration.output, rotations.w),
+        poses.f, recording.pose_channels("accelerometer", calibration.output, poses.w)
     )
     norm = np.linalg.norm(at_poses, axis=1)[:, None]
     u = at_poses / norm
@@ -56,4 +68,4 @@ def calibrated_force(calibration, recording, noise):
     n = len(poses)
     means = poses.mean_covariance(noise)[:3]
     covariance = np.einsum("iab,bij,jcb->iajc", to_direction, means, to_direction)
-    return Force(at_poses, along.reshape(rotations.f.shape), covariance.reshape(3 * n, 3 * n))
+    return Force(at_poses, covariance.reshape(3 * n, 3 * n), calibration, recording)

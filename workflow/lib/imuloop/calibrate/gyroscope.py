@@ -1,6 +1,6 @@
 """Multi-position calibration of a gyroscope: its rotations carry gravity from pose to pose."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -20,6 +20,28 @@ def unpack(x):
     T = np.eye(3)
     T[_OFF_DIAGONAL] = x[:6]
     return T, x[6:9], x[9:12]
+
+
+@dataclass(frozen=True)
+class Path:
+    """What residuals and covariances take of the attitude C along m rotations.
+
+    Attributes
+    ----------
+    last : ndarray, shape (m, 3, 3)
+        C at the end: takes body axes to those at the start.
+    turn : ndarray, shape (m, 3, 12 + p)
+        ``∫ C (dw/dx) dt``, the rotation at the start that a change of each parameter makes, rad.
+    mean : ndarray, shape (m, 3, 3)
+        ``∫ C dt``, s.
+    spread : ndarray, shape (m, 3, 3, 3)
+        ``∫ c cᵀ dt`` with c the column of C of each axis of the sensor, s.
+    """
+
+    last: np.ndarray
+    turn: np.ndarray
+    mean: np.ndarray
+    spread: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -52,6 +74,8 @@ class GyroscopeModel:
     bias: np.ndarray | None = None
     rate_known: np.ndarray | float = 0.0
     rotation_known: np.ndarray | float = 0.0
+    # the last path, which depends on no direction: residuals and covariance at one x share it
+    _paths: dict = field(default_factory=dict, compare=False, repr=False)
 
     def start(self):
         """Return parameters to start from: as logged, the mean rate of the poses as bias."""
@@ -98,6 +122,38 @@ class GyroscopeModel:
         middle = multiply(after, exponential(-vectors / 2))
         return matrix(middle), matrix(after[:, -1]), output
 
+    def path(self, x):
+        """Return the Path with parameters x."""
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self._paths:
+            self._paths.clear()
+            self._paths[key] = self._path(x)
+        return self._paths[key]
+
+    def _path(self, x):
+        T, K, b = unpack(x)
+        middle, last, output = self.attitudes(x)
+        weighted = middle * self.rotations.steps[..., None, None]
+        m, k = self.rotations.steps.shape
+        # moments of the attitude with the mean of each step's two samples, one product a rotation
+        columns = weighted.reshape(m, k, 9).swapaxes(1, 2)
+        raw = midpoints(self.rotations.w - b)
+        moment = (columns @ midpoints(output)).reshape(m, 3, 3, 3)
+        raw_moment = (columns @ raw).reshape(m, 3, 3, 3)
+        mean = weighted.sum(axis=1)
+        turn = np.zeros((m, 3, len(x)))
+        rows, columns = _OFF_DIAGONAL
+        turn[:, :, :6] = moment[:, :, rows, columns]
+        turn[:, :, 6:9] = np.einsum("maij,ij->maj", raw_moment, T)
+        turn[:, :, 9:12] = -mean @ (T * K)
+        if len(x) > 12:
+            turned = (weighted.reshape(-1, 3) @ T).reshape(m, k, 3, 3).swapaxes(1, 2)
+            design = midpoints(self.rotation_design).reshape(m, 3 * k, -1)
+            turn[:, :, 12:] = -turned.reshape(m, 3, 3 * k) @ design
+        # axis by axis: (m, 3, k) times (m, k, 3)
+        spread = [weighted[..., a].swapaxes(1, 2) @ middle[..., a] for a in range(3)]
+        return Path(last, turn, mean, np.stack(spread, axis=1))
+
     def turned(self, x):
         """Return gravity's direction after each rotation and its derivative.
 
@@ -112,28 +168,10 @@ class GyroscopeModel:
         ndarray, shape (m, 3, 12 + p)
             Derivative.
         """
-        T, K, b = unpack(x)
-        middle, last, output = self.attitudes(x)
-        weighted = middle * self.rotations.steps[..., None, None]
-        m, k = self.rotations.steps.shape
-        # moments of the attitude with the mean of each step's two samples, one product a rotation
-        columns = weighted.reshape(m, k, 9).swapaxes(1, 2)
-        raw = midpoints(self.rotations.w - b)
-        moment = (columns @ midpoints(output)).reshape(m, 3, 3, 3)
-        raw_moment = (columns @ raw).reshape(m, 3, 3, 3)
-        phi = np.zeros((m, 3, len(x)))
-        rows, columns = _OFF_DIAGONAL
-        phi[:, :, :6] = moment[:, :, rows, columns]
-        phi[:, :, 6:9] = np.einsum("maij,ij->maj", raw_moment, T)
-        phi[:, :, 9:12] = -weighted.sum(axis=1) @ (T * K)
-        if len(x) > 12:
-            turned = (weighted.reshape(-1, 3) @ T).reshape(m, k, 3, 3).swapaxes(1, 2)
-            design = midpoints(self.rotation_design).reshape(m, 3 * k, -1)
-            phi[:, :, 12:] = -turned.reshape(m, 3, 3 * k) @ design
+        path = self.path(x)
         start = self.directions[self.rotations.first]
-        turned = np.einsum("mji,mj->mi", last, start)
-        jacobian = np.einsum("mji,mjp->mip", last, np.cross(start[:, :, None], phi, axis=1))
-        return turned, jacobian
+        turned = np.einsum("mji,mj->mi", path.last, start)
+        return turned, path.last.swapaxes(1, 2) @ (_cross_matrix(start) @ path.turn)
 
     def rotation_errors(self, x):
         """Return the angle between predicted and measured gravity, two components a rotation.
@@ -200,14 +238,14 @@ def rotation_covariance(model, x, session, directions, noise):
     """
     rotations = model.rotations
     m = len(rotations)
-    middle, last, _ = model.attitudes(x)
+    path = model.path(x)
+    last = path.last
     plane = tangents(model.directions[rotations.first + 1])
     start = model.directions[rotations.first]
     # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
     to_error = np.einsum("mij,mkj,mkl->mil", plane, last, _cross_matrix(start))
     length = rotations.end_s - rotations.start_s
-    weighted = middle * rotations.steps[..., None, None]
-    mean_attitude = weighted.sum(axis=1) / length[:, None, None]
+    mean_attitude = path.mean / length[:, None, None]
     of_session = session[rotations.first]
     covariance = np.zeros((m, 2, m, 2))
     windows = np.column_stack([rotations.start_s, rotations.end_s])
@@ -221,9 +259,9 @@ def rotation_covariance(model, x, session, directions, noise):
             covariance[np.ix_(index, [0, 1], index, [0, 1])] += np.einsum(
                 "mi,mn,nj->minj", column, slow, column
             )
-            turned = np.einsum("mij,mkj->mki", to_error[index], middle[index][..., axis])
-            spread = np.einsum("mki,mkj,mk->mij", turned, turned, rotations.steps[index] * white)
-            covariance[index, :, index, :] += spread
+            covariance[index, :, index, :] += white * (
+                to_error[index] @ path.spread[index, axis] @ to_error[index].swapaxes(1, 2)
+            )
     n = len(model.directions)
     to_directions = np.zeros((m, 2, n, 3))
     each = np.arange(m)
@@ -326,13 +364,16 @@ def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):
         return K * (y - b)
 
     poses = recording.pose_channels("gyroscope", output, force.poses)
-    along = recording.rotation_channels("gyroscope", output, force.rotations)
-    design, shape = effect_design(effects, along), rotations.w.shape
+    shape, along = rotations.w.shape, None
+    if effects or known:
+        along = recording.rotation_channels("gyroscope", output, force.rotations)
     return GyroscopeModel(
         rate=recording.poses.w,
         rate_design=effect_design(effects, poses),
         rotations=rotations,
-        rotation_design=design.reshape(*shape, -1) if effects else np.zeros((*shape, 0)),
+        rotation_design=effect_design(effects, along).reshape(*shape, -1)
+        if effects
+        else np.zeros((*shape, 0)),
         directions=force.poses / np.linalg.norm(force.poses, axis=1, keepdims=True),
         bias=None if bias is None else np.asarray(bias, dtype=float),
         rate_known=sum(effect.output(poses) for effect in known),
