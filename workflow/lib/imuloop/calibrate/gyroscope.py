@@ -117,9 +117,10 @@ class GyroscopeModel:
         output = K * (self.rotations.w - b) - self.rotation_known - self.rotation_design @ x[12:]
         rates = output @ T.T
         vectors = step_vectors(rates, self.rotations.steps)
-        after = prefix_product(exponential(vectors))
+        half = exponential(vectors / 2)
+        after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
-        middle = multiply(after, exponential(-vectors / 2))
+        middle = multiply(after, half * [1, -1, -1, -1])
         return matrix(middle), matrix(after[:, -1]), output
 
     def path(self, x):
@@ -133,25 +134,28 @@ class GyroscopeModel:
     def _path(self, x):
         T, K, b = unpack(x)
         middle, last, output = self.attitudes(x)
-        weighted = middle * self.rotations.steps[..., None, None]
         m, k = self.rotations.steps.shape
-        # moments of the attitude with the mean of each step's two samples, one product a rotation
-        columns = weighted.reshape(m, k, 9).swapaxes(1, 2)
-        raw = midpoints(self.rotations.w - b)
-        moment = (columns @ midpoints(output)).reshape(m, 3, 3, 3)
-        raw_moment = (columns @ raw).reshape(m, 3, 3, 3)
-        mean = weighted.sum(axis=1)
+        # an entry of the matrix after the other, the samples of a rotation side by side
+        entries = np.moveaxis(middle, (2, 3), (0, 1))
+        weighted = entries * self.rotations.steps
+        by_rotation = weighted.reshape(9, m, k).swapaxes(0, 1)
+        # moments of the attitude with the mean of each step's two samples
+        samples = np.concatenate([output, self.rotations.w - b], axis=2)
+        moments = (by_rotation @ midpoints(samples)).reshape(m, 3, 3, 6)
+        mean = by_rotation.sum(axis=2).reshape(m, 3, 3)
         turn = np.zeros((m, 3, len(x)))
         rows, columns = _OFF_DIAGONAL
-        turn[:, :, :6] = moment[:, :, rows, columns]
-        turn[:, :, 6:9] = np.einsum("maij,ij->maj", raw_moment, T)
+        turn[:, :, :6] = moments[:, :, rows, columns]
+        turn[:, :, 6:9] = np.einsum("maij,ij->maj", moments[..., 3:], T)
         turn[:, :, 9:12] = -mean @ (T * K)
         if len(x) > 12:
-            turned = (weighted.reshape(-1, 3) @ T).reshape(m, k, 3, 3).swapaxes(1, 2)
+            # columns of C T, the three axes of each sample side by side
+            turned = np.tensordot(T, weighted, (0, 1)).transpose(2, 1, 3, 0).reshape(m, 3, 3 * k)
             design = midpoints(self.rotation_design).reshape(m, 3 * k, -1)
-            turn[:, :, 12:] = -turned.reshape(m, 3, 3 * k) @ design
-        # axis by axis: (m, 3, k) times (m, k, 3)
-        spread = [weighted[..., a].swapaxes(1, 2) @ middle[..., a] for a in range(3)]
+            turn[:, :, 12:] = -turned @ design
+        spread = [
+            weighted[:, a].swapaxes(0, 1) @ np.moveaxis(entries[:, a], 0, 2) for a in range(3)
+        ]
         return Path(last, turn, mean, np.stack(spread, axis=1))
 
     def turned(self, x):
