@@ -12,7 +12,7 @@ import imuloop.diagnose.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import Effect, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.pieces import apply_file, median_step
+from imuloop.core.pieces import apply_file
 from imuloop.core.samples import METADATA_KEY
 from imuloop.core.units import RawUnit
 
@@ -87,14 +87,6 @@ def test_csv_and_row_groups_of_others(log, tmp_path):
     assert (tmp_path / "out.csv").read_text().startswith("t,ax,ay,az,gx,gy,gz,temperature,marker\n")
     expected = made.apply(pd.read_parquet(log))
     np.testing.assert_array_equal(pd.read_csv(tmp_path / "out.csv"), expected)
-
-
-@pytest.mark.parametrize("count", [2, 3, 4, 100, 4001])
-def test_the_median_step_is_exact(log, tmp_path, count):
-    table = pq.read_table(log).slice(0, count)
-    pq.write_table(table, tmp_path / "short.parquet")
-    t = table["t"].to_numpy()
-    assert median_step(tmp_path / "short.parquet", 33) == np.median(np.diff(t))
 
 
 def test_an_empty_log_stays_empty(log, tmp_path):

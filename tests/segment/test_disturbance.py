@@ -3,23 +3,29 @@
 import time
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from imuloop.core.samples import CHANNELS, TIME
-from imuloop.segment.disturbance import details, disturbed_samples, robust_covariance
-from imuloop.segment.segment import segment_session
+from imuloop.core.rows import Rows
+from imuloop.core.samples import CHANNELS, TIME, Columns
+from imuloop.segment.disturbance import robust_covariance, steepest, undisturbed
+from imuloop.segment.segment import segment_session, session_columns
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import static_log
 
 SETTINGS = SegmentSettings()
 N = 720_000
-WHOLE = np.array([[0, N]])
 
 
 def cut(samples):
     segments, _ = segment_session(samples, "static", SETTINGS)
     return segments[segments["kind"] == "disturbed"], segments[segments["kind"] == "static"]
+
+
+def is_cut(samples, settings=SETTINGS):
+    whole = np.array([[0, len(samples)]])
+    return not np.array_equal(undisturbed(Rows(samples), whole, 0.01, settings)[0], whole)
 
 
 def coloured(seed):
@@ -42,12 +48,8 @@ def coloured(seed):
 def test_undisturbed_sessions_of_two_hours_are_left_whole():
     """Eight at a probability of 1 % each: four white, four coloured, with warm-up, temperature,
     walk and a quantised gyroscope. Two alarms would have a probability of 0.5 %."""
-    sessions = [static_log(s, N)[list(CHANNELS)].to_numpy() for s in range(4)]
-    alarms = sum(disturbed_samples(x, WHOLE, 0.01, SETTINGS)[0].any() for x in sessions)
-    del sessions
-    alarms += sum(
-        disturbed_samples(coloured(100 + s), WHOLE, 0.01, SETTINGS)[0].any() for s in range(4)
-    )
+    alarms = sum(is_cut(static_log(s, N)) for s in range(4))
+    alarms += sum(is_cut(pd.DataFrame(coloured(100 + s), columns=CHANNELS)) for s in range(4))
     assert alarms < 2
 
 
@@ -56,8 +58,7 @@ def test_false_alarms_are_as_many_as_asked():
     loose = SegmentSettings(false_alarm=0.2, shortest_static_s=0.0)
     alarms = 0
     for seed in range(100):
-        x = static_log(1000 + seed, 20_000)[list(CHANNELS)].to_numpy()
-        alarms += disturbed_samples(x, np.array([[0, 20_000]]), 0.01, loose)[0].any()
+        alarms += is_cut(static_log(1000 + seed, 20_000), loose)
     assert 5 <= alarms <= 40
 
 
@@ -162,27 +163,35 @@ def test_covariance_is_that_of_the_undisturbed_part_and_turns_with_the_frame():
     np.testing.assert_allclose(turned, q @ covariance @ q.T, rtol=1e-6, atol=1e-9)
 
 
-def test_coefficients_depend_on_the_samples_that_they_claim():
-    rng = np.random.default_rng(10)
-    x = rng.normal(size=(1000, 6))
-    stretches = np.array([[3, 411], [500, 1000]])
-    before = {w: (c, f) for w, c, f in details(x, stretches, 7)}
-    changed = x.copy()
-    changed[600:620] += 1
-    changed[411:500] = np.nan
-    for width, c, first in details(changed, stretches, 7):
-        touched = np.any(c != before[width][0], axis=1)
-        allowed = (first + 3 * width - 2 > 600) & (first < 620)
-        assert np.array_equal(first, before[width][1])
-        assert not np.any(touched & ~allowed)
-        if width > 2:
-            assert touched.any()
-        # orthonormal: the variance of white noise is kept on every scale
-        if len(c) > 100:
-            assert np.mean(before[width][0] ** 2) == pytest.approx(1, abs=0.2)
+def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
+    """Two gaps, knocks, a tilt seen on long scales only, row groups that fit no piece."""
+    samples = static_log(11, 400_000)
+    samples.loc[90_000:90_010, "gx"] += 0.05
+    samples.loc[250_000:, "ay"] += 0.008
+    samples.loc[150_000:, "t"] += 3.0
+    samples.loc[150_100:, "t"] += 3.0
+    segments, metadata = segment_session(samples, "static", SETTINGS)
+    assert list(segments["kind"]).count("gap") == 2
+    assert list(segments["kind"]).count("disturbed") >= 2
+    assert max(each["scale_s"] for each in metadata["flagged"]) > 1.0
+    path = tmp_path / "samples.parquet"
+    samples.to_parquet(path, index=False, row_group_size=70_001)
+    for threads in (1, 2):
+        columns, found = session_columns(Columns(path), "static", SETTINGS, threads)
+        assert found == metadata
+        pd.testing.assert_frame_equal(pd.DataFrame(columns), segments, check_exact=True)
 
 
-def test_a_straight_drift_leaves_nothing():
-    x = np.linspace(0, 100, 5000)[:, None] * np.arange(1, 7)
-    for _, c, _ in details(x, np.array([[0, 5000]]), 8):
-        np.testing.assert_allclose(c, 0, atol=1e-8)
+def test_the_steepest_change_is_that_of_each_support():
+    """Against each support by itself, with supports that overlap and some that do not."""
+    rng = np.random.default_rng(12)
+    x = np.cumsum(rng.normal(size=(3000, 6)), axis=0)
+    rows = Rows(pd.DataFrame(x, columns=CHANNELS))
+    covariance, width = np.diag(rng.uniform(1, 2, 6)), 64
+    found = np.sort(rng.choice(2800, 40, replace=False))
+    expected = []
+    for start in found:
+        total = np.concatenate([np.zeros((1, 6)), np.cumsum(x[start : start + 190], axis=0)])
+        change = total[64:] - 2 * total[32:-32] + total[:-64]
+        expected.append(start + np.argmax(np.sum(change**2 / np.diag(covariance), axis=1)))
+    assert steepest(rows, found, width, covariance).tolist() == expected

@@ -83,11 +83,11 @@ def test_a_pair_that_loses_poses_and_one_that_blurs_them_lose():
         return every[: 12 if accelerometer == 1 else 30]
 
     settings = SegmentSettings(accelerometer_multiples=(1, 2), gyroscope_multiples=(3, 10))
-    best, table = choose_multiples(f, detect, settings)
+    best, table = choose_multiples(f.T, detect, settings)
     assert best == (2, 3)
     assert [row["attitudes"] for row in table] == [12, 29, 30, 29]
 
 
 def test_no_rest_gives_no_pair():
     none = np.empty((0, 2), dtype=int)
-    assert choose_multiples(np.zeros((9, 3)), lambda _: none, SegmentSettings()) == (None, [])
+    assert choose_multiples(np.zeros((3, 9)), lambda _: none, SegmentSettings()) == (None, [])

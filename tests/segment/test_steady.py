@@ -113,7 +113,7 @@ def test_false_alarms_are_no_more_than_asked(colour):
             w += colour * lfilter([1], [1, -a], drive, axis=0)
         # bias of each attitude
         w += np.repeat(10 * rng.normal(size=(20, 3)), length, axis=0)
-        unsteady = unsteady_samples(w, np.column_stack([end - length, end]), 0.01, settings)
+        unsteady = unsteady_samples(w.T, np.column_stack([end - length, end]), 0.01, settings)
         alarms += unsteady.either.any()
         lost += unsteady.either.mean() / 100
     # three standard deviations of 100 trials

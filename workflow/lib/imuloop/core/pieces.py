@@ -16,18 +16,18 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import replaced
+from imuloop.core.rows import ROWS, Rows, median_step
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     METADATA_KEY,
     TEMPERATURE,
     TIME,
+    Columns,
     check_columns,
     read_metadata,
 )
 
-# rows of a piece: 8 columns of it are 8 MB
-ROWS = 1 << 17
 # samples that a filter reaches beyond `Effect.reach` at least
 FEWEST = 16
 
@@ -67,7 +67,7 @@ def apply_file(calibration, source, target, rows=ROWS):
     if read_metadata(source).get("calibrated"):
         raise ImuloopError(f"{source}: its samples are calibrated already")
     reach = max((effect.effect.reach for effect in calibration.effects), default=0.0)
-    step = median_step(source, rows) if reach else None
+    step = median_step(Rows(Columns(source))) if reach else None
     ends = None
     if TEMPERATURE in names and any(TEMPERATURE in e.effect.needs for e in calibration.effects):
         ends = known_ends(source, rows)
@@ -139,37 +139,6 @@ def known_ends(path, rows=ROWS):
         known = np.flatnonzero(np.isfinite(values))[[0, -1]] if np.isfinite(values).any() else []
         found.append([(t[i], values[i]) for i in known] or None)
     return found
-
-
-def median_step(path, rows=ROWS):
-    """Return the median step of time of a samples file, s; None of a single sample.
-
-    Exact, in bounded memory: the bits of positive numbers are in the order of the numbers, so
-    the one of a given rank is found from counts, 16 bits in each of four passes.
-    """
-    count = pq.read_metadata(path).num_rows - 1
-    if count < 1:
-        return None
-    return float(np.mean([_of_rank(path, rows, rank) for rank in ((count - 1) // 2, count // 2)]))
-
-
-def _of_rank(path, rows, rank):
-    """Return the step of time that so many are smaller than."""
-    prefix = np.uint64(0)
-    for shift in (48, 32, 16, 0):
-        counts, before = np.zeros(1 << 16, dtype=np.int64), None
-        for table in _pieces(path, rows, [TIME]):
-            t = _column(table, TIME)
-            bits = np.diff(t, prepend=t[:1] if before is None else before).view(np.uint64)
-            bits, before = bits[before is None :], t[-1:]
-            bits = bits >> np.uint64(shift)
-            bits = bits[bits >> np.uint64(16) == prefix]
-            counts += np.bincount((bits & np.uint64(0xFFFF)).astype(np.int64), minlength=1 << 16)
-        smaller = np.cumsum(counts)
-        digit = int(np.searchsorted(smaller, rank, side="right"))
-        rank -= int(smaller[digit] - counts[digit])
-        prefix = (prefix << np.uint64(16)) | np.uint64(digit)
-    return prefix.view(np.float64)
 
 
 def _with_surroundings(pieces, reach, step):

@@ -6,13 +6,14 @@ mean and standard deviation of every channel (SI units); values that are missing
 """
 
 import json
+from math import sqrt
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.files import replaced
+from imuloop.core.rows import Rows
 from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE, TIME
 
 STATIC = "static"
@@ -20,6 +21,8 @@ MOTION = "motion"
 DISTURBED = "disturbed"
 GAP = "gap"
 KINDS = (STATIC, MOTION, DISTURBED, GAP)
+# longer stretches are read in parts of so many rows
+_PART = 1 << 20
 
 
 def segment_table(samples, start_s, end_s, kinds, poses):
@@ -41,30 +44,89 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     DataFrame
         One row a stretch; not-a-number where a channel has no value in it.
     """
-    t = samples[TIME].to_numpy()
-    first = np.searchsorted(t, start_s, side="left")
-    last = np.searchsorted(t, end_s, side="left")
-    table = {
+    # takes as long to import as the work on a short session
+    import pandas as pd
+
+    t = np.asarray(samples[TIME])
+    ranges = np.column_stack([np.searchsorted(t, edge, side="left") for edge in (start_s, end_s)])
+    return pd.DataFrame(
+        segment_columns(start_s, end_s, kinds, poses, ranges, *statistics(Rows(samples), ranges))
+    )
+
+
+def segment_columns(start_s, end_s, kinds, poses, ranges, means, deviations):
+    """Return the columns of a table of segments by name.
+
+    Parameters are those of `segment_table`, the ranges of samples, and what `statistics` gives.
+    """
+    columns = {
         "start_s": np.asarray(start_s, dtype=float),
         "end_s": np.asarray(end_s, dtype=float),
         "kind": list(kinds),
         "pose": np.asarray(poses, dtype=np.int64),
-        "n": last - first,
+        "n": np.diff(ranges, axis=1).ravel(),
     }
-    for channel in (*CHANNELS, *([TEMPERATURE] if TEMPERATURE in samples else [])):
-        x = samples[channel].to_numpy()
-        stretches = [x[i:j] for i, j in zip(first, last, strict=True)]
-        if channel == TEMPERATURE:
-            stretches = [s[np.isfinite(s)] for s in stretches]
-        table[f"{channel}_mean"] = np.array([s.mean() if len(s) else np.nan for s in stretches])
-        table[f"{channel}_std"] = np.array([s.std() if len(s) else np.nan for s in stretches])
-    return pd.DataFrame(table)
+    for channel in means:
+        columns[f"{channel}_mean"] = means[channel]
+        columns[f"{channel}_std"] = deviations[channel]
+    return columns
+
+
+def statistics(rows, ranges):
+    """Return mean and standard deviation of every channel in ranges of samples.
+
+    Parameters
+    ----------
+    rows : Rows
+        Samples.
+    ranges : array_like of int, shape (n, 2)
+        Half-open.
+
+    Returns
+    -------
+    means, deviations : dict of str to ndarray, shape (n,)
+        Of the values that are not missing; not-a-number where there are none.
+    """
+    names = (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows.names))
+    found = np.full((2, len(names), len(ranges)), np.nan)
+    for k, (i, j) in enumerate(ranges):
+        parts = [[] for _ in names]
+        for first in range(i, j, _PART):
+            x = rows.read(names, first, min(first + _PART, j))
+            for name, part, values in zip(names, parts, x, strict=True):
+                known = values[np.isfinite(values)] if name == TEMPERATURE else values
+                if len(known):
+                    part.append((len(known), known.mean(), known.std()))
+        found[:, :, k] = np.transpose([_joined(part) for part in parts])
+    return tuple(dict(zip(names, each, strict=True)) for each in found)
+
+
+def _joined(parts):
+    """Return mean and standard deviation of parts of which number, mean and deviation are given."""
+    if not parts:
+        return np.nan, np.nan
+    if len(parts) == 1:
+        return parts[0][1:]
+    n, means, deviations = np.array(parts).T
+    mean = means @ n / n.sum()
+    return mean, sqrt((deviations**2 + (means - mean) ** 2) @ n / n.sum())
 
 
 def write_segments(path, segments, metadata):
-    """Write segments and what the segmentation chose as Parquet, in one step."""
-    table = pa.Table.from_pandas(segments, preserve_index=False)
-    table = table.replace_schema_metadata({METADATA_KEY: json.dumps(metadata).encode()})
+    """Write segments and what the segmentation chose as Parquet, in one step.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    segments : DataFrame or dict
+        Columns by name.
+    metadata : dict
+        Kept as JSON in the file.
+    """
+    table = {name: np.asarray(segments[name]) for name in segments}
+    table["kind"] = pa.array(list(segments["kind"]), pa.large_string())
+    table = pa.table(table).replace_schema_metadata({METADATA_KEY: json.dumps(metadata).encode()})
     with replaced(path) as temporary:
         pq.write_table(table, temporary)
 

@@ -1,16 +1,25 @@
 """Disturbances: knocks, handling and lasting tilts in a static session, by wavelets."""
 
+from dataclasses import dataclass
+
 import numpy as np
-import pywt
-from scipy import stats
+from scipy import special
 
-from imuloop.segment.stretches import runs
-from imuloop.segment.windows import rounding_variance
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.ingest.in_order import in_order
+from imuloop.segment.stretches import merged, without
+from imuloop.segment.wavelets import (
+    DENSE,
+    FINE,
+    coarse_details,
+    fine_details,
+    pieces,
+    whole,
+)
+from imuloop.segment.windows import DECIDING, rounding_variance
 
-# two vanishing moments: a straight drift leaves nothing
-WAVELET = pywt.Wavelet("db2")
 # specific force and angular rate are judged together
-CHANNELS = 6
+K = len(CHANNELS)
 # fewest coefficients on a scale from which their covariance can be told
 FEWEST = 60
 # most coefficients that the covariance of a scale is taken from
@@ -22,11 +31,10 @@ TAIL, TAIL_LIMIT = 0.99, 4.0
 LONE = 8
 # how much larger, in amplitude, such a sample has to be to count as a knock
 LONE_FACTOR = 2.0
-# scales of more samples than this are transformed at every shift by half the scale below, so that
-# no step falls between two coefficients
-DENSE = 32
 # a disturbance hidden behind a larger one is found in a later round
 ROUNDS = 10
+# samples over which the places of cuts are looked for at once
+TOGETHER = 1 << 18
 
 
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
@@ -66,86 +74,24 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
         half = x[distance <= np.median(distance)]
         covariance = half.T @ half / len(half) + np.diag(floor)
     distance = squared_distance(x, covariance)
-    scale = np.median(distance) / stats.chi2.median(k)
-    cut = stats.chi2.ppf(0.975, k)
+    scale = np.median(distance) / special.chdtri(k, 0.5)
+    cut = special.chdtri(k, 0.025)
     near = x[distance <= cut * scale]
     # second moment of a normal vector within the quantile, of the whole
-    covariance = near.T @ near / len(near) * 0.975 / stats.chi2.cdf(cut, k + 2)
+    covariance = near.T @ near / len(near) * 0.975 / special.chdtr(k + 2, cut)
     covariance += np.diag(floor)
-    tail = np.quantile(squared_distance(x, covariance), TAIL) / stats.chi2.ppf(TAIL, k)
+    tail = np.quantile(squared_distance(x, covariance), TAIL) / special.chdtri(k, 1 - TAIL)
     return covariance * np.clip(tail, 1.0, tail_limit)
 
 
 def squared_distance(x, covariance):
     """Return the squared Mahalanobis distance of vectors, shape (n, k), from zero."""
-    return np.sum((x @ np.linalg.cholesky(np.linalg.inv(covariance))) ** 2, axis=1)
+    y = np.linalg.cholesky(np.linalg.inv(covariance)).T @ x.T
+    return np.einsum("ij,ij->j", y, y)
 
 
-def details(x, stretches, level_count):
-    """Yield scale, wavelet coefficients and the first sample each depends on, fine to coarse.
-
-    Coefficient k of level j depends on 3·2ʲ − 2 samples, from 2ʲk − 2(2ʲ − 1) of its stretch on;
-    those that reach beyond an end of the stretch are left out.
-
-    Parameters
-    ----------
-    x : array_like, shape (n, 6)
-        Samples.
-    stretches : array_like of int, shape (k, 2)
-        Undisturbed ranges of samples.
-    level_count : int
-        Number of levels.
-
-    Yields
-    ------
-    width : int
-        2ʲ, samples.
-    coefficients : ndarray, shape (m, 6)
-        Of all stretches.
-    first : ndarray of int, shape (m,)
-        First sample of the support of each.
-    """
-    # (first sample of the stretch, its end, shift of the sequence, smooth sequence)
-    sequences = [(i, j, 0, x[i:j]) for i, j in stretches]
-    for level in range(1, level_count + 1):
-        width = 2**level
-        coefficients, first, halved = [np.empty((0, CHANNELS))], [np.empty(0, dtype=int)], []
-        for i, j, shift, smooth in sequences:
-            for extra in (0, 1) if width > DENSE else (0,):
-                if len(smooth) - extra < WAVELET.dec_len:
-                    continue
-                begin = shift + extra * width // 2
-                halves = pywt.dwt(smooth[extra:], WAVELET, mode="zero", axis=0)
-                halved.append((i, j, begin, halves[0]))
-                start = begin + width * np.arange(len(halves[1])) - 2 * (width - 1)
-                inside = (start >= 0) & (start + 3 * width - 2 <= j - i)
-                coefficients.append(halves[1][inside])
-                first.append(start[inside] + i)
-        sequences = halved
-        yield width, np.concatenate(coefficients), np.concatenate(first)
-
-
-def _mark(x, covariance, first, width, guard, cut):
-    # mark what each flagged coefficient saw; on wide supports only where the level changes most
-    half, length = width // 2, 3 * width - 2
-    for start in first:
-        begin, end = start, start + length
-        if length > guard:
-            total = np.concatenate([np.zeros((1, CHANNELS)), np.cumsum(x[begin:end], axis=0)])
-            change = total[width:] - 2 * total[half:-half] + total[:-width]
-            begin += int(np.argmax(squared_distance(change, covariance)))
-            end = begin + width
-        cut[max(begin - guard, 0) : end + guard] = True
-
-
-def undisturbed(disturbed, stretches):
-    """Return the ranges of samples, shape (k, 2), between disturbances and gaps."""
-    ranges = [runs(~disturbed[i:j]) + i for i, j in stretches]
-    return np.concatenate([np.empty((0, 2), dtype=int), *ranges])
-
-
-def disturbed_samples(x, stretches, step, settings):
-    """Return which samples of a static session are disturbed.
+def undisturbed(rows, stretches, step, settings, threads=1):
+    """Return the ranges of a static session between its disturbances.
 
     The coefficients of a wavelet transform of all six channels, scale by scale up to
     `longest_scale_s`, are compared with their own robust covariance on that scale: so flicker,
@@ -164,18 +110,21 @@ def disturbed_samples(x, stretches, step, settings):
 
     Parameters
     ----------
-    x : array_like, shape (n, 6)
-        Specific force, m/s², and angular rate, rad/s.
+    rows : imuloop.core.rows.Rows
+        Samples.
     stretches : array_like of int, shape (k, 2)
         Stretches without a gap.
     step : float
         Median step of time, s.
     settings : SegmentSettings
         False alarms, longest scale, guard, shortest static stretch.
+    threads : int
+        How many may work at once; changes nothing in the result.
 
     Returns
     -------
-    disturbed : ndarray of bool, shape (n,)
+    ranges : ndarray of int, shape (m, 2)
+        Half-open ranges of samples, in order of time.
     metadata : dict
         Longest scale judged, s, and the number of coefficients that placed a cut, by scale.
 
@@ -185,40 +134,186 @@ def disturbed_samples(x, stretches, step, settings):
     Donoho, Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81 (1994),
     section 2.4 (threshold over all coefficients).
     """
-    disturbed = np.zeros(len(x), dtype=bool)
-    level_count = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
-    guard = round(settings.guard_s / step)
+    levels = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
+    search = _Search(
+        rows=rows,
+        widths=[2**level for level in range(1, levels + 1)],
+        floor=np.repeat(
+            [
+                rounding_variance(rows.read(axes, 0, min(DECIDING, len(rows))).T)
+                for axes in (ACCELERATION, ANGULAR_RATE)
+            ],
+            3,
+        ),
+        false_alarm=settings.false_alarm / max(len(rows), 1),
+        guard=round(settings.guard_s / step),
+        threads=threads,
+    )
     shortest = round(settings.shortest_static_s / step)
-    floor = np.repeat([rounding_variance(x[:, :3]), rounding_variance(x[:, 3:])], 3)
-    flagged, longest = {}, 0.0
+    left, flagged, longest = np.asarray(stretches), {}, 0
     for _ in range(ROUNDS):
-        left = undisturbed(disturbed, stretches)
-        cut = np.zeros(len(x), dtype=bool)
-        for width, coefficients, first in details(x, left, level_count):
-            n = len(coefficients)
-            # shifted transforms overlap: only so many coefficients are independent
-            independent = n // max(1, width // DENSE)
-            if independent < FEWEST:
-                break
-            longest = max(longest, width * step)
-            sample = coefficients[:: n // MOST + 1]
-            covariance = robust_covariance(sample, floor)
-            m = min(independent, len(sample))
-            bound = stats.f.isf(settings.false_alarm / len(x), CHANNELS, m - CHANNELS)
-            bound *= CHANNELS * (m - 1) * (m + 1) / (m * (m - CHANNELS))
-            bound *= LONE_FACTOR**2 if width < LONE else 1.0
-            found = first[squared_distance(coefficients, covariance) > bound]
-            if len(found):
-                seen = np.concatenate([[0], np.cumsum(cut)])
-                found = found[seen[found + 3 * width - 2] == seen[found]]
-                _mark(x, covariance, found, width, guard, cut)
-                flagged[width] = flagged.get(width, 0) + len(found)
-        if not cut.any():
+        cuts, judged, counts = search.cuts(left)
+        longest = max(longest, judged)
+        flagged = {w: flagged.get(w, 0) + counts.get(w, 0) for w in search.widths}
+        if not len(cuts):
             break
-        disturbed |= cut
-        for i, j in stretches:
-            for begin, end in runs(~disturbed[i:j]) + i:
-                if end - begin < min(shortest, j - i):
-                    disturbed[begin:end] = True
+        left = without(left, cuts)
+        i, j = stretches[np.searchsorted(stretches[:, 0], left[:, 0], side="right") - 1].T
+        left = left[np.diff(left, axis=1).ravel() >= np.minimum(shortest, j - i)]
     counts = [{"scale_s": w * step, "count": n} for w, n in sorted(flagged.items()) if n]
-    return disturbed, {"longest_scale_s": longest, "flagged": counts}
+    return left, {"longest_scale_s": longest * step, "flagged": counts}
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What a round of the search needs: samples, scales, noise of rounding, probability, guard."""
+
+    rows: object
+    widths: list
+    floor: np.ndarray
+    false_alarm: float
+    guard: int
+    threads: int
+
+    def cuts(self, ranges):
+        """Return what is to be cut from ranges, the longest scale judged, and counts by scale."""
+        cuts, judged, counts = np.empty((0, 2), dtype=int), 0, {}
+        for width, covariance, found in self._found(ranges):
+            judged = width
+            found = np.sort(found)
+            k = np.searchsorted(cuts[:, 1], found, side="right")
+            reached = np.append(cuts[:, 0], len(self.rows) + 1)[k]
+            found = found[found + 3 * width - 2 <= reached]
+            if len(found):
+                counts[width] = len(found)
+                cuts = merged(np.concatenate([cuts, self._marks(found, width, covariance)]))
+        return cuts, judged, counts
+
+    def _found(self, ranges):
+        """Yield scale, covariance and first samples of what is too large, fine to coarse."""
+        spans = {w: [whole(piece, w) for piece in pieces(ranges)] for w in FINE}
+        counts = {w: [last - first for first, last in spans[w]] for w in FINE}
+        widths = [w for w in self.widths if w <= DENSE]
+        few = [w for w in widths if sum(counts[w]) < FEWEST]
+        widths = [w for w in widths if not few or w < few[0]]
+        ahead = {w: np.cumsum([0, *counts[w]]) for w in widths}
+        stride = {w: ahead[w][-1] // MOST + 1 for w in widths}
+
+        def sampled(item):
+            n, piece, x = item
+            details, smooth = fine_details(x, piece, widths)
+            samples = [
+                detail[:, -ahead[w][n] % stride[w] :: stride[w]].copy()
+                for w, (detail, _) in zip(widths, details, strict=True)
+            ]
+            return samples, piece, None if smooth is None else smooth.copy()
+
+        samples, sequences = [[] for _ in widths], []
+        for part, (i, j, a, *_), smooth in in_order(sampled, self._read(ranges), self.threads):
+            for each, sample in zip(samples, part, strict=True):
+                each.append(sample)
+            if smooth is not None:
+                if a == i:
+                    sequences.append((i, j, 0, []))
+                sequences[-1][3].append(smooth)
+        judged = {
+            w: self._judged(np.hstack(each), ahead[w][-1], w)
+            for w, each in zip(widths, samples, strict=True)
+        }
+
+        def too_large(item):
+            _, piece, x = item
+            details, _ = fine_details(x, piece, widths)
+            return [
+                _beyond(detail, first, w, *judged[w])
+                for w, (detail, first) in zip(widths, details, strict=True)
+            ]
+
+        found = list(in_order(too_large, self._read(ranges), self.threads)) if widths else []
+        for n, w in enumerate(widths):
+            yield w, judged[w][0], np.concatenate([each[n] for each in found])
+        if few:
+            return
+        sequences = [(i, j, shift, np.hstack(parts)) for i, j, shift, parts in sequences]
+        for width in [w for w in self.widths if w > DENSE]:
+            details, sequences = coarse_details(sequences, width)
+            n = sum(detail.shape[1] for detail, _ in details)
+            # shifted transforms overlap: only so many coefficients are independent
+            if n // (width // DENSE) < FEWEST:
+                return
+            stride, ahead, sample = n // MOST + 1, 0, []
+            for detail, _ in details:
+                sample.append(detail[:, -ahead % stride :: stride])
+                ahead += detail.shape[1]
+            covariance, bound = self._judged(np.hstack(sample), n, width)
+            found = [_beyond(d, first, width, covariance, bound) for d, first in details]
+            yield width, covariance, np.concatenate(found)
+
+    def _read(self, ranges):
+        """Give number, piece and samples of the pieces of ranges."""
+        for n, piece in enumerate(pieces(ranges)):
+            yield n, piece, self.rows.read(CHANNELS, piece[4], piece[3])
+
+    def _judged(self, sample, n, width):
+        """Return covariance of a scale's n coefficients and the bound of their squared distance."""
+        covariance = robust_covariance(sample.T, self.floor)
+        m = min(n // max(1, width // DENSE), sample.shape[1])
+        bound = special.fdtri(K, m - K, 1 - self.false_alarm)
+        bound *= K * (m - 1) * (m + 1) / (m * (m - K))
+        return covariance, bound * (LONE_FACTOR**2 if width < LONE else 1.0)
+
+    def _marks(self, found, width, covariance):
+        """Return the ranges to cut; of wide supports only where the level changes most."""
+        length = 3 * width - 2
+        if length > self.guard:
+            found = steepest(self.rows, found, width, covariance)
+            length = width
+        return np.column_stack([np.maximum(found - self.guard, 0), found + length + self.guard])
+
+
+def _beyond(detail, first, width, covariance, bound):
+    """Return the first samples of the coefficients whose squared distance is beyond a bound."""
+    return first + width * np.flatnonzero(squared_distance(detail.T, covariance) > bound)
+
+
+def steepest(rows, found, width, covariance):
+    """Return where, in the support of each coefficient, the means of two halves differ most.
+
+    Parameters
+    ----------
+    rows : imuloop.core.rows.Rows
+        Samples.
+    found : ndarray of int, shape (n,)
+        First samples of the supports, in order.
+    width : int
+        Scale; the halves are of half a scale each.
+    covariance : ndarray, shape (6, 6)
+        Of the coefficients.
+    """
+    half, length = width // 2, 3 * width - 2
+    best, n = np.empty_like(found), 0
+    while n < len(found):
+        # supports overlap: those in a part of the log are looked at together
+        end = np.searchsorted(found, found[n] + max(length, TOGETHER), side="right")
+        low, high = found[n], found[end - 1] + length
+        total = np.zeros((K, high - low + 1))
+        for each, name in zip(total, CHANNELS, strict=True):
+            np.cumsum(rows.read((name,), low, high)[0], out=each[1:])
+        places = high - low - width + 1
+        change = np.empty(places)
+        for a in range(0, places, TOGETHER):
+            b = min(a + TOGETHER, places)
+            second = total[:, a + half : b + half]
+            difference = total[:, a + width : b + width] - 2 * second + total[:, a:b]
+            change[a:b] = squared_distance(difference.T, covariance)
+        place = -1
+        for k in range(n, end):
+            a, b = found[k] - low, found[k] - low + length - width + 1
+            # what was the largest still is, but for what came in
+            new = a if place < a else found[k - 1] - low + length - width + 1
+            top = new + int(np.argmax(change[new:b])) if new < b else place
+            if place < a or change[top] > change[place]:
+                place = top
+            best[k] = low + place
+        n = end
+    return best

@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 # prior standard deviation of scale and misalignment (of one) and of bias (of g)
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
@@ -63,7 +63,7 @@ def expected_error(f):
     normal = design.T @ design
     hat = design @ np.linalg.solve(normal + POSE_NORM**2 * np.eye(9), design.T)
     residual = np.sum((error - hat @ error) ** 2) + POSE_NORM**2
-    variance = residual / stats.chi2.ppf(0.05, len(f) - np.trace(hat) + 1)
+    variance = residual / special.chdtri(len(f) - np.trace(hat) + 1, 0.95)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
     return float(np.sqrt(np.sum(covariance * _moments())))
 
@@ -73,14 +73,14 @@ def attitudes(f, rests, same_attitude):
 
     Parameters
     ----------
-    f : array_like, shape (n + 1, 3)
+    f : array_like, shape (3, n + 1)
         Cumulative sum of specific force, from zero, m/s².
     rests : array_like of int, shape (m, 2)
         Ranges of samples.
     same_attitude : float
         Angle, rad.
     """
-    total = f[rests[:, 1]] - f[rests[:, 0]]
+    total = (f[:, rests[:, 1]] - f[:, rests[:, 0]]).T
     u = total / np.linalg.norm(total, axis=1, keepdims=True)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
     group = np.concatenate([[0], np.cumsum(angle > same_attitude)])
@@ -101,7 +101,7 @@ def choose_multiples(specific_force, detect, settings):
 
     Parameters
     ----------
-    specific_force : array_like, shape (n, 3)
+    specific_force : array_like, shape (3, n)
         m/s².
     detect : callable
         Takes a pair of multiples, returns the rests, shape (m, 2).
@@ -115,7 +115,7 @@ def choose_multiples(specific_force, detect, settings):
     table : list of dict
         For each pair that found one: multiples, rests, attitudes, expected error (of g).
     """
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(specific_force, axis=0)])
+    total = np.concatenate([np.zeros((3, 1)), np.cumsum(specific_force, axis=1)], axis=1)
     table = []
     pairs = itertools.product(settings.accelerometer_multiples, settings.gyroscope_multiples)
     for accelerometer, gyroscope in pairs:

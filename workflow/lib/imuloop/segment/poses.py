@@ -2,29 +2,39 @@
 
 import numpy as np
 
-from imuloop.core.rotation import exponential, prefix_product, step_vectors
+from imuloop.core.rotation import exponential, multiply, prefix_product, step_vectors
+from imuloop.core.rows import ROWS
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 
 
-def largest_turn(t, w, bias):
-    """Return the largest angle, rad, by which a device turned away from its first attitude.
+def turned_by(rows, first, last, bias, limit):
+    """Tell whether a device turned away from its first attitude by more than an angle.
 
     Parameters
     ----------
-    t : array_like, shape (n,)
-        Time, s.
-    w : array_like, shape (n, 3)
-        Angular rate, rad/s.
+    rows : imuloop.core.rows.Rows
+        Samples.
+    first, last : int
+        Range of samples.
     bias : array_like, shape (3,)
         Rate at rest, rad/s.
+    limit : float
+        Angle, rad.
     """
-    if len(t) < 2:
-        return 0.0
-    attitude = prefix_product(exponential(step_vectors(w - bias, np.diff(t))))
-    half = np.linalg.norm(attitude[:, 1:], axis=1), np.abs(attitude[:, 0])
-    return float(np.max(2 * np.arctan2(*half)))
+    attitude = np.array([1.0, 0.0, 0.0, 0.0])
+    for begin in range(first, last - 1, ROWS):
+        # a piece begins with the sample that the one before ends with
+        t, *w = rows.read((TIME, *ANGULAR_RATE), begin, min(begin + ROWS + 1, last))
+        steps = exponential(step_vectors(np.transpose(w) - bias, np.diff(t)))
+        attitudes = multiply(attitude, prefix_product(steps))
+        half = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
+        if np.max(2 * np.arctan2(*half)) > limit:
+            return True
+        attitude = attitudes[-1]
+    return False
 
 
-def number_poses(t, f, w, rests, stretches, settings):
+def number_poses(rows, rests, means, spreads, stretches, settings):
     """Return the pose number of each rest: 0, 1, 2 … in order of time.
 
     A rest has the number of the one before it if their directions of specific force agree within
@@ -35,12 +45,12 @@ def number_poses(t, f, w, rests, stretches, settings):
 
     Parameters
     ----------
-    t : array_like, shape (n,)
-        Time, s.
-    f, w : array_like, shape (n, 3)
-        Specific force, m/s², and angular rate, rad/s.
+    rows : imuloop.core.rows.Rows
+        Samples.
     rests : array_like of int, shape (m, 2)
         Ranges of samples, in order of time.
+    means, spreads : dict of str to ndarray, shape (m,)
+        Mean and standard deviation of each channel in each rest, SI.
     stretches : array_like of int, shape (k, 2)
         Stretches without a gap.
     settings : SegmentSettings
@@ -51,19 +61,22 @@ def number_poses(t, f, w, rests, stretches, settings):
     ndarray of int, shape (m,)
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
-    means = np.array([[f[i:j].mean(axis=0), w[i:j].mean(axis=0)] for i, j in rests])
-    errors = np.array([np.linalg.norm(f[i:j].std(axis=0)) / np.sqrt(j - i) for i, j in rests])
+    force, rate = (
+        np.column_stack([means[name] for name in axes]) for axes in (ACCELERATION, ANGULAR_RATE)
+    )
+    spread = np.column_stack([spreads[name] for name in ACCELERATION])
+    errors = np.linalg.norm(spread, axis=1) / np.sqrt(np.diff(rests, axis=1).ravel())
     stretch = np.searchsorted(np.asarray(stretches)[:, 0], rests[:, 0], side="right")
     first = 0
     for k in range(1, len(rests)):
-        a, b = means[first, 0], means[k, 0]
+        a, b = force[first], force[k]
         angle = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
         noise = np.hypot(errors[first], errors[k]) / np.linalg.norm(b)
         same = stretch[k] == stretch[k - 1] and angle <= max(settings.same_attitude, 4 * noise)
         if same:
-            between = slice(rests[k - 1, 1] - 1, rests[k, 0] + 1)
-            bias = (means[k - 1, 1] + means[k, 1]) / 2
-            same = largest_turn(t[between], w[between], bias) <= settings.turned
+            between = rests[k - 1, 1] - 1, rests[k, 0] + 1
+            bias = (rate[k - 1] + rate[k]) / 2
+            same = not turned_by(rows, *between, bias, settings.turned)
         numbers[k] = numbers[k - 1] + (not same)
         first = first if same else k
     return numbers

@@ -1,15 +1,17 @@
 """Segment: the one entry of the stage, from samples to segments."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
-from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
-from imuloop.segment.disturbance import disturbed_samples, undisturbed
+from imuloop.core.rows import Rows
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
+from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.multiples import choose_multiples
 from imuloop.segment.poses import number_poses
-from imuloop.segment.static_detector import activity, detect_rests, rest_level
+from imuloop.segment.static_detector import activity, detect_rests, rest_level, slow
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import unbroken
 
@@ -28,7 +30,7 @@ def segment_session(samples, kind, settings):
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : Columns or DataFrame
         Samples of the session, SI.
     kind : str
         "static", "six_position" or "multi_position".
@@ -44,55 +46,73 @@ def segment_session(samples, kind, settings):
         number of rests dropped as too short, `unsteady`: what turned or trembled (`_losses`), gaps
         and, of a static session, the scales searched.
     """
-    t = samples[TIME].to_numpy()
-    stretches, step = unbroken(t, settings.gap_factor)
+    # takes as long to import as the work on a short session
+    import pandas as pd
+
+    columns, metadata = session_columns(samples, kind, settings)
+    return pd.DataFrame(columns), metadata
+
+
+def session_columns(samples, kind, settings, threads=1):
+    """Return the segments of a session as columns by name, and the metadata.
+
+    Of a file few row groups are held at once where the session is static, else six columns.
+
+    Parameters
+    ----------
+    samples : Columns or DataFrame
+        Samples of the session, SI.
+    kind, settings
+        As of `segment_session`.
+    threads : int
+        How many may work at once; changes nothing in the result.
+    """
+    rows = Rows(samples)
+    stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
-        x = samples[list(CHANNELS)].to_numpy()
-        disturbed, metadata = disturbed_samples(x, stretches, step, settings)
-        rests = undisturbed(disturbed, stretches)
+        rests, metadata = undisturbed(rows, stretches, step, settings, threads)
         between = DISTURBED
     else:
-        rests, metadata = _find_rests(samples, stretches, step, settings)
+        rests, metadata = _find_rests(rows, stretches, step, settings)
         between = MOTION
-    f = samples[list(ACCELERATION)].to_numpy()
-    w = samples[list(ANGULAR_RATE)].to_numpy()
-    poses = number_poses(t, f, w, rests, stretches, settings)
 
-    edges, kinds, numbers = [], [], []
-
-    def append(first, last, kind, pose=-1):
-        if last > first:
-            edges.append((first, last))
-            kinds.append(kind)
-            numbers.append(pose)
-
-    # one step after the last sample before a gap, or at the end, its stretch ends
-    ends = t[stretches[:, 1] - 1] + step
+    ranges, kinds = [], []
     stretch_of = np.searchsorted(stretches[:, 0], rests[:, 0], side="right") - 1
     for n, (i, j) in enumerate(stretches):
-        now = t[i]
-        for k in np.flatnonzero(stretch_of == n):
-            first, last = rests[k]
-            append(now, t[first], between)
-            now = ends[n] if last == j else t[last]
-            append(t[first], now, STATIC, int(poses[k]))
-        append(now, ends[n], between)
+        edges = np.concatenate([[i], rests[stretch_of == n].ravel(), [j]])
+        for k, (first, last) in enumerate(pairwise(edges)):
+            if last > first:
+                ranges.append((first, last))
+                kinds.append(STATIC if k % 2 else between)
         if n + 1 < len(stretches):
-            append(ends[n], t[stretches[n + 1, 0]], GAP)
-    start, end = np.array(edges).reshape(-1, 2).T
+            ranges.append((j, j))
+            kinds.append(GAP)
+    ranges = np.array(ranges, dtype=int).reshape(-1, 2)
+    is_rest, is_gap = (np.array(kinds, dtype=object) == kind for kind in (STATIC, GAP))
+    # a stretch ends one step after its last sample, and a gap with the next one
+    ends = dict(zip(stretches[:, 1], rows.at(TIME, stretches[:, 1] - 1) + step, strict=True))
+    start = rows.at(TIME, np.where(is_gap, 0, ranges[:, 0]))
+    start[is_gap] = [ends[j] for j in ranges[is_gap, 0]]
+    end = np.append(start[1:], [ends[j] for j in stretches[-1:, 1]])
+
+    means, deviations = statistics(rows, ranges)
+    at_rest = [{name: x[is_rest] for name, x in each.items()} for each in (means, deviations)]
+    poses = np.full(len(ranges), -1)
+    poses[is_rest] = number_poses(rows, ranges[is_rest], *at_rest, stretches, settings)
     metadata |= {
         "kind": kind,
         "step_s": step,
         "gaps": max(len(stretches) - 1, 0),
-        "poses": int(poses[-1]) + 1 if len(poses) else 0,
+        "poses": int(poses.max(initial=-1)) + 1,
     }
-    return segment_table(samples, start, end, kinds, numbers), metadata
+    return segment_columns(start, end, kinds, poses, ranges, means, deviations), metadata
 
 
-def _find_rests(samples, stretches, step, settings):
+def _find_rests(rows, stretches, step, settings):
     window = max(2, round(settings.window_s / step))
-    moving = activity(samples, stretches, window)
-    level = rest_level(samples, moving, step, settings)
+    f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
+    moving = activity(f, w, stretches, window)
+    level = rest_level(f, w, moving, step, settings)
     if level is None:
         return np.empty((0, 2), dtype=int), {
             "level": None,
@@ -101,29 +121,28 @@ def _find_rests(samples, stretches, step, settings):
             "short_rests": 0,
             "unsteady": None,
         }
-    f = samples[list(ACCELERATION)].to_numpy()
-    w = samples[list(ANGULAR_RATE)].to_numpy()
+    is_slow = slow(moving, level, settings)
+
+    def found(moving, pair):
+        return detect_rests(moving, level, is_slow, pair, stretches, step, settings)
 
     def choose(moving):
-        def detect(pair):
-            return detect_rests(moving, level, pair, stretches, step, settings)[0]
-
-        return choose_multiples(f, detect, settings)
+        return choose_multiples(f, lambda pair: found(moving, pair)[0], settings)
 
     # where no pair finds a rest long enough, the widest says how many were too short
     widest = (max(settings.accelerometer_multiples), max(settings.gyroscope_multiples))
-    rests, _ = detect_rests(moving, level, widest, stretches, step, settings)
+    rests, _ = found(moving, widest)
     unsteady = unsteady_samples(w, rests, step, settings)
     steady = replace(moving, accelerometer=np.where(unsteady.either, np.inf, moving.accelerometer))
     multiples, choice = choose(moving)
-    rests, short = detect_rests(moving, level, multiples or widest, stretches, step, settings)
+    rests, short = found(moving, multiples or widest)
     every = rests
     steady_multiples, steady_choice = choose(steady)
     # without its unsteady rests a session may no longer determine a calibration
     applied = steady_multiples and _lowest(steady_choice) <= DEAREST * _lowest(choice)
     if applied:
         multiples, choice = steady_multiples, steady_choice
-        rests, _ = detect_rests(steady, level, multiples, stretches, step, settings)
+        rests, _ = found(steady, multiples)
     return rests, {
         "level": {
             "source": level.source,

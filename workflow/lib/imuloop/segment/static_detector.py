@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.segment.stretches import runs
-from imuloop.segment.windows import rounding_variance, sliding_statistics
+from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
 
 @dataclass(frozen=True)
@@ -19,15 +18,15 @@ class Activity:
         Sum of the three windowed variances, (m/s²)² and (rad/s)²; infinite where no whole window
         fits between two gaps. The paper takes the root of the sum of their squares, which depends
         on how the sensor's frame lies; the sum does not, and a multiple of it means the same.
-    rate : ndarray, shape (n, 3)
-        Windowed mean angular rate, rad/s.
+    rate : tuple of 3 ndarray, shape (n,)
+        Windowed mean angular rate about each axis, rad/s.
     window : int
         Samples in a window.
     """
 
     accelerometer: np.ndarray
     gyroscope: np.ndarray
-    rate: np.ndarray
+    rate: tuple
     window: int
 
 
@@ -54,32 +53,33 @@ class RestLevel:
     duration_s: float
 
 
-def activity(samples, stretches, window):
+def activity(force, rate, stretches, window):
     """Return the activity of a session; no window reaches across a gap.
 
     Parameters
     ----------
-    samples : DataFrame
-        Samples of the session.
+    force, rate : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
     stretches : array_like of int, shape (k, 2)
         Stretches without a gap.
     window : int
         Window length, samples.
     """
-    f = samples[list(ACCELERATION)].to_numpy()
-    w = samples[list(ANGULAR_RATE)].to_numpy()
-    variances = np.full((2, len(f)), np.inf)
-    rate = np.zeros_like(w)
+    variances = np.full((2, force.shape[1]), np.inf)
+    means = np.zeros_like(rate)
     for i, j in stretches:
         if j - i < window:
             continue
-        variances[0, i:j] = sliding_statistics(f[i:j], window)[1].sum(axis=1)
-        rate[i:j], variance = sliding_statistics(w[i:j], window)
-        variances[1, i:j] = variance.sum(axis=1)
-    return Activity(variances[0], variances[1], rate, window)
+        # one axis at a time, as a log of hours takes memory
+        variances[:, i:j] = 0.0
+        for f, w, mean in zip(force, rate, means, strict=True):
+            variances[0, i:j] += sliding_statistics(f[i:j], window)[1]
+            mean[i:j], variance = sliding_statistics(w[i:j], window)
+            variances[1, i:j] += variance
+    return Activity(*variances, means, window)
 
 
-def rest_level(samples, moving, step, settings):
+def rest_level(force, rate, moving, step, settings):
     """Return the level of rest of a session.
 
     The quiet level of a sensor is the 5 % quantile of its windowed variance, the median of the
@@ -92,8 +92,8 @@ def rest_level(samples, moving, step, settings):
 
     Parameters
     ----------
-    samples : DataFrame
-        Samples of the session.
+    force, rate : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
     moving : Activity
         Its activity.
     step : float
@@ -114,8 +114,8 @@ def rest_level(samples, moving, step, settings):
     whole = np.isfinite(moving.accelerometer)
     if not whole.any():
         return None
-    sensors = (moving.accelerometer, ACCELERATION), (moving.gyroscope, ANGULAR_RATE)
-    floors = [3 * rounding_variance(samples[list(channels)].to_numpy()) for _, channels in sensors]
+    sensors = (moving.accelerometer, force), (moving.gyroscope, rate)
+    floors = [3 * rounding_variance(x[:, :DECIDING].T) for _, x in sensors]
     levels = [
         max(np.quantile(v[whole], 0.05), floor)
         for (v, _), floor in zip(sensors, floors, strict=True)
@@ -129,8 +129,8 @@ def rest_level(samples, moving, step, settings):
     if length >= 10 * moving.window:
         source = "initial rest"
         levels = [
-            max(samples[list(channels)].to_numpy()[:length].var(axis=0).sum(), floor)
-            for (_, channels), floor in zip(sensors, floors, strict=True)
+            max(x[:, :length].var(axis=1).sum(), floor)
+            for (_, x), floor in zip(sensors, floors, strict=True)
         ]
         quiet = (moving.accelerometer <= factor * levels[0]) & (
             moving.gyroscope <= factor * levels[1]
@@ -138,13 +138,19 @@ def rest_level(samples, moving, step, settings):
     return RestLevel(
         accelerometer=float(levels[0]),
         gyroscope=float(levels[1]),
-        rate=np.median(moving.rate[quiet], axis=0) if quiet.any() else np.zeros(3),
+        rate=np.array([np.median(r[quiet]) for r in moving.rate]) if quiet.any() else np.zeros(3),
         source=source,
         duration_s=length * step if source == "initial rest" else 0.0,
     )
 
 
-def detect_rests(moving, level, multiples, stretches, step, settings):
+def slow(moving, level, settings):
+    """Tell whether the windowed mean rate about each sample is that of rest, shape (n,)."""
+    away = sum((r - bias) ** 2 for r, bias in zip(moving.rate, level.rate, strict=True))
+    return np.sqrt(away) <= settings.rate_tolerance
+
+
+def detect_rests(moving, level, is_slow, multiples, stretches, step, settings):
     """Return the rests of a session for a pair of multiples.
 
     A sample is at rest if the windowed variances of both sensors are within
@@ -156,6 +162,8 @@ def detect_rests(moving, level, multiples, stretches, step, settings):
     ----------
     moving, level : Activity, RestLevel
         Of the session.
+    is_slow : ndarray of bool, shape (n,)
+        Of the session, from `slow`.
     multiples : pair of float
         Of the accelerometer's and the gyroscope's variance at rest.
     stretches : array_like of int, shape (k, 2)
@@ -175,7 +183,7 @@ def detect_rests(moving, level, multiples, stretches, step, settings):
     still = (moving.accelerometer <= multiples[0] * level.accelerometer) & (
         moving.gyroscope <= multiples[1] * level.gyroscope
     )
-    still &= np.linalg.norm(moving.rate - level.rate, axis=1) <= settings.rate_tolerance
+    still &= is_slow
     trim = round(settings.trim_s / step)
     rests = [np.empty((0, 2), dtype=int)]
     for i, j in stretches:

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from imuloop.segment.disturbance import robust_covariance, squared_distance
-from imuloop.segment.windows import rounding_variance, sliding_statistics
+from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
 # longer rests are judged in parts of this length, s: over more, a bias that warms up moves
 PART = 10.0
@@ -59,7 +59,7 @@ def shortest_half(x):
     half = len(x) // 2 + 1
     first = int(np.argmin(x[half - 1 :] - x[: len(x) - half + 1]))
     low, high = x[first], x[first + half - 1]
-    return (low + high) / 2, (high - low) / (2 * stats.norm.ppf(0.75))
+    return (low + high) / 2, (high - low) / (2 * special.ndtri(0.75))
 
 
 def unsteady_samples(w, rests, step, settings):
@@ -85,7 +85,7 @@ def unsteady_samples(w, rests, step, settings):
 
     Parameters
     ----------
-    w : array_like, shape (n, 3)
+    w : ndarray, shape (3, n)
         Angular rate, rad/s.
     rests : array_like of int, shape (m, 2)
         Ranges of samples.
@@ -98,48 +98,57 @@ def unsteady_samples(w, rests, step, settings):
     -------
     Unsteady
     """
-    parts = [
-        part
-        for i, j in rests
-        for part in np.array_split(np.arange(i, j), max(1, int(np.ceil((j - i) * step / PART))))
-    ]
+    parts = [part for i, j in rests for part in _parts(i, j, step)]
     window = max(2, round(settings.window_s / 2 / step))
     scales = []
     while _freedom(parts, window) >= FEWEST:
         scales.append(window)
         window *= 2
-    turning, trembling = np.zeros((2, len(w)), dtype=bool)
+    turning, trembling = np.zeros((2, w.shape[1]), dtype=bool)
     if not scales:
         return Unsteady(turning, trembling, [], None)
     probability = settings.false_alarm / (len(scales) + 1)
-    rounding = rounding_variance(w)
+    rounding = rounding_variance(w[:, :DECIDING].T)
 
     bounds = []
     for window in scales:
-        long = [part for part in parts if len(part) >= HELD * window]
-        means = [sliding_statistics(w[part], window)[0] for part in long]
+        long = [(i, j) for i, j in parts if j - i >= HELD * window]
+        means = [sliding_statistics(w[:, i:j].T, window)[0] for i, j in long]
         x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
         covariance = robust_covariance(x, np.full(3, 3 * rounding / window), tail_limit=1.0)
         m = _freedom(parts, window)
-        bound = stats.f.isf(probability / len(x), 3, m - 3) * 3 * (m - 1) * (m + 1) / (m * (m - 3))
-        turning[np.concatenate(long)] |= squared_distance(x, covariance) > bound
+        bound = special.fdtri(3, m - 3, 1 - probability / len(x))
+        bound *= 3 * (m - 1) * (m + 1) / (m * (m - 3))
+        turning[_samples(long)] |= squared_distance(x, covariance) > bound
         rate = np.sqrt(bound * np.trace(covariance) / 3)
         bounds.append({"scale_s": window * step, "rate": float(rate)})
 
     window = scales[0]
-    long = [part for part in parts if len(part) >= window]
-    variances = [sliding_statistics(w[part], window)[1].sum(axis=1) for part in long]
+    long = [(i, j) for i, j in parts if j - i >= window]
+    variances = [sliding_statistics(w[:, i:j].T, window)[1].sum(axis=1) for i, j in long]
     floor = 9 * rounding
     x = np.log(np.concatenate(variances) + floor)
     centre, spread = shortest_half(x)
-    m = sum(len(part) // window for part in long)
-    bound = max(spread, np.sqrt(2 / (3 * window))) * stats.t.isf(probability / len(x), m - 1)
-    trembling[np.concatenate(long)] = x > centre + bound
+    m = sum((j - i) // window for i, j in long)
+    bound = max(spread, np.sqrt(2 / (3 * window))) * -special.stdtrit(m - 1, probability / len(x))
+    trembling[_samples(long)] = x > centre + bound
     largest = np.sqrt(max(np.exp(centre + bound) - floor, 0.0))
     return Unsteady(turning, trembling, bounds, float(largest))
 
 
 def _freedom(parts, window):
     """Return the number of separate windows, less one for each part, of parts that hold some."""
-    return sum(len(part) // window - 1 for part in parts if len(part) >= HELD * window)
+    return sum((j - i) // window - 1 for i, j in parts if j - i >= HELD * window)
+
+
+def _parts(i, j, step):
+    """Return a rest in parts of `PART` at most, as even as can be, the longer ones first."""
+    n, count = j - i, max(1, int(np.ceil((j - i) * step / PART)))
+    edges = i + np.arange(count + 1) * (n // count) + np.minimum(np.arange(count + 1), n % count)
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+def _samples(ranges):
+    """Return the numbers of all samples in ranges."""
+    return np.concatenate([np.arange(i, j) for i, j in ranges])

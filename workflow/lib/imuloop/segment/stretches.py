@@ -2,23 +2,52 @@
 
 import numpy as np
 
+from imuloop.core.rows import median_step
+
 
 def runs(mask):
     """Return the runs of true values of a mask as index pairs, shape (k, 2), half-open."""
-    edges = np.diff(np.concatenate([[0], np.asarray(mask, dtype=np.int8), [0]]))
-    return np.column_stack([np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)])
+    mask = np.asarray(mask, dtype=bool)
+    edges = np.flatnonzero(mask[1:] != mask[:-1]) + 1
+    first, last = np.flatnonzero(mask[:1]), len(mask) * np.ones(np.sum(mask[-1:]), dtype=int)
+    return np.concatenate([first, edges, last]).reshape(-1, 2)
 
 
-def unbroken(t, gap_factor):
+def unbroken(rows, gap_factor):
     """Return the stretches without a gap, index pairs of shape (k, 2), and the median step, s.
 
     A gap is a step of time longer than `gap_factor` times the median step. A log of fewer than
     two samples has no step; one second stands in.
+
+    Parameters
+    ----------
+    rows : imuloop.core.rows.Rows
+        Samples.
+    gap_factor : float
+        Multiple of the median step.
     """
-    t = np.asarray(t)
-    if len(t) < 2:
-        return np.array([[0, len(t)]])[: len(t)], 1.0
-    steps = np.diff(t)
-    step = float(np.median(steps))
-    cuts = np.flatnonzero(steps > gap_factor * step) + 1
-    return np.column_stack([np.append(0, cuts), np.append(cuts, len(t))]), step
+    step = median_step(rows)
+    if step is None:
+        return np.array([[0, len(rows)]])[: len(rows)], 1.0
+    limit = gap_factor * step
+    cuts = [first + 1 + np.flatnonzero(steps > limit) for first, steps in rows.time_steps()]
+    edges = np.concatenate([[0], *cuts, [len(rows)]])
+    return np.column_stack([edges[:-1], edges[1:]]), step
+
+
+def merged(ranges):
+    """Return ranges, at least one, in order, those that overlap or touch as one, shape (k, 2)."""
+    first, last = ranges[np.argsort(ranges[:, 0])].T
+    reached = np.maximum.accumulate(last)
+    apart = first[1:] > reached[:-1]
+    return np.column_stack([first[np.append(True, apart)], reached[np.append(apart, True)]])
+
+
+def without(ranges, cuts):
+    """Return what is left of each of the ranges, in order, less the cuts, as `merged` has them."""
+    left = [np.empty((0, 2), dtype=int)]
+    for i, j in ranges:
+        low, high = np.searchsorted(cuts[:, 1], i, side="right"), np.searchsorted(cuts[:, 0], j)
+        edges = np.concatenate([[i], cuts[low:high].ravel(), [j]]).reshape(-1, 2)
+        left.append(edges[edges[:, 1] > edges[:, 0]])
+    return np.concatenate(left)

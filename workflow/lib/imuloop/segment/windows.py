@@ -2,6 +2,9 @@
 
 import numpy as np
 
+# samples that decide on the resolution of a sensor
+DECIDING = 1_000_000
+
 
 def sliding_statistics(x, n):
     """Return mean and variance of the window of `n` samples centred on each sample.
@@ -11,14 +14,14 @@ def sliding_statistics(x, n):
 
     Parameters
     ----------
-    x : array_like, shape (m, k)
+    x : array_like, shape (m,) or (m, k)
         Samples, m >= n.
     n : int
         Window length, samples.
 
     Returns
     -------
-    mean, variance : ndarray, shape (m, k)
+    mean, variance : ndarray, shape of x
         Unit of x, and its square.
     """
     offset = np.mean(x, axis=0)
@@ -26,7 +29,7 @@ def sliding_statistics(x, n):
     first = np.clip(np.arange(len(x)) - n // 2, 0, len(x) - n)
 
     def windowed(y):
-        total = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(y, axis=0)])
+        total = np.concatenate([np.zeros((1, *y.shape[1:])), np.cumsum(y, axis=0)])
         return ((total[n:] - total[:-n]) / n)[first]
 
     mean = windowed(x)
@@ -44,7 +47,7 @@ def rounding_variance(x):
     x : array_like, shape (m, 3)
         Samples of one sensor; the first million decide.
     """
-    x = x[:1_000_000]
+    x = x[:DECIDING]
     steps = np.abs(np.diff(x, axis=0))
     steps = steps[steps > 1e-9 * np.max(np.abs(x), initial=0.0)]
     return steps.min() ** 2 / 12 if steps.size else 1.0

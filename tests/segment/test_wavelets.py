@@ -1,0 +1,97 @@
+"""Wavelet coefficients piece by piece against those of a transform of the whole."""
+
+import numpy as np
+import pytest
+import pywt
+
+from imuloop.segment import wavelets
+from imuloop.segment.wavelets import (
+    DENSE,
+    FINE,
+    WAVELET,
+    coarse_details,
+    fine_details,
+    pieces,
+    whole,
+)
+
+
+def coefficients(x, ranges, levels):
+    """Return scale -> {first sample: coefficient} of samples of shape (k, n)."""
+    found, sequences = {}, []
+    for piece in pieces(ranges):
+        i, j, a, b, begin = piece
+        details, smooth = fine_details(x[:, begin:b], piece, FINE)
+        for width, (detail, first) in zip(FINE, details, strict=True):
+            low, high = whole(piece, width)
+            assert detail.shape[1] == high - low
+            found.setdefault(width, {}).update(each(detail, first, width))
+        if smooth is not None:
+            if a == i:
+                sequences.append((i, j, 0, []))
+            sequences[-1][3].append(smooth)
+    sequences = [(i, j, shift, np.hstack(parts)) for i, j, shift, parts in sequences]
+    for width in [2**level for level in range(6, levels + 1)]:
+        details, sequences = coarse_details(sequences, width)
+        found[width] = {}
+        for detail, first in details:
+            found[width].update(each(detail, first, width))
+    return found
+
+
+def each(detail, first, width):
+    return {first + k * width: c for k, c in enumerate(detail.T)}
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(wavelets, "ROWS", 128)
+
+
+@pytest.mark.parametrize("n", [1, 3, 5, 30, 97, 128, 129, 224, 255, 256, 257, 1000, 1023, 1025])
+def test_pieces_give_what_the_whole_gives(small, n):
+    x = np.random.default_rng(n).normal(size=(2, n + 7))
+    found, smooth, width = coefficients(x, [(7, n + 7)], 5), x[:, 7:], 1
+    while width < DENSE:
+        width *= 2
+        if smooth.shape[1] < WAVELET.dec_len:
+            assert not found[width]
+            continue
+        smooth, detail = pywt.dwt(smooth, WAVELET, mode="zero", axis=1)
+        start = width * np.arange(detail.shape[1]) - 2 * (width - 1)
+        inside = (start >= 0) & (start + 3 * width - 2 <= n)
+        assert list(found[width]) == (7 + start[inside]).tolist()
+        np.testing.assert_array_equal(list(found[width].values()), detail[:, inside].T.tolist())
+
+
+def test_coefficients_depend_on_the_samples_that_they_claim(small):
+    x = np.random.default_rng(10).normal(size=(6, 1000))
+    ranges = [(3, 411), (500, 1000)]
+    before = coefficients(x, ranges, 7)
+    x[:, 600:620] += 1
+    x[:, 411:500] = np.nan
+    for width, changed in coefficients(x, ranges, 7).items():
+        assert list(changed) == list(before[width])
+        first = np.array(list(changed))
+        touched = [np.any(changed[k] != before[width][k]) for k in changed]
+        allowed = (first + 3 * width - 2 > 600) & (first < 620)
+        assert not np.any(touched & ~allowed)
+        if width > 2:
+            assert np.any(touched)
+        # orthonormal: the variance of white noise is kept on every scale
+        if len(changed) > 100:
+            assert np.mean(np.square(list(before[width].values()))) == pytest.approx(1, abs=0.2)
+
+
+def test_long_scales_are_transformed_at_every_shift_by_half_of_the_scale_below(small):
+    found = coefficients(np.zeros((1, 2000)), [(0, 2000)], 8)
+    for width in (64, 128, 256):
+        starts = np.sort(list(found[width]))
+        assert np.all(np.diff(starts) == DENSE)
+        assert starts[0] < DENSE and 2000 - (starts[-1] + 3 * width - 2) < DENSE
+
+
+def test_a_straight_drift_leaves_nothing(small):
+    x = np.linspace(0, 100, 5000) * np.arange(1, 7)[:, None]
+    for found in coefficients(x, [(0, 5000)], 8).values():
+        np.testing.assert_allclose(list(found.values()), 0, atol=1e-8)
