@@ -12,7 +12,7 @@ open_log(snakemake.log[0], "report")
 write_report(
     sections=snakemake.input.sections,
     summaries=snakemake.input.summaries,
-    exports=snakemake.input.exports,
+    exports=[Path(listed).with_suffix("") for listed in snakemake.input.exports],
     template=snakemake.input.template,
     style=snakemake.input.style,
     script=snakemake.input.sorting,

@@ -3,6 +3,15 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
+
+
+def command(repository, folder, *arguments, target="results/report.html", config="config.yaml"):
+    """Return the command that runs the workflow of a repository in a folder."""
+    snakefile = Path(repository) / "Snakefile"
+    words = [sys.executable, "-m", "snakemake", "-s", snakefile, "-d", folder, "-c2"]
+    words += [*(["--configfile", config] if config else []), *arguments]
+    return [str(word) for word in (*words, *(["--", target] if target else []))]
 
 
 def snakemake(
@@ -11,13 +20,15 @@ def snakemake(
     *arguments,
     target="results/report.html",
     config="config.yaml",
+    cwd=None,
     **environment,
 ):
     """Run the workflow of a repository in a folder; return the finished process."""
-    command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
-    named = ["--configfile", config] if config else []
-    command += ["-c2", *named, *arguments, "--", target]
     found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
     return subprocess.run(
-        list(map(str, command)), cwd=folder, env=found | environment, capture_output=True, text=True
+        command(repository, folder, *arguments, target=target, config=config),
+        cwd=cwd or folder,
+        env=found | environment,
+        capture_output=True,
+        text=True,
     )

@@ -9,20 +9,6 @@ import yaml
 
 from workflow.run import snakemake
 
-NOTHING = "Nothing to be done"
-
-
-def planned(repository, folder, config=None):
-    """Return the jobs that a config would run now, as a set of 'rule device'."""
-    if config:
-        (folder / "config.yaml").write_text(yaml.safe_dump(config))
-    done = snakemake(repository, folder, "-n")
-    assert done.returncode == 0, done.stderr
-    jobs = re.findall(
-        r"^rule (\w+):\n(?:    .*\n)*?    log: logs/\w+/(\w+)", done.stdout + done.stderr, re.M
-    )
-    return {f"{rule} {device}" for rule, device in jobs}
-
 
 def test_a_csv_log_becomes_a_report(finished):
     folder, done = finished
@@ -68,86 +54,6 @@ def test_the_rests_of_other_sessions_stand_in_for_a_rejected_static_one(finished
         for session in ("poses", "faces", "broken")
     }
     assert rows["faces"] and rows["poses"] and not rows["broken"]
-
-
-def test_a_second_run_has_nothing_to_do(finished, checkout):
-    folder, _ = finished
-    before = (folder / "results/report.html").read_bytes()
-    done = snakemake(checkout, folder)
-    assert NOTHING in done.stdout + done.stderr
-    assert (folder / "results/report.html").read_bytes() == before
-
-
-def test_a_key_reruns_what_depends_on_it(finished, checkout, config):
-    folder, _ = finished
-
-    def changed(device, **keys):
-        devices = {**config["devices"], device: {**config["devices"][device], **keys}}
-        return planned(checkout, folder, {**config, "devices": devices})
-
-    assert changed("posed") == set()
-    assert changed("posed", label="Other") == {
-        "export posed",
-        "report_device posed",
-        "report report",
-    }
-    after_calibration = {"calibrate posed", "diagnose_posed posed", "export posed"}
-    assert changed("posed", gravity=9.81) == {
-        *after_calibration,
-        "report_device posed",
-        "report report",
-    }
-    noise = {"noise_resting resting", "calibrate resting", "diagnose_resting resting"}
-    assert changed("resting", noise={"points_per_decade": 5}) == {
-        *noise,
-        "export resting",
-        "report_device resting",
-        "report report",
-    }
-    # a default that one device overrides reruns the other device only
-    defaults = {"diagnose": {**config["defaults"]["diagnose"], "folds": 4}}
-    posed = {**config["devices"]["posed"], "diagnose": {"folds": 3}}
-    devices = {**config["devices"], "posed": posed}
-    assert planned(checkout, folder, {"defaults": defaults, "devices": devices}) == {
-        "diagnose_resting resting",
-        "export resting",
-        "report_device resting",
-        "report report",
-    }
-    (folder / "config.yaml").write_text(yaml.safe_dump(config))
-
-
-def test_a_new_device_is_an_entry_and_nothing_else(finished, checkout, config):
-    folder, _ = finished
-    new = {"sessions": {"rest": {"kind": "static", "file": "rest.parquet"}}}
-    jobs = planned(checkout, folder, {**config, "devices": {**config["devices"], "new": new}})
-    assert {job.split()[1] for job in jobs} == {"new", "report"}
-    (folder / "config.yaml").write_text(yaml.safe_dump(config))
-
-
-def test_an_edit_reruns_what_it_reaches_and_a_comment_nothing(finished, checkout):
-    folder, _ = finished
-    module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
-    source = module.read_text()
-    module.write_text(f"# another comment\n{source}")
-    assert planned(checkout, folder) == set()
-    module.write_text(f"{source}\nEXTRA = 1\n")
-    assert {job.split()[0] for job in planned(checkout, folder)} == {
-        "diagnose_posed",
-        "diagnose_resting",
-        "export",
-        "report_device",
-        "report",
-    }
-    module.write_text(source)
-
-
-def test_the_repository_touched_anew_reruns_nothing(finished, checkout):
-    """A fresh checkout beside a restored cache has new times, and the same content."""
-    folder, _ = finished
-    for path in (*checkout.rglob("*"), folder / "rest.parquet"):
-        path.touch()
-    assert planned(checkout, folder) == set()
 
 
 def test_five_mistakes_are_five_lines(checkout, tmp_path):

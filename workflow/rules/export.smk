@@ -5,6 +5,8 @@ rule export:
         quality=each_session("quality"),
     output:
         exports=directory("results/{device}/exports"),
+        # a folder has no checksum; its list tells what follows whether a file in it changed
+        listed="results/{device}/exports.json",
     log:
         "logs/export/{device}.log",
     benchmark:

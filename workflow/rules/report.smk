@@ -1,4 +1,3 @@
-# A folder has no checksum: where only its time is new, what it was made from tells whether it changed.
 rule report_device:
     input:
         samples=each_session("samples"),
@@ -13,7 +12,7 @@ rule report_device:
         diagnosis="results/{device}/diagnosis.json",
         attitude="results/{device}/attitude.json",
         attitude_series="results/{device}/attitude.parquet",
-        exports=ancient("results/{device}/exports"),
+        exports="results/{device}/exports.json",
         template=f"{TEMPLATES}/section.html.j2",
     output:
         section="results/{device}/section.html",
@@ -38,7 +37,6 @@ rule report_device:
         label=setting("label"),
         sessions=sessions,
         code=code("report_device.py"),
-        exports_code=code("export.py"),
     script:
         "../../scripts/report_device.py"
 
@@ -47,7 +45,7 @@ rule report:
     input:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
-        exports=ancient(expand("results/{device}/exports", device=DEVICES)),
+        exports=expand("results/{device}/exports.json", device=DEVICES),
         template=f"{TEMPLATES}/report.html.j2",
         style=f"{TEMPLATES}/style.css",
         sorting=f"{TEMPLATES}/sorting.js",
