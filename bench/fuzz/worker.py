@@ -96,9 +96,9 @@ def serve(pipe, folder, seeds, told):
     pa.set_cpu_count(1)
     pa.set_io_thread_count(1)
     # the schema is the same in each case, and takes longest
-    text, load = SCHEMA.read_text(), yaml.safe_load
-    schema = load(text)
-    yaml.safe_load = lambda content: schema if content == text else load(content)
+    text, load = SCHEMA.read_text(), yaml.load
+    schema = load(text, yaml.SafeLoader)
+    yaml.load = lambda content, loader: schema if content == text else load(content, loader)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -62,19 +62,31 @@ def _module_path(library, name):
 @cache
 def _read(path, package):
     """Return a file's syntax tree as text, without docstrings, and the names it imports."""
-    tree = ast.parse(path.read_bytes(), filename=str(path))
-    imports = []
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list) and body and _is_text(body[0]):
-            del body[0]
+    words, imports = [], []
+
+    def visit(node):
+        words.append(type(node).__name__)
         if isinstance(node, ast.Import):
-            imports += [alias.name for alias in node.names]
+            imports.extend(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             # what is imported from a package may be a module too
             module = _absolute(node, package)
-            imports += [module, *(f"{module}.{alias.name}" for alias in node.names)]
-    return ast.dump(tree), tuple(imports)
+            imports.extend([module, *(f"{module}.{alias.name}" for alias in node.names)])
+        for field in node._fields:
+            value = getattr(node, field)
+            if isinstance(value, list):
+                words.append("[")
+                docstring = field == "body" and value and _is_text(value[0])
+                for item in value[1:] if docstring else value:
+                    visit(item) if isinstance(item, ast.AST) else words.append(repr(item))
+                words.append("]")
+            elif isinstance(value, ast.AST):
+                visit(value)
+            else:
+                words.append(repr(value))
+
+    visit(ast.parse(path.read_bytes(), filename=str(path)))
+    return " ".join(words), tuple(imports)
 
 
 def _absolute(node, package):
