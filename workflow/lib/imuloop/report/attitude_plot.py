@@ -1,7 +1,8 @@
 """Validation by attitude: the error of gravity's direction that a user of each model meets."""
 
 from imuloop.core.files import read_json
-from imuloop.report.columns import groups, read_columns, rows
+from imuloop.core.samples import read_columns
+from imuloop.report.columns import groups, rows
 from imuloop.report.numbers import duration, interval_text, number, plural, with_unit
 from imuloop.report.svg import BLUE, GREEN, ORANGE, Picture, draw, write_csv
 from imuloop.report.table import Table

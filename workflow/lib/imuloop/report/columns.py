@@ -1,14 +1,6 @@
-"""Tables as dicts of arrays, one a column: read from Parquet, made of records, cut to rows."""
+"""Tables as dicts of arrays, one a column: made of records, cut to rows, in groups."""
 
 import numpy as np
-from pyarrow.parquet import ParquetFile
-
-
-def read_columns(path):
-    """Return the columns of a Parquet file by name, each an array of a value a row."""
-    with ParquetFile(path) as file:
-        table = file.read(use_threads=False)
-    return {name: table[name].to_numpy() for name in table.column_names}
 
 
 def from_records(records):

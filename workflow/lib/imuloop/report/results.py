@@ -12,9 +12,10 @@ from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     Columns,
+    read_columns,
     read_metadata,
 )
-from imuloop.report.columns import groups, read_columns
+from imuloop.report.columns import groups
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 XYZ = ("x", "y", "z")
