@@ -11,13 +11,22 @@ from imuloop.calibrate.recording import Recording, record
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, read_metadata, read_samples
-from imuloop.core.segments import read_segments
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    CHANNELS,
+    TEMPERATURE,
+    TIME,
+    read_columns,
+    read_metadata,
+)
 from imuloop.core.units import RawUnit
 
 
 def usable(sessions, kind):
     """Return (session, segments) of each session of one kind that was not rejected.
+
+    Segments are a dict of arrays.
 
     Parameters
     ----------
@@ -26,16 +35,20 @@ def usable(sessions, kind):
     kind : str
         Kind of session to take.
     """
-    chosen = [(s, read_segments(s["segments"])) for s in sessions.values() if s["kind"] == kind]
-    return [(session, table) for session, table in chosen if len(table)]
+    chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] == kind]
+    return [(session, table) for session, table in chosen if len(table["kind"])]
 
 
 def without_pose(sessions, kind):
     """Return why there is no pose of one kind; arguments as of `usable`."""
-    tables = {n: read_segments(s["segments"]) for n, s in sessions.items() if s["kind"] == kind}
+    kinds = {
+        name: read_columns(session["segments"], ["kind"])["kind"]
+        for name, session in sessions.items()
+        if session["kind"] == kind
+    }
     became = [
-        f"{name} {'has no rest that is a pose' if len(table) else 'was rejected'}"
-        for name, table in tables.items()
+        f"{name} {'has no rest that is a pose' if len(kinds[name]) else 'was rejected'}"
+        for name in kinds
     ]
     return ": ".join([f"no {kind} session with a pose", *([", ".join(became)] if became else [])])
 
@@ -71,7 +84,8 @@ def read_recording(sessions, longest_rotation):
     """
     chosen = usable(sessions, "multi_position")
     segments = [table for _, table in chosen]
-    samples = [read_samples(session["samples"]) for session, _ in chosen]
+    columns = (TIME, *CHANNELS, TEMPERATURE)
+    samples = [read_columns(session["samples"], columns) for session, _ in chosen]
     return record(samples, segments, longest_rotation)
 
 

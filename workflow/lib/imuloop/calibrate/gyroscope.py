@@ -1,9 +1,9 @@
 """Multi-position calibration of a gyroscope: its rotations carry gravity from pose to pose."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from imuloop.calibrate.least_squares import condition_number, fit
 from imuloop.calibrate.poses import Rotations
@@ -34,14 +34,23 @@ class Path:
         ``∫ C (dw/dx) dt``, the rotation at the start that a change of each parameter makes, rad.
     mean : ndarray, shape (m, 3, 3)
         ``∫ C dt``, s.
-    spread : ndarray, shape (m, 3, 3, 3)
-        ``∫ c cᵀ dt`` with c the column of C of each axis of the sensor, s.
+    middle : ndarray, shape (m, 3, 3, k - 1)
+        C at the middle of each step.
+    steps : ndarray, shape (m, k - 1)
+        Steps, s.
     """
 
     last: np.ndarray
     turn: np.ndarray
     mean: np.ndarray
-    spread: np.ndarray
+    middle: np.ndarray
+    steps: np.ndarray
+
+    @cached_property
+    def spread(self):
+        """``∫ c cᵀ dt`` with c the column of C of each axis of the sensor, s, (m, 3, 3, 3)."""
+        columns = self.middle.swapaxes(1, 2)
+        return (columns * self.steps[:, None, None]) @ columns.swapaxes(2, 3)
 
 
 @dataclass(frozen=True)
@@ -108,21 +117,6 @@ class GyroscopeModel:
         jacobian[:, :, 12:] = -self.rate_design
         return K * (self.rate - b) - self.rate_known - self.rate_design @ x[12:], jacobian
 
-    def attitudes(self, x):
-        """Return the attitude at the middle (m, k-1, 3, 3) and at the end (m, 3, 3) of rotations.
-
-        Matrices take body axes to the body axes at the start of the rotation.
-        """
-        T, K, b = unpack(x)
-        output = K * (self.rotations.w - b) - self.rotation_known - self.rotation_design @ x[12:]
-        rates = output @ T.T
-        vectors = step_vectors(rates, self.rotations.steps)
-        half = exponential(vectors / 2)
-        after = prefix_product(multiply(half, half))
-        # the middle of a step is half a step back from its end
-        middle = multiply(after, half * [1, -1, -1, -1])
-        return matrix(middle), matrix(after[:, -1]), output
-
     def path(self, x):
         """Return the Path with parameters x."""
         key = np.asarray(x, dtype=float).tobytes()
@@ -133,30 +127,53 @@ class GyroscopeModel:
 
     def _path(self, x):
         T, K, b = unpack(x)
-        middle, last, output = self.attitudes(x)
-        m, k = self.rotations.steps.shape
-        # an entry of the matrix after the other, the samples of a rotation side by side
-        entries = np.moveaxis(middle, (2, 3), (0, 1))
-        weighted = entries * self.rotations.steps
-        by_rotation = weighted.reshape(9, m, k).swapaxes(0, 1)
-        # moments of the attitude with the mean of each step's two samples
-        samples = np.concatenate([output, self.rotations.w - b], axis=2)
-        moments = (by_rotation @ midpoints(samples)).reshape(m, 3, 3, 6)
-        mean = by_rotation.sum(axis=2).reshape(m, 3, 3)
+        steps = self.rotations.steps
+        m, k = steps.shape
+        # an axis after the other, the samples of a rotation side by side
+        raw, effects = self._logged - b[:, None, None], self._effects(x)
+        output = K[:, None, None] * raw if effects is None else K[:, None, None] * raw - effects
+        rates = (T @ output.reshape(3, -1)).reshape(output.shape)
+        half = exponential(step_vectors(np.moveaxis(rates, 0, -1), steps) / 2)
+        after = prefix_product(multiply(half, half))
+        # the middle of a step is half a step back from its end
+        half[..., 1:] *= -1
+        middle = np.moveaxis(matrix(multiply(after, half)), 1, -1)
+        # moments of the attitude with what each step turns by, one product a rotation
+        factors = [midpoints(raw) * steps, steps[None]]
+        factors += [] if effects is None else [midpoints(effects) * steps]
+        factors = np.concatenate(factors).transpose(1, 2, 0)
+        moments = (middle.reshape(m, 9, k) @ factors).reshape(m, 3, 3, -1)
+        of_raw, mean = moments[..., :3], moments[..., 3]
+        of_output = K * of_raw if effects is None else K * of_raw - moments[..., 4:]
         turn = np.zeros((m, 3, len(x)))
         rows, columns = _OFF_DIAGONAL
-        turn[:, :, :6] = moments[:, :, rows, columns]
-        turn[:, :, 6:9] = np.einsum("maij,ij->maj", moments[..., 3:], T)
+        turn[:, :, :6] = of_output[:, :, rows, columns]
+        turn[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
         turn[:, :, 9:12] = -mean @ (T * K)
         if len(x) > 12:
-            # columns of C T, the three axes of each sample side by side
-            turned = np.tensordot(T, weighted, (0, 1)).transpose(2, 1, 3, 0).reshape(m, 3, 3 * k)
-            design = midpoints(self.rotation_design).reshape(m, 3 * k, -1)
-            turn[:, :, 12:] = -turned @ design
-        spread = [
-            weighted[:, a].swapaxes(0, 1) @ np.moveaxis(entries[:, a], 0, 2) for a in range(3)
-        ]
-        return Path(last, turn, mean, np.stack(spread, axis=1))
+            entries = middle.transpose(1, 2, 0, 3).reshape(3, 3, m * k)
+            seen = (T.T @ entries).reshape(3, 3, m, k).transpose(1, 2, 0, 3)
+            turn[:, :, 12:] = -(seen @ self._design_steps.transpose(0, 2, 3, 1)).sum(axis=0)
+        return Path(matrix(after[:, -1]), turn, mean, middle, steps)
+
+    @cached_property
+    def _logged(self):
+        """Angular rate along the rotations, rad/s as logged, shape (3, m, k)."""
+        return np.ascontiguousarray(np.moveaxis(self.rotations.w, -1, 0))
+
+    def _effects(self, x):
+        """Return e along the rotations, shape (3, m, k); None where there is none."""
+        m, k, _, p = self.rotation_design.shape
+        if not p and not np.ndim(self.rotation_known):
+            return None
+        estimated = (self.rotation_design.reshape(-1, p) @ x[12:]).reshape(m, k, 3)
+        return np.moveaxis(estimated + self.rotation_known, -1, 0)
+
+    @cached_property
+    def _design_steps(self):
+        """What each parameter of the effects adds in each step, shape (3, p, m, k - 1)."""
+        design = np.moveaxis(self.rotation_design, (2, 3), (0, 1))
+        return midpoints(design) * self.rotations.steps
 
     def turned(self, x):
         """Return gravity's direction after each rotation and its derivative.
@@ -203,8 +220,8 @@ class GyroscopeModel:
 
 
 def midpoints(values):
-    """Return the means of neighbours along the second axis."""
-    return (values[:, 1:] + values[:, :-1]) / 2
+    """Return the means of neighbours along the last axis."""
+    return (values[..., 1:] + values[..., :-1]) / 2
 
 
 def tangents(directions):
@@ -344,11 +361,12 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
 def residual_covariance(means, errors):
     """Return the covariance of pose rates, (3, n, n), and rotation errors, one after the other."""
     n = means.shape[1]
+    covariance = np.zeros((3 * n + len(errors), 3 * n + len(errors)))
     # ordered pose by pose, the three axes of each together
-    rates = np.zeros((n, 3, n, 3))
     for axis in range(3):
-        rates[:, axis, :, axis] = means[axis]
-    return block_diag(rates.reshape(3 * n, 3 * n), errors)
+        covariance[axis : 3 * n : 3, axis : 3 * n : 3] = means[axis]
+    covariance[3 * n :, 3 * n :] = errors
+    return covariance
 
 
 def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import least_squares
+
+# steps after which a fit is given up for done, and the first damping where one fails
+_STEPS, _DAMPING = 100, 1e-3
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,9 @@ class Fit:
 def fit(residuals, x0, covariance):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``.
 
+    Gauss-Newton on the analytic derivative; a step that does not lower chi square is taken again
+    with damping. Parameters are measured by the length of their columns in the derivative.
+
     Parameters
     ----------
     residuals : callable
@@ -64,40 +68,37 @@ def fit(residuals, x0, covariance):
     ------
     numpy.linalg.LinAlgError
         If the covariance is not positive definite or the design is of deficient rank.
+
+    References
+    ----------
+    Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11
+    (1963).
     """
-    root = cholesky(covariance, lower=True)
-
-    def whiten(values):
-        return solve_triangular(root, values, lower=True)
-
-    # both are wanted at the same point one after the other: computed once
-    last = {}
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    x, damping = np.array(x0, dtype=float), 0.0
 
     def evaluate(x):
-        if "x" not in last or not np.array_equal(last["x"], x):
-            r, jacobian = residuals(x)
-            last.update(x=x.copy(), r=whiten(r), raw=jacobian, jacobian=whiten(jacobian))
-        return last
+        r, jacobian = residuals(x)
+        r = whiten @ r
+        return r, whiten @ jacobian, jacobian, r @ r
 
-    solution = least_squares(
-        lambda x: evaluate(x)["r"],
-        np.asarray(x0, dtype=float),
-        jac=lambda x: evaluate(x)["jacobian"],
-        x_scale="jac",
-        # a step that would move chi square by less than 1e-9 of itself moves no parameter visibly
-        xtol=1e-10,
-        ftol=1e-10,
-        gtol=None,
-    )
-    at = evaluate(solution.x)
-    normal = at["jacobian"].T @ at["jacobian"]
-    return Fit(
-        solution.x,
-        np.linalg.inv(normal),
-        float(at["r"] @ at["r"]),
-        len(at["r"]) - len(solution.x),
-        at["raw"],
-    )
+    r, white, jacobian, chi2 = evaluate(x)
+    for _ in range(_STEPS):
+        length = np.linalg.norm(white, axis=0)
+        length[length == 0] = 1.0
+        design = white / length
+        damped = np.concatenate([design, np.sqrt(damping) * np.eye(len(x))])
+        step = np.linalg.lstsq(damped, -np.concatenate([r, np.zeros(len(x))]), rcond=None)[0]
+        tried = evaluate(x + step / length)
+        # what the step promised of chi square, and what of it moves no parameter visibly
+        promised, visible = np.sum((design @ step) ** 2), 1e-10 * chi2
+        if tried[3] <= chi2 + visible:
+            x, (r, white, jacobian, chi2), damping = x + step / length, tried, damping / 10
+        else:
+            damping = max(10 * damping, _DAMPING)
+        if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
+            break
+    return Fit(x, np.linalg.inv(white.T @ white), float(chi2), len(r) - len(x), jacobian)
 
 
 def condition_number(jacobian, scales):

@@ -1,6 +1,7 @@
 """Poses and the rotations between them, gathered from the segments of all sessions."""
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -68,17 +69,12 @@ class Poses:
         ndarray, shape (6, n, n)
             SI units squared, in the order ax … gz.
         """
-        # loads for a fifth of a second, and who only gathers poses has no need of it
-        from scipy.linalg import block_diag
-
         half = self.duration_s / 2
         windows = np.column_stack([self.mid_s - half, self.mid_s + half])
-        parts = [
-            noise.pose_mean_covariance(windows[self.session == s]) for s in np.unique(self.session)
-        ]
-        if not parts:
-            return np.zeros((6, 0, 0))
-        whole = np.array([block_diag(*(part[axis] for part in parts)) for axis in range(6)])
+        whole = np.zeros((6, len(self), len(self)))
+        for session in np.unique(self.session):
+            own = np.flatnonzero(self.session == session)
+            whole[:, own[:, None], own] = noise.pose_mean_covariance(windows[own])
         for axis in range(6):
             if not np.any(whole[axis]):
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
@@ -131,7 +127,7 @@ class Rotations:
     def __len__(self):
         return len(self.first)
 
-    @property
+    @cached_property
     def steps(self):
         """Time steps, s, shape (m, k - 1); zero where padded."""
         return np.diff(self.t, axis=1)
@@ -152,7 +148,7 @@ def gather_poses(segments):
 
     Parameters
     ----------
-    segments : sequence of DataFrame
+    segments : sequence of DataFrame or dict of arrays
         Segments of each session.
 
     Returns
@@ -160,28 +156,35 @@ def gather_poses(segments):
     Poses
         In order of session and time.
     """
-    rows = []
-    for session, table in enumerate(segments):
-        static = table[(table["kind"] == STATIC) & (table["pose"] >= 0)]
-        rows += [(session, group) for _, group in static.groupby("pose", sort=True)]
+    session = np.repeat(np.arange(len(segments)), [len(table["n"]) for table in segments])
 
-    def pooled(column):
-        means = [np.average(g[column], weights=g["n"]) for _, g in rows]
-        return np.array(means, dtype=float)
+    def column(name):
+        return np.concatenate([np.zeros(0), *(np.asarray(table[name]) for table in segments)])
 
-    def vectors(channels):
-        return np.array([pooled(f"{c}_mean") for c in channels]).T.reshape(len(rows), len(channels))
+    number = column("pose").astype(int)
+    kinds = [np.asarray(table["kind"]) == STATIC for table in segments]
+    held = np.concatenate([np.zeros(0, bool), *kinds]) & (number >= 0)
+    poses, pose = np.unique(np.column_stack([session, number])[held], axis=0, return_inverse=True)
+    pose, n = pose.ravel(), column("n")[held]
+    start, end = column("start_s")[held], column("end_s")[held]
+    total = np.bincount(pose, n)
 
-    variance = [[np.average(g[f"{c}_std"] ** 2, weights=g["n"]) for c in CHANNELS] for _, g in rows]
+    def pooled(names, power=1):
+        means = [np.bincount(pose, column(name)[held] ** power * n) / total for name in names]
+        return np.array(means).T
+
+    first, last = np.full(len(poses), np.inf), np.full(len(poses), -np.inf)
+    np.minimum.at(first, pose, start)
+    np.maximum.at(last, pose, end)
     return Poses(
-        session=np.array([s for s, _ in rows], dtype=int),
-        start_s=np.array([g["start_s"].min() for _, g in rows]),
-        end_s=np.array([g["end_s"].max() for _, g in rows]),
-        duration_s=np.array([(g["end_s"] - g["start_s"]).sum() for _, g in rows]),
-        n=np.array([g["n"].sum() for _, g in rows], dtype=int),
-        f=vectors(ACCELERATION),
-        w=vectors(ANGULAR_RATE),
-        variance=np.array(variance).reshape(len(rows), len(CHANNELS)),
+        session=poses[:, 0],
+        start_s=first,
+        end_s=last,
+        duration_s=np.bincount(pose, end - start),
+        n=total.astype(int),
+        f=pooled([f"{c}_mean" for c in ACCELERATION]),
+        w=pooled([f"{c}_mean" for c in ANGULAR_RATE]),
+        variance=pooled([f"{c}_std" for c in CHANNELS], power=2),
         temperature=None,
     )
 
@@ -196,7 +199,7 @@ def gather_rotations(poses, samples, segments, longest_s):
     ----------
     poses : Poses
         Poses of the sessions.
-    samples, segments : sequence of DataFrame
+    samples, segments : sequence of DataFrame or dict of arrays
         Samples and segments of each session.
     longest_s : float
         Seconds.
@@ -206,36 +209,37 @@ def gather_rotations(poses, samples, segments, longest_s):
     Rotations
         In the order of the poses.
     """
-    pieces = []
-    for k in range(len(poses) - 1):
-        session = poses.session[k]
-        if poses.session[k + 1] != session:
-            continue
+    first, pieces = [], []
+    for session in np.unique(poses.session):
+        k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
-        table, log = segments[session], samples[session]
-        gaps = table[table["kind"] == GAP]
-        if end - start > longest_s or ((gaps["start_s"] < end) & (gaps["end_s"] > start)).any():
-            continue
-        t = log[TIME].to_numpy()
+        table = segments[session]
+        gap = np.asarray(table["kind"]) == GAP
+        open_s, close_s = (np.asarray(table[c])[gap] for c in ("start_s", "end_s"))
+        interrupted = (open_s < end[:, None]) & (close_s > start[:, None])
+        whole = (end - start <= longest_s) & ~interrupted.any(axis=1)
+        t = np.asarray(samples[session][TIME])
         # `end_s` is open: the pose's last sample is the one before it
-        piece = slice(np.searchsorted(t, start) - 1, np.searchsorted(t, end) + 1)
-        pieces.append((k, log.iloc[piece]))
-    length = max((len(p) for _, p in pieces), default=2)
+        begin, last = np.searchsorted(t, start[whole]) - 1, np.searchsorted(t, end[whole])
+        first.append(k[whole])
+        pieces.append((samples[session], begin[:, None], last[:, None]))
+    length = max((np.max(last - begin, initial=1) for _, begin, last in pieces), default=1) + 1
 
-    def padded(columns):
+    def padded(name):
         # the last sample repeated: steps of zero, rates that are finite
-        arrays = [p[columns].to_numpy() for _, p in pieces]
-        arrays = [np.concatenate([a, np.repeat(a[-1:], length - len(a), axis=0)]) for a in arrays]
-        shape = (len(pieces), length) + ((len(columns),) if isinstance(columns, list) else ())
-        return np.array(arrays, dtype=float).reshape(shape)
+        arrays = [
+            np.asarray(log[name])[np.minimum(begin + np.arange(length), last)]
+            for log, begin, last in pieces
+        ]
+        return np.concatenate([np.zeros((0, length)), *arrays])
 
     t = padded(TIME)
     return Rotations(
-        first=np.array([k for k, _ in pieces], dtype=int),
+        first=np.concatenate([np.zeros(0, int), *first]),
         start_s=t[:, 0],
         end_s=t[:, -1],
         t=t,
-        w=padded(list(ANGULAR_RATE)),
-        f=padded(list(ACCELERATION)),
+        w=np.stack([padded(c) for c in ANGULAR_RATE], axis=-1),
+        f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
     )

@@ -30,13 +30,15 @@ class Log:
 
     @classmethod
     def of(cls, samples):
-        """Return the log that samples (DataFrame) hold."""
-        t, temperature = samples[TIME].to_numpy(), None
+        """Return the log that samples (DataFrame or dict of arrays) hold."""
+        t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples:
-            logged = samples[TEMPERATURE].to_numpy()
+            logged = np.asarray(samples[TEMPERATURE])
             known = np.isfinite(logged)
             temperature = np.interp(t, t[known], logged[known]) if known.any() else None
-        f, w = (samples[list(c)].to_numpy() for c in (ACCELERATION, ANGULAR_RATE))
+        f, w = (
+            np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE)
+        )
         return cls(t, f, w, temperature)
 
 
@@ -152,7 +154,7 @@ def record(samples, segments, longest_rotation):
 
     Parameters
     ----------
-    samples, segments : sequence of DataFrame
+    samples, segments : sequence of DataFrame or dict of arrays
         Samples and segments of each session.
     longest_rotation : float
         Seconds.
@@ -167,8 +169,5 @@ def record(samples, segments, longest_rotation):
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = [log.temperature for log in logs]
         poses = replace(poses, temperature=pose_means(poses, logs, temperature))
-        samples = [
-            s.assign(**{TEMPERATURE: filled})
-            for s, filled in zip(samples, temperature, strict=True)
-        ]
+        samples = [{**s, TEMPERATURE: t} for s, t in zip(samples, temperature, strict=True)]
     return Recording(poses, gather_rotations(poses, samples, segments, longest_rotation), logs)
