@@ -10,9 +10,14 @@ rule calibrate:
         "logs/calibrate/{device}.log",
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
+    group:
+        on_a_cluster
     conda:
         "../envs/imuloop.yaml"
     threads: 1
+    resources:
+        mem_mb=asked(500, 0),
+        runtime=asked(5, 0),
     params:
         device="{device}",
         sessions=sessions,

@@ -3,6 +3,7 @@
 import os
 import sys
 from functools import cache
+from math import ceil
 from pathlib import Path
 
 import yaml
@@ -83,6 +84,26 @@ def threads_by_size(wildcards, input):
     """Return 2 for a large log, of which two parts are worked on at once, else 1."""
     sizes = [Path(path).stat().st_size for path in input if Path(path).is_file()]
     return 2 if sum(sizes) > 100e6 else 1
+
+
+def on_a_cluster(wildcards):
+    """Return the group that makes a device one submission; on this machine there is none."""
+    return None if workflow.local_exec else "device"
+
+
+def gigabytes(device):
+    """Return the size of a device's logs, GB; what is still to be fetched or made counts as none."""
+    sources = [s for each in DEVICES[device]["sessions"].values() for s in each["sources"].values()]
+    paths = [Path(source_path(source, CACHE)) for source in sources]
+    inside = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
+    return sum(file.stat().st_size for file in inside if file.is_file()) / 1e9
+
+
+def asked(least, per_gigabyte):
+    """Return a function that asks a cluster for so much: more for large logs, and in each retry."""
+    return lambda wildcards, attempt: ceil(
+        attempt * (least + per_gigabyte * gigabytes(wildcards.device))
+    )
 
 
 def setting(key):

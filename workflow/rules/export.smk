@@ -11,9 +11,14 @@ rule export:
         "logs/export/{device}.log",
     benchmark:
         "benchmarks/export/{device}.tsv"
+    group:
+        on_a_cluster
     conda:
         "../envs/imuloop.yaml"
     threads: 1
+    resources:
+        mem_mb=asked(200, 0),
+        runtime=asked(5, 0),
     params:
         device="{device}",
         label=setting("label"),

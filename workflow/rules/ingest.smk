@@ -1,5 +1,7 @@
 # Without a digest of its code: what it gives is fixed by the SHA-256.
 rule ingest_fetch:
+    # a node of a cluster may have no network
+    localrule: True
     output:
         f"{CACHE}/{{sha256}}/{{filename}}",
     log:
@@ -26,9 +28,14 @@ rule ingest:
         "logs/ingest/{device}/{session}.log",
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
+    group:
+        on_a_cluster
     conda:
         "../envs/imuloop.yaml"
     threads: threads_by_size
+    resources:
+        mem_mb=asked(500, 200),
+        runtime=asked(5, 5),
     params:
         device="{device}",
         session="{session}",

@@ -29,9 +29,14 @@ rule report_device:
         "logs/report_device/{device}.log",
     benchmark:
         "benchmarks/report_device/{device}.tsv"
+    group:
+        on_a_cluster
     conda:
         "../envs/imuloop.yaml"
     threads: 1
+    resources:
+        mem_mb=asked(500, 2300),
+        runtime=asked(5, 2),
     params:
         device="{device}",
         label=setting("label"),
@@ -42,6 +47,7 @@ rule report_device:
 
 
 rule report:
+    localrule: True
     input:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),

@@ -4,6 +4,8 @@ rule segment:
         quality="results/{device}/{session}/quality.json",
     output:
         "results/{device}/{session}/segments.parquet",
+    group:
+        on_a_cluster
     log:
         "logs/segment/{device}/{session}.log",
     benchmark:
@@ -11,6 +13,9 @@ rule segment:
     conda:
         "../envs/imuloop.yaml"
     threads: 1
+    resources:
+        mem_mb=asked(500, 300),
+        runtime=asked(5, 5),
     params:
         kind=lambda wildcards: session_of(wildcards)["kind"],
         settings=setting("segment"),

@@ -7,9 +7,14 @@ rule simulate:
         "logs/simulate/{replica}/{session}.log",
     benchmark:
         "benchmarks/simulate/{replica}/{session}.tsv"
+    group:
+        on_a_cluster
     conda:
         "../envs/imuloop.yaml"
     threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=5,
     params:
         session="{session}",
         code=code("simulate.py"),
