@@ -1,13 +1,13 @@
 # Without a digest of its code: what it gives is fixed by the SHA-256.
 rule ingest_fetch:
-    # a node of a cluster may have no network
-    localrule: True
     output:
         f"{CACHE}/{{sha256}}/{{filename}}",
     log:
         "logs/ingest_fetch/{sha256}/{filename}.log",
     benchmark:
         "benchmarks/ingest_fetch/{sha256}/{filename}.tsv"
+    # a node of a cluster may have no network
+    localrule: True
     conda:
         "../envs/imuloop.yaml"
     threads: 1

@@ -47,7 +47,6 @@ rule report_device:
 
 
 rule report:
-    localrule: True
     input:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
@@ -72,6 +71,7 @@ rule report:
         "logs/report/report.log",
     benchmark:
         "benchmarks/report/report.tsv"
+    localrule: True
     conda:
         "../envs/imuloop.yaml"
     threads: 1
