@@ -4,7 +4,7 @@ CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: report picture test lint format bench bench-noise bench-report study coverage fuzz kill large setup lock clean
+.PHONY: report picture test cluster lint format bench bench-noise bench-report study coverage fuzz kill large setup setup-cluster lock clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -21,6 +21,10 @@ picture: report
 
 test: setup
 	$(BIN)/pytest -n $(CORES) --dist loadgroup
+
+# tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
+cluster: setup-cluster
+	.venv-cluster/bin/pytest tests/cluster
 
 lint: setup
 	$(BIN)/ruff check .
@@ -73,18 +77,34 @@ large: setup
 
 setup: $(READY)
 
+NEW_ENOUGH := 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
 $(READY): requirements.lock
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
+	@$(PYTHON) -c $(NEW_ENOUGH)
 	$(PYTHON) -m venv --clear .venv
 	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
 	touch $@
 
+# .venv with Snakemake's plugins for SLURM and S3, an environment of its own: each call loads them
+setup-cluster: .venv-cluster/.ready
+
+.venv-cluster/.ready: requirements-cluster.lock
+	@$(PYTHON) -c $(NEW_ENOUGH)
+	$(PYTHON) -m venv --clear .venv-cluster
+	.venv-cluster/bin/pip install --quiet --require-hashes -r $<
+	touch $@
+
 # exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml
+COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	--custom-compile-command "make lock"
+READERS := pyproject.toml --extra dataflash --extra matlab --extra ros --extra ulog --extra dev
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv
-	build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-		--all-extras --custom-compile-command "make lock" pyproject.toml -o requirements.lock
+	$(COMPILE) $(READERS) -o requirements.lock
+	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
+	$(COMPILE) $(READERS) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
+	echo snakemake-executor-plugin-kubernetes | \
+		$(COMPILE) - -c requirements-cluster.lock -o .ci/kubernetes.lock
 
 # results and logs only; downloads in data/cache and .venv stay
 clean:
