@@ -10,7 +10,7 @@ import imuloop.diagnose.effects  # noqa: F401  the library of effects
 from calibrate.devices import recording
 from diagnose.test_search import G_SENSITIVITY, MATRIX, models, with_g_sensitivity
 from imuloop.core.rotation import matrix
-from imuloop.diagnose.attitude import validate_attitude
+from imuloop.diagnose.attitude import chosen, validate_attitude
 from imuloop.diagnose.attitude_errors import (
     K_I,
     K_P,
@@ -166,11 +166,11 @@ def test_the_error_falls_to_that_of_the_truth(sensitive):
 def test_a_rotation_is_what_the_diagnosis_calls_one(sensitive):
     made, turn, (_, table) = sensitive
     block = blocks(len(made.poses), SETTINGS)
-    rows = table[(table["method"] == "rotation") & (table["model"] == "base")]
+    rows = chosen(table, method="rotation", model="base")
     for k in range(2):
         search = Search(turn, made, block != k, {}, SETTINGS, 1)
         expected = np.degrees(np.linalg.norm(search.errors()["rotation"], axis=1))
-        assert rows[rows["block"] == k]["error_deg"].to_numpy() == pytest.approx(expected, rel=0.02)
+        assert chosen(rows, block=k)["error_deg"] == pytest.approx(expected, rel=0.02)
 
 
 def test_models_do_not_see_what_they_are_judged_by(sensitive):
@@ -217,4 +217,4 @@ def test_too_few_poses_are_not_testable():
     content, table = validate_attitude("d", turn, few, None, nothing, ["turns"], SETTINGS, 20)
     assert content["status"] == "not_testable"
     assert "poses" in content["why"]
-    assert not len(table)
+    assert not len(table["error_deg"])

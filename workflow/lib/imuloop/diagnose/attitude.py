@@ -3,9 +3,7 @@
 from itertools import groupby
 
 import numpy as np
-import pandas as pd
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.diagnose.attitude_errors import (
     K_I,
     K_P,
@@ -25,7 +23,17 @@ FORMAT = 1
 # what carries gravity's direction: the gyroscope from each rest to the next; the gyroscope from the
 # rest before a stretch through all of it; the filter through all of it
 METHODS = ("rotation", "stretch", "mahony")
-COLUMNS = ("session", "stretch", "block", "method", "model", "t_s", "after_s", "at", "error_deg")
+COLUMNS = {
+    "session": object,
+    "stretch": int,
+    "block": int,
+    "method": object,
+    "model": object,
+    "t_s": float,
+    "after_s": float,
+    "at": object,
+    "error_deg": float,
+}
 
 
 def validate_attitude(device, turn_model, recording, whole, effects, names, settings, tests):
@@ -58,11 +66,11 @@ def validate_attitude(device, turn_model, recording, whole, effects, names, sett
     -------
     dict
         Content of attitude.json.
-    DataFrame
-        Content of attitude.parquet, a row a stretch, method, model and time.
+    dict of str to ndarray
+        Columns of attitude.parquet, a row a stretch, method, model and time.
     """
     content = {"format": FORMAT, "device": device, "gains": {"k_P": K_P, "k_I": K_I}}
-    nothing = pd.DataFrame(columns=list(COLUMNS))
+    nothing = {name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()}
     if reason := turn_model.untestable(recording):
         return content | {"status": "not_testable", "why": reason}, nothing
     block = blocks(len(recording.poses), settings)
@@ -81,8 +89,8 @@ def validate_attitude(device, turn_model, recording, whole, effects, names, sett
         "reference_deg": float(np.degrees(_reference_shift(u, block))),
         "methods": {m: _summary(table, m, settings) for m in METHODS},
         "sessions": {
-            name: {m: _summary(part, m, settings) for m in METHODS}
-            for name, part in table.groupby("session", sort=False)
+            name: {m: _summary(chosen(table, session=name), m, settings) for m in METHODS}
+            for name in dict.fromkeys(table["session"])
         },
     }
     floor = _rotation_floor(whole, recording, block)
@@ -119,72 +127,71 @@ def _errors(recording, block, models, directions, names):
         calibrations = models[k].calibrations
         log = recording.logs[session]
         # effects may depend on all of the log
-        whole = {n: c.apply(_samples(log)) for n, c in calibrations.items() if _extended(c)}
+        whole = {n: _calibrated(c, log) for n, c in calibrations.items() if _extended(c)}
         for stretch in group:
             pieces = [
-                whole[name].iloc[stretch.piece]
+                [values[stretch.piece] for values in whole[name]]
                 if name in whole
-                else calibrations[name].apply(_samples(log, stretch.piece))
+                else _calibrated(calibrations[name], log, stretch.piece)
                 for name in MODELS
             ]
-            f, w = (np.array([p[list(c)] for p in pieces]) for c in (ACCELERATION, ANGULAR_RATE))
+            f, w = (np.array(values) for values in zip(*pieces, strict=True))
             q, u = attitudes(w, stretch.t), directions[k][reference, stretch.poses]
             rotation, through = gyroscope_errors(q, stretch, u)
             found.append((names[session], k, stretch, {"rotation": rotation, "stretch": through}))
             filters.append((*filter_steps(q, f, stretch), u))
     for (*_, errors), mahony in zip(found, filter_errors(filters), strict=True):
         errors["mahony"] = mahony
-    return pd.concat(
-        [
-            _rows(method, values, number, *about)
-            for number, (*about, errors) in enumerate(found)
-            for method, values in errors.items()
-        ],
-        ignore_index=True,
-    )
+    parts = [
+        _rows(method, values, number, *about)
+        for number, (*about, errors) in enumerate(found)
+        for method, values in errors.items()
+    ]
+    return {
+        name: np.concatenate([part[name] for part in parts]).astype(kind)
+        for name, kind in COLUMNS.items()
+    }
 
 
 def _rows(method, errors, number, session, block, stretch):
     """Return the rows of one stretch and method; errors in rad, a first axis for the models."""
     arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
     if method == "rotation":
-        t, after, at = arrive[1:], arrive[1:] - leave[:-1], "arrival"
+        t, after, at = arrive[1:], arrive[1:] - leave[:-1], np.repeat("arrival", len(arrive) - 1)
     else:
         t = np.column_stack([arrive, leave])[1:].ravel()
         after, at = t - leave[0], np.tile(["arrival", "departure"], len(t) // 2)
-    return pd.concat(
-        [
-            pd.DataFrame(
-                {
-                    "session": session,
-                    "stretch": number,
-                    "block": block,
-                    "method": method,
-                    "model": model,
-                    "t_s": t,
-                    "after_s": after,
-                    "at": at,
-                    "error_deg": np.degrees(values.ravel()),
-                }
-            )
-            for model, values in zip(MODELS, errors, strict=True)
-        ]
-    )
+    models, n = len(MODELS), len(t)
+    same = {"session": session, "stretch": number, "block": block, "method": method}
+    return {name: np.repeat(value, models * n) for name, value in same.items()} | {
+        "model": np.repeat(MODELS, n),
+        "t_s": np.tile(t, models),
+        "after_s": np.tile(after, models),
+        "at": np.tile(at, models),
+        "error_deg": np.degrees(errors).ravel(),
+    }
+
+
+def chosen(table, **values):
+    """Return the rows of a table, a dict of columns, that have some values."""
+    rows = np.all([table[name] == value for name, value in values.items()], axis=0)
+    return {name: column[rows] for name, column in table.items()}
 
 
 def _summary(table, method, settings):
     """Return what attitude.json holds of a method: errors of each model when a turn is over."""
-    rows = table[(table["method"] == method) & (table["at"] == "arrival")]
+    by_model = {m: chosen(table, method=method, at="arrival", model=m) for m in MODELS}
     if method == "stretch":
-        rows = rows.groupby(["stretch", "model"], sort=False).tail(1)
-    by_model = {model: rows[rows["model"] == model] for model in MODELS}
-    errors = {model: part["error_deg"].to_numpy() for model, part in by_model.items()}
+        # the last arrival of each
+        last = np.append(np.diff(by_model["base"]["stretch"]) != 0, True)
+        by_model = {m: {n: c[last] for n, c in rows.items()} for m, rows in by_model.items()}
+    errors = {model: rows["error_deg"] for model, rows in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
-    held = HeldOut(by_model["base"]["block"].to_numpy(), base, final)
+    held = HeldOut(by_model["base"]["block"], base, final)
     low, high = ratio_interval(held, settings)
     return {
         "n": len(base),
-        "duration_s": float(by_model["base"]["after_s"].median()),
+        "duration_s": float(np.median(by_model["base"]["after_s"])),
         "models": {
             model: {
                 "rms_deg": float(np.sqrt((e**2).mean())),
@@ -211,13 +218,10 @@ def _rotation_floor(whole, recording, block):
     return np.sqrt(2 * np.concatenate(squares).mean())
 
 
-def _samples(log, piece=slice(None)):
-    """Return a piece of a log as a table of samples."""
-    columns = {TIME: log.t, **dict(zip(ACCELERATION, log.f.T, strict=True))}
-    columns |= dict(zip(ANGULAR_RATE, log.w.T, strict=True))
-    if log.temperature is not None:
-        columns[TEMPERATURE] = log.temperature
-    return pd.DataFrame({name: values[piece] for name, values in columns.items()})
+def _calibrated(calibration, log, piece=slice(None)):
+    """Return calibrated specific force and angular rate of a piece of a log, (n, 3) each."""
+    temperature = None if log.temperature is None else log.temperature[piece]
+    return calibration.calibrated(log.f[piece], log.w[piece], log.t[piece], temperature)
 
 
 def _extended(calibration):

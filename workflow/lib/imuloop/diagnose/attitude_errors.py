@@ -229,22 +229,18 @@ def mahony(turns, force, steps, start):
     IEEE Transactions on Automatic Control 53 (2008), section V, here for one direction.
     """
     found = np.empty_like(force)
-    v, bias = start, np.zeros_like(start)
-    for i, dt in enumerate(steps[..., None]):
-        a = force[i]
-        v = np.einsum("rij,rj->ri", turns[i], v)
-        v = v - dt * _cross(v, bias)
-        bias = bias - K_I * dt * _cross(a, v)
+    v, slant = start[..., None], np.zeros((len(start), 3, 3))
+    # -[β ×] holds the bias; with σ = a × v its change -k_I σ adds k_I (a vᵀ - v aᵀ)
+    steps = steps[..., None, None]
+    pull, learn = K_P * steps[..., 0] * force, K_I * steps[..., 0] * force
+    each = zip(turns, steps, pull[..., None], learn[:, :, None], found, strict=True)
+    for turn, dt, a, b, at in each:
+        v = turn @ v
+        v = v + dt * (slant @ v)
+        outer = v @ b
+        slant = slant + outer.swapaxes(1, 2) - outer
         # v × σ = a - v (v · a)
-        v = v + K_P * dt * (a - v * np.einsum("ri,ri->r", v, a)[:, None])
-        v = v / np.sqrt(np.einsum("ri,ri->r", v, v))[:, None]
-        found[i] = v
+        v = a + v * (1 - v.swapaxes(1, 2) @ a)
+        v /= np.sqrt(v.swapaxes(1, 2) @ v)
+        at[:] = v[..., 0]
     return found
-
-
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-def _cross(a, b):
-    """Return ``a × b``, several times as fast as numpy's for few rows."""
-    return a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT]

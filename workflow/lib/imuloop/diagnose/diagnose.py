@@ -3,6 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects  # noqa: F401
@@ -152,7 +154,7 @@ def diagnose_device(
             attitude["why"] = told(attitude["why"], sessions)
         write_json(attitude_path, attitude)
         with replaced(attitude_series_path) as temporary:
-            table.to_parquet(temporary, index=False)
+            pq.write_table(pa.table(table), temporary)
     return diagnosis, final
 
 

@@ -61,7 +61,7 @@ def best_pair(white, doubts, shapes, banned, log_threshold):
         if type(shapes[i]) is not type(shapes[j])
         and (type(shapes[i]), type(shapes[j])) not in banned
     ]
-    ways = [_Left.of(w, len(shapes)) for w in (white, *doubts)]
+    ways = [_Left.of(w) for w in (white, *doubts)]
     least = (1.0, *(0.0 for _ in doubts))
     best = None
     for i, j in pairs:
@@ -83,7 +83,7 @@ def best_pair(white, doubts, shapes, banned, log_threshold):
         return None
     joint, i, j = best
     pattern = np.hstack([white.left(white.columns[k]) for k in (i, j)])
-    values = -np.linalg.lstsq(pattern, white.left(white.residual), rcond=None)[0]
+    values = -np.linalg.lstsq(pattern, white.rest, rcond=None)[0]
     return Pair((shapes[i], shapes[j]), (i, j), joint, pattern, values)
 
 
@@ -97,16 +97,11 @@ class _Left:
     dof: int
 
     @classmethod
-    def of(cls, white, count):
-        residual = white.left(white.residual)
-        spaces = []
-        for k in range(count):
-            left, size = white.left(white.columns[k]), np.linalg.norm(white.columns[k], axis=0)
-            usable = size.all() and np.linalg.svd(left / size, compute_uv=False)[-1] > 1e-3
-            spaces.append(np.linalg.qr(left / size)[0] if usable else None)
-        total = residual @ residual
-        alone = [np.inf if s is None else total - ((s.T @ residual) ** 2).sum() for s in spaces]
-        return cls(residual, spaces, np.array(alone), len(residual) - white.q.shape[1])
+    def of(cls, white):
+        total = white.rest @ white.rest
+        spaces = [s.q if s.seen else None for s in white.spaces]
+        alone = [total - s.drop if s.seen else np.inf for s in white.spaces]
+        return cls(white.rest, spaces, np.array(alone), len(white.rest) - white.q.shape[1])
 
     def tests(self, i, j, least):
         """Return the logarithms of the p-values of both, the first and the second, or None."""

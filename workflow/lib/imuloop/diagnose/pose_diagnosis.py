@@ -1,9 +1,9 @@
 """Diagnose a sensor at the poses."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from imuloop.diagnose.correlates import correlates, probes
 from imuloop.diagnose.residuals import size
@@ -231,7 +231,7 @@ def _candidate(cls, whole, searches, effects, failed, settings):
     sized = trial
     if status != "added" and at.spread:
         # what is not explained counts as noise
-        spread = replace(at.spread, columns=(at.spread.columns[trial.column],))
+        spread = at.spread.only(trial.column)
         sized = try_shapes(spread, [trial.effect])[0].get(cls, trial)
     return {
         "name": cls.name,
@@ -253,15 +253,15 @@ def _within_limits(step, significance):
     """Tell whether slow noise at its limits leaves nothing unexplained."""
     if step.slow is None:
         return False
-    left = step.slow.left(step.slow.residual)
-    return bool(chi2.sf(left @ left, len(left) - step.slow.q.shape[1]) >= significance)
+    left = step.slow.rest
+    return bool(chdtrc(len(left) - step.slow.q.shape[1], left @ left) >= significance)
 
 
 def _walk_alike(step, trial, threshold, shapes):
     """Tell whether nothing but slow noise at its limits speaks against a candidate."""
     if step.slow is None or trial.log_p < np.log(threshold):
         return False
-    one = [replace(w, columns=(w.columns[trial.column],)) for w in (step.white, step.spread) if w]
+    one = [w.only(trial.column) for w in (step.white, step.spread) if w]
     found = try_shapes(one[0], [trial.effect], one[1:])[0].get(type(trial.effect))
     return found is not None and found.log_p + np.log(shapes) < np.log(threshold)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Residual:
 
     def above_floor(self, significance):
         """Return whether the residual is larger than the noise explains."""
-        return bool(chi2.sf(self.reduced_chi2 * self.dof, self.dof) < significance)
+        return bool(chdtrc(self.dof, self.reduced_chi2 * self.dof) < significance)
 
 
 def judge(unit, values, covariance, jacobian, parameters):

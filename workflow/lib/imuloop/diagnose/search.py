@@ -1,16 +1,17 @@
 """The search for effects: test, add the best that passes, refit; and on held-out data."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
 from imuloop.diagnose.pairs import best_pair
 from imuloop.diagnose.residuals import held_out_variance
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.trial import Linear, Trial, White, excess, try_shapes
+from imuloop.diagnose.trial import Linear, White, excess, try_shapes
 
 
 def candidates(sensor, record, channels):
@@ -57,26 +58,47 @@ class Step:
         Residuals of all poses about it, held-out ones too.
     seen : ndarray of bool, shape (N,)
         The residuals of the fit.
-    white : White
-        Those, whitened.
-    spread : White or None
-        The same with their excess as variance too; None at the floor.
-    slow : White or None
-        The same with the slow noise that the rests were too short to exclude; None without.
-    trials : dict of type to Trial
-        The candidates, effects of the fit left out.
-    reasons : dict of type to str
-        Why there is no trial of the others.
+    limits : callable
+        Gives the covariance of the residuals of the fit with the slow noise that the rests were too
+        short to exclude; None without.
     """
 
     solution: object
     linear: Linear
     seen: np.ndarray
-    white: White
-    spread: White | None
-    slow: White | None
-    trials: dict[type, Trial]
-    reasons: dict[type, str]
+    limits: object
+
+    @cached_property
+    def white(self):
+        """The residuals of the fit, whitened."""
+        return White.of(self.linear, self.seen, self.solution.covariance)
+
+    @cached_property
+    def spread(self):
+        """The same with their excess as variance too; None at the floor."""
+        covariance = self.solution.covariance
+        more = excess(self.linear, self.seen, covariance)
+        return White.of(self.linear, self.seen, covariance + np.diag(more)) if more.any() else None
+
+    @cached_property
+    def slow(self):
+        """The same with slow noise at its limits; None without."""
+        covariance = self.limits()
+        return None if covariance is None else White.of(self.linear, self.seen, covariance)
+
+    @cached_property
+    def _tried(self):
+        return try_shapes(self.white, self.linear.shapes, self.doubts)
+
+    @property
+    def trials(self):
+        """The trial of each candidate, by type; effects of the fit left out."""
+        return self._tried[0]
+
+    @property
+    def reasons(self):
+        """Why there is no trial of the others, by type."""
+        return self._tried[1]
 
     @property
     def doubts(self):
@@ -123,17 +145,12 @@ class Search:
             shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
             linear = self.model.linearise(solution, self.recording, shapes)
             seen = linear.rows(lambda poses: np.all(self.keep[poses], axis=1))
-            white = White.of(linear, seen, solution.covariance)
-            more = excess(linear, seen, solution.covariance)
-            spread = None
-            if more.any():
-                spread = White.of(linear, seen, solution.covariance + np.diag(more))
-            limits, slow = self.model.at_limits(), None
-            if limits:
-                slow = White.of(linear, seen, limits.covariance(solution, seen_only))
-            step = Step(solution, linear, seen, white, spread, slow, {}, {})
-            trials, reasons = try_shapes(white, shapes, step.doubts)
-            self._steps[effects] = replace(step, trials=trials, reasons=reasons)
+            limits = self.model.at_limits()
+
+            def at_limits():
+                return limits and limits.covariance(solution, seen_only)
+
+            self._steps[effects] = Step(solution, linear, seen, at_limits)
         return self._steps[effects]
 
     def threshold(self, effects):
@@ -179,7 +196,7 @@ class Search:
         Only looked for where the residual is above its floor.
         """
         step = self.step(effects)
-        if chi2.sf(step.solution.chi2, step.solution.dof) >= self.settings.significance:
+        if chdtrc(step.solution.dof, step.solution.chi2) >= self.settings.significance:
             return None
         log_threshold = np.log(self.threshold(effects))
         return best_pair(step.white, step.doubts, step.linear.shapes, banned, log_threshold)

@@ -1,15 +1,17 @@
 """Trials: what each candidate effect would take off the residual, all parameters refitted."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import cholesky, qr, solve_triangular
-from scipy.optimize import brentq
-from scipy.stats import f, ncf
+from scipy.linalg import cholesky, solve_triangular
+from scipy.special import betaincinv, ncfdtr
 
 from imuloop.core.effect import Effect
+from imuloop.core.root import root
+from imuloop.diagnose.static_noise import log_f_tail
 
 # a column of which the base model takes all but this share is not seen in the residual
 ABSORBED = 1e-3
@@ -92,7 +94,7 @@ class White:
         stack = np.column_stack([linear.values, linear.jacobian, *linear.columns])[seen]
         white = solve_triangular(root, stack, lower=True)
         p = linear.jacobian.shape[1]
-        q, r = qr(white[:, 1 : p + 1], mode="economic")
+        q, r = np.linalg.qr(white[:, 1 : p + 1])
         ends = np.cumsum([p + 1] + [c.shape[1] for c in linear.columns])
         columns = tuple(white[:, i:j] for i, j in pairwise(ends))
         return cls(root, q, r, white[:, 0], columns)
@@ -104,6 +106,61 @@ class White:
     def left(self, values):
         """Return what the parameters leave of whitened values, shape (n, …)."""
         return values - self.q @ (self.q.T @ values)
+
+    def only(self, column):
+        """Return the same with one shape alone."""
+        return replace(self, columns=(self.columns[column],))
+
+    @cached_property
+    def rest(self):
+        """Residuals that the parameters leave, shape (n,)."""
+        return self.left(self.residual)
+
+    @cached_property
+    def spaces(self):
+        """The Space of each shape."""
+        found, widths = [None] * len(self.columns), np.array([c.shape[1] for c in self.columns])
+        for width in np.unique(widths):
+            # shapes of as many parameters at once
+            at = np.flatnonzero(widths == width)
+            raw = np.stack([self.columns[k] for k in at], axis=1)
+            size = np.linalg.norm(raw, axis=0)
+            left = self.left(raw.reshape(len(raw), -1)).reshape(raw.shape)
+            q, r = np.linalg.qr((left / np.where(size > 0, size, 1.0)).swapaxes(0, 1))
+            least = np.linalg.svd(r, compute_uv=False)[:, -1]
+            part = (q.swapaxes(1, 2) @ self.rest[:, None])[:, :, 0]
+            for i, k in enumerate(at):
+                seen = bool(size[i].all()) and least[i] >= ABSORBED and len(raw) >= width
+                found[k] = Space(q[i], r[i], size[i], seen, part[i])
+        return found
+
+
+@dataclass(frozen=True)
+class Space:
+    """What the parameters leave of a shape's columns, and the residual's part in it.
+
+    Attributes
+    ----------
+    q, r : ndarray, shape (n, k) and (k, k)
+        Orthogonal and triangular factor of the columns over their `size`.
+    size : ndarray, shape (k,)
+        Norm of each column before the parameters take their share.
+    seen : bool
+        Whether they leave more than `ABSORBED` of any combination.
+    part : ndarray, shape (k,)
+        Product of q with the residual: χ² falls by its square.
+    """
+
+    q: np.ndarray
+    r: np.ndarray
+    size: np.ndarray
+    seen: bool
+    part: np.ndarray
+
+    @property
+    def drop(self):
+        """By how much χ² falls."""
+        return float(self.part @ self.part)
 
 
 @dataclass(frozen=True)
@@ -170,7 +227,7 @@ def log_p_value(drop, chi2_after, q, dof, least=1.0):
     The noise model sets the scale; where the residual exceeds it even with the effect, the
     residual does. Without a noise model to go by, `least` is 0.
     """
-    return float(f.logsf(drop / q / max(least, chi2_after / dof), q, dof))
+    return float(log_f_tail(drop / q / max(least, chi2_after / dof), q, dof))
 
 
 def excess(linear, seen, covariance):
@@ -190,16 +247,22 @@ def excess(linear, seen, covariance):
         at = linear.rows_of(kind)[seen]
         if not at.any():
             continue
-        variance, axes = np.linalg.eigh(covariance[np.ix_(at, at)])
-        square = (axes.T @ linear.values[seen][at]) ** 2
-        dof = at.sum() * share
-
-        def surplus(s, square=square, variance=variance, dof=dof):
-            return (square / (variance + s)).sum() - dof
-
-        if surplus(0.0) > 0:
-            found[at] = brentq(surplus, 0.0, square.sum() / dof)
+        found[at] = surplus(covariance[np.ix_(at, at)], linear.values[seen][at], at.sum() * share)
     return found
+
+
+def surplus(covariance, values, dof):
+    """Return the s at which ``χ² = rᵀ (Σ + s I)⁻¹ r`` is `dof`, 0 where it never exceeds it.
+
+    Newton's steps in 1/χ², which is nearly straight in s, from the left.
+    """
+    s = 0.0
+    while True:
+        solved = np.linalg.solve(covariance + s * np.eye(len(values)), values)
+        chi2 = values @ solved
+        if chi2 <= dof * (1 + 1e-12):
+            return s
+        s += (chi2 / dof - 1) * chi2 / (solved @ solved)
 
 
 def try_shapes(white, shapes, doubts=()):
@@ -226,43 +289,52 @@ def try_shapes(white, shapes, doubts=()):
     dict of type to str
         Why the others cannot be shown.
     """
-    residual = white.left(white.residual)
-    total = residual @ residual
+    total = white.rest @ white.rest
     count = Counter(map(type, shapes))
     best, reasons = {}, {}
-    for column, (shape, raw) in enumerate(zip(shapes, white.columns, strict=True)):
-        cls, q = type(shape), raw.shape[1]
-        dof = len(residual) - white.q.shape[1] - q
+    for column, (shape, space) in enumerate(zip(shapes, white.spaces, strict=True)):
+        cls, q = type(shape), len(space.size)
+        dof = len(white.rest) - white.q.shape[1] - q
         if dof < 1:
-            reasons[cls] = f"{len(residual)} residuals do not determine {q} more parameters"
+            reasons[cls] = f"{len(white.rest)} residuals do not determine {q} more parameters"
             continue
-        pattern = white.left(raw)
-        size = np.linalg.norm(raw, axis=0)
-        if not size.all() or np.linalg.svd(pattern / size, compute_uv=False)[-1] < ABSORBED:
+        if not space.seen:
             reasons[cls] = "what it adds in these data is taken up by the base model"
             continue
-        values = -np.linalg.lstsq(pattern, residual, rcond=None)[0]
-        drop = total - ((residual + pattern @ values) ** 2).sum()
-        scale = max(1.0, (total - drop) / dof)
-        log_p = log_p_value(drop, total - drop, q, dof)
-        log_p = max(log_p, *(_doubtful_log_p(w, column, dof) for w in doubts), -np.inf)
+        drop = space.drop
+        log_p = max(
+            log_p_value(drop, total - drop, q, dof),
+            *(_doubtful_log_p(w, column, dof) for w in doubts),
+            -np.inf,
+        )
         log_p += np.log(count[cls])
-        if cls in best and (best[cls].log_p, -best[cls].drop) <= (log_p, -drop):
-            continue
-        information = pattern.T @ pattern / scale
-        std = np.sqrt(np.diag(np.linalg.inv(information / np.outer(size, size)))) / size
-        step = -solve_triangular(white.r, white.q.T @ (white.residual + raw @ values))
-        best[cls] = Trial(shape, log_p, drop, values, std, information, step, pattern, column, dof)
-    return best, {cls: why for cls, why in reasons.items() if cls not in best}
+        if cls not in best or (log_p, -drop) < best[cls][:2]:
+            best[cls] = log_p, -drop, column, dof
+    trials = {
+        cls: _trial(white, shapes[column], total, log_p, column, dof)
+        for cls, (log_p, _, column, dof) in best.items()
+    }
+    return trials, {cls: why for cls, why in reasons.items() if cls not in best}
+
+
+def _trial(white, shape, total, log_p, column, dof):
+    """Return the Trial of a shape."""
+    space = white.spaces[column]
+    inverse = np.linalg.inv(space.r)
+    values = -inverse @ space.part / space.size
+    scale = max(1.0, (total - space.drop) / dof)
+    wide = space.r * space.size
+    std = np.sqrt(scale * (inverse**2).sum(axis=1)) / space.size
+    step = -solve_triangular(white.r, white.q.T @ (white.residual + white.columns[column] @ values))
+    information, pattern = wide.T @ wide / scale, space.q @ wide
+    return Trial(shape, log_p, space.drop, values, std, information, step, pattern, column, dof)
 
 
 def _doubtful_log_p(white, column, dof):
     """Return the logarithm of the p-value of a shape with other weights, of the residual's size."""
-    residual, raw = white.left(white.residual), white.columns[column]
-    pattern = white.left(raw) / np.linalg.norm(raw, axis=0)
-    after = residual - pattern @ np.linalg.lstsq(pattern, residual, rcond=None)[0]
-    total, left = residual @ residual, after @ after
-    return log_p_value(total - left, left, raw.shape[1], dof, least=0.0)
+    space = white.spaces[column]
+    left = white.rest @ white.rest - space.drop
+    return log_p_value(space.drop, left, len(space.size), dof, least=0.0)
 
 
 def detection_limit(trial, shapes, settings, tests):
@@ -282,16 +354,18 @@ def detection_limit(trial, shapes, settings, tests):
     tests : int
         Number of tests that the significance is shared by.
     """
-    q = len(trial.values)
-    threshold = f.isf(settings.significance / tests / shapes, q, trial.dof)
+    q, dof = len(trial.values), trial.dof
+    # of the F distribution
+    x = betaincinv(dof / 2, q / 2, settings.significance / tests / shapes)
+    threshold = dof * (1 - x) / (q * x)
 
     def shortfall(noncentrality):
-        return settings.power - ncf.sf(threshold, q, trial.dof, noncentrality)
+        return ncfdtr(q, dof, noncentrality, threshold) - (1 - settings.power)
 
     # far beyond the root the distribution is not computed reliably
     above = 1.0
     while shortfall(above) > 0:
         above *= 2
-    noncentrality = brentq(shortfall, 0.0, above)
+    noncentrality = root(shortfall, 0.0, above)[0]
     limits = np.sqrt(noncentrality / np.diag(trial.information))
     return dict(zip(trial.effect.parameters, limits.tolist(), strict=True))
