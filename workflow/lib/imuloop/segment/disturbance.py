@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.ingest.in_order import in_order
+from imuloop.segment.quantiles import chi_squared, chi_squared_below, f_beyond
 from imuloop.segment.stretches import merged, without
 from imuloop.segment.wavelets import (
     DENSE,
@@ -72,15 +72,17 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     for _ in range(10):
         distance = squared_distance(x, covariance)
         half = x[distance <= np.median(distance)]
-        covariance = half.T @ half / len(half) + np.diag(floor)
+        last, covariance = covariance, half.T @ half / len(half) + np.diag(floor)
+        if np.array_equal(covariance, last):
+            break
     distance = squared_distance(x, covariance)
-    scale = np.median(distance) / special.chdtri(k, 0.5)
-    cut = special.chdtri(k, 0.025)
+    scale = np.median(distance) / chi_squared(0.5, k)
+    cut = chi_squared(0.975, k)
     near = x[distance <= cut * scale]
     # second moment of a normal vector within the quantile, of the whole
-    covariance = near.T @ near / len(near) * 0.975 / special.chdtr(k + 2, cut)
+    covariance = near.T @ near / len(near) * 0.975 / chi_squared_below(cut, k + 2)
     covariance += np.diag(floor)
-    tail = np.quantile(squared_distance(x, covariance), TAIL) / special.chdtri(k, 1 - TAIL)
+    tail = np.quantile(squared_distance(x, covariance), TAIL) / chi_squared(TAIL, k)
     return covariance * np.clip(tail, 1.0, tail_limit)
 
 
@@ -258,7 +260,7 @@ class _Search:
         """Return covariance of a scale's n coefficients and the bound of their squared distance."""
         covariance = robust_covariance(sample.T, self.floor)
         m = min(n // max(1, width // DENSE), sample.shape[1])
-        bound = special.fdtri(K, m - K, 1 - self.false_alarm)
+        bound = f_beyond(self.false_alarm, K, m - K)
         bound *= K * (m - 1) * (m + 1) / (m * (m - K))
         return covariance, bound * (LONE_FACTOR**2 if width < LONE else 1.0)
 

@@ -3,7 +3,8 @@
 import itertools
 
 import numpy as np
-from scipy import special
+
+from imuloop.segment.quantiles import chi_squared
 
 # prior standard deviation of scale and misalignment (of one) and of bias (of g)
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
@@ -63,7 +64,7 @@ def expected_error(f):
     normal = design.T @ design
     hat = design @ np.linalg.solve(normal + POSE_NORM**2 * np.eye(9), design.T)
     residual = np.sum((error - hat @ error) ** 2) + POSE_NORM**2
-    variance = residual / special.chdtri(len(f) - np.trace(hat) + 1, 0.95)
+    variance = residual / chi_squared(0.05, len(f) - np.trace(hat) + 1)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
     return float(np.sqrt(np.sum(covariance * _moments())))
 

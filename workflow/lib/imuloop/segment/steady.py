@@ -3,15 +3,17 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from imuloop.segment.disturbance import robust_covariance, squared_distance
+from imuloop.segment.quantiles import f_beyond, t_beyond
 from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
 # longer rests are judged in parts of this length, s: over more, a bias that warms up moves
 PART = 10.0
 # fewest windows free to vary from which the level of rest can be told
 FEWEST = 20
+# quartile of the normal distribution, standard deviations
+QUARTILE = 0.6744897501960817
 # windows that a rest has to hold to be judged on their scale
 HELD = 3
 
@@ -59,7 +61,7 @@ def shortest_half(x):
     half = len(x) // 2 + 1
     first = int(np.argmin(x[half - 1 :] - x[: len(x) - half + 1]))
     low, high = x[first], x[first + half - 1]
-    return (low + high) / 2, (high - low) / (2 * special.ndtri(0.75))
+    return (low + high) / 2, (high - low) / (2 * QUARTILE)
 
 
 def unsteady_samples(w, rests, step, settings):
@@ -118,7 +120,7 @@ def unsteady_samples(w, rests, step, settings):
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
         covariance = robust_covariance(x, np.full(3, 3 * rounding / window), tail_limit=1.0)
         m = _freedom(parts, window)
-        bound = special.fdtri(3, m - 3, 1 - probability / len(x))
+        bound = f_beyond(probability / len(x), 3, m - 3)
         bound *= 3 * (m - 1) * (m + 1) / (m * (m - 3))
         turning[_samples(long)] |= squared_distance(x, covariance) > bound
         rate = np.sqrt(bound * np.trace(covariance) / 3)
@@ -131,7 +133,7 @@ def unsteady_samples(w, rests, step, settings):
     x = np.log(np.concatenate(variances) + floor)
     centre, spread = shortest_half(x)
     m = sum((j - i) // window for i, j in long)
-    bound = max(spread, np.sqrt(2 / (3 * window))) * -special.stdtrit(m - 1, probability / len(x))
+    bound = max(spread, np.sqrt(2 / (3 * window))) * t_beyond(probability / len(x), m - 1)
     trembling[_samples(long)] = x > centre + bound
     largest = np.sqrt(max(np.exp(centre + bound) - floor, 0.0))
     return Unsteady(turning, trembling, bounds, float(largest))
