@@ -19,6 +19,8 @@ def open_log(path, job):
         Stage and device, named in the one line that the terminal gets when the job fails.
     """
     hide_pandas()
+    # after one large block glibc keeps what is freed, and arrays come back without page faults
+    bytes(32_000_000)
     logging.basicConfig(
         filename=path,
         filemode="w",
