@@ -205,8 +205,12 @@ class GyroscopeModel:
             Derivative.
         """
         turned, jacobian = self.turned(x)
-        plane = tangents(self.directions[self.rotations.first + 1])
-        return np.einsum("mij,mj->mi", plane, turned), plane @ jacobian
+        return np.einsum("mij,mj->mi", self.plane, turned), self.plane @ jacobian
+
+    @cached_property
+    def plane(self):
+        """Two unit vectors normal to the measured direction after each rotation, (m, 2, 3)."""
+        return tangents(self.directions[self.rotations.first + 1])
 
     def residuals(self, x):
         """Return all residuals in one vector, and their derivative."""
@@ -260,8 +264,7 @@ def rotation_covariance(model, x, session, directions, noise):
     rotations = model.rotations
     m = len(rotations)
     path = model.path(x)
-    last = path.last
-    plane = tangents(model.directions[rotations.first + 1])
+    last, plane = path.last, model.plane
     start = model.directions[rotations.first]
     # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
     to_error = np.einsum("mij,mkj,mkl->mil", plane, last, _cross_matrix(start))
