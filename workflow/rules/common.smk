@@ -1,5 +1,6 @@
 """The config, read and checked; what a rule takes from it."""
 
+import gc
 import os
 import sys
 from functools import cache
@@ -13,6 +14,9 @@ from imuloop.config_faults import as_given, config_faults
 
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# hundreds of thousands of objects of the jobs stay to the end: not worth going through so often
+gc.set_threshold(100_000)
 
 REPOSITORY = Path(workflow.basedir)
 TEMPLATES = REPOSITORY / "workflow/templates"
@@ -38,6 +42,11 @@ if faults:
     sys.exit(1)
 
 DEVICES = resolve(config)
+# devices by the names of their sessions: those alike share a rule that writes into the sessions'
+# folders, so that a factory's devices need one, not one each
+ALIKE = {}
+for name, device in DEVICES.items():
+    ALIKE.setdefault(tuple(device["sessions"]), []).append(name)
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
 # by the environment, not as a parameter: where a file came from changes nothing in it
@@ -111,25 +120,21 @@ def setting(key):
     return lambda wildcards: device_of(wildcards)[key]
 
 
-def session_files(device):
-    """Return kind and files of a device's sessions by name."""
+def sessions(wildcards):
+    """Return kind and files of all sessions of a job's device by name."""
+    folder = f"results/{wildcards.device}"
     return {
         name: {
             "kind": session["kind"],
-            "quality": f"results/{device}/{name}/quality.json",
-            "samples": f"results/{device}/{name}/samples.parquet",
-            "segments": f"results/{device}/{name}/segments.parquet",
-            "allan_raw": f"results/{device}/{name}/allan_raw.parquet",
-            "allan": f"results/{device}/{name}/allan.parquet",
-            "views": f"results/{device}/{name}/views.parquet",
+            "quality": f"{folder}/{name}/quality.json",
+            "samples": f"{folder}/{name}/samples.parquet",
+            "segments": f"{folder}/{name}/segments.parquet",
+            "allan_raw": f"{folder}/{name}/allan_raw.parquet",
+            "allan": f"{folder}/{name}/allan.parquet",
+            "views": f"{folder}/{name}/views.parquet",
         }
-        for name, session in DEVICES[device]["sessions"].items()
+        for name, session in device_of(wildcards)["sessions"].items()
     }
-
-
-def sessions(wildcards):
-    """Return kind and files of all sessions of a job's device by name."""
-    return session_files(wildcards.device)
 
 
 def each_session(column):

@@ -1,37 +1,43 @@
-# A rule a device, as for the noise: the Allan tables of its sessions, with the corrected curves.
-for device, resolved in DEVICES.items():
-    used = session_files(device)
+# Rules as for the noise: the Allan tables of the sessions, with the corrected curves.
+for number, (names, devices) in enumerate(ALIKE.items(), 1):
 
     rule:
         name:
-            f"diagnose_{device}"
+            f"diagnose_{number}"
         input:
-            samples=[files["samples"] for files in used.values()],
-            segments=[files["segments"] for files in used.values()],
-            allan=[files["allan_raw"] for files in used.values()],
-            noise=f"results/{device}/noise.json",
-            six_position=f"results/{device}/six_position.json",
-            multi_position=f"results/{device}/multi_position.json",
+            samples=each_session("samples"),
+            segments=each_session("segments"),
+            allan=each_session("allan_raw"),
+            noise="results/{device}/noise.json",
+            six_position="results/{device}/six_position.json",
+            multi_position="results/{device}/multi_position.json",
         output:
-            diagnosis=f"results/{device}/diagnosis.json",
-            calibration=f"results/{device}/calibration.json",
-            attitude=f"results/{device}/attitude.json",
-            attitude_series=f"results/{device}/attitude.parquet",
-            allan=[files["allan"] for files in used.values()],
+            diagnosis="results/{device}/diagnosis.json",
+            calibration="results/{device}/calibration.json",
+            attitude="results/{device}/attitude.json",
+            attitude_series="results/{device}/attitude.parquet",
+            allan=expand("results/{{device}}/{name}/allan.parquet", name=names),
         log:
-            f"logs/diagnose/{device}.log",
+            "logs/diagnose/{device}.log",
         benchmark:
-            f"benchmarks/diagnose/{device}.tsv"
+            "benchmarks/diagnose/{device}.tsv"
+        wildcard_constraints:
+            device="|".join(devices),
+        group:
+            on_a_cluster
         conda:
             "../envs/imuloop.yaml"
         threads: 1
+        resources:
+            mem_mb=asked(1200, 5000),
+            runtime=asked(10, 10),
         params:
-            device=device,
-            sessions=used,
-            gravity=resolved["gravity"],
-            calibrate_settings=resolved["calibrate"],
-            settings=resolved["diagnose"],
-            noise_settings=resolved["noise"],
+            device="{device}",
+            sessions=sessions,
+            gravity=setting("gravity"),
+            calibrate_settings=setting("calibrate"),
+            settings=setting("diagnose"),
+            noise_settings=setting("noise"),
             code=code("diagnose.py"),
         script:
             "../../scripts/diagnose.py"

@@ -1,29 +1,34 @@
-# A rule a device, because each writes the Allan tables of its own sessions. All sessions go in: a
-# rest in any of them stands in where the static ones turn out to be rejected.
-for device, resolved in DEVICES.items():
-    used = session_files(device)
+# All sessions go in: a rest in any of them stands in where the static ones turn out to be rejected.
+for number, (names, devices) in enumerate(ALIKE.items(), 1):
 
     rule:
         name:
-            f"noise_{device}"
+            f"noise_{number}"
         input:
-            samples=[files["samples"] for files in used.values()],
-            segments=[files["segments"] for files in used.values()],
+            samples=each_session("samples"),
+            segments=each_session("segments"),
         output:
-            noise=f"results/{device}/noise.json",
-            allan=[files["allan_raw"] for files in used.values()],
-            views=[files["views"] for files in used.values()],
+            noise="results/{device}/noise.json",
+            allan=expand("results/{{device}}/{name}/allan_raw.parquet", name=names),
+            views=expand("results/{{device}}/{name}/views.parquet", name=names),
         log:
-            f"logs/noise/{device}.log",
+            "logs/noise/{device}.log",
         benchmark:
-            f"benchmarks/noise/{device}.tsv"
+            "benchmarks/noise/{device}.tsv"
+        wildcard_constraints:
+            device="|".join(devices),
+        group:
+            on_a_cluster
         conda:
             "../envs/imuloop.yaml"
         threads: 1
+        resources:
+            mem_mb=asked(500, 700),
+            runtime=asked(5, 10),
         params:
-            device=device,
-            sessions=used,
-            settings=resolved["noise"],
+            device="{device}",
+            sessions=sessions,
+            settings=setting("noise"),
             code=code("noise.py"),
         script:
             "../../scripts/noise.py"
