@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog
@@ -271,16 +270,26 @@ def _parsed(text, layout, positions, kinds):
     )
     columns = [table[name].combine_chunks() for name in names]
     if layout.decimal_comma:
+        import pyarrow.compute as pc
+
         columns = [
             pc.replace_substring(c, ",", ".") if c.type == pa.string() else c for c in columns
         ]
     return pa.RecordBatch.from_arrays(columns, names=[str(i) for i in range(len(names))]), bad_lines
 
 
+def doubles(column):
+    """Return a column as float64; what is missing becomes NaN."""
+    # nothing to do where nothing is missing: arrow's functions take long to import
+    if column.type != pa.float64():
+        column = column.cast(pa.float64())
+    return column.fill_null(float("nan")) if column.null_count else column
+
+
 def numbers(text):
     """Return a column of text as float64; what is no number becomes NaN."""
     try:
-        return pc.fill_null(pc.cast(text, pa.float64()), float("nan"))
+        return doubles(text)
     except pa.ArrowInvalid:
         # takes longer to import than all the rest, and few logs need it
         import pandas as pd

@@ -7,7 +7,6 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -227,12 +226,12 @@ def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
     """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
     plain = schema(log.temperature, {}, rebuilt).remove_metadata()
     tables = rechunked(batches, ROW_GROUP)
-    first = next(tables, plain.empty_table()).select(plain.names).cast(plain)
+    first = next(tables, plain.empty_table()).select(plain.names)
     # what is known at the end only cannot be in an Arrow schema; doubles need none
     options = {"compression": "zstd", "store_schema": False, **_encodings(first)}
     with pq.ParquetWriter(path, plain, **options) as writer:
         for table in chain([first] if len(first) else [], tables):
-            writer.write_table(table.select(plain.names).cast(plain), row_group_size=ROW_GROUP)
+            writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
             progress(log.position)
         origin["sha256"] = hashes.result()
         if counts.start_ns is not None:
@@ -244,7 +243,7 @@ def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
 
 def _encodings(table):
     """Return how Parquet is to hold the columns: few values by number, else byte by byte."""
-    few = [n for n in table.column_names if 4 * pc.count_distinct(table[n]).as_py() < len(table)]
+    few = [n for n in table.column_names if 4 * len(np.unique(table[n])) < len(table)]
     many = [name for name in table.column_names if name not in few]
     return {"use_dictionary": few, "use_byte_stream_split": many}
 

@@ -5,7 +5,6 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -232,6 +231,9 @@ def _stamps(values, variable):
     units = re.fullmatch(r"\s*(\w+?)s?\s+since\s+(.+)", _units(variable))
     if not units or units[1] not in _CF_NANOSECONDS:
         return pa.array(np.ma.getdata(values), mask=mask)
+    # takes longer to import than all the rest, and few logs need it
+    import pandas as pd
+
     try:
         origin = pd.Timestamp(units[2].replace("UTC", "").strip())
         origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns").value

@@ -3,12 +3,12 @@
 import json
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE
 from imuloop.ingest.columns import resolve
+from imuloop.ingest.delimited import doubles
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import stamp_array
 
@@ -89,7 +89,7 @@ def _metadata(text):
 
 def _numbers(column, name):
     try:
-        return pc.fill_null(pc.cast(column, pa.float64()), float("nan"))
+        return doubles(column)
     except pa.ArrowException as error:
         raise ImuloopError(f"column '{name}' holds {column.type}, not numbers") from error
 

@@ -7,7 +7,6 @@ smaller than Earth's rate. A bias makes both only larger, flicker and drift as w
 """
 
 import numpy as np
-from scipy.stats import chi2
 
 from imuloop.core.samples import ACCELERATION, CHANNELS
 
@@ -27,6 +26,8 @@ LEAST_NOISE = 0.5
 # power of the means is lacking where chance makes it as small so seldom, with so much room for an
 # error of the noise level, and it is below this share
 LEAST_CHANCE, ROOM, MOST_SHARE = 1e-5, 1.25, 0.5
+# median of the square of a normal number
+MEDIAN = 0.454936423119572
 # means and pairs of them needed; for Earth's rate, standard errors below a part of it
 LEAST_MEANS, LEAST_PAIRS, SIGMAS, EARTH_PART = 24, 32, 6.0, 0.5
 
@@ -107,7 +108,7 @@ class RestMeans:
             power, n = (every**2 / noise).sum() * window, every.size
             if n >= LEAST_MEANS:
                 found["noise_share"] = min(found["noise_share"] or np.inf, float(power / n))
-                tracked |= power < MOST_SHARE * n and chi2.cdf(ROOM * power, n) < LEAST_CHANCE
+                tracked |= power < MOST_SHARE * n and _chance(ROOM * power, n) < LEAST_CHANCE
             # noise of neighbours is not the same, bias and Earth's rate are
             pairs = [m[: len(m) // 2 * 2].reshape(-1, 2, 3) for m in means]
             power = np.concatenate(pairs).prod(axis=1).sum(axis=1)
@@ -127,11 +128,19 @@ def _white(parts, block_s):
     halves = parts.reshape(*parts.shape[:2], 2, -1).mean(axis=3)
     found = [
         # of a difference of two means the variance is twice theirs; medians pass over knocks
-        np.median(np.diff(means, axis=2) ** 2, axis=(0, 2)) / chi2.median(1) / 2
+        np.median(np.diff(means, axis=2) ** 2, axis=(0, 2)) / MEDIAN / 2
         * block_s / means.shape[2]
         for means in (parts, halves)
     ]  # fmt: skip
     return np.min(found, axis=0)
+
+
+def _chance(power, n):
+    """Return the probability that the squares of n normal numbers add up to less."""
+    # takes as long to import as all the rest, and few logs need it
+    from scipy.special import chdtr
+
+    return chdtr(n, power)
 
 
 def _windows(run, blocks):

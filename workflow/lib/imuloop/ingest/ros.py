@@ -10,7 +10,6 @@ from pathlib import Path, PurePath
 from types import SimpleNamespace
 
 import numpy as np
-import yaml
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
@@ -162,6 +161,9 @@ def _files(path):
         return [path], []
     metadata = path / "metadata.yaml"
     if metadata.is_file():
+        # bags with metadata alone need it
+        import yaml
+
         try:
             loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
             content = yaml.load(metadata.read_text(), loader)["rosbag2_bagfile_information"]

@@ -1,9 +1,7 @@
 """Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import TIME
@@ -29,9 +27,13 @@ def parse_stamps(text):
     """
     for kind in (pa.int64(), pa.float64()):
         try:
-            return pc.cast(text, kind)
+            return text.cast(kind)
         except pa.ArrowInvalid:
             continue
+    # takes longer to import than all the rest, and few logs need it
+    import pandas as pd
+    import pyarrow.compute as pc
+
     series = pd.Series(pc.utf8_trim_whitespace(text).to_pandas())
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
@@ -51,12 +53,14 @@ def stamp_array(column):
     """Return a column of stamps of any type as int64, float64 or timestamp[ns]."""
     kind = column.type
     if pa.types.is_timestamp(kind):
-        return pc.cast(column, pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
+        return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
+    if kind in (pa.int64(), pa.float64()):
+        return column
     if pa.types.is_integer(kind):
-        return pc.cast(column, pa.int64())
+        return column.cast(pa.int64())
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
         return parse_stamps(column)
-    return pc.cast(column, pa.float64())
+    return column.cast(pa.float64())
 
 
 def stamp_values(column):
@@ -71,10 +75,12 @@ def stamp_values(column):
         Whether they are dates.
     """
     absolute = pa.types.is_timestamp(column.type)
-    readable = column.is_valid().to_numpy(zero_copy_only=False)
+    readable = np.ones(len(column), dtype=bool)
     if absolute:
         column = column.cast(pa.int64())
-    values = pc.fill_null(column, 0).to_numpy(zero_copy_only=False)
+    if column.null_count:
+        readable, column = column.is_valid().to_numpy(zero_copy_only=False), column.fill_null(0)
+    values = column.to_numpy(zero_copy_only=False)
     if values.dtype.kind == "f":
         readable = readable & np.isfinite(values)
         values = np.where(readable, values, 0.0)
@@ -83,6 +89,8 @@ def stamp_values(column):
 
 def iso_nanoseconds(value):
     """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
+    import pandas as pd
+
     try:
         moment = pd.Timestamp(str(value))
         moment = moment.tz_localize("UTC") if moment.tz is None else moment.tz_convert("UTC")
@@ -105,4 +113,6 @@ def absolute_nanoseconds(stamp, unit, absolute):
 
 def iso_text(nanoseconds):
     """Return nanoseconds since 1970 as an ISO 8601 text, UTC."""
+    import pandas as pd
+
     return pd.Timestamp(nanoseconds, unit="ns").isoformat() + "Z"

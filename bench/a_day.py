@@ -1,0 +1,149 @@
+"""A day at rest, six axes, from CSV to noise.json by the workflow: `make a-day`, RATE=200 or 1000.
+
+The log is made piece by piece in a temporary folder, with white noise, flicker and a random walk
+of known size; Snakemake runs the stages up to noise.json on two cores; coefficients are compared
+with the truth, and everything is deleted. Printed are seconds of the whole and of each stage, the
+memory of the largest process, and the SHA-256 of noise.json.
+"""
+
+import argparse
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from imuloop.core.files import read_json
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
+from imuloop.ingest.sources import sha256
+from imuloop.simulate.noise import flicker, walk
+
+REPOSITORY = Path(__file__).parents[1]
+SNAKEMAKE = [sys.executable, "-m", "snakemake"]
+# SI; slow noise has nothing to say at 10 Hz and above, where white noise is a hundred times more
+TRUTH = {
+    **{name: {"N": 1e-3, "B": 3e-4, "K": 1e-5} for name in ACCELERATION},
+    **{name: {"N": 1e-4, "B": 3e-5, "K": 1e-6} for name in ANGULAR_RATE},
+}
+MEAN = dict(zip(CHANNELS, (0.1, -0.2, 9.8, 0.01, -0.02, 0.03), strict=True))
+# digits after the point: of a stamp, of m/s^2, of rad/s
+STAMP, FORCE, RATE = 4, 8, 10
+SLOW_RATE = 10.0
+# rows of a piece
+ROWS = 1 << 18
+# bytes of a row as text, and of its samples beside it
+ROW_BYTES, SAMPLE_BYTES = 90, 45
+CONFIG = "devices:\n  a_day:\n    sessions:\n      still: {kind: static, file: log.csv}\n"
+
+
+def generate(path, rate, hours, seed):
+    """Write a static log of the truth as CSV; return its number of rows."""
+    seeds = iter(np.random.SeedSequence(seed).spawn(3 * len(CHANNELS)))
+    n, slow_n, slow = round(hours * 3600 * rate), round(hours * 3600 * SLOW_RATE) + 2, {}
+    for name, truth in TRUTH.items():
+        rngs = [np.random.default_rng(next(seeds)) for _ in range(2)]
+        slow[name] = flicker(slow_n, 1 / SLOW_RATE, truth["B"], rngs[0])
+        slow[name] += walk(slow_n, 1 / SLOW_RATE, truth["K"], rngs[1])
+    rng = {name: np.random.default_rng(next(seeds)) for name in CHANNELS}
+    with pa.csv.CSVWriter(path, pa.schema([(x, pa.float64()) for x in (TIME, *CHANNELS)])) as file:
+        for first in range(0, n, ROWS):
+            t = np.arange(first, min(first + ROWS, n)) / rate
+            columns = {TIME: np.round(t, STAMP)}
+            begin = int(t[0] * SLOW_RATE)
+            near = slice(begin, int(t[-1] * SLOW_RATE) + 2)
+            for name in CHANNELS:
+                x = np.interp(t * SLOW_RATE - begin, np.arange(near.stop - begin), slow[name][near])
+                x += TRUTH[name]["N"] * np.sqrt(rate) * rng[name].standard_normal(len(t))
+                digits = FORCE if name in ACCELERATION else RATE
+                columns[name] = np.round(x + MEAN[name], digits)
+            file.write_batch(pa.RecordBatch.from_pydict(columns))
+    return n
+
+
+def run(folder, cores):
+    """Run the workflow to noise.json; return its seconds and the memory of its largest process."""
+    command = [*SNAKEMAKE, "-s", REPOSITORY / "Snakefile", "-d", folder, f"-c{cores}"]
+    command += ["--configfile", folder / "config.yaml", "--", "results/a_day/noise.json"]
+    start = time.monotonic()
+    done = subprocess.run([str(each) for each in command], stderr=subprocess.PIPE, text=True)
+    took = time.monotonic() - start
+    if done.returncode:
+        sys.exit(f"the workflow failed:\n{done.stderr[-4000:]}")
+    return took, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+
+
+def stages(folder):
+    """Give name, seconds and MB of memory of each stage, from Snakemake's benchmark files."""
+    for path in sorted((folder / "benchmarks").rglob("*.tsv"), key=lambda p: p.stat().st_mtime_ns):
+        names, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
+        row = dict(zip(names, values, strict=True))
+        stage = path.relative_to(folder / "benchmarks").parts[0]
+        yield stage, float(row["s"]), row["max_rss"], row["cpu_time"]
+
+
+def misses(axes):
+    """Print each coefficient beside its truth; return how many intervals do not hold it."""
+    found = 0
+    for name, truth in TRUTH.items():
+        told = []
+        for term, value in truth.items():
+            estimate = axes[name][term]
+            inside = (
+                estimate["identifiable"] and estimate["ci95"][0] <= value <= estimate["ci95"][1]
+            )
+            found += not inside
+            low, high = estimate["ci95"] or (np.nan, np.nan)
+            told.append(f"{term} {value:.0e} in [{low:.3e}, {high:.3e}]{'' if inside else ' NO'}")
+        print(f"{name}: {', '.join(told)}")
+    return found
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rate", type=int, default=200, help="Hz")
+    parser.add_argument("--hours", type=float, default=24.0)
+    parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, default=Path("build"), help="where there is room")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    need = options.hours * 3600 * options.rate * (ROW_BYTES + SAMPLE_BYTES)
+    free = shutil.disk_usage(options.folder).free
+    print(f"{need / 1e9:.1f} GB of disk needed, {free / 1e9:.1f} GB free in {options.folder}")
+    if need > free:
+        return 1
+    with tempfile.TemporaryDirectory(prefix="a-day-", dir=options.folder) as folder:
+        folder = Path(folder).resolve()
+        (folder / "config.yaml").write_text(CONFIG)
+        start = time.monotonic()
+        rows = generate(folder / "log.csv", options.rate, options.hours, options.seed)
+        size = (folder / "log.csv").stat().st_size
+        print(
+            f"{rows} rows, {options.hours:g} h at {options.rate} Hz, CSV of {size / 1e9:.2f} GB "
+            f"made in {time.monotonic() - start:.0f} s",
+            flush=True,
+        )
+        took, memory = run(folder, options.cores)
+        print(
+            f"CSV to noise.json: {took:.1f} s, {memory:.0f} MB of memory of the largest process, "
+            f"on {options.cores} of {os.cpu_count()} cores"
+        )
+        for stage, seconds, rss, processor in stages(folder):
+            print(f"  {stage:8} {seconds:7.1f} s, processor {processor} s, {rss} MB")
+        results = folder / "results" / "a_day"
+        print(f"noise.json SHA-256 {sha256(results / 'noise.json')}")
+        missed = misses(read_json(results / "noise.json")["axes"])
+    # of 18 intervals of 95 %, four are missed in 1 % of days
+    print(f"{missed} of {3 * len(CHANNELS)} intervals miss the truth")
+    return int(missed > 3)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
