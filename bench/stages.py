@@ -1,125 +1,190 @@
-"""Time each stage on one simulated device: `make bench`, or with a length in s as argument."""
+"""Processor time of every job of a factory's device: `make bench`, or alone.
+
+The device is simulated: a multi-position session and a static one, both 100 Hz. Each job is the
+workflow's own script in a process of its own, one thread; without Snakemake's share.
+"""
 
 import argparse
+import json
+import os
+import subprocess
+import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 
-from imuloop.calibrate.calibrate import calibrate_device
-from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.samples import read_samples
-from imuloop.core.segments import read_segments, write_segments
-from imuloop.diagnose.diagnose import diagnose_device
-from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.ingest.ingest import ingest
-from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
-from imuloop.noise.settings import NoiseSettings
-from imuloop.segment.segment import segment_session
-from imuloop.segment.settings import SegmentSettings
+from bench.study.tables import table
+from imuloop.config import resolve
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 
+REPOSITORY = Path(__file__).parents[1]
+ONE_THREAD = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "PYTHONPATH": os.pathsep.join([str(REPOSITORY / "workflow/lib"), str(REPOSITORY)]),
+}
+
+
+def simulate(folder, static):
+    """Write the device's logs, the static one of so many seconds; return rows by session."""
+    truth = example_truth()
+    sessions = {
+        "poses": truth.sessions["multi_position"],
+        "rest": replace(truth.sessions["static"], duration_s=static),
+    }
+    truth, rows = replace(truth, sessions=sessions), {}
+    for name in sessions:
+        log = simulate_session(truth, name)
+        write_log(folder / f"{name}.csv", log, {})
+        rows[name] = len(log)
+    return rows
+
+
+def jobs(folder, kinds):
+    """Yield stage, session or None, and job of a device in the order of the workflow.
+
+    Parameters
+    ----------
+    folder : Path
+        Where ``<session>.csv`` lies, and the results go.
+    kinds : dict of str to str
+        Kind by session.
+    """
+    declared = {name: {"kind": kind, "file": f"{name}.csv"} for name, kind in kinds.items()}
+    device = resolve({"devices": {"imu": {"sessions": declared}}})["imu"]
+    parts = ("samples", "segments", "allan_raw", "allan", "views")
+    sessions = {
+        name: {
+            "kind": kind,
+            "quality": f"{folder}/{name}/quality.json",
+            **{part: f"{folder}/{name}/{part}.parquet" for part in parts},
+        }
+        for name, kind in kinds.items()
+    }
+
+    def job(stage, session=None, **content):
+        params = {"device": "imu", "sessions": sessions, **content.pop("params", {})}
+        log = f"{folder}/{stage}.log"
+        return stage, session, {"params": params, "log": [log], "threads": 1, **content}
+
+    def each(part):
+        return [files[part] for files in sessions.values()]
+
+    def at(*names):
+        return {Path(name).stem: f"{folder}/{name}" for name in names}
+
+    for name, files in sessions.items():
+        (folder / name).mkdir(exist_ok=True)
+        one = {"session": name, "declared": device["sessions"][name]}
+        yield job(
+            "ingest",
+            name,
+            params={**one, "nominal": device["nominal"], "full_scale": device["full_scale"]},
+            input={"log": [f"{folder}/{name}.csv"]},
+            output={"samples": files["samples"], "quality": files["quality"]},
+        )
+    for name, files in sessions.items():
+        yield job(
+            "segment",
+            name,
+            params={"kind": files["kind"], "settings": device["segment"]},
+            wildcards={"device": "imu", "session": name},
+            input={"samples": files["samples"], "quality": files["quality"]},
+            output=[files["segments"]],
+        )
+    yield job(
+        "noise",
+        params={"settings": device["noise"]},
+        output={**at("noise.json"), "allan": each("allan_raw"), "views": each("views")},
+    )
+    gravity = {"gravity": device["gravity"]}
+    yield job(
+        "calibrate",
+        params={**gravity, "settings": device["calibrate"]},
+        input=at("noise.json"),
+        output=at("six_position.json", "multi_position.json"),
+    )
+    yield job(
+        "diagnose",
+        params={
+            **gravity,
+            "calibrate_settings": device["calibrate"],
+            "settings": device["diagnose"],
+            "noise_settings": device["noise"],
+        },
+        input=at("noise.json", "six_position.json", "multi_position.json"),
+        output={
+            **at("diagnosis.json", "calibration.json", "attitude.json"),
+            "attitude_series": f"{folder}/attitude.parquet",
+            "allan": each("allan"),
+        },
+    )
+    yield job(
+        "export",
+        params={"label": "imu"},
+        input={**at("calibration.json", "noise.json"), "quality": each("quality")},
+        output={"exports": f"{folder}/exports", "listed": f"{folder}/exports.json"},
+    )
+    yield job(
+        "report_device",
+        params={"label": "imu"},
+        input={
+            key: str(REPOSITORY / "workflow/templates" / name)
+            for key, name in {
+                "template": "section.html.j2",
+                "page": "device.html.j2",
+                "style": "style.css",
+                "sorting": "sorting.js",
+            }.items()
+        },
+        output={
+            **at("section.html", "summary.json"),
+            "page": f"{folder}/report.html",
+            "figures": f"{folder}/figures",
+        },
+    )
+
+
+def run(stage, job, folder, repeats=1):
+    """Run a job in a process of its own; return its seconds, ``process`` and ``work``."""
+    (folder / "job.json").write_text(json.dumps(job))
+    script = REPOSITORY / f"scripts/{stage}.py"
+    command = [sys.executable, "-m", "bench.job", script, folder / "job.json"]
+    done = subprocess.run(
+        [str(each) for each in (*command, repeats)],
+        env={**os.environ, **ONE_THREAD},
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{stage}: {done.stderr}")
+    return json.loads(done.stdout.splitlines()[-1])
+
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("duration", nargs="?", type=float, default=1800.0, help="static session, s")
-    duration = parser.parse_args().duration
-    truth = example_truth()
-    static = replace(truth.sessions["static"], duration_s=duration)
-    truth = replace(truth, sessions={**truth.sessions, "static": static})
-    print(f"{'stage':<10} {'session':<15} {'rows':>9} {'s':>8} {'rows/s':>12}")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--static", type=float, default=1200.0, help="static session, s")
+    parser.add_argument("--rounds", type=int, default=3, help="processes a job, the best counts")
+    options = parser.parse_args()
+    found = []
     with tempfile.TemporaryDirectory() as folder:
-        run(truth, Path(folder))
-
-
-def timed(stage, session, rows, work):
-    """Run `work`, print how long it took, return its result."""
-    start = time.perf_counter()
-    result = work()
-    took = time.perf_counter() - start
-    print(f"{stage:<10} {session:<15} {rows:>9} {took:>8.2f} {rows / took:>12.0f}", flush=True)
-    return result
-
-
-def run(truth, folder):
-    """Take a device's sessions through every stage from its CSV logs on."""
-    sessions, rows = {}, {}
-    for name, plan in truth.sessions.items():
-        files = {key: folder / f"{name}.{key}" for key in ("csv", "samples", "segments", "json")}
-        log = simulate_session(truth, name)
-        rows[name] = len(log)
-        write_log(files["csv"], log, {})
-        sessions[name] = {"kind": plan.kind, **files}
-    total = sum(rows.values())
-    for name, files in sessions.items():
-        timed("ingest", name, rows[name], lambda n=name, f=files: ingest_log(n, f))
-    for name, files in sessions.items():
-        timed("segment", name, rows[name], lambda f=files: segment_log(f))
-
-    paths = {
-        name: folder / f"{name}.json"
-        for name in ("noise", "six_position", "multi_position", "diagnosis", "calibration")
-    }
-    read = [
-        Session(name, s["kind"], read_samples(s["samples"]), read_segments(s["segments"]))
-        for name, s in sessions.items()
-        if s["kind"] == "static"
+        rows = simulate(Path(folder), options.static)
+        kinds = {"poses": "multi_position", "rest": "static"}
+        for stage, session, job in jobs(Path(folder), kinds):
+            each = [run(stage, job, Path(folder)) for _ in range(options.rounds)]
+            process, work = (min(one[key] for one in each) for key in ("process", "work"))
+            count = rows[session] if session else sum(rows.values())
+            found.append((stage, session or "all", count, process, work))
+    total = [sum(column) for column in list(zip(*found, strict=True))[3:]]
+    lines = [
+        (*words, f"{count:,}", f"{process:.2f}", f"{work:.2f}")
+        for *words, count, process, work in found
     ]
-    result = timed(
-        "noise", "static", rows["static"], lambda: estimate_noise(truth.name, read, NoiseSettings())
-    )
-    result.to_json(paths["noise"])
-    common = {
-        "device": truth.name,
-        "gravity": truth.gravity,
-        "sessions": sessions,
-        "noise": paths["noise"],
-    }
-    timed(
-        "calibrate",
-        "all",
-        total,
-        lambda: calibrate_device(
-            **common,
-            settings=CalibrateSettings(),
-            six_path=paths["six_position"],
-            multi_path=paths["multi_position"],
-        ),
-    )
-    timed(
-        "diagnose",
-        "all",
-        total,
-        lambda: diagnose_device(
-            **common,
-            six_position=paths["six_position"],
-            multi_position=paths["multi_position"],
-            calibrate_settings=CalibrateSettings(),
-            settings=DiagnoseSettings(),
-            diagnosis_path=paths["diagnosis"],
-            calibration_path=paths["calibration"],
-        ),
-    )
-
-
-def ingest_log(name, files):
-    """Ingest one CSV log."""
-    ingest(
-        device="bench",
-        session=name,
-        kind=files["kind"],
-        paths=[files["csv"]],
-        samples_path=files["samples"],
-        quality_path=files["json"],
-    )
-
-
-def segment_log(files):
-    """Segment one session."""
-    samples = read_samples(files["samples"])
-    write_segments(files["segments"], *segment_session(samples, files["kind"], SegmentSettings()))
+    lines.append(("all", "", "", *(f"{seconds:.2f}" for seconds in total)))
+    header = ("stage", "session", "rows", "process, s", "of it work, s")
+    print(table(header, lines))
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from imuloop.job_log import open_log
+from imuloop.report.page import write_device
 from imuloop.report.section import write_section
 
-params, output = snakemake.params, snakemake.output
+params, given, output = snakemake.params, snakemake.input, snakemake.output
 open_log(snakemake.log[0], f"report_device {params.device}")
 
 write_section(
@@ -13,8 +14,16 @@ write_section(
     label=params.label,
     folder=Path(output.section).parent,
     sessions={name: each["kind"] for name, each in params.sessions.items()},
-    template=snakemake.input.template,
+    template=given.template,
     section_path=output.section,
     summary_path=output.summary,
     figures_folder=output.figures,
+)
+write_device(
+    output.page,
+    output.section,
+    output.summary,
+    template=given.page,
+    style=given.style,
+    script=given.sorting,
 )

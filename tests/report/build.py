@@ -1,5 +1,6 @@
 """The report of the plausible results, as the workflow's two rules make it."""
 
+from imuloop.report.page import write_device
 from imuloop.report.report import write_report
 from imuloop.report.section import write_section
 from report.plausible_results import write_results
@@ -27,11 +28,25 @@ def build(folder, repository):
             summary_path=folder / device / "summary.json",
             figures_folder=folder / device / "figures",
         )
+        device_page(folder / device, repository)
         (folder / device / "exports").mkdir()
         for name in EXPORTED:
             (folder / device / "exports" / name).write_text(name)
     joined_report(folder, devices, repository, folder)
     return folder
+
+
+def device_page(folder, repository):
+    """Write the page of a device whose part is in its folder."""
+    templates = repository / "workflow/templates"
+    write_device(
+        folder / "report.html",
+        folder / "section.html",
+        folder / "summary.json",
+        template=templates / "device.html.j2",
+        style=templates / "style.css",
+        script=templates / "sorting.js",
+    )
 
 
 def joined_report(folder, devices, repository, to):

@@ -14,7 +14,12 @@ rule report_device:
         attitude_series="results/{device}/attitude.parquet",
         exports="results/{device}/exports.json",
         template=f"{TEMPLATES}/section.html.j2",
+        page=f"{TEMPLATES}/device.html.j2",
+        frame=f"{TEMPLATES}/page.html.j2",
+        style=f"{TEMPLATES}/style.css",
+        sorting=f"{TEMPLATES}/sorting.js",
     output:
+        page="results/{device}/report.html",
         section="results/{device}/section.html",
         summary="results/{device}/summary.json",
         figures=report(
@@ -52,6 +57,7 @@ rule report:
         summaries=expand("results/{device}/summary.json", device=DEVICES),
         exports=expand("results/{device}/exports.json", device=DEVICES),
         template=f"{TEMPLATES}/report.html.j2",
+        frame=f"{TEMPLATES}/page.html.j2",
         style=f"{TEMPLATES}/style.css",
         sorting=f"{TEMPLATES}/sorting.js",
     output:

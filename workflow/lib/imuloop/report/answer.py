@@ -51,6 +51,19 @@ def _words(block):
     }.get(verdict_of(block), verdict_of(block))
 
 
+def grouped(summaries):
+    """Return what is said of the devices, the worst news first, each with those it is said of."""
+    groups = {}
+    for s in summaries:
+        groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
+
+    def worst(group):
+        said, found = group
+        return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(found)]
+
+    return sorted(groups.items(), key=worst)
+
+
 def best_words(summaries, columns):
     """Return who has the smallest held-out residual of each sensor; empty below two devices.
 

@@ -96,7 +96,8 @@ def best_devices(summaries, key):
         for i, s in enumerate(summaries)
         if (figure := s["figures"].get(key))
     }
-    return {i for i, v in sizes.items() if len(sizes) > 1 and v == min(sizes.values())}
+    least = min(sizes.values(), default=None)
+    return {i for i, v in sizes.items() if len(sizes) > 1 and v == least}
 
 
 def cells(summaries, sensor):

@@ -1,7 +1,5 @@
 """The report: one HTML file of all devices, and the comparison as CSV."""
 
-import base64
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import yaml
 from markupsafe import Markup
 
 from imuloop.core.files import plain, read_json, replaced
-from imuloop.report.answer import best_words
+from imuloop.report.answer import best_words, grouped
 from imuloop.report.comparison import (
     COLUMNS,
     cells,
@@ -20,8 +18,12 @@ from imuloop.report.comparison import (
     write_comparison,
 )
 from imuloop.report.comparison_plot import allan_comparison, interval_comparison, line_style
-from imuloop.report.section import render
+from imuloop.report.page import write_page
+from imuloop.report.spread_plot import allan_spread, parameter_spread
 from imuloop.report.verdict import WORDS
+
+# the most devices whose parts are in the report itself; of more each has a page of its own
+TOGETHER = 10
 
 
 def write_report(
@@ -54,15 +56,18 @@ def write_report(
     """
     devices = [read_json(path) for path in summaries]
     rows = zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)
-    code = Path(script).read_text(encoding="utf-8")
-    html = render(
+    many, comparison = len(devices) > TOGETHER, Path(comparison_path).name
+    with replaced(comparison_path) as temporary:
+        write_comparison(temporary, devices)
+    write_page(
+        report_path,
         template,
-        style=Markup(Path(style).read_text(encoding="utf-8")),
-        script=Markup(code),
-        # the page allows this script and no other
-        script_hash=f"sha256-{base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()}",
+        style,
+        script,
+        many=many,
+        groups=grouped(devices),
         # written by this stage from escaped text
-        sections=[Markup(Path(path).read_text(encoding="utf-8")) for path in sections],
+        sections=[Markup(Path(p).read_text(encoding="utf-8")) for p in sections if not many],
         devices=devices,
         rows=list(rows),
         columns=COLUMNS,
@@ -73,10 +78,10 @@ def write_report(
         filters=[filter_cells(d) for d in devices],
         exports=[sorted(p.name for p in Path(folder).glob("[!.]*")) for folder in exports],
         verdict_words=WORDS,
-        allan=allan_comparison(devices),
-        intervals=interval_comparison(devices, Path(comparison_path).name),
+        allan=allan_spread(devices) if many else allan_comparison(devices),
+        intervals=(parameter_spread if many else interval_comparison)(devices, comparison),
         styles=[line_style(i) for i in range(len(devices))],
-        comparison=Path(comparison_path).name,
+        comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
         texts={
             k: yaml.safe_dump(plain(v), sort_keys=False, allow_unicode=True)
@@ -84,7 +89,3 @@ def write_report(
             if isinstance(v, Mapping)
         },
     )
-    with replaced(comparison_path) as temporary:
-        write_comparison(temporary, devices)
-    with replaced(report_path) as temporary:
-        temporary.write_text(html, encoding="utf-8", newline="\n")

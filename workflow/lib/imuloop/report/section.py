@@ -3,8 +3,6 @@
 import shutil
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects
 import imuloop.diagnose.static_terms  # noqa: F401
@@ -25,6 +23,7 @@ from imuloop.report.diagnosis_parts import diagnosis_parts
 from imuloop.report.diagnosis_tables import heldout_table
 from imuloop.report.noise_statistics import stability_table, statistics_tables
 from imuloop.report.noise_tables import coefficient_note, coefficient_table, uncut_table
+from imuloop.report.page import render
 from imuloop.report.parameter_plot import correlation_matrices
 from imuloop.report.pose_plot import pose_picture
 from imuloop.report.results import SENSORS, read_device
@@ -68,18 +67,6 @@ def write_section(
     write_json(summary_path, summarise(found, values["steps"]))
     with replaced(section_path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
-
-
-def render(template, **values):
-    """Return a template filled in; all text is escaped, a value that is missing is an error."""
-    environment = Environment(
-        loader=FileSystemLoader(Path(template).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(Path(template).name).render(**values)
 
 
 def content(device, figures):
