@@ -1,6 +1,6 @@
 """Multi-position calibration of a gyroscope: its rotations carry gravity from pose to pose."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -236,6 +236,32 @@ def tangents(directions):
     return np.stack([first, np.cross(directions, first)], axis=1)
 
 
+def seen_only(model, x, keep, inside, rotations):
+    """Return the model of some poses and rotations alone, its path with parameters x known.
+
+    Parameters
+    ----------
+    model : GyroscopeModel
+        Of n poses and m rotations.
+    x : array_like, shape (12 + p,)
+        Parameters.
+    keep, inside : ndarray of bool, shape (n,) and (m,)
+        The poses and the rotations.
+    rotations : Rotations
+        Those rotations, numbered by these poses.
+    """
+    path = model.path(x)
+    parts = (getattr(path, f.name)[inside] for f in fields(path))
+    return replace(
+        model,
+        rate=model.rate[keep],
+        rate_design=model.rate_design[keep],
+        rotations=rotations,
+        directions=model.directions[keep],
+        _paths={np.asarray(x, dtype=float).tobytes(): Path(*parts)},
+    )
+
+
 def rotation_covariance(model, x, session, directions, noise):
     """Return the covariance of the rotation errors that the noise model predicts.
 
@@ -408,19 +434,29 @@ def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):
 
 def untestable_gyroscope(recording, force, largest_condition):
     """Return why the rotations do not determine T and K, or None if they do."""
-    rotations = recording.rotations
-    needed = 5
-    if len(rotations) < needed:
+    return undetermined(start_derivative(recording, force), largest_condition)
+
+
+def start_derivative(recording, force):
+    """Return the derivative of the rotations' errors at the start of a fit, shape (m, 2, 12)."""
+    if not len(recording.rotations):
+        return np.zeros((0, 2, 12))
+    model = gyroscope_model(recording, force)
+    return model.rotation_errors(model.start())[1]
+
+
+def undetermined(jacobian, largest_condition):
+    """Return the same from what `start_derivative` gives."""
+    count, needed = len(jacobian), 5
+    if count < needed:
         return (
-            f"{len(rotations)} rotations between poses found, at least {needed} needed for the "
+            f"{count} rotations between poses found, at least {needed} needed for the "
             f"9 parameters of misalignment and scale factor"
         )
-    model = gyroscope_model(recording, force)
-    jacobian = model.rotation_errors(model.start())[1].reshape(-1, 12)[:, :9]
-    condition = condition_number(jacobian, np.ones(9))
+    condition = condition_number(jacobian.reshape(-1, 12)[:, :9], np.ones(9))
     if condition > largest_condition:
         return (
-            f"the axes of {len(rotations)} rotations do not determine misalignment and scale "
+            f"the axes of {count} rotations do not determine misalignment and scale "
             f"factor: condition number {condition:.3g}, at most {largest_condition:g} allowed; "
             f"turn about each axis, both ways, by 90 degrees and more"
         )

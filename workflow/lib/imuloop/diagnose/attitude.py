@@ -36,7 +36,9 @@ COLUMNS = {
 }
 
 
-def validate_attitude(device, turn_model, recording, whole, effects, names, settings, tests):
+def validate_attitude(
+    device, turn_model, recording, whole, effects, names, settings, tests, searches=None
+):
     """Compare models of a device by the error of gravity's direction on held-out stretches.
 
     The mean of the accelerometer at the rests, with the final model that never saw them, is
@@ -61,6 +63,8 @@ def validate_attitude(device, turn_model, recording, whole, effects, names, sett
         Settings.
     tests : int
         Number of tests that share the significance.
+    searches : dict of str to Search, optional
+        Of all poses, by sensor: the held-out models' fits start from theirs.
 
     Returns
     -------
@@ -74,13 +78,14 @@ def validate_attitude(device, turn_model, recording, whole, effects, names, sett
     if reason := turn_model.untestable(recording):
         return content | {"status": "not_testable", "why": reason}, nothing
     block = blocks(len(recording.poses), settings)
-    models = [
-        held_out_models(turn_model, recording, block != k, effects, settings, tests)
-        for k in range(block.max() + 1)
-    ]
-    if None in models:
+    keeps = [block != k for k in range(block.max() + 1)]
+    if any(turn_model.undetermined(recording, keeps)):
         why = f"{len(block)} poses do not determine the model with a block of them held out"
         return content | {"status": "not_testable", "why": why}, nothing
+    models = [
+        held_out_models(turn_model, recording, keep, effects, settings, tests, searches)
+        for keep in keeps
+    ]
     u = [_directions(m, recording) for m in models]
     table = _errors(recording, block, models, u, names)
     content |= {

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.diagnose.pose_diagnosis import pose_candidates
+from imuloop.diagnose.pose_diagnosis import pose_search
 from imuloop.diagnose.pose_models import GyroscopePoses
-from imuloop.diagnose.search import Search
 
 MODELS = ("raw", "base", "final")
 # poses of a block, so that a stretch has several rotations, and the fewest blocks
@@ -36,7 +35,7 @@ def blocks(count, settings):
     return np.arange(count) * parts // max(count, 1)
 
 
-def held_out_models(turn_model, recording, keep, effects, settings, tests):
+def held_out_models(turn_model, recording, keep, effects, settings, tests, searches=None):
     """Return the models of a device fitted to some poses, effects chosen by these alone.
 
     As in the diagnosis, effects are looked for only where all poses together show one.
@@ -55,22 +54,24 @@ def held_out_models(turn_model, recording, keep, effects, settings, tests):
         Settings.
     tests : int
         Number of tests that share the significance.
+    searches : dict of str to Search, optional
+        Of all poses, by sensor, to start from.
 
     Returns
     -------
-    HeldOutModels or None
-        None where these poses do not determine the models.
+    HeldOutModels
+        The models.
     """
-    seen = recording.select(keep)
-    force_model = turn_model.force
-    if turn_model.untestable(seen):
-        return None
+    force_model, searches = turn_model.force, searches or {}
 
     def search(model):
-        known = {type(e.effect) for e in model.known}
-        available, _ = pose_candidates(model.sensor, recording)
-        available = {cls: shapes for cls, shapes in available.items() if cls not in known}
-        return Search(model, recording, keep, available, settings, tests)
+        whole = searches.get(model.sensor)
+        return replace(pose_search(model, recording, settings, tests), keep=keep, whole=whole)
+
+    def fit(model):
+        whole = searches.get("gyroscope")
+        found = whole and model.refit(recording, keep, (), whole.step().solution.x)
+        return found[0] if found else model.fit(recording.select(keep))
 
     force_effects = ()
     if effects["accelerometer"] and not turn_model.fallback:
@@ -80,12 +81,12 @@ def held_out_models(turn_model, recording, keep, effects, settings, tests):
         found = search(final_model)
         final, base = (found.step(e).solution for e in (found.greedy()[0], ()))
     else:
-        final = base = final_model.fit(seen)
+        final = base = fit(final_model)
     if base.calibration.effects or base.accelerometer.effects:
         force_model = replace(force_model, known=())
         fallback = turn_model.fallback and replace(turn_model.fallback, effects=())
         base_model = GyroscopePoses(force_model, fallback, (), turn_model.unit)
-        base = base_model.fit(seen)
+        base = fit(base_model)
 
     def of(solution):
         return Calibration("", force_model.gravity, solution.accelerometer, solution.calibration)

@@ -14,7 +14,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.attitude import validate_attitude
 from imuloop.diagnose.next_recording import next_recording
-from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates
+from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates, pose_search
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.static_correction import write_allan
 from imuloop.diagnose.static_data import read_static
@@ -97,7 +97,10 @@ def diagnose_device(
         calibrate_settings,
         known["accelerometer"],
     )
-    force, force_solution, force_chosen = diagnose_poses(force_model, recording, settings, tests)
+    force_search = pose_search(force_model, recording, settings, tests)
+    force, force_solution, force_chosen = diagnose_poses(
+        force_model, recording, settings, tests, whole=force_search
+    )
     turn_model = GyroscopePoses(
         force_model,
         None if force_solution else base.accelerometer,
@@ -106,7 +109,10 @@ def diagnose_device(
         known["gyroscope"],
     )
     fold_models = [replace(turn_model, force_effects=effects) for effects in force_chosen]
-    turn, turn_solution, _ = diagnose_poses(turn_model, recording, settings, tests, fold_models)
+    turn_search = pose_search(turn_model, recording, settings, tests)
+    turn, turn_solution, _ = diagnose_poses(
+        turn_model, recording, settings, tests, fold_models, turn_search
+    )
     final = replace(
         base,
         **{
@@ -148,7 +154,15 @@ def diagnose_device(
         }
         names = [n for n, s in sessions.items() if usable({n: s}, "multi_position")]
         attitude, table = validate_attitude(
-            device, turn_model, recording, turn_solution, effects, names, settings, tests
+            device,
+            turn_model,
+            recording,
+            turn_solution,
+            effects,
+            names,
+            settings,
+            tests,
+            dict(zip(SENSORS, (force_search, turn_search), strict=True)),
         )
         if "why" in attitude:
             attitude["why"] = told(attitude["why"], sessions)

@@ -33,7 +33,16 @@ def pose_candidates(sensor, recording):
     return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
 
 
-def diagnose_poses(model, recording, settings, tests=None, fold_models=None):
+def pose_search(model, recording, settings, tests=None):
+    """Return the Search of all poses of a sensor; arguments as of `diagnose_poses`."""
+    available, _ = pose_candidates(model.sensor, recording)
+    known = {type(effect.effect) for effect in model.known}
+    available = {cls: shapes for cls, shapes in available.items() if cls not in known}
+    everything = np.ones(len(recording.poses), dtype=bool)
+    return Search(model, recording, everything, available, settings, tests or len(available))
+
+
+def diagnose_poses(model, recording, settings, tests=None, fold_models=None, whole=None):
     """Diagnose one sensor at the poses.
 
     Parameters
@@ -48,6 +57,8 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None):
         Number of tests that share the significance; this sensor's own by default.
     fold_models : sequence, optional
         How the sensor is fitted in each fold, where that too was chosen without the held-out poses.
+    whole : Search, optional
+        From `pose_search`, where another stage has use for its fits.
 
     Returns
     -------
@@ -61,14 +72,12 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None):
     reason = model.untestable(recording)
     if reason:
         return {"verdict": "not_testable", "why": reason, **NOTHING}, None, []
-    available, others = pose_candidates(model.sensor, recording)
+    _, others = pose_candidates(model.sensor, recording)
     known = {type(effect.effect) for effect in model.known}
-    available = {cls: shapes for cls, shapes in available.items() if cls not in known}
-    tests = tests or len(available)
-    everything = np.ones(len(recording.poses), dtype=bool)
-    whole = Search(model, recording, everything, available, settings, tests)
+    whole = whole or pose_search(model, recording, settings, tests)
+    available = whole.available
     fold_models = fold_models or [model] * min(settings.folds, len(recording.poses))
-    searches = folds(fold_models, recording, available, settings, tests)
+    searches = folds(fold_models, recording, available, settings, whole.tests, whole)
     if searches is None:
         reason = f"{len(recording.poses)} poses do not determine the model with a part held out"
         return {"verdict": "not_testable", "why": reason, **NOTHING}, whole.step().solution, []

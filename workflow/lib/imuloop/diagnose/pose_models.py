@@ -1,6 +1,6 @@
 """The two sensors at the poses: how each is fitted, with or without effects, and what is left."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
+from imuloop.diagnose.refit import refit
 from imuloop.diagnose.residuals import Residual, judge
 from imuloop.diagnose.trial import Linear
 
@@ -84,6 +85,8 @@ class AccelerometerPoses:
     unit: RawUnit
     settings: CalibrateSettings
     known: tuple[FittedEffect, ...] = ()
+    # fits by effects and poses: the gyroscope's take the same as the accelerometer's
+    _fits: dict = field(default_factory=dict, init=False, compare=False, repr=False)
     sensor = "accelerometer"
 
     def at_limits(self):
@@ -97,62 +100,109 @@ class AccelerometerPoses:
             recording.poses, self.gravity, self.settings.largest_condition
         ) or recording.poses.unknown_noise(self.noise, ACCELERATION)
 
+    def undetermined(self, recording, keeps):
+        """Return for each mask of poses whether these alone determine no calibration."""
+        condition = self.settings.largest_condition
+        return [
+            accelerometer.untestable_accelerometer(
+                recording.poses.select(keep), self.gravity, condition
+            )
+            is not None
+            for keep in keeps
+        ]
+
     def fit(self, recording, effects=(), start=None):
         """Return the Solution for a recording; the start is as good without another."""
-        means = recording.poses.mean_covariance(self.noise)[:3]
-        fit, model = accelerometer.fit_accelerometer(
-            recording, means, self.gravity, effects, self.known
+        key = _key(effects, recording.poses)
+        if key not in self._fits:
+            means = recording.poses.mean_covariance(self.noise)[:3]
+            fit, model = accelerometer.fit_accelerometer(
+                recording, means, self.gravity, effects, self.known
+            )
+            values, predicted = model.residuals(fit.x)[0], model.covariance(fit.x, means)
+            self._fits[key] = self._solution(
+                fit.x, fit.covariance, fit.chi2, fit.dof, effects, values, fit.jacobian, predicted
+            )
+        return self._fits[key]
+
+    def refit(self, recording, keep, effects, start):
+        """Return the Solution for some poses, from a start nearby, and its Refit; None without.
+
+        Parameters
+        ----------
+        recording : Recording
+            All poses, n of them.
+        keep : ndarray of bool, shape (n,)
+            The poses to fit.
+        effects : sequence of Effect
+            Effects to estimate.
+        start : ndarray
+            First parameters.
+        """
+        poses = recording.poses.select(keep)
+        means = poses.mean_covariance(self.noise)[:3]
+
+        def evaluate(x):
+            model = self._model(recording, x, effects)
+            own = replace(
+                model, y=model.y[keep], design=model.design[keep], known=model.known[keep]
+            )
+            return *model.residuals(x), own.covariance(x, means)
+
+        found = refit(evaluate, keep, _padded(start, 9, effects))
+        if found is None:
+            return None
+        solution = self._solution(
+            found.x,
+            found.parameters,
+            found.chi2,
+            found.dof,
+            effects,
+            found.values[keep],
+            found.jacobian[keep],
+            found.covariance,
         )
-        calibration = in_raw_units(
-            self.unit,
-            accelerometer.NAMES,
-            fit.x,
-            fit.scaled_covariance,
-            method="multi_position",
-            effects=effects,
-            known=self.known,
-            reduced_chi2=fit.reduced_chi2,
-        )
-        predicted = model.covariance(fit.x, means)
-        values = model.residuals(fit.x)[0][:, None]
-        residual = judge("m/s^2", values, predicted, fit.jacobian, fit.covariance)
+        self._fits[_key(effects, poses)] = solution
+        return solution, found
+
+    def _solution(self, x, parameters, chi2, dof, effects, values, jacobian, predicted):
+        calibration = _calibration(self, accelerometer.NAMES, x, parameters, chi2, dof, effects)
+        residual = judge("m/s^2", values[:, None], predicted, jacobian, parameters)
         return Solution(
             tuple(effects),
-            fit.x,
+            x,
             calibration,
             calibration,
-            fit.chi2,
-            fit.dof,
+            chi2,
+            dof,
             {"gravity_norm": residual},
             predicted,
-            fit.jacobian,
+            jacobian,
         )
 
     def linearise(self, solution, recording, shapes=()):
         """Return the residuals of any recording, linear about a solution and in more effects."""
-        effects = (*solution.effects, *shapes)
-        model = accelerometer.accelerometer_model(
-            recording, self.gravity, solution.x, effects, self.known
-        )
-        p, n = len(solution.x), len(recording.poses)
+        model = self._model(recording, solution.x, (*solution.effects, *shapes))
+        p = len(solution.x)
         x = np.concatenate([solution.x, np.zeros(9 + model.design.shape[2] - p)])
-        values, jacobian = model.residuals(x)
-        kinds = {"gravity_norm": np.arange(n)[:, None].repeat(2, axis=1)}
-        return linear(values, jacobian, p, shapes, kinds, {"gravity_norm": 1})
+        return linear(*model.residuals(x), p, shapes, *self.kinds(recording))
+
+    def kinds(self, recording):
+        """Return the kinds and components of the residuals of a recording, as `Linear` has them."""
+        poses = np.arange(len(recording.poses))
+        return {"gravity_norm": poses[:, None].repeat(2, axis=1)}, {"gravity_norm": 1}
 
     def covariance(self, solution, recording):
         """Return the predicted covariance of the residuals of any recording."""
-        model = self._model(solution, recording)
+        model = self._model(recording, solution.x, solution.effects)
         return model.covariance(solution.x, recording.poses.mean_covariance(self.noise)[:3])
 
     def effect_sizes(self, solution, recording):
         """Return what one unit of each effect's parameter does, root mean square, (p,), SI."""
-        return _size(self._model(solution, recording).design)
+        return _size(self._model(recording, solution.x, solution.effects).design)
 
-    def _model(self, solution, recording):
-        return accelerometer.accelerometer_model(
-            recording, self.gravity, solution.x, solution.effects, self.known
-        )
+    def _model(self, recording, x, effects):
+        return accelerometer.accelerometer_model(recording, self.gravity, x, effects, self.known)
 
 
 @dataclass(frozen=True)
@@ -179,6 +229,8 @@ class GyroscopePoses:
     force_effects: tuple[Effect, ...]
     unit: RawUnit
     known: tuple[FittedEffect, ...] = ()
+    # the path of all rotations at the last start, which the fits of all parts share
+    _start: dict = field(default_factory=dict, compare=False, repr=False)
     sensor = "gyroscope"
 
     def at_limits(self):
@@ -207,40 +259,97 @@ class GyroscopePoses:
     def fit(self, recording, effects=(), start=None):
         """Return the Solution for a recording, from the parameters of one with fewer effects."""
         noise = self.force.noise
-        accelerometer_calibration = self._force(recording)
-        force = calibrated_force(accelerometer_calibration, recording, noise)
+        calibration = self._force(recording)
+        force = calibrated_force(calibration, recording, noise)
         fit, model, covariance = gyroscope.fit_gyroscope(
             recording, force, noise, effects=effects, known=self.known, start=start
         )
-        calibration = in_raw_units(
-            self.unit,
-            gyroscope.NAMES,
+        values, split = model.residuals(fit.x)[0], 3 * len(recording.poses)
+        return self._solution(
             fit.x,
-            fit.scaled_covariance,
-            method="multi_position",
-            effects=effects,
-            known=self.known,
-            reduced_chi2=fit.reduced_chi2,
-        )
-        split = 3 * len(recording.poses)
-        parts = {
-            "pose_rate": ("rad/s", model.pose_rates(fit.x)[0], slice(0, split)),
-            "rotation": ("rad", model.rotation_errors(fit.x)[0], slice(split, None)),
-        }
-        judged = {
-            kind: judge(unit, values, covariance[at, at], fit.jacobian[at], fit.covariance)
-            for kind, (unit, values, at) in parts.items()
-        }
-        return Solution(
-            tuple(effects),
-            fit.x,
-            calibration,
-            accelerometer_calibration,
+            fit.covariance,
             fit.chi2,
             fit.dof,
-            judged,
-            covariance,
+            effects,
+            values,
             fit.jacobian,
+            covariance,
+            calibration,
+            split,
+        )
+
+    def undetermined(self, recording, keeps):
+        """Return for each mask of poses whether these alone determine no calibration."""
+        lacking = [False] * len(keeps)
+        if self.fallback is None:
+            lacking = self.force.undetermined(recording, keeps)
+        force = calibrated_force(self._force(recording), recording, self.force.noise)
+        # the design, but for what the parameters of a part differ by
+        jacobian = gyroscope.start_derivative(recording, force)
+        inside = [_inside(recording, keep) for keep in keeps]
+        condition = self.force.settings.largest_condition
+        return [
+            lacks or gyroscope.undetermined(jacobian[rows], condition) is not None
+            for lacks, rows in zip(lacking, inside, strict=True)
+        ]
+
+    def refit(self, recording, keep, effects, start):
+        """Return the Solution for some poses, from a start nearby, and its Refit; None without.
+
+        As of the accelerometer, with the rotations between two poses that are kept.
+        """
+        noise, seen = self.force.noise, recording.select(keep)
+        calibration = self._force(seen)
+        part = calibrated_force(calibration, seen, noise)
+        poses, inside = recording.poses, _inside(recording, keep)
+        channels = recording.pose_channels("accelerometer", calibration.output, poses.w)
+        force = replace(part, poses=calibration.apply(poses.f, channels), recording=recording)
+        means = seen.poses.mean_covariance(noise)[3:]
+        start, shared = _padded(start, 12, effects), not effects and not self.known
+
+        def evaluate(x):
+            model = gyroscope.gyroscope_model(recording, force, x, effects, self.known)
+            if shared and np.array_equal(x, start):
+                model = replace(model, _paths=self._start)
+            values, jacobian = model.residuals(x)
+            own = gyroscope.seen_only(model, x, keep, inside, seen.rotations)
+            errors = gyroscope.rotation_covariance(
+                own, x, seen.poses.session, part.direction_covariance, noise
+            )
+            return values, jacobian, gyroscope.residual_covariance(means, errors)
+
+        rows = np.concatenate([np.repeat(keep, 3), np.repeat(inside, 2)])
+        found = refit(evaluate, rows, start)
+        if found is None:
+            return None
+        solution = self._solution(
+            found.x,
+            found.parameters,
+            found.chi2,
+            found.dof,
+            effects,
+            found.values[rows],
+            found.jacobian[rows],
+            found.covariance,
+            calibration,
+            3 * len(seen.poses),
+        )
+        return solution, found
+
+    def _solution(
+        self, x, parameters, chi2, dof, effects, values, jacobian, covariance, force, split
+    ):
+        calibration = _calibration(self, gyroscope.NAMES, x, parameters, chi2, dof, effects)
+        parts = {
+            "pose_rate": ("rad/s", values[:split].reshape(-1, 3), slice(0, split)),
+            "rotation": ("rad", values[split:].reshape(-1, 2), slice(split, None)),
+        }
+        judged = {
+            kind: judge(unit, own, covariance[at, at], jacobian[at], parameters)
+            for kind, (unit, own, at) in parts.items()
+        }
+        return Solution(
+            tuple(effects), x, calibration, force, chi2, dof, judged, covariance, jacobian
         )
 
     def linearise(self, solution, recording, shapes=()):
@@ -248,15 +357,18 @@ class GyroscopePoses:
         force = calibrated_force(solution.accelerometer, recording, self.force.noise)
         effects = (*solution.effects, *shapes)
         model = gyroscope.gyroscope_model(recording, force, solution.x, effects, self.known)
-        p, n = len(solution.x), len(recording.poses)
+        p = len(solution.x)
         x = np.concatenate([solution.x, np.zeros(12 + model.rate_design.shape[2] - p)])
-        values, jacobian = model.residuals(x)
-        first = recording.rotations.first
+        return linear(*model.residuals(x), p, shapes, *self.kinds(recording))
+
+    def kinds(self, recording):
+        """Return the kinds and components of the residuals of a recording, as `Linear` has them."""
+        poses, first = np.arange(len(recording.poses)), recording.rotations.first
         kinds = {
-            "pose_rate": np.arange(n)[:, None].repeat(2, axis=1),
+            "pose_rate": poses[:, None].repeat(2, axis=1),
             "rotation": np.column_stack([first, first + 1]),
         }
-        return linear(values, jacobian, p, shapes, kinds, {"pose_rate": 3, "rotation": 2})
+        return kinds, {"pose_rate": 3, "rotation": 2}
 
     def covariance(self, solution, recording):
         """Return the predicted covariance of the residuals of any recording."""
@@ -282,6 +394,39 @@ class GyroscopePoses:
             recording, force, solution.x, solution.effects, self.known
         )
         return model, force
+
+
+def _calibration(model, base, x, parameters, chi2, dof, effects):
+    """Return the calibration of a fit; variances grow with what it leaves unexplained."""
+    reduced = chi2 / dof if dof > 0 else np.nan
+    return in_raw_units(
+        model.unit,
+        base,
+        x,
+        parameters * (max(1.0, reduced) if np.isfinite(reduced) else 1.0),
+        method="multi_position",
+        effects=effects,
+        known=model.known,
+        reduced_chi2=reduced,
+    )
+
+
+def _padded(start, base, effects):
+    """Return parameters to start from, those of more effects zero."""
+    count = base + sum(len(e.parameters) for e in effects)
+    return np.concatenate([start, np.zeros(count - len(start))])
+
+
+def _inside(recording, keep):
+    """Return which rotations lie between two poses that are kept."""
+    first = recording.rotations.first
+    return keep[first] & keep[first + 1]
+
+
+def _key(effects, poses):
+    """Return what tells fits apart."""
+    columns = poses.session, poses.start_s, poses.end_s, poses.f
+    return tuple(effects), *(np.asarray(c).tobytes() for c in columns)
 
 
 def _size(design):

@@ -124,6 +124,9 @@ class Search:
         Settings.
     tests : int
         Number of tests of the family, these candidates among them.
+    whole : Search, optional
+        Of all poses: this one's fits start from its fit, and what an effect adds is taken about
+        that, as the residuals are straight in it.
     """
 
     model: object
@@ -132,26 +135,45 @@ class Search:
     available: dict[type, tuple]
     settings: DiagnoseSettings
     tests: int
+    whole: "Search | None" = None
     _steps: dict = field(default_factory=dict)
 
     def step(self, effects=()):
         """Return the fit with some effects, and the trials of all others."""
         if effects not in self._steps:
-            seen_only = self.recording.select(self.keep)
-            fewer = self._steps.get(effects[:-1]) if effects else None
-            start = fewer.solution.x if fewer else None
-            solution = self.model.fit(seen_only, effects, start)
-            used = set(map(type, effects))
-            shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
-            linear = self.model.linearise(solution, self.recording, shapes)
-            seen = linear.rows(lambda poses: np.all(self.keep[poses], axis=1))
-            limits = self.model.at_limits()
-
-            def at_limits():
-                return limits and limits.covariance(solution, seen_only)
-
-            self._steps[effects] = Step(solution, linear, seen, at_limits)
+            self._steps[effects] = self._step(effects)
         return self._steps[effects]
+
+    def _step(self, effects):
+        fewer = self._steps.get(effects[:-1]) if effects else self.whole and self.whole.step()
+        used = set(map(type, effects))
+        shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
+        found = None
+        if fewer:
+            found = self.model.refit(self.recording, self.keep, effects, fewer.solution.x)
+        if found and self.whole:
+            solution, fit = found
+            known = self.whole.step().linear
+            columns = dict(zip(known.shapes, known.columns, strict=True))
+            linear = Linear(
+                fit.values,
+                fit.jacobian,
+                tuple(shapes),
+                tuple(columns[s] for s in shapes),
+                *self.model.kinds(self.recording),
+            )
+        else:
+            solution = (
+                found[0] if found else self.model.fit(self.recording.select(self.keep), effects)
+            )
+            linear = self.model.linearise(solution, self.recording, shapes)
+        seen = linear.rows(lambda poses: np.all(self.keep[poses], axis=1))
+        limits = self.model.at_limits()
+
+        def at_limits():
+            return limits and limits.covariance(solution, self.recording.select(self.keep))
+
+        return Step(solution, linear, seen, at_limits)
 
     def threshold(self, effects):
         """Return the largest p-value that passes beside some effects: Holm's steps."""
@@ -299,21 +321,23 @@ class HeldOut:
     after: np.ndarray
 
 
-def folds(models, recording, available, settings, tests):
+def folds(models, recording, available, settings, tests, whole=None):
     """Return one search for each part of the poses that is held out, with a model of its own.
 
     Each part is every so-manieth pose, so that a part is predicted by poses before and after it.
     Model and choice of effects see only the other poses and the rotations between them; a rotation
     belongs to the part of the pose that it starts from.
-    None where the other parts alone do not determine a calibration.
+    None where the other parts alone do not determine a calibration. `whole` is the search of all
+    poses that theirs start from.
     """
     part = np.arange(len(recording.poses)) % len(models)
-    searches = [
-        Search(m, recording, part != k, available, settings, tests) for k, m in enumerate(models)
-    ]
-    if any(s.model.untestable(recording.select(s.keep)) for s in searches):
+    keeps = [part != k for k in range(len(models))]
+    if any(models[0].undetermined(recording, keeps)):
         return None
-    return searches
+    return [
+        Search(model, recording, keep, available, settings, tests, whole)
+        for model, keep in zip(models, keeps, strict=True)
+    ]
 
 
 def held_out(before, after):
