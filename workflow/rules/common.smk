@@ -54,6 +54,14 @@ if "mirror" in config:
     os.environ.setdefault("IMULOOP_MIRROR", config["mirror"])
 
 
+onstart:
+    # Snakemake limits submissions by a timer that each job starts and that starts itself again: after
+    # a thousand jobs it looks a thousand times a second at all jobs that wait. Here cores are the limit
+    if workflow.local_exec:
+        workflow.scheduler.job_rate_limiter = None
+        workflow.scheduler.subsample = 4 * workflow.cores
+
+
 wildcard_constraints:
     device="|".join(DEVICES),
     session=r"[A-Za-z][A-Za-z0-9_-]*",
