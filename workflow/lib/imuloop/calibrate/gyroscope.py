@@ -5,6 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
+from imuloop.calibrate.gyroscope_covariance import (
+    cross_matrix,
+    residual_covariance,
+    rotation_covariance,
+    tangents,
+)
 from imuloop.calibrate.least_squares import condition_number, fit
 from imuloop.calibrate.poses import Rotations
 from imuloop.core.effect import effect_design
@@ -192,7 +198,7 @@ class GyroscopeModel:
         path = self.path(x)
         start = self.directions[self.rotations.first]
         turned = np.einsum("mji,mj->mi", path.last, start)
-        return turned, path.last.swapaxes(1, 2) @ (_cross_matrix(start) @ path.turn)
+        return turned, path.last.swapaxes(1, 2) @ (cross_matrix(start) @ path.turn)
 
     def rotation_errors(self, x):
         """Return the angle between predicted and measured gravity, two components a rotation.
@@ -228,14 +234,6 @@ def midpoints(values):
     return (values[..., 1:] + values[..., :-1]) / 2
 
 
-def tangents(directions):
-    """Return two unit vectors normal to each direction and to each other, shape (n, 2, 3)."""
-    helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
-    first = np.cross(directions, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(directions, first)], axis=1)
-
-
 def seen_only(model, x, keep, inside, rotations):
     """Return the model of some poses and rotations alone, its path with parameters x known.
 
@@ -260,73 +258,6 @@ def seen_only(model, x, keep, inside, rotations):
         directions=model.directions[keep],
         _paths={np.asarray(x, dtype=float).tobytes(): Path(*parts)},
     )
-
-
-def rotation_covariance(model, x, session, directions, noise):
-    """Return the covariance of the rotation errors that the noise model predicts.
-
-    Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
-    a bias of each rotation, so it goes through the derivative with respect to the bias. Gravity:
-    the error of a pose's direction enters the rotation before and the one after it.
-
-    Parameters
-    ----------
-    model : GyroscopeModel
-        Model with m rotations and n poses.
-    x : array_like, shape (12 + p,)
-        Parameters.
-    session : array_like of int, shape (n,)
-        Session of each pose; noise of different sessions is independent.
-    directions : array_like, shape (3 n, 3 n)
-        Covariance of the poses' directions, ordered pose by pose.
-    noise : NoiseModel
-        Noise of the device.
-
-    Returns
-    -------
-    ndarray, shape (2 m, 2 m)
-        rad².
-    """
-    rotations = model.rotations
-    m = len(rotations)
-    path = model.path(x)
-    last, plane = path.last, model.plane
-    start = model.directions[rotations.first]
-    # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
-    to_error = np.einsum("mij,mkj,mkl->mil", plane, last, _cross_matrix(start))
-    length = rotations.end_s - rotations.start_s
-    mean_attitude = path.mean / length[:, None, None]
-    of_session = session[rotations.first]
-    covariance = np.zeros((m, 2, m, 2))
-    windows = np.column_stack([rotations.start_s, rotations.end_s])
-    for s in np.unique(of_session):
-        index = np.flatnonzero(of_session == s)
-        angles = noise.angle_covariance(windows[index])
-        for axis, name in enumerate(("gx", "gy", "gz")):
-            white = noise.axes[name].N.square
-            slow = angles[axis] - np.diag(white * length[index])
-            column = np.einsum("mij,mj->mi", to_error[index], mean_attitude[index][:, :, axis])
-            covariance[np.ix_(index, [0, 1], index, [0, 1])] += np.einsum(
-                "mi,mn,nj->minj", column, slow, column
-            )
-            covariance[index, :, index, :] += white * (
-                to_error[index] @ path.spread[index, axis] @ to_error[index].swapaxes(1, 2)
-            )
-    n = len(model.directions)
-    to_directions = np.zeros((m, 2, n, 3))
-    each = np.arange(m)
-    to_directions[each, :, rotations.first] = np.einsum("mij,mkj->mik", plane, last)
-    to_directions[each, :, rotations.first + 1] = -plane
-    to_directions = to_directions.reshape(2 * m, 3 * n)
-    return covariance.reshape(2 * m, 2 * m) + to_directions @ directions @ to_directions.T
-
-
-def _cross_matrix(vectors):
-    """Return the matrices of ``v ×``, shape (n, 3, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    o = np.zeros_like(x)
-    rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, start=None):
@@ -385,17 +316,6 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
         result = fit(residuals, x[free], covariance)
         x[free] = result.x
     return replace(result, x=x), model, covariance
-
-
-def residual_covariance(means, errors):
-    """Return the covariance of pose rates, (3, n, n), and rotation errors, one after the other."""
-    n = means.shape[1]
-    covariance = np.zeros((3 * n + len(errors), 3 * n + len(errors)))
-    # ordered pose by pose, the three axes of each together
-    for axis in range(3):
-        covariance[axis : 3 * n : 3, axis : 3 * n : 3] = means[axis]
-    covariance[3 * n :, 3 * n :] = errors
-    return covariance
 
 
 def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):
