@@ -11,6 +11,9 @@ import yaml
 from imuloop.code_digest import code_digest
 from imuloop.config import fetched, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
+from imuloop.without_pandas import hide_pandas
+
+hide_pandas()
 
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
