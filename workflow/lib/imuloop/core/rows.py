@@ -5,7 +5,7 @@ from collections import OrderedDict
 import numpy as np
 import pyarrow.parquet as pq
 
-from imuloop.core.samples import TIME, Columns
+from imuloop.core.samples import TIME, Columns, values
 
 # rows of a piece: 8 columns of it are 8 MB
 ROWS = 1 << 17
@@ -65,7 +65,7 @@ class Rows:
             while len(self._groups) >= _HELD:
                 self._groups.popitem(last=False)
             table = self._file.read_row_group(g, columns=list(names), use_threads=False)
-            self._groups[key] = np.array([table[name].to_numpy() for name in names])
+            self._groups[key] = np.array([values(table[name]) for name in names])
         self._groups.move_to_end(key)
         return self._groups[key]
 

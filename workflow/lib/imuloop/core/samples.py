@@ -73,7 +73,21 @@ def read_columns(path, columns=None):
     # a data set's machinery and a second thread cost more than a session's file
     with pq.ParquetFile(path) as file:
         table = file.read(columns and list(columns), use_threads=False)
-    return {name: table[name].to_numpy() for name in table.column_names}
+    return {name: values(table[name]) for name in table.column_names}
+
+
+def values(column):
+    """Return the values of an Arrow array or column, not-a-number where one is missing.
+
+    Arrow's own `to_numpy` loads pandas, which takes longer than a session's file.
+    """
+    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+        return np.array(column.to_pylist(), dtype=object)
+    if column.null_count:
+        column = column.cast(pa.float64()).fill_null(np.nan)
+    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
+    parts = [np.from_dlpack(chunk) for chunk in chunks]
+    return np.concatenate(parts) if parts else np.zeros(0, column.type.to_pandas_dtype())
 
 
 class Columns:
@@ -102,7 +116,7 @@ class Columns:
         with pq.ParquetFile(self.path) as file:
             for batch in file.iter_batches(columns=[name]):
                 last = first + len(batch)
-                column[first:last] = batch.column(0).to_numpy(zero_copy_only=False)
+                column[first:last] = values(batch.column(0))
                 first = last
         return column
 
