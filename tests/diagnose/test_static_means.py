@@ -98,7 +98,7 @@ def test_the_static_sessions_are_used_else_the_longest_rest():
     assert list(rests_to_use(kinds, {"a": CUT, "b": moves})) == ["a"]
     alone = rests_to_use(kinds, {"b": moves, "c": short})
     assert list(alone) == ["b"]
-    assert alone["b"][["start_s", "end_s"]].to_numpy().tolist() == [[0, 50]]
+    assert (*alone["b"]["start_s"], *alone["b"]["end_s"]) == (0, 50)
     assert rests_to_use(kinds, {"c": short}) == {}
     # a static session that holds no rest is as none
     moved = segments((0, 100, "disturbed"))

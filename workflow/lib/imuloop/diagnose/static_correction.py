@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from imuloop.core.effect import Channels
 from imuloop.core.files import replaced
@@ -13,8 +14,6 @@ from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.diagnose.static_means import COLUMNS
 from imuloop.diagnose.static_terms import GaussMarkov as GaussMarkovEffect
 from imuloop.diagnose.static_terms import Sinusoid as SinusoidEffect
-from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
 
 # lines nearer than this share of their frequency are one
 SAME_LINE = 0.05
@@ -27,7 +26,7 @@ def corrected(session, samples, calibration, found):
     ----------
     session : str
         Its name.
-    samples : DataFrame
+    samples : DataFrame or dict
         Samples, SI, as logged.
     calibration : Calibration
         Turns SI as logged into ``K (raw - b)``.
@@ -36,13 +35,13 @@ def corrected(session, samples, calibration, found):
 
     Returns
     -------
-    DataFrame
-        A copy, SI as logged.
+    dict of str to ndarray
+        Columns by name, SI as logged.
     """
-    changed = samples.copy()
-    t = samples[TIME].to_numpy()
-    temperature = filled(t, samples[TEMPERATURE].to_numpy()) if TEMPERATURE in samples else None
-    logged = {name: samples[list(columns)].to_numpy() for name, columns in COLUMNS.items()}
+    changed = {name: np.asarray(samples[name]) for name in samples}
+    t = changed[TIME]
+    temperature = filled(t, changed[TEMPERATURE]) if TEMPERATURE in samples else None
+    logged = {s: np.column_stack([changed[n] for n in names]) for s, names in COLUMNS.items()}
     for sensor, effects in found.items():
         (other,) = set(COLUMNS) - {sensor}
         whole = Channels(t, logged[sensor], logged[other], temperature)
@@ -57,7 +56,8 @@ def corrected(session, samples, calibration, found):
             lambda function, *constants, whole=whole: function(whole, *constants),
         )
         total = sum((_output(e, session, seen) for e in effects), np.zeros_like(output))
-        changed[list(COLUMNS[sensor])] = logged[sensor] - total * own.raw_unit.scale / own.K
+        left = logged[sensor] - total * own.raw_unit.scale / own.K
+        changed |= dict(zip(COLUMNS[sensor], left.T.copy(), strict=True))
     return changed
 
 
@@ -86,12 +86,18 @@ def noise_again(device, data, calibration, found, noise_settings):
     noise_settings : NoiseSettings
         Settings of the noise stage.
     """
+    # needed only where something was found, and long to load
+    import pandas as pd
+
+    from imuloop.noise.noise import estimate_noise
+    from imuloop.noise.records import Session
+
     sessions = [
         Session(
             name,
             data.kinds[name],
-            corrected(name, samples, calibration, found),
-            data.segments[name],
+            pd.DataFrame(corrected(name, samples, calibration, found)),
+            pd.DataFrame(data.segments[name]),
         )
         for name, samples in data.samples.items()
     ]
@@ -99,7 +105,10 @@ def noise_again(device, data, calibration, found, noise_settings):
     alone = replace(noise_settings, views=(), m_samples=())
     result = estimate_noise(device, sessions, alone, uncut=False)
     tables = {
-        name: table.assign(stage="corrected") for name, table in result.allan.items() if len(table)
+        name: {c: np.asarray(table[c]) for c in table}
+        | {"stage": np.full(len(table["tau_s"]), "corrected")}
+        for name, table in result.allan.items()
+        if len(table["tau_s"])
     }
     return result.model, tables
 
@@ -172,6 +181,9 @@ def process_effect(test):
 
 def write_allan(raw, table, path):
     """Write the Allan table of a session, its raw curves first, then the corrected if any."""
-    tables = [pd.read_parquet(raw), *([] if table is None else [table])]
+    curves = pq.read_table(raw)
+    if table is not None:
+        more = pa.table({name: np.asarray(table[name]) for name in curves.column_names})
+        curves = pa.concat_tables([curves, more.cast(curves.schema)])
     with replaced(path) as temporary:
-        pd.concat(tables, ignore_index=True).to_parquet(temporary, index=False)
+        pq.write_table(curves, temporary)

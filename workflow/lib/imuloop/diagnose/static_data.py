@@ -1,12 +1,9 @@
 """The static records of a device, read once for both sensors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-import pandas as pd
-
-from imuloop.core.samples import read_samples
-from imuloop.core.segments import read_segments
-from imuloop.diagnose.static_means import rests_to_use, static_record
+from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, read_columns
+from imuloop.diagnose.static_means import RestLog, rests_to_use, static_record
 
 
 @dataclass(frozen=True)
@@ -17,23 +14,32 @@ class StaticData:
     ----------
     kinds : dict of str to str
         Kind of each session used.
-    samples : dict of str to DataFrame
-        Its samples, SI, as logged.
-    segments : dict of str to DataFrame
+    samples : dict of str to (dict or DataFrame)
+        Its samples by column, SI, as logged.
+    segments : dict of str to (dict or DataFrame)
         The static segments used.
     """
 
-    kinds: dict[str, str]
-    samples: dict[str, pd.DataFrame]
-    segments: dict[str, pd.DataFrame]
+    kinds: dict
+    samples: dict
+    segments: dict
+    _logs: dict = field(default_factory=dict, repr=False)
+    _records: dict = field(default_factory=dict, repr=False)
 
     def records(self, sensor, calibration, mean_time):
         """Return the StaticRecord of each session of a sensor, those without a mean left out."""
-        found = [
-            static_record(name, samples, self.segments[name], calibration, sensor, mean_time)
-            for name, samples in self.samples.items()
-        ]
-        return [record for record in found if len(record.windows)]
+        for name, samples in self.samples.items():
+            if name not in self._logs:
+                self._logs[name] = RestLog.of(samples)
+        # the calibration is kept with its records: no other has its number meanwhile
+        key = sensor, mean_time, id(calibration)
+        if key not in self._records:
+            found = [
+                static_record(name, log, self.segments[name], calibration, sensor, mean_time)
+                for name, log in self._logs.items()
+            ]
+            self._records[key] = calibration, [r for r in found if len(r.windows)]
+        return self._records[key][1]
 
 
 def read_static(sessions):
@@ -45,9 +51,12 @@ def read_static(sessions):
         ``kind``, ``samples`` and ``segments`` (paths) of each session.
     """
     kinds = {name: s["kind"] for name, s in sessions.items()}
-    used = rests_to_use(kinds, {n: read_segments(s["segments"]) for n, s in sessions.items()})
+    columns = "start_s", "end_s", "kind"
+    segments = {n: read_columns(s["segments"], columns) for n, s in sessions.items()}
+    used = rests_to_use(kinds, segments)
+    columns = (TIME, *CHANNELS, TEMPERATURE)
     return StaticData(
         {name: kinds[name] for name in used},
-        {name: read_samples(sessions[name]["samples"]) for name in used},
+        {name: read_columns(sessions[name]["samples"], columns) for name in used},
         used,
     )

@@ -1,9 +1,9 @@
 """Detection limits in static records: what would have been found with the wanted power."""
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.special import ndtri
 
+from imuloop.core.root import root
 from imuloop.diagnose.static_noise import log_f_tail, log_sum
 from imuloop.diagnose.static_search import fisher
 
@@ -37,7 +37,7 @@ def detection_limits(search, base, trial, power):
     pattern, limits = trial.pattern, {}
     names = list(pattern.effect.parameters)
     needed = search.threshold(len(base)) - trial.tries
-    own = brentq(lambda p: fisher([p] + [CHANCE] * (trial.axes - 1)) - needed, -1e4, 0.0)
+    own = root(lambda p: fisher([p] + [CHANCE] * (trial.axes - 1)) - needed, -1e4, 0.0)[0]
     for axis, columns in enumerate(pattern.columns):
         fit = search.fit((*base, pattern), axis) if columns else None
         if fit is None:
@@ -47,15 +47,19 @@ def detection_limits(search, base, trial, power):
         kept = likely > np.log(1e-12)
         information = np.linalg.inv(fit.covariance[kept][:, -q:, -q:])
         scale = search.sight.model.scale(pattern, axis)
-        for place, parameter in enumerate(pattern.parameters[axis]):
-            inform = information[:, place, place] * scale[place] ** 2
+        # (points of the grid, parameters)
+        inform = np.einsum("gqq->gq", information) * scale**2
 
-            def excess(log_size, inform=inform, q=q, fit=fit, likely=likely[kept]):
-                statistic = noncentral_quantile(1 - power, q, np.exp(2 * log_size) * inform) / q
-                return log_sum(likely + log_f_tail(statistic, q, fit.dof)) - own
+        def excess(log_size, inform=inform, q=q, dof=fit.dof, likely=likely[kept, None]):
+            statistic = noncentral_quantile(1 - power, q, np.exp(2 * log_size) * inform) / q
+            tail = likely + log_f_tail(statistic, q, dof)
+            top = tail.max(axis=0)
+            return top + np.log(np.exp(tail - top).sum(axis=0)) - own
 
-            start = -0.5 * np.log(inform.max())
-            limits[names[parameter]] = float(np.exp(brentq(excess, start - 5, start + 25)))
+        start = -0.5 * np.log(inform.max(axis=0))
+        sizes = np.exp(root(excess, start - 5, start + 25))
+        for parameter, size in zip(pattern.parameters[axis], sizes.tolist(), strict=True):
+            limits[names[parameter]] = size
     return {name: limits[name] for name in names if name in limits}
 
 
@@ -72,4 +76,4 @@ def noncentral_quantile(probability, q, noncentrality):
     m = (h - 1) * (1 - 3 * h)
     centre = 1 + h * p * (h - 1 - 0.5 * (2 - h) * m * p)
     spread = h * np.sqrt(2 * p) * (1 + 0.5 * m * p)
-    return (q + n) * np.maximum(centre + spread * norm.ppf(probability), 0.0) ** (1 / h)
+    return (q + n) * np.maximum(centre + spread * ndtri(probability), 0.0) ** (1 / h)

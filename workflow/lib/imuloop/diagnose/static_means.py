@@ -1,6 +1,6 @@
 """A static record: means of consecutive windows at rest, and what an effect sees in them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -117,6 +117,62 @@ def window_length(seconds, interval, mean_time):
     return max(length, LEAST_SAMPLES * interval, seconds / MOST_MEANS)
 
 
+@dataclass(frozen=True)
+class RestLog:
+    """The log of a session at rest, missing values filled.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time, s.
+    logged : dict of str to ndarray, shape (n, 3)
+        Each sensor's output, SI, as logged.
+    temperature : ndarray, shape (n,), or None
+        degC.
+    whole : ndarray of int, shape (n + 1,)
+        How many samples before each lack nothing.
+    """
+
+    t: np.ndarray
+    logged: dict
+    temperature: np.ndarray | None
+    whole: np.ndarray
+    _means: dict = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, samples):
+        """Return the RestLog of samples, columns by name."""
+        t, columns = np.asarray(samples[TIME]), [*ACCELERATION, *ANGULAR_RATE]
+        whole = np.isfinite([np.asarray(samples[name]) for name in columns]).all(axis=0)
+        # missing values would reach every later sum
+        logged = {
+            sensor: np.column_stack([filled(t, np.asarray(samples[name])) for name in names])
+            for sensor, names in COLUMNS.items()
+        }
+        temperature = None
+        if TEMPERATURE in samples and np.isfinite(np.asarray(samples[TEMPERATURE])).any():
+            temperature = filled(t, np.asarray(samples[TEMPERATURE]))
+        return cls(t, logged, temperature, np.concatenate([[0], np.cumsum(whole)]))
+
+    def means(self, at):
+        """Return the mean output of each sensor over rows `at`, shape (m, 2), as logged."""
+        key = at.tobytes()
+        if key not in self._means:
+            self._means[key] = {}
+            for sensor, values in self.logged.items():
+                # a mean near zero keeps the digits of cumulative sums
+                centre = values.mean(axis=0) if len(values) else 0.0
+                self._means[key][sensor] = mean_over(values - centre, at) + centre
+        return self._means[key]
+
+
+def mean_over(values, at):
+    """Return means of values over rows `at`, shape (m, 2): from the first to before the last."""
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    count = np.diff(at, axis=1).reshape(-1, *[1] * (values.ndim - 1))
+    return (total[at[:, 1]] - total[at[:, 0]]) / count
+
+
 def static_record(session, samples, segments, calibration, sensor, mean_time):
     """Return the means of windows that lie whole in the undisturbed stretches of a session.
 
@@ -124,7 +180,9 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     ----------
     session : str
         Its name.
-    samples, segments : DataFrame
+    samples : RestLog, DataFrame or dict
+        Of the session.
+    segments : DataFrame or dict
         Of the session.
     calibration : Calibration
         Gives ``K (raw - b)`` of both sensors.
@@ -138,9 +196,10 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     StaticRecord
         In order of time.
     """
-    static = segments[segments["kind"] == STATIC]
-    seconds = static[["start_s", "end_s"]].to_numpy(dtype=float)
-    t = samples[TIME].to_numpy()
+    log = samples if isinstance(samples, RestLog) else RestLog.of(samples)
+    static = np.asarray(segments["kind"]) == STATIC
+    seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
+    t = log.t
     interval = np.median(np.diff(t)) if len(t) > 1 else mean_time
     length = window_length(np.diff(seconds).sum(), interval, mean_time)
     windows, stretch = [np.zeros((0, 2))], []
@@ -152,46 +211,32 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         stretch += [number] * count
     windows, stretch = np.concatenate(windows), np.array(stretch, dtype=int)
     at = np.searchsorted(t, windows)
-    whole_rows = np.isfinite(samples[[*ACCELERATION, *ANGULAR_RATE]]).all(axis=1)
-    known = np.concatenate([[0], np.cumsum(whole_rows)])[at]
     count = np.diff(at, axis=1)[:, 0]
     # a mean over missing values is none
-    keep = (count > 0) & (np.diff(known, axis=1)[:, 0] == count)
+    keep = (count > 0) & (np.diff(log.whole[at], axis=1)[:, 0] == count)
     windows, stretch, at = windows[keep], stretch[keep], at[keep]
 
-    def mean(values):
-        total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-        count = np.diff(at, axis=1).reshape(-1, *[1] * (values.ndim - 1))
-        return (total[at[:, 1]] - total[at[:, 0]]) / count
-
-    # missing values would reach every later sum
-    logged = {
-        name: np.column_stack([filled(t, samples[column].to_numpy()) for column in columns])
-        for name, columns in COLUMNS.items()
-    }
-    output = {name: getattr(calibration, name).output(values) for name, values in logged.items()}
     (other,) = set(COLUMNS) - {sensor}
-    # a mean near zero keeps the digits of cumulative sums
-    centre = output[sensor].mean(axis=0) if len(t) else 0.0
-    values = mean(output[sensor] - centre) + centre
-    temperature = None
-    if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
-        temperature = filled(t, samples[TEMPERATURE].to_numpy())
-    whole = Channels(t, logged[sensor], logged[other], temperature)
+    # the output is a straight line in what was logged: so are its means
+    output = {
+        name: getattr(calibration, name).output(values) for name, values in log.means(at).items()
+    }
+    values = output[sensor]
+    whole = Channels(t, log.logged[sensor], log.logged[other], log.temperature)
     remembered = {}
 
     def history(function, *constants):
         key = function, constants
         if key not in remembered:
-            remembered[key] = mean(function(whole, *constants))
+            remembered[key] = mean_over(function(whole, *constants), at)
         return remembered[key]
 
     level = values.mean(axis=0) if len(values) else np.zeros(3)
     channels = Channels(
         windows.mean(axis=1),
         np.tile(level, (len(windows), 1)),
-        mean(output[other]),
-        None if temperature is None else mean(temperature),
+        output[other],
+        None if log.temperature is None else mean_over(log.temperature, at),
         history,
     )
     return StaticRecord(session, windows, stretch, values, channels)
@@ -206,24 +251,32 @@ def rests_to_use(kinds, segments):
     ----------
     kinds : dict of str to str
         Kind of each session.
-    segments : dict of str to DataFrame
+    segments : dict of str to (DataFrame or dict)
         Segments of each session.
 
     Returns
     -------
-    dict of str to DataFrame
-        Static segments of the sessions to use.
+    dict of str to dict
+        ``start_s``, ``end_s`` and ``kind`` of the static segments of the sessions to use.
     """
-    rests = {name: s[s["kind"] == STATIC] for name, s in segments.items()}
-    static = {name: r for name, r in rests.items() if kinds[name] == "static" and len(r)}
+    rests = {
+        name: rows(table, np.flatnonzero(np.asarray(table["kind"]) == STATIC))
+        for name, table in segments.items()
+    }
+    static = {n: r for n, r in rests.items() if kinds[n] == "static" and len(r["kind"])}
     if static:
         return static
     longest = {}
     for name, r in rests.items():
-        seconds = (r["end_s"] - r["start_s"]).to_numpy()
-        if len(r) and seconds.max() >= INITIAL_REST:
-            longest[name] = (seconds.max(), r.iloc[[int(seconds.argmax())]])
+        seconds = r["end_s"] - r["start_s"]
+        if len(seconds) and seconds.max() >= INITIAL_REST:
+            longest[name] = (seconds.max(), rows(r, [int(seconds.argmax())]))
     if not longest:
         return {}
     name = max(longest, key=lambda n: longest[n][0])
     return {name: longest[name][1]}
+
+
+def rows(segments, index):
+    """Return some segments, their columns as arrays."""
+    return {name: np.asarray(segments[name])[index] for name in ("start_s", "end_s", "kind")}

@@ -243,37 +243,40 @@ class Sight:
         axis : int
             Axis.
         """
-        key = columns, axis
-        if key not in self._fits:
-            self._fits[key] = self._fit(list(columns), axis)
-        return self._fits[key]
+        if columns not in self._fits:
+            self._fits[columns] = self._fit(list(columns))
+        return self._fits[columns][axis]
 
-    def _fit(self, columns, axis):
-        dof = self.windows - len(columns)
+    def _fit(self, columns):
+        """Return the fits of the three axes."""
+        dof, nothing = self.windows - len(columns), (None, None, None)
         if dof < 2:
-            return None
-        gram = self.gram([1 + axis, *columns])
-        square, product, own = gram[:, 0, 0], gram[:, 1:, 0], gram[:, 1:, 1:]
-        if not columns:
-            log_weight = self.model.prior - (dof * np.log(square) + self.log_det) / 2
-            return Fit(product, own, square, log_weight, dof)
-        size = np.sqrt(np.maximum(np.einsum("gpp->gp", own), 0.0))
-        # the columns have norm 1 before the levels are taken out, and noise of N = 1
-        if not np.all(size[0] ** 2 > ABSORBED * self.model.fitted[0].length.min()):
-            return None
-        own = own / size[:, :, None] / size[:, None, :]
-        if np.linalg.eigvalsh(own[0])[0] < ABSORBED:
-            return None
-        inverse = np.linalg.inv(own)
-        product = product / size
-        theta = np.einsum("gpq,gq->gp", inverse, product)
-        square = square - np.einsum("gp,gp->g", theta, product)
-        square = np.maximum(square, 1e-12 * gram[:, 0, 0])
-        log_det = self.log_det + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=1)
+            return nothing
+        gram = self.gram([1, 2, 3, *columns])
+        # axes before points of the grid
+        square = np.einsum("gaa->ag", gram[:, :3, :3])
+        product, own = gram[:, 3:, :3].transpose(2, 0, 1), gram[:, 3:, 3:]
+        theta, covariance, log_det = product, [own] * 3, self.log_det
+        if columns:
+            size = np.sqrt(np.maximum(np.einsum("gpp->gp", own), 0.0))
+            # the columns have norm 1 before the levels are taken out, and noise of N = 1
+            if not np.all(size[0] ** 2 > ABSORBED * self.model.fitted[0].length.min()):
+                return nothing
+            own = own / size[:, :, None] / size[:, None, :]
+            if np.linalg.eigvalsh(own[0])[0] < ABSORBED:
+                return nothing
+            inverse = np.linalg.inv(own)
+            product = product / size
+            theta = (inverse @ product[..., None])[..., 0]
+            whole, square = square, square - (theta * product).sum(axis=2)
+            square = np.maximum(square, 1e-12 * whole)
+            log_det = log_det + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=1)
+            theta = theta / size
+            inverse = inverse / size[:, :, None] / size[:, None, :]
+            covariance = inverse * (square / dof)[:, :, None, None]
         log_weight = self.model.prior - (dof * np.log(square) + log_det) / 2
-        covariance = inverse / size[:, :, None] / size[:, None, :]
-        return Fit(
-            theta / size, covariance * (square / dof)[:, None, None], square, log_weight, dof
+        return tuple(
+            Fit(*each, dof) for each in zip(theta, covariance, square, log_weight, strict=True)
         )
 
 

@@ -143,6 +143,12 @@ def log_sum(values):
     return float(top + np.log(np.exp(values - top).sum()))
 
 
+def log_sums(values):
+    """Return ``log Σ exp`` of values, shape (k, n), over the last axis."""
+    top = values.max(axis=1)
+    return top + np.log(np.exp(values - top[:, None]).sum(axis=1))
+
+
 def log_f_tail(statistic, q, dof):
     """Return the logarithm of the upper tail of F with q and `dof` degrees of freedom.
 
@@ -172,8 +178,21 @@ def log_p_value(without, with_it, points=slice(None)):
     points : index, optional
         The points of the grid to count; all by default.
     """
-    q = without.dof - with_it.dof
-    drop = np.maximum(without.square - with_it.square, 0.0)
-    tail = log_f_tail(drop / q / (with_it.square / with_it.dof), q, with_it.dof)[points]
-    weight = with_it.log_weight[points]
-    return log_sum(weight + tail) - log_sum(weight)
+    return log_p_values([(without, with_it)], points)[0]
+
+
+def log_p_values(pairs, points=slice(None)):
+    """Return the same for several pairs of fits, (without, with), as a list."""
+    before, after, dof, weight = (
+        np.array(v)
+        for v in zip(
+            *((a.square, b.square, (a.dof - b.dof, b.dof), b.log_weight) for a, b in pairs),
+            strict=True,
+        )
+    )
+    q, dof = dof.T[:, :, None]
+    drop = np.maximum(before - after, 0.0)
+    tail = log_f_tail((drop / q / (after / dof))[:, points], q, dof)
+    weight = weight[:, points]
+    both = log_sums(weight + tail) - log_sums(weight)
+    return both.tolist()

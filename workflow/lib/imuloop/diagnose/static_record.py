@@ -30,7 +30,7 @@ class StaticResult:
         Effects of each sensor that belong into a calibration.
     noise : NoiseModel
         Noise without the effects, with the lines and processes that were found.
-    allan : dict of str to DataFrame
+    allan : dict of str to dict of ndarray
         Allan table of each session without the effects; empty where nothing was taken out.
     """
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.diagnose.static_model import Pattern, Sight
-from imuloop.diagnose.static_noise import log_p_value
+from imuloop.diagnose.static_noise import log_p_values
 from imuloop.diagnose.static_scan import line_scan, step_scan
 from imuloop.diagnose.static_terms import Sinusoid, Steps, joined
 
@@ -102,19 +102,23 @@ class StaticSearch:
         Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
         method.
         """
-        found = []
-        for axis in AXES:
-            if not pattern.columns[axis]:
-                continue
-            fit = self.fit((*base, pattern), axis)
-            if fit is None:
-                return None
-            found.append((log_p_value(self.fit(base, axis), fit), axis))
-        if not found:
+        pairs = self._pairs(base, pattern)
+        if not pairs:
             return None
-        return StaticTrial(
-            pattern, fisher([log_p for log_p, _ in found]), min(found)[1], len(found)
-        )
+        log_p = log_p_values(pairs.values())
+        best = min(zip(log_p, pairs, strict=True))[1]
+        return StaticTrial(pattern, float(fisher(log_p)), best, len(pairs))
+
+    def _pairs(self, base, pattern):
+        """Return the fits without and with a pattern by axis; None where one cannot show it."""
+        pairs = {}
+        for axis in AXES:
+            if pattern.columns[axis]:
+                fit = self.fit((*base, pattern), axis)
+                if fit is None:
+                    return None
+                pairs[axis] = self.fit(base, axis), fit
+        return pairs
 
     def trial(self, base, cls, hopeful=False):
         """Return the best trial of an effect beside others, or None.
@@ -189,11 +193,7 @@ class StaticSearch:
 
     def _log_p(self, base, pattern, points):
         """Return the sum of log p over the axes, with the noise at some points of the grid."""
-        return sum(
-            log_p_value(self.fit(base, axis), self.fit((*base, pattern), axis), points)
-            for axis in AXES
-            if pattern.columns[axis]
-        )
+        return sum(log_p_values(self._pairs(base, pattern).values(), points))
 
     def _impossible(self, base, pattern):
         limit = type(pattern.effect).limit
