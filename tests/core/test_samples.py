@@ -6,7 +6,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, Columns, read_samples, schema
+from imuloop.core.samples import (
+    CHANNELS,
+    TEMPERATURE,
+    TIME,
+    Columns,
+    read_columns,
+    read_samples,
+    schema,
+)
 
 
 @pytest.fixture
@@ -48,3 +56,12 @@ def test_a_rejected_session_has_no_rows(tmp_path):
     empty.to_parquet(path, index=False)
     columns = Columns(path)
     assert len(columns) == 0 and len(columns["az"]) == 0 and TEMPERATURE not in columns
+
+
+def test_arrays_are_the_columns_of_the_table(path):
+    arrays, table = read_columns(path), read_samples(path)
+    assert list(arrays) == list(table)
+    for name in table:
+        np.testing.assert_array_equal(arrays[name], table[name])
+    # what a file does not hold is left out: a log without temperature
+    assert set(read_columns(path, ("ay", TIME, "t_logged"))) == {TIME, "ay"}
