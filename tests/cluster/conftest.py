@@ -1,0 +1,110 @@
+"""Devices to run, a SLURM of this machine and an S3 on it; a skip says what is missing for them."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from imuloop.simulate.simulate import simulate_session, write_log
+from imuloop.simulate.truth import example_truth
+
+PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
+SLURM = Path(__file__).with_name("slurm")
+# one job on a cluster is three processes of Snakemake: no more than that is of interest here
+QUICK = {"diagnose": {"draws": 100, "folds": 3}}
+
+
+def needs_plugin(name):
+    """Skip where a plugin of Snakemake is not installed."""
+    if importlib.util.find_spec(f"snakemake_{name}") is None:
+        pytest.skip(f"snakemake_{name} is not installed here: make cluster")
+
+
+def write_devices(folder, names):
+    """Write the logs of small devices, a static and a multi-position one each, and their config."""
+    truth = example_truth(rate=50.0)
+    devices = {}
+    for number, name in enumerate(names):
+        bias = np.random.default_rng(number).normal(0, 0.05, 3)
+        sensor = replace(truth.accelerometer, b=truth.accelerometer.b + bias)
+        static = replace(truth.sessions["static"], duration_s=60.0, seed=2 * number + 1)
+        poses = replace(
+            truth.sessions["multi_position"],
+            **{"poses": 12, "initial_rest_s": 10.0, "rest_s": (2.0, 3.0), "seed": 2 * number + 2},
+        )
+        made = {"static": static, "multi_position": poses}
+        each = replace(truth, name=name, accelerometer=sensor, sessions=made)
+        for kind in made:
+            write_log(folder / f"{name}_{kind}.csv", simulate_session(each, kind), {})
+        devices[name] = {
+            "sessions": {kind: {"kind": kind, "file": f"{name}_{kind}.csv"} for kind in made}
+        }
+    write_config(folder, devices)
+    return devices
+
+
+def write_config(folder, devices, name="config.yaml"):
+    """Write a config of devices with few draws and folds."""
+    (folder / name).write_text(yaml.safe_dump({"defaults": QUICK, "devices": devices}))
+
+
+def command(repository, folder, *arguments, target="results/report.html"):
+    """Return the command line of a run in a folder, as a user gives it."""
+    words = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
+    words += ["--configfile", "config.yaml", *arguments, "--", target]
+    return list(map(str, words))
+
+
+def run(repository, folder, *arguments, target="results/report.html", **environment):
+    """Run the workflow; return the finished process."""
+    return subprocess.run(
+        command(repository, folder, *arguments, target=target),
+        **{"cwd": folder, "env": os.environ | environment, "capture_output": True, "text": True},
+    )
+
+
+def contents(folder):
+    """Return the bytes of every result file by its path."""
+    files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def copy_of_workflow(repository, folder):
+    """Copy what a run needs, to be edited."""
+    for part in PARTS:
+        source, target = repository / part, folder / part
+        if source.is_dir():
+            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, target)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def slurm():
+    """A SLURM of one node; the name of Snakemake's profile for it."""
+    needs_plugin("executor_plugin_slurm")
+    lacking = [
+        name for name in ("munged", "slurmctld", "slurmd", "sbatch") if not shutil.which(name)
+    ]
+    if lacking:
+        pytest.skip(f"no {', '.join(lacking)} here: .ci/cluster installs SLURM")
+    if os.getuid():
+        pytest.skip("only root starts a SLURM: its daemons change users")
+    if Path("/etc/slurm/slurm.conf").exists():
+        pytest.skip("/etc/slurm/slurm.conf is there: this machine has a SLURM of its own")
+    # munge wants a folder that all may enter, which pytest's are not
+    with tempfile.TemporaryDirectory(prefix="imuloop-slurm-") as folder:
+        try:
+            subprocess.run([SLURM, "start", folder], check=True)
+            yield "profiles/slurm"
+        finally:
+            subprocess.run([SLURM, "stop", folder], check=True)
