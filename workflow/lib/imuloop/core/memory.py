@@ -168,14 +168,20 @@ def fast_part(t, values, period, step=None):
     ndarray, shape (n, m)
         In the unit of the values.
     """
-    # loads for a quarter of a second, and few need it
-    from scipy.ndimage import uniform_filter1d
-
     if step is None:
         step = np.median(np.diff(t)) if len(t) > 1 else period
     size = max(_FEWEST, 2 * round(period / step / 2) + 1)
-    slow = uniform_filter1d(values, size, axis=0, mode="nearest")
-    return values - uniform_filter1d(slow, size, axis=0, mode="nearest")
+    return values - _mean_about(_mean_about(values, size), size)
+
+
+def _mean_about(values, size):
+    """Return the means of an odd number of samples about each, the ends held beyond the log."""
+    # sums near zero keep their digits
+    centre = values.mean(axis=0)
+    first, last = (np.repeat(values[at], size // 2, axis=0) for at in (slice(1), slice(-1, None)))
+    sums = np.cumsum(np.concatenate([first, values, last]) - centre, axis=0)
+    sums = np.concatenate([np.zeros_like(sums[:1]), sums])
+    return (sums[size:] - sums[:-size]) / size + centre
 
 
 def moving_mean(t, values, width):

@@ -181,7 +181,9 @@ def process_effect(test):
 
 def write_allan(raw, table, path):
     """Write the Allan table of a session, its raw curves first, then the corrected if any."""
-    curves = pq.read_table(raw)
+    # `read_table` loads pandas
+    with pq.ParquetFile(raw) as file:
+        curves = file.read()
     if table is not None:
         more = pa.table({name: np.asarray(table[name]) for name in curves.column_names})
         curves = pa.concat_tables([curves, more.cast(curves.schema)])
