@@ -121,6 +121,45 @@ def test_tables_sort_by_a_click(page):
     assert page.run(f"[...{HEADS}].filter(h => h.ariaSort).length") == 1
 
 
+# a table of a device's part by its caption, and a column of it from top to bottom
+TABLE = "[...document.querySelectorAll('table.sortable')].find(t => t.caption.innerText == {0!r})"
+CELLS = "[...({0}).tBodies[0].rows].map(r => r.cells[{1}])"
+
+
+def _column(page, table, column, of):
+    return page.run(f"{CELLS.format(table, column)}.map(c => {of})")
+
+
+def test_tables_of_a_device_sort_by_size_whatever_the_unit(page):
+    table = TABLE.format("Accelerometer: parameters, value ± 1 σ")
+    names = _column(page, table, 0, "c.innerText.trim()")
+    page.click(f"({table}).tHead.rows[0].cells[4].querySelector('button')")
+    values = _column(page, table, 4, "c.dataset.value ? parseFloat(c.dataset.value) : null")
+    known = [v for v in values if v is not None]
+    # %, mrad and mg in one column; what has no size stays last
+    assert known == sorted(known) and len(known) >= 9
+    assert values[len(known) :] == [None] * (len(values) - len(known))
+    assert set(_column(page, table, 1, "c.innerText")) >= {"mg", "%", "mrad"}
+    # and by name
+    page.click(f"({table}).tHead.rows[0].cells[0].querySelector('button')")
+    found = _column(page, table, 0, "c.innerText.trim()")
+    assert sorted(found) == sorted(names) and found != names
+
+
+def test_durations_sort_by_seconds_and_words_do_not_sort(page):
+    table = TABLE.format("Stretches found in each session")
+    page.click(f"({table}).tHead.rows[0].cells[3].querySelector('button')")
+    shown = _column(page, table, 3, "c.innerText")
+    seconds = _column(page, table, 3, "parseFloat(c.dataset.value)")
+    assert seconds == sorted(seconds) and len(seconds) == 3
+    # by their letters these stand in another order
+    assert shown != sorted(shown)
+    heads = "document.querySelector('table.dense.sortable').tHead.rows[0].cells"
+    sorts = page.run(f"[...{heads}].map(h => !!h.querySelector('button'))")
+    assert sorts == [True] * 4 + [False] * 3
+    assert not page.run("!!document.querySelector('table.grouped thead button')")
+
+
 @pytest.mark.parametrize("key", ["Enter", " "])
 def test_tables_sort_by_the_keyboard(page, key):
     page.run(f"{HEADS}[{BIAS - 1}].querySelector('button').focus()")

@@ -3,12 +3,14 @@
 import pytest
 
 from imuloop.report.numbers import (
+    MILLI_G,
     NOISE_UNITS,
     coefficient_text,
     duration,
     number,
     with_sigma,
 )
+from imuloop.report.table import Sized, sized
 
 THIN = "\u202f"
 
@@ -83,3 +85,10 @@ def test_coefficient_without_value_is_an_upper_limit():
     nothing = {"value": None, "ci95": None, "upper95": None, "identifiable": False}
     found = [coefficient_text(c).replace(THIN, " ") for c in (limit, seen, nothing)]
     assert found == ["< 2.5 × 10⁻⁶", "1.000 ± 0.051", "—"]
+
+
+def test_a_cell_is_its_text_and_sorts_by_its_size():
+    cell = sized(9.80665e-3, MILLI_G.factor)
+    assert cell == "1.00" and cell.value == "0.00980665"
+    assert sized(None).value is None and sized(None) == "—"
+    assert Sized("5 min", 300.0).value == "300" and Sized("—", float("nan")).value is None

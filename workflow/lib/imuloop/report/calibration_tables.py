@@ -12,7 +12,7 @@ from imuloop.report.numbers import (
     with_sigma,
 )
 from imuloop.report.results import UNITS, XYZ, base_parameters
-from imuloop.report.table import Table
+from imuloop.report.table import Sized, Table
 
 METHODS = {
     "six_position": "Six-position",
@@ -52,6 +52,7 @@ def parameter_table(device, sensor):
         "output is from a true unit. Misalignment ij: how much of axis j shows on axis i. "
         "A parameter that is not listed, or not estimated, is not determined by these data. "
         "Reduced χ² near 1: the fit is as good as the noise allows.",
+        sorts=tuple(range(2 + len(methods))),
     )
 
 
@@ -66,13 +67,13 @@ def _cells(sensor, bias_display):
         value, sigma = base[key]
         for i, axis in enumerate(XYZ):
             cells[f"{words} {axis}", display.unit] = (
-                with_sigma(value[i] * display.factor, sigma[i] * display.factor)
+                Sized(with_sigma(value[i] * display.factor, sigma[i] * display.factor), value[i])
                 if f"{letter}{i}" in estimated
                 else NOT_ESTIMATED
             )
     for (i, j), (value, sigma) in base["misalignment"].items():
         if f"T{i}{j}" in estimated:
-            text = with_sigma(value * 1e3, sigma * 1e3)
+            text = Sized(with_sigma(value * 1e3, sigma * 1e3), value)
         else:
             text = "0 (by definition)" if estimated & {"T01", "K0"} else NOT_ESTIMATED
         cells[f"Misalignment {XYZ[i]}{XYZ[j]}", MILLIRADIAN.unit] = text

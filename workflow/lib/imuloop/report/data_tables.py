@@ -4,7 +4,7 @@ from itertools import cycle
 
 from imuloop.core.segments import KINDS
 from imuloop.report.numbers import NO_NUMBER, duration, number
-from imuloop.report.table import Table
+from imuloop.report.table import Sized, Table
 
 # rows that ingest drops, by the reason it counts them under
 DROPPED = {
@@ -138,7 +138,9 @@ def source_table(device):
             strict=False,
         )
     ]
-    return Table("Log files", ("Session", "File", "Source", "SHA-256"), tuple(rows))
+    return Table(
+        "Log files", ("Session", "File", "Source", "SHA-256"), tuple(rows), sorts=(0, 1, 2)
+    )
 
 
 def _origin(source):
@@ -156,10 +158,9 @@ def segment_table(device):
         rows.append(
             (
                 session.name,
-                str(len(rests)),
-                str(sum(int(at.sum()) for at in rests)),
-                *(duration(session.seconds(kind)) for kind in KINDS),
-                text_of(session.segmentation.get("short_rests")),
+                *map(_count, (len(rests), sum(int(at.sum()) for at in rests))),
+                *(Sized(duration(s), s) for s in map(session.seconds, KINDS)),
+                _count(session.segmentation.get("short_rests")),
                 text_of(session.segmentation.get("multiples")),
             )
         )
@@ -173,4 +174,9 @@ def segment_table(device):
         "A pose is one attitude held; several rests in the same attitude count as one pose. "
         "Detector: a stretch is static where its variance stays below this multiple "
         "(accelerometer, gyroscope) of the variance at rest.",
+        sorts=tuple(range(8)),
     )
+
+
+def _count(count):
+    return Sized(text_of(count), count)

@@ -18,7 +18,7 @@ from imuloop.report.numbers import (
 )
 from imuloop.report.ranking import constants_text
 from imuloop.report.results import SENSORS
-from imuloop.report.table import Table
+from imuloop.report.table import Sized, Table, sized
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, block_of
 
 
@@ -38,18 +38,13 @@ def heldout_table(device):
     for sensor, part, block in blocks(device):
         for name, r in (block.get("residuals") or {}).items():
             display = RESIDUAL[r["unit"]]
-            figures = (
-                number(None if missing(r.get(k)) else r[k] * display.factor)
-                for k in ("floor", "before", "after")
-            )
             rows.append(
                 (
                     f"{sensor}, {PARTS[part]}: {RESIDUAL_WORDS.get(name, name)}",
                     display.unit,
-                    text_of(r.get("n")),
-                    *figures,
-                    number(r.get("chi2_before")),
-                    number(r.get("chi2_after")),
+                    Sized(text_of(r.get("n")), r.get("n")),
+                    *(sized(r.get(k), display.factor) for k in ("floor", "before", "after")),
+                    *(sized(r.get(k)) for k in ("chi2_before", "chi2_after")),
                 )
             )
     return Table(
@@ -58,6 +53,7 @@ def heldout_table(device):
         tuple(rows),
         "Held-out: each pose or block of time is predicted by a calibration that never saw it. "
         "Floor: what the noise alone gives. Reduced χ² is 1 where the residual is noise.",
+        sorts=tuple(range(8)),
     )
 
 

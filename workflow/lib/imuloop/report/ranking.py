@@ -15,7 +15,7 @@ from imuloop.report.numbers import (
     typeset,
     with_unit,
 )
-from imuloop.report.table import Table
+from imuloop.report.table import Sized, Table
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS
 
 # what an effect varies with, and the recording in which that varies
@@ -66,12 +66,17 @@ def ranked(block):
     def rank(candidate):
         name, status, p = (candidate.get(k) for k in ("name", "status", "p_value"))
         return (
-            STATUS.index(status) if status in STATUS else len(STATUS),
+            _place(status),
             order.index(name) if name in order else len(order),
             float("inf") if missing(p) else p,
         )
 
     return sorted(block.get("candidates") or [], key=rank)
+
+
+def _place(status):
+    """Return the place of a status, best first."""
+    return STATUS.index(status) if status in STATUS else len(STATUS)
 
 
 def ranking_table(sensor, part, block):
@@ -99,6 +104,7 @@ def ranking_table(sensor, part, block):
         "Detection limit: the smallest size that these data would have shown in nine of ten "
         "cases; the least and the greatest of the effect's parameters.",
         dense=True,
+        sorts=(0, 1, 2, 3),
     )
 
 
@@ -108,7 +114,11 @@ def _untried(candidates):
     for c in candidates:
         reasons.setdefault((c["status"], c.get("why") or NO_NUMBER), []).append(c["name"])
     return [
-        (", ".join(names), status.replace("_", " "), *([NO_NUMBER] * 3), why, NO_NUMBER)
+        (
+            *(", ".join(names), Sized(status.replace("_", " "), _place(status))),
+            *([NO_NUMBER] * 3),
+            *(why, NO_NUMBER),
+        )
         for (status, why), names in reasons.items()
     ]
 
@@ -116,13 +126,13 @@ def _untried(candidates):
 def _row(candidate, residuals):
     twin = candidate.get("confounded_with")
     known = Effect.library.get(candidate["name"])
-    status = candidate["status"].replace("_", " ")
+    status, p = candidate["status"].replace("_", " "), candidate.get("p_value")
     adds = (known and known.equation, constants_text(candidate.get("constants")))
     limits = spans(candidate.get("detection_limit") or {}, candidate.get("units") or {})
     return (
         candidate["name"],
-        f"{status} with {twin}" if twin else status,
-        probability(candidate.get("p_value")),
+        Sized(f"{status} with {twin}" if twin else status, _place(candidate["status"])),
+        Sized(probability(p), p),
         _heldout(candidate, residuals),
         "; ".join(limits) or NO_NUMBER,
         candidate.get("why") or NO_NUMBER,
@@ -138,8 +148,10 @@ def _heldout(candidate, residuals):
     if residual is None or missing(after):
         return NO_NUMBER
     unit, before = RESIDUAL[residual["unit"]], residual.get("before")
-    before = NO_NUMBER if missing(before) else number(before * unit.factor)
-    return f"{before}\u00a0→\u00a0{with_unit(number(after * unit.factor), unit.unit)}"
+    told = NO_NUMBER if missing(before) else number(before * unit.factor)
+    text = f"{told}\u00a0→\u00a0{with_unit(number(after * unit.factor), unit.unit)}"
+    # residuals of several units share the column
+    return Sized(text, after / before if before else None)
 
 
 def constants_text(constants):
@@ -178,8 +190,8 @@ def limit_table(sensor, part, block):
                 (
                     candidate["name"],
                     name,
-                    with_unit(number(value * shown.factor), shown.unit),
-                    with_unit(number(value), typeset(si or "SI")),
+                    Sized(with_unit(number(value * shown.factor), shown.unit), value),
+                    Sized(with_unit(number(value), typeset(si or "SI")), value),
                 )
             )
     if not rows:
@@ -188,6 +200,7 @@ def limit_table(sensor, part, block):
         f"{sensor.capitalize()}, {PARTS[part]}: detection limit of each parameter",
         ("Effect", "Parameter", "Detection limit", "In SI units"),
         tuple(rows),
+        sorts=(0, 1, 2, 3),
     )
 
 
@@ -210,4 +223,5 @@ def twin_table(sensor, part, block):
         "From the attitudes, times and temperatures of the recording alone, before its residuals: "
         "how much of the pattern that the first would leave the other could leave as well. Where "
         "one of them is named as the cause, it may as well be the other.",
+        sorts=(0, 1),
     )

@@ -15,7 +15,7 @@ from imuloop.report.numbers import (
     with_sigma,
 )
 from imuloop.report.results import SENSORS, XYZ
-from imuloop.report.table import Table
+from imuloop.report.table import Sized, Table, sized
 
 # cosine of the angle within which a session lies on an axis, 20 degrees
 ON_AXIS = 0.94
@@ -60,11 +60,8 @@ def heldout_by_session(device, sensor, block):
                     session,
                     up.get(session, NO_NUMBER),
                     name,
-                    *(
-                        number(None if missing(v) else v * unit.factor)
-                        for v in (before, after, floor)
-                    ),
-                    f"{number(before / after, 2)} ×" if known else NO_NUMBER,
+                    *(sized(v, unit.factor) for v in (before, after, floor)),
+                    Sized(f"{number(before / after, 2)} ×", before / after) if known else NO_NUMBER,
                 )
             )
     best = max(gains, default=None)
@@ -80,6 +77,7 @@ def heldout_by_session(device, sensor, block):
         tuple(rows),
         "Each block of time is predicted by a bias and effects that were fitted to the other "
         f"blocks. Floor: what the noise alone gives.{told}",
+        sorts=tuple(range(7)),
     )
 
 

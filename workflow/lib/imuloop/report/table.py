@@ -2,6 +2,31 @@
 
 from dataclasses import dataclass
 
+from imuloop.report.numbers import missing, number
+
+
+class Sized(str):
+    """Text of a cell that a column is sorted by another way than by its letters.
+
+    Parameters
+    ----------
+    text : str
+        What the cell says.
+    value : float or None
+        A size in SI, a share or a rank; without one the cell stays last.
+    """
+
+    def __new__(cls, text, value):
+        """Return the text with its value."""
+        cell = super().__new__(cls, text)
+        cell.value = None if missing(value) else f"{value:.6g}"
+        return cell
+
+
+def sized(value, factor=1.0):
+    """Return a number in the unit shown, `factor` times that in SI, by which it is sorted."""
+    return Sized(number(None if missing(value) else value * factor), value)
+
 
 @dataclass(frozen=True)
 class Table:
@@ -21,6 +46,8 @@ class Table:
         Whether the cells are many and may break into lines.
     heads : tuple of int
         Rows that open a group: its name, then the unit of each column in this group.
+    sorts : tuple of int
+        Columns that a reader may sort the rows by: by the values of `Sized` cells, else by text.
     """
 
     caption: str
@@ -29,3 +56,4 @@ class Table:
     note: str = ""
     dense: bool = False
     heads: tuple[int, ...] = ()
+    sorts: tuple[int, ...] = ()
