@@ -3,8 +3,9 @@ PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
+PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench bench-noise bench-report study coverage fuzz kill large setup setup-cluster lock clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz kill large setup setup-cluster lock clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -37,8 +38,29 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
 
-bench: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/stages.py
+# times beside other packages, of each job, and the bound of the calibration. Writes these sections of
+# docs/benchmarks.md, ten minutes; recordings by IMULOOP_MIRROR, imu_tk's program by IMU_TK_BIN
+MEASURE := PYTHONPATH=workflow/lib $(BIN)/python -m bench.document
+bench: setup $(PEERS)/.ready
+	$(MEASURE) peers imu_tk stages
+
+# a day at rest from CSV to noise.json, time and memory, into the same document; RATE=200 or 1000
+RATE ?= 200
+a-day: setup
+	$(MEASURE) a-day-$(RATE)
+
+# a factory's devices, simulated: dry run, full run, one device added, one default changed, one
+# script edited; into the same document
+DEVICES ?= 20,200
+factory: setup
+	$(MEASURE) factory --options="--devices $(DEVICES)"
+
+# the other packages in an environment of their own; one that does not install is told in the table
+$(PEERS)/.ready: bench/requirements.txt
+	$(PYTHON) -m venv --clear $(PEERS)
+	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each \
+		2> $(PEERS)/$${each%%==*}.log || cat $(PEERS)/$${each%%==*}.log; done
+	touch $@
 
 # the report of ten devices: time, size, same bytes; from the results of finished runs
 RESULTS ?= results

@@ -1,0 +1,95 @@
+"""docs/benchmarks.md: ``python -m bench.document PART …`` measures and writes a part's section.
+
+Sections of other parts stay as they are; each names its own commit, machine and command.
+"""
+
+import argparse
+import os
+import platform
+import re
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+from bench.stages import ONE_THREAD, REPOSITORY
+from bench.study.__main__ import commit
+
+DOCUMENT = REPOSITORY / "docs/benchmarks.md"
+HEAD = """# Benchmarks
+
+Written by the commands that each section names, never by hand. Seconds are processor time of one
+thread unless they are said to be of the clock; the best of some rounds, in which the contenders
+take turns, each in a process of its own."""
+# by name: title, command that measures, whether it prints Markdown, the target of the Makefile
+PARTS = {
+    "peers": ("Beside other packages", ["-m", "bench.peers"], True, "make bench"),
+    "imu_tk": ("Calibration beside imu_tk", ["-m", "bench.peers.imu_tk"], True, "make bench"),
+    "stages": ("Jobs of a factory's device", ["-m", "bench.stages"], True, "make bench"),
+    "a-day-200": (
+        "24 h at 200 Hz", ["-m", "bench.a_day", "--rate", "200"], False, "make a-day RATE=200"
+    ),
+    "a-day-1000": (
+        "24 h at 1 kHz", ["-m", "bench.a_day", "--rate", "1000"], False, "make a-day RATE=1000"
+    ),
+    "factory": ("A factory's devices", ["-m", "bench.factory"], False, "make factory"),
+}  # fmt: skip
+
+
+def machine():
+    """Return the machine and the versions in a line; neither its name nor a path."""
+    processor = platform.processor() or platform.machine()
+    if (info := Path("/proc/cpuinfo")).exists():
+        models = re.findall(r"^model name\s*: (.*)$", info.read_text(), re.M)
+        processor = models[0] if models else processor
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    packages = ("numpy", "scipy", "pyarrow", "snakemake")
+    return (
+        f"{processor}, {os.cpu_count()} cores, {memory:.0f} GB, {platform.system()}; "
+        f"Python {platform.python_version()}, "
+        + ", ".join(f"{name} {version(name)}" for name in packages)
+    )
+
+
+def measure(part, options):
+    """Run a part and return its section."""
+    title, command, markdown, target = PARTS[part]
+    print(f"{title} …", file=sys.stderr, flush=True)
+    done = subprocess.run(
+        [sys.executable, *command, *options],
+        env={**os.environ, **ONE_THREAD},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    text = done.stdout.strip()
+    if done.returncode:
+        text = f"{text}\n\nexit status {done.returncode}"
+    text = text if markdown else f"```\n{text}\n```"
+    shown = " ".join([f"`{target}`", *(["with", f"`{' '.join(options)}`"] if options else [])])
+    return f"## {title}\n\n{shown}, commit {commit()}. {machine()}.\n\n{text}\n"
+
+
+def write(sections):
+    """Put sections, by part, in the place of those that the document has; in the order of PARTS."""
+    found = {}
+    if DOCUMENT.exists():
+        for section in re.split(r"^(?=## )", DOCUMENT.read_text(), flags=re.M)[1:]:
+            title = section.splitlines()[0].removeprefix("## ")
+            found |= {part: section.strip() for part, each in PARTS.items() if each[0] == title}
+    found |= {part: section.strip() for part, section in sections.items()}
+    texts = [HEAD, *(found[part] for part in PARTS if part in found)]
+    DOCUMENT.write_text("\n\n".join(texts) + "\n", encoding="utf-8")
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="python -m bench.document", description=__doc__)
+    parser.add_argument("parts", nargs="+", choices=PARTS)
+    parser.add_argument("--options", default="", help="for the command of the part")
+    options = parser.parse_args()
+    for part in options.parts:
+        write({part: measure(part, options.options.split())})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

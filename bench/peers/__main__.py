@@ -1,0 +1,169 @@
+"""Allan curves and noise coefficients beside the packages of the registry: `make bench`."""
+
+import argparse
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from bench.peers import ferraris, records
+from bench.peers.calls import CALLS
+from bench.peers.contend import contend
+from bench.stages import run
+from bench.study.tables import table
+
+# what each computes, and what a user still lacks
+CURVES = {
+    "imuloop": "overlapping; pooled over stretches between gaps and disturbances",
+    "imuloop, intervals": "the same with 95 % intervals by the fitted noise: `allan.parquet`",
+    "allantools": "overlapping; one axis, no gap; σ/√n as its error, no interval",
+    "allan-variance": "overlapping; no gap, no interval",
+    "avar": "overlapping; no gap, no interval",
+    "allan-variance-analyzer": "not overlapping: another estimate, of larger scatter; no gap, no "
+    "interval; its class takes 10,000 evenly spaced τ",
+}
+FITS = {
+    "imuloop": "Parquet to `noise.json`: Q, N, B, K, R, humps and lines by likelihood, each "
+    "tested, with interval or upper limit; curves, spectra",
+    "allan-variance, fit": "curve and Q, N, B, K, R by least squares; no test, no interval",
+    "allan-variance-analyzer, fit": "curve (not overlapping), N, K by a line each, B by the "
+    "minimum; no test, no interval",
+}
+# every so many averaging times are computed in extended precision
+EVERY = 10
+# of extended precision itself there is no more: below it all agree
+DIGITS = 1e-14
+
+
+def rounds(contenders, count):
+    """Return the results by contender of so many rounds, in each of which they take turns."""
+    found = {name: [] for name in contenders}
+    for _ in range(count):
+        for name, each in contenders.items():
+            if not (found[name] and isinstance(found[name][-1], str)):
+                found[name].append(each())
+            print(f"{name}: {found[name][-1]}", file=sys.stderr, flush=True)
+    return found
+
+
+def compare(folder, n, count, environment):
+    """Return the results of all on `n` samples: seconds of each round, memory, differences."""
+    job = records.write(folder, n)
+    contenders = {
+        name: partial(contend, "calls", name, folder, distribution and environment)
+        for name, (_, distribution) in CALLS.items()
+    }
+
+    def stage():
+        took = run("noise", job, folder)
+        return {"seconds": took["work"], "memory": took["memory"], "version": None}
+
+    found = rounds({**contenders, "noise stage": stage}, count)
+    axes, factors = (np.load(folder / f"{name}.npy") for name in ("axes", "factors"))
+    true = records.reference(axes, factors[::EVERY])
+    truth = np.array([records.N[0], records.K[0]])
+    outcome = {"n": n, "factors": len(factors)}
+    for name, each in found.items():
+        if isinstance(each[-1], str):
+            outcome[name] = each[-1]
+            continue
+        seconds = [one["seconds"] for one in each]
+        outcome[name] = {**each[-1], "best": min(seconds), "spread": max(seconds) / min(seconds)}
+        if name == "noise stage":
+            values = np.array(records.coefficients(folder / "noise.json"))
+        else:
+            values = np.load(folder / f"{name}.npy")
+        if name == "noise stage" or name.endswith("fit"):
+            outcome[name]["error"] = np.abs(values / truth - 1).max(axis=0).tolist()
+        else:
+            outcome[name]["difference"] = float(np.abs(values[:, ::EVERY] / true - 1).max())
+    if not isinstance(outcome["allantools"], str):
+        mine, theirs = (np.load(folder / f"{name}.npy") for name in ("imuloop", "allantools"))
+        outcome["agreement"] = float(np.abs(mine / theirs - 1).max())
+    return outcome
+
+
+def timed(outcomes, name, base):
+    """Return a cell an outcome: seconds of the best round, and as a multiple of those of `base`."""
+    cells = []
+    for outcome in outcomes:
+        each = outcome[name]
+        if isinstance(each, str):
+            cells.append(f"failed: {each}")
+        else:
+            ratio = each["best"] / outcome[base]["best"]
+            cells.append(f"{each['best']:.3g} s ({ratio:.2f} ×, + {each['spread'] - 1:.0%})")
+    return cells
+
+
+def last(outcomes, name, key, text):
+    """Return a figure of the largest record that a contender came through, as text."""
+    each = [o[name][key] for o in outcomes if not isinstance(o[name], str)]
+    return text(each[-1]) if each else "–"
+
+
+def label(outcomes, name):
+    """Return a contender's name with its version."""
+    if not (distribution := CALLS[name][1]):
+        return f"**{name}**"
+    return f"{distribution} {last(outcomes, name.removesuffix(', fit'), 'version', str)}"
+
+
+def curves(outcomes):
+    """Return the table of the Allan curves."""
+    rows = [
+        (
+            label(outcomes, name),
+            *timed(outcomes, name, "imuloop, intervals"),
+            last(outcomes, name, "difference", lambda x: f"{x:.0e}" if x > DIGITS else "< 1e-14"),
+            last(outcomes, name, "memory", lambda x: f"{x / 1e6:.0f} MB"),
+            what,
+        )
+        for name, what in CURVES.items()
+    ]
+    sizes = [f"{o['n']:,} × 6, {o['factors']} τ" for o in outcomes]
+    header = ("", *sizes, "largest relative difference", "memory", "computes")
+    return table(header, rows)
+
+
+def fits(outcomes):
+    """Return the table of the noise coefficients."""
+    rows = []
+    for name, what in FITS.items():
+        key = "noise stage" if name == "imuloop" else name
+        errors = last(outcomes, key, "error", lambda e: ", ".join(f"{x:.1%}" for x in e))
+        shown = "**imuloop, noise stage**" if name == "imuloop" else label(outcomes, name)
+        rows.append((shown, *timed(outcomes, key, "noise stage"), errors, what))
+    header = ("", *(f"{o['n']:,} × 6" for o in outcomes), "largest error of N, K", "computes")
+    return table(header, rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="python -m bench.peers", description=__doc__)
+    parser.add_argument("--sizes", default="100000,1000000,3060000", help="samples, with commas")
+    parser.add_argument("--rounds", type=int, default=3, help="the best counts")
+    parser.add_argument("--environment", type=Path, default=Path("build/bench"), help="the peers'")
+    options = parser.parse_args()
+    outcomes = []
+    for n in map(int, options.sizes.split(",")):
+        with tempfile.TemporaryDirectory() as folder:
+            outcomes.append(compare(Path(folder), n, options.rounds, options.environment))
+    agreement = [f"{o['agreement']:.1e}" for o in outcomes if "agreement" in o]
+    print(
+        f"### Allan curve of six axes\n\n{curves(outcomes)}\n\n"
+        "In brackets the time as a multiple of that of imuloop with intervals, and by how much the "
+        f"slowest of {options.rounds} rounds was slower. Differences are those of the longest "
+        "record to the overlapping deviation computed in extended precision, at every "
+        f"{EVERY}th τ. imuloop to allantools, all τ: {', '.join(agreement) or 'not compared'}.\n\n"
+        f"### Noise coefficients\n\n{fits(outcomes)}\n\n"
+        f"Errors are those of the longest record, of the accelerometer's axis that has the "
+        f"largest, to N {records.N[0]:g} m/s²/√Hz and K {records.K[0]:g} m/s³/√Hz, with which it "
+        "was made.\n\n"
+        f"### Six faces\n\n{ferraris.compare(options.rounds, options.environment)}"
+    )
+
+
+if __name__ == "__main__":
+    main()
