@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 from imuloop.code_digest import code_digest
-from imuloop.config import fetched, resolve, source_path
+from imuloop.config import fetched, is_stored, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 from imuloop.without_pandas import hide_pandas
 
@@ -33,16 +33,18 @@ CONFIG_FILES = {as_given(path, sys.argv): path for path in workflow.configfiles}
 # as the report gives it for making it again
 COMMAND = f"snakemake -c2 --configfile {' '.join(CONFIG_FILES)} -- results/report.html"
 
-faults = config_faults(
-    config,
-    CONFIG_FILES,
-    schema=REPOSITORY / "workflow/schemas/config.schema.yaml",
-    replicas=REPLICAS,
-    mirror=os.environ.get("IMULOOP_MIRROR"),
-)
-if faults:
-    print(*faults, sep="\n", file=sys.stderr)
-    sys.exit(1)
+# the jobs that a run submits read the config again: it has no fault then
+if workflow.is_main_process:
+    faults = config_faults(
+        config,
+        CONFIG_FILES,
+        schema=REPOSITORY / "workflow/schemas/config.schema.yaml",
+        replicas=REPLICAS,
+        mirror=os.environ.get("IMULOOP_MIRROR"),
+    )
+    if faults:
+        print(*faults, sep="\n", file=sys.stderr)
+        sys.exit(1)
 
 DEVICES = resolve(config)
 # devices by the names of their sessions: those alike share a rule that writes into the sessions'
@@ -91,7 +93,8 @@ def session_of(wildcards):
 
 def source_files(wildcards):
     """Return where the files of a session lie."""
-    return [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
+    paths = [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
+    return [stored(path) if is_stored(path) else path for path in paths]
 
 
 def files_inside(wildcards):
@@ -114,9 +117,11 @@ def on_a_cluster(wildcards):
 def gigabytes(device):
     """Return the size of a device's logs, GB; what is still to be fetched or made counts as none."""
     sources = [s for each in DEVICES[device]["sessions"].values() for s in each["sources"].values()]
-    paths = [Path(source_path(source, CACHE)) for source in sources]
-    inside = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
-    return sum(file.stat().st_size for file in inside if file.is_file()) / 1e9
+    paths = [source_path(source, CACHE) for source in sources]
+    remote = sum(in_storage(path).size() for path in paths if is_stored(path))
+    local = [Path(path) for path in paths if not is_stored(path)]
+    inside = [file for path in local for file in (path.iterdir() if path.is_dir() else [path])]
+    return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
 
 
 def asked(least, per_gigabyte):

@@ -91,6 +91,11 @@ def sources(file):
     return {"log": {"path": file} if isinstance(file, str) else dict(file)}
 
 
+def is_stored(path):
+    """Tell whether a path is a query of one of Snakemake's storage plugins, as s3://bucket/key."""
+    return "://" in path
+
+
 def source_path(source, cache):
     """Return where a source lies in the working folder, once it is fetched."""
     return source.get("path") or f"{cache}/{source['sha256']}/{file_name(source)}"

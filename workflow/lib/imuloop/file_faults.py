@@ -5,7 +5,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from imuloop.config import sources
+from imuloop.config import is_stored, sources
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
 from imuloop.core.units import raw_unit
 from imuloop.ingest.convert import Counts, si_batches
@@ -32,7 +32,7 @@ def marks_faults(marks, replicas):
         return
     source = sources(marks["file"])["log"]
     path = source.get("path")
-    if path is None:
+    if path is None or is_stored(path):
         return
     if not Path(path).is_file():
         yield ("pps", "file"), _missing(path, replicas) or f"{path} is no table of marks"
@@ -68,7 +68,8 @@ def file_faults(session, nominal, replicas, whole, marked):
         return
     there = [role for role, source in given.items() if _is_there(source.get("path"))]
     for role in (role for role in given if role not in there):
-        text = "path" in given[role] and _missing(names[role], replicas)
+        local = "path" in given[role] and not is_stored(names[role])
+        text = local and _missing(names[role], replicas)
         if text:
             yield ("file", *(() if role == "log" else (role,))), text
     locked = [names[role] for role in there if not os.access(names[role], os.R_OK)]
