@@ -18,7 +18,12 @@ from imuloop.noise.curve_covariance import curve_covariance
 from imuloop.noise.fit import design
 from imuloop.noise.layout import Layout
 from imuloop.noise.modes import expected_squares, modes
-from imuloop.noise.processes import densities, mean_covariances, sample_covariances
+from imuloop.noise.processes import (
+    densities,
+    distances,
+    mean_covariances,
+    sample_covariances,
+)
 from imuloop.noise.settings import NoiseSettings
 
 TERMS = "NBK"
@@ -85,7 +90,7 @@ def dense(n, rate, m=50):
     factorisation of the covariance in each step of each fit.
     """
     number = n // m
-    covariance = mean_covariances(m * np.arange(number), m, 1 / rate)[2]
+    covariance = mean_covariances(distances(m * np.arange(number)), m, 1 / rate)[2]
     # in the cosine basis without the mean, where white noise is the identity
     covariance = dctn(covariance, norm="ortho")[1:, 1:]
     values, vectors = eigh(covariance)
@@ -176,7 +181,7 @@ def _curve(factors, rate):
     expected = design(factors / rate)[:, 1:4]
     for row, m in zip(expected, factors, strict=True):
         flicker = mean_covariances(np.array([0, m]), int(m), 1 / rate)[2]
-        row[1] = flicker[0, 0] - flicker[0, 1]
+        row[1] = flicker[0] - flicker[1]
     expected[:, 2] *= 1 + 1 / (2 * factors.astype(float) ** 2)
     return expected
 

@@ -26,7 +26,7 @@ from bench.noise.estimators import (
 )
 from bench.noise.records import RATE, Scenario, record
 from imuloop.noise.modes import expected_squares
-from imuloop.noise.processes import mean_covariances
+from imuloop.noise.processes import distances, mean_covariances
 
 # 3 h: the handbook's records
 LENGTH = 108_000
@@ -202,7 +202,7 @@ def line_loss(frequency):
 def flicker_loss(m=50):
     """Return the error of B in cosines over that of the exact likelihood, both in block means."""
     truth = SCENARIOS[2].terms
-    units = mean_covariances(m * np.arange(LENGTH // m), m, 1 / RATE)[1:3]
+    units = mean_covariances(distances(m * np.arange(LENGTH // m)), m, 1 / RATE)[1:3]
     units = dctn(units, norm="ortho", axes=(1, 2))[:, 1:, 1:]
     return diagonal_loss(units, np.array([truth["N"], truth["B"]]) ** 2)[1]
 

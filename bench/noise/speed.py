@@ -1,6 +1,7 @@
 """Time and memory of the noise stage on a day at 200 Hz, each step in a process of its own.
 
-``python -m bench.noise.speed make FOLDER ROWS`` simulates, ``… run FOLDER`` estimates.
+``python -m bench.noise.speed make FOLDER ROWS [RATE]`` simulates, ``… run FOLDER [THREADS]``
+estimates.
 """
 
 import json
@@ -16,14 +17,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bench.noise.product import SETTINGS
 from bench.noise.records import Scenario, record
 from bench.study.tables import table
-from imuloop.core.samples import CHANNELS, TIME, schema
+from imuloop.core.samples import CHANNELS, Columns, schema
 from imuloop.core.segments import segment_table, write_segments
 
 # 24 h at 200 Hz, Hz
@@ -38,22 +38,33 @@ SECONDS, MEMORY = 60.0, 1.5e9
 SCRIPT = Path(__file__).parents[2] / "scripts/noise.py"
 
 
-def make(folder, rows):
-    """Write samples and segments of a simulated session."""
-    samples = pd.DataFrame({TIME: np.arange(rows) / RATE})
+def make(folder, rows, rate=RATE):
+    """Write samples and segments of a simulated session, no more than an axis in memory."""
+    axes = []
     for seed, axis in enumerate(CHANNELS):
-        samples[axis] = record(NOISE, rows, RATE, seed)
-    end = rows / RATE
+        axes.append(np.lib.format.open_memmap(folder / f"{axis}.npy", "w+", float, (rows,)))
+        axes[-1][:] = record(NOISE, rows, rate, seed)
+    path = folder / "samples.parquet"
+    with pq.ParquetWriter(path, schema(False, {}), compression="zstd") as file:
+        for first in range(0, rows, ROW_GROUP):
+            last = min(first + ROW_GROUP, rows)
+            columns = [np.arange(first, last) / rate, *(x[first:last] for x in axes)]
+            file.write_table(pa.table(columns, schema=file.schema))
+    for axis in CHANNELS:
+        (folder / f"{axis}.npy").unlink()
+    end = rows / rate
     first, last = (end - DISTURBED) / 2, (end + DISTURBED) / 2
     segments = segment_table(
-        samples, [0, first, last], [first, last, end], ["static", "disturbed", "static"], [0, -1, 0]
+        Columns(path),
+        [0, first, last],
+        [first, last, end],
+        ["static", "disturbed", "static"],
+        [0, -1, 0],
     )
     write_segments(folder / "segments.parquet", segments, {})
-    rows = pa.Table.from_pandas(samples, preserve_index=False).cast(schema(False, {}))
-    pq.write_table(rows, folder / "samples.parquet", compression="zstd", row_group_size=ROW_GROUP)
 
 
-def estimate(folder):
+def estimate(folder, threads=2):
     """Run the workflow's own script on the session and print seconds, seconds of CPU and bytes."""
     begin = time.perf_counter()
     files = {name: str(folder / f"{name}.parquet") for name in ("samples", "segments")}
@@ -65,7 +76,7 @@ def estimate(folder):
     params = SimpleNamespace(
         device="a_day", sessions={"day": {"kind": "static", **files}}, settings=asdict(SETTINGS)
     )
-    job = SimpleNamespace(params=params, output=output, log=[folder / "log"])
+    job = SimpleNamespace(params=params, output=output, log=[folder / "log"], threads=threads)
     runpy.run_path(str(SCRIPT), init_globals={"snakemake": job})
     took = time.perf_counter() - begin
     used = resource.getrusage(resource.RUSAGE_SELF)
@@ -128,6 +139,6 @@ def checks(outcome):
 if __name__ == "__main__":
     step, folder, *rest = sys.argv[1:]
     if step == "make":
-        make(Path(folder), int(rest[0]))
+        make(Path(folder), int(rest[0]), *map(float, rest[1:]))
     else:
-        estimate(Path(folder))
+        estimate(Path(folder), *map(int, rest))

@@ -1,5 +1,6 @@
 import allantools
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -70,8 +71,8 @@ def test_deviation_scales_and_level_of_a_stretch_does_not_matter(k, levels):
 def test_table_has_the_contract_columns_and_the_printed_interval():
     # chi-square of 10 degrees: 3.246973 and 20.483177 at 2.5 and 97.5 %
     table = allan_table("gx", [0.5], [4.0], [10.0])
-    assert tuple(table.columns) == COLUMNS
-    row = table.iloc[0]
+    assert tuple(table) == COLUMNS
+    row = pd.DataFrame(table).iloc[0]
     assert (row.axis, row.tau_s, row.adev, row.edf, row.stage) == ("gx", 0.5, 2.0, 10.0, "raw")
     assert row.ci_low == pytest.approx(2 * np.sqrt(10 / 20.483177))
     assert row.ci_high == pytest.approx(2 * np.sqrt(10 / 3.246973))

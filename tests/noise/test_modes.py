@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from scipy.linalg import toeplitz
+from scipy.linalg import block_diag, toeplitz
 
 from imuloop.noise.layout import Layout
 from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import (
     densities,
+    distances,
     gauss_markov_density,
     gauss_markov_means,
     gauss_markov_samples,
@@ -39,22 +40,22 @@ def test_covariance_of_means_is_that_of_samples_averaged():
     average = averages(starts, m)
     contrast = np.eye(4) - 0.25
     samples = sample_covariances(45, dt)
-    means = mean_covariances(starts, m, dt)
+    means = mean_covariances(distances(starts), m, dt)
     for process in range(4):
         dense = average @ toeplitz(samples[process]) @ average.T
         assert contrast @ means[process] @ contrast == pytest.approx(
             contrast @ dense @ contrast, rel=1e-9, abs=1e-9
         )
     dense = average @ toeplitz(gauss_markov_samples(45, dt, 1.3)) @ average.T
-    assert gauss_markov_means(starts, m, dt, 1.3) == pytest.approx(dense, rel=1e-9)
+    assert gauss_markov_means(distances(starts), m, dt, 1.3) == pytest.approx(dense, rel=1e-9)
 
 
 @pytest.mark.parametrize("m", [63, 64])
 def test_flicker_of_long_means_is_scale_free(m):
     """Flicker has no time of its own: contrasts of means do not depend on their length."""
     starts, contrast = np.array([0, 1, 2, 40]), np.eye(4) - 0.25
-    one = contrast @ mean_covariances(starts * m, m, 1.0)[2] @ contrast
-    ten = contrast @ mean_covariances(starts * 10 * m, 10 * m, 0.3)[2] @ contrast
+    one = contrast @ mean_covariances(distances(starts * m), m, 1.0)[2] @ contrast
+    ten = contrast @ mean_covariances(distances(starts * 10 * m), 10 * m, 0.3)[2] @ contrast
     assert one == pytest.approx(ten, rel=1e-3)
     # half the variance of the difference of neighbours is the Allan variance
     allan = (one[0, 0] + one[1, 1] - 2 * one[0, 1]) / 2
@@ -73,9 +74,10 @@ def test_flicker_of_samples_has_its_density_up_to_half_the_rate():
 def test_white_and_walk_are_diagonal_in_a_broken_record():
     basis = modes([BROKEN])
     (piece,) = basis._pieces
-    white, walk = mean_covariances(piece.start, basis.m, basis.dt)[[1, 3]]
+    white, walk = mean_covariances(distances(piece.start), basis.m, basis.dt)[[1, 3]]
+    contrasts = block_diag(*(level.basis for level in piece.levels))
     for covariance in (white, walk):
-        inside = piece.basis.T @ covariance @ piece.basis
+        inside = contrasts.T @ covariance @ contrasts
         off = inside - np.diag(np.diag(inside))
         assert np.abs(off).max() < 1e-9 * np.diag(inside).max()
 

@@ -23,6 +23,7 @@ from imuloop.export.export import export_files, read_exported, write_exports
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.tables import write_table
 from imuloop.report.provenance import provenance
 from imuloop.report.report import write_report
 from imuloop.report.section import write_section
@@ -123,8 +124,8 @@ def make(arguments, folder):
     )
     result.to_json(noise)
     for name, each in sessions.items():
-        result.allan[name].to_parquet(each["allan_raw"], index=False)
-        result.views[name].to_parquet(folder / name / "views.parquet", index=False)
+        write_table(each["allan_raw"], result.allan[name])
+        write_table(folder / name / "views.parquet", result.views[name])
     files = {k: folder / f"{k}.json" for k in ("six_position", "multi_position", "calibration")}
     common = {"device": device, "gravity": arguments.gravity, "sessions": sessions, "noise": noise}
     calibrate_device(

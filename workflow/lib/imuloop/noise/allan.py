@@ -1,8 +1,9 @@
 """Overlapping Allan deviation of records that may be cut into stretches."""
 
 import numpy as np
-import pandas as pd
-from scipy.stats import chi2
+from scipy.special import gammaincinv
+
+from imuloop.noise.tables import table
 
 # columns of allan.parquet
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
@@ -137,10 +138,14 @@ def allan_table(axis, tau, variance, edf, stage="raw"):
 
     Returns
     -------
-    DataFrame
+    dict of ndarray
         Deviation with its 95 % interval.
     """
-    variance, edf = np.asarray(variance), np.asarray(edf)
-    low, high = (np.sqrt(variance * edf / chi2.ppf(p, edf)) for p in (0.975, 0.025))
-    values = (axis, tau, np.sqrt(variance), low, high, edf, stage)
-    return pd.DataFrame(dict(zip(COLUMNS, values, strict=True)))
+    variance = np.asarray(variance)
+    low, high = (np.sqrt(end) for end in interval(variance, np.asarray(edf)))
+    return table(COLUMNS, axis, tau, np.sqrt(variance), low, high, edf, stage)
+
+
+def interval(variance, edf):
+    """Return the 95 % interval of a variance by chi-square with `edf` degrees of freedom."""
+    return tuple(variance * edf / (2 * gammaincinv(edf / 2, p)) for p in (0.975, 0.025))

@@ -81,7 +81,8 @@ def estimate_axis(layouts, basis, values, settings, start=None):
     highest = _highest(search)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
-    search = _search(basis, slow, fast, count, settings, start)
+    if highest < basis.frequency.max():
+        search = _search(basis, slow, fast, count, settings, start)
     terms = search.select()
     epsilon = _misfit(search, terms, count, number, settings.significance)
     if epsilon.any():

@@ -3,8 +3,8 @@
 from functools import cache
 
 import numpy as np
-from scipy.stats import chi2
 
+from imuloop.noise import allan
 from imuloop.noise.allan import CHUNK, integral, pooled_mean_square, terms
 
 # decades of tau on each side over which the slope of a curve is taken
@@ -209,7 +209,7 @@ def interval(name, lengths, factors, variance):
             for m, exponent in zip(factors, _exponents(name, factors, variance), strict=True)
         ]
     )
-    return tuple(variance * edf / chi2.ppf(p, edf) for p in (0.975, 0.025))
+    return allan.interval(variance, edf)
 
 
 def _exponents(name, factors, variance):

@@ -1,7 +1,8 @@
 """Plain non-negative fit of the five coefficients to an Allan curve: the cross-check."""
 
 import numpy as np
-from scipy.optimize import nnls
+
+from imuloop.noise.nonnegative import nonnegative
 
 # order of the coefficients
 TERMS = ("Q", "N", "B", "K", "R")
@@ -57,7 +58,7 @@ def fit_curve(tau, variance, covariance):
     # start: white noise, whose relative variance grows with tau
     weight = a[:, 1] / a[0, 1] / variance**2
     for _ in range(ROUNDS):
-        root = np.sqrt(weight)
-        theta = nnls(a * root[:, None], variance * root)[0]
+        weighted = a * weight[:, None]
+        theta = nonnegative(weighted.T @ a, variance @ weighted)
         weight = 1 / (covariance.variance(theta * scale) + (ROUNDING * (a @ theta)) ** 2)
     return np.sqrt(theta * scale).tolist()

@@ -1,17 +1,22 @@
 """Coefficients with intervals, and limits of those that are not supported."""
 
 from dataclasses import dataclass
-from functools import cache
 from itertools import compress
+from math import exp, log, sqrt
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
 from imuloop.noise.processes import NAMES
 from imuloop.noise.terms import replaced
 
+# an end of an interval is known to such a share, or its tail area to such a part of a deviate
+CLOSE, ALIKE = 1e-5, 1e-4
+# steps of the logarithm in which an end is looked for: the first, their growth, the last
+FIRST, GROWTH, FARTHEST, ROUNDS = 0.1, 4.0, 80.0, 100
+# areas below do not matter
+TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
 # but for models of less weight than this share
 FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
@@ -89,10 +94,11 @@ def _profile(search, name, model):
     units = search.units(rest)
     if name == "R":
         likeliest = search.fit(model)
-        sign, best = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp)
+        sign, best, start = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp), likeliest.theta
+        size = search.likelihood.ramp_error(units @ start)
 
-        def value(x):
-            return search.likelihood.fit(units, sign * x, start=likeliest.theta).value
+        def fit(x, start):
+            return search.likelihood.fit(units, sign * x, start=start)
 
     else:
         unit = search.modes.units[:, NAMES.index(name)]
@@ -100,17 +106,30 @@ def _profile(search, name, model):
         place = model.names.index(name)
         best, start = np.sqrt(likeliest.theta[place]), np.delete(likeliest.theta, place)
 
-        def value(x):
-            return search.likelihood.fit(units, rest.ramp, x**2 * unit, start, True).value
+        def fit(x, start):
+            return search.likelihood.fit(units, rest.ramp, x**2 * unit, start, True)
 
+        expected = search.units(model) @ likeliest.theta
         # where another term takes its place: small beside what is there
-        best = max(best, 1e-3 * np.sqrt(np.min(search.units(model) @ likeliest.theta / unit)))
+        best = max(best, 1e-3 * np.sqrt(np.min(expected / unit)))
+        size = np.sqrt(search.likelihood.error(unit, expected))
     weight = search.fit(model).value - len(model)
-    return _Profile(weight, best, likeliest.value, value)
+    known = {best: start}
+
+    def value(x):
+        # from the nearest one that is known
+        found = fit(x, known[min(known, key=lambda other: abs(other - x))])
+        known[x] = found.theta
+        return found.value
+
+    return _Profile(weight, best, max(best, size), likeliest.value, value)
 
 
 def _process(search, terms, fit, place):
     """Return a Gauss-Markov process, q and tc profiled over each other."""
+    # loads for a quarter of a second, and few records show such a process
+    from scipy.optimize import minimize_scalar
+
     tc, rest = terms.times[place], terms.without(terms.times[place])
     q = np.sqrt(2 * fit.theta[len(terms.names) + place] / tc)
     units = search.units(rest)
@@ -128,65 +147,101 @@ def _process(search, terms, fit, place):
         return search.fit(replaced(terms, place, x), True).value
 
     return GaussMarkov(
-        *(_coefficient([_Profile(0.0, x, fit.value, of)], x) for x, of in ((q, of_q), (tc, of_tc)))
+        *(
+            _coefficient([_Profile(0.0, x, x, fit.value, of)], x)
+            for x, of in ((q, of_q), (tc, of_tc))
+        )
     )
 
 
 @dataclass(frozen=True)
 class _Profile:
-    """Profile likelihood of a coefficient in one model: `value` at x, at most `top` at `best`."""
+    """Profile likelihood of a coefficient in one model: `value` at x, at most `top` at `best`.
+
+    `near` is where an end is looked for: best, or the standard error where that is larger.
+    """
 
     weight: float
     best: float
+    near: float
     top: float
     value: object
 
-    def below(self, x):
-        """Return the tail area below x."""
-        root = np.sqrt(2 * max(self.top - self.value(x), 0.0))
-        return ndtr(np.copysign(root, x - self.best))
+    def deviate(self, x):
+        """Return the signed root of twice the loss of log-likelihood at x."""
+        loss = sqrt(2 * max(self.top - self.value(x), 0.0))
+        return loss if x > self.best else -loss
 
 
-def _averaged(profiles):
-    """Return the tail area below x, averaged over models, and the heaviest model's best value."""
-    weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
-    used = weight > NEGLIGIBLE * weight.sum()
-    weight, profiles = weight[used], list(compress(profiles, used))
-    weight /= weight.sum()
+class _Tail:
+    """Tail area below a coefficient, averaged over models; as a normal deviate nearly straight.
 
-    @cache
-    def below(x):
-        return sum(w * p.below(x) for w, p in zip(weight, profiles, strict=True))
+    Attributes
+    ----------
+    near : float
+        Where to begin, by the heaviest model.
+    points : list of (float, float)
+        Logarithms of values and the deviates there, as far as they are known.
+    """
 
-    return below, profiles[int(weight.argmax())].best
+    def __init__(self, profiles):
+        weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
+        used = weight > NEGLIGIBLE * weight.sum()
+        self.profiles, self.weight = list(compress(profiles, used)), weight[used]
+        self.weight /= self.weight.sum()
+        self.near = self.profiles[int(self.weight.argmax())].near
+        self.points = []
+
+    def at(self, u):
+        """Return the deviate at e^u, and keep it."""
+        roots = np.array([profile.deviate(exp(u)) for profile in self.profiles])
+        below, above = (max(self.weight @ ndtr(sign * roots), TINY) for sign in (1, -1))
+        deviate = float(ndtri(below) if below < above else -ndtri(above))
+        self.points.append((u, deviate))
+        return deviate
+
+    def crossing(self, near, area):
+        """Return where the tail area reaches a value, 0 where it is larger everywhere."""
+        wanted = float(ndtri(area))
+        if not self.points:
+            self.at(log(near))
+        step = FIRST
+        for _ in range(ROUNDS):
+            lower = max((p for p in self.points if p[1] <= wanted), default=None)
+            upper = min((p for p in self.points if p[1] > wanted), default=None)
+            if lower and upper:
+                u = self._between(lower, upper, wanted)
+            elif step > FARTHEST:
+                return 0.0
+            else:
+                u = lower[0] + step if lower else upper[0] - step
+                step *= GROWTH
+            narrow = lower and upper and upper[0] - lower[0] < CLOSE
+            if abs(self.at(u) - wanted) < ALIKE or narrow:
+                break
+        return exp(u)
+
+    def _between(self, lower, upper, wanted):
+        """Return where the nearest three points put a deviate, else half-way of the bracket."""
+        near = sorted(self.points, key=lambda p: abs(p[1] - wanted))[:3]
+        u = 0.0
+        for x, z in near:
+            for _, other in near:
+                if other != z:
+                    x *= (wanted - other) / (z - other)
+            u += x
+        inside = lower[0] < u < upper[0]
+        return u if inside else (lower[0] + upper[0]) / 2
 
 
 def _coefficient(profiles, value):
     """Return a supported coefficient."""
-    value = float(value)
-    below, best = _averaged(profiles)
-    low, high, upper = (_crossing(below, value or best, p) for p in (0.025, 0.975, 0.95))
+    value, tail = float(value), _Tail(profiles)
+    low, high, upper = (tail.crossing(value or tail.near, p) for p in (0.025, 0.975, 0.95))
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)
 
 
 def _limit(profiles, sides):
     """Return the upper limit of a coefficient that is not supported."""
-    below, best = _averaged(profiles)
-    return Coefficient(None, None, _crossing(below, best, 1 - 0.05 / sides), False)
-
-
-def _crossing(below, near, area):
-    """Return where a tail area that grows reaches a value, 0 where it is larger everywhere."""
-
-    def excess(u):
-        # as normal deviates, in which a tail area is nearly straight
-        return ndtri(np.clip(below(float(np.exp(u))), 1e-12, 1 - 1e-12)) - ndtri(area)
-
-    near, step = np.log(near), 0.02
-    side = -1 if excess(near) > 0 else 1
-    while step < 80:
-        far = near + side * step
-        if excess(far) * side > 0:
-            return float(np.exp(brentq(excess, near, far, xtol=1e-5)))
-        near, step = far, 3 * step
-    return 0.0
+    tail = _Tail(profiles)
+    return Coefficient(None, None, tail.crossing(tail.near, 1 - 0.05 / sides), False)

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.noise.nonnegative import nonnegative
+
 # the fit ends where the log-likelihood grows by less
 CLOSE, ROUNDS = 1e-6, 100
 # smallest expected square, share of the one found: rounding of the transform
@@ -84,7 +86,7 @@ class Likelihood:
         fixed : ndarray, shape (r,), or 0
             Part of the spectrum that is held.
         start : ndarray, shape (p,), optional
-            Where to begin.
+            Where to begin, near the maximum.
         restricted : bool
             Whether a fitted ramp counts in the restricted likelihood.
 
@@ -104,27 +106,33 @@ class Likelihood:
                 theta = np.full(units.shape[1], power.mean())
         else:
             theta = start * size
-        value = -np.inf
+        expected, value = np.maximum(units @ theta + fixed, floor), None
+        last, growth = -np.inf, np.inf
         for _ in range(ROUNDS):
-            expected = np.maximum(units @ theta + fixed, floor)
             taken = 0.0
             if ramp is True:
                 slope = self.slope(expected)
                 power = self.power(slope)
                 taken = self._taken(expected) if restricted else 0.0
-            new = _solve(units, power + taken - fixed, self.count / expected**2)
-            last, value = value, self.value(power, expected, restricted)
-            if value - last < CLOSE:
+                value = None
+            if value is None:
+                value = self.value(power, expected, restricted)
+            before, growth = growth, value - last
+            # near the maximum each step grows it by the same share of the one before
+            steady = start is not None and before < np.inf
+            if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
-            theta = self._step(units, power, fixed, floor, theta, new, value, restricted)
+            last = value
+            weight = self.count / expected**2
+            new = _solve(units, power + taken - fixed, weight, theta > 0)
+            for share in (1.0, 0.5, 0.25, 0.1, 0.03):
+                trial = theta + share * (new - theta)
+                spectrum = np.maximum(units @ trial + fixed, floor)
+                grown = self.value(power, spectrum, restricted)
+                if grown >= value:
+                    theta, expected, value = trial, spectrum, grown
+                    break
         return Fit(theta / size, float(slope), value)
-
-    def _step(self, units, power, fixed, floor, theta, new, value, restricted):
-        for share in (1.0, 0.5, 0.25, 0.1, 0.03):
-            trial = theta + share * (new - theta)
-            if self.value(power, np.maximum(units @ trial + fixed, floor), restricted) >= value:
-                return trial
-        return theta
 
     def value(self, power, expected, restricted=False):
         """Return the log-likelihood of an expected spectrum, or the restricted one."""
@@ -132,6 +140,17 @@ class Likelihood:
         if restricted:
             value -= self._weight * np.log(self._seen(expected).sum()) / 2
         return float(value)
+
+    def error(self, unit, expected):
+        """Return the standard error of a variance, that of all else known, for a spectrum."""
+        return 1 / np.sqrt(self.count @ (unit / self._above_rounding(expected)) ** 2 / 2)
+
+    def ramp_error(self, expected):
+        """Return the standard error of a ramp for a spectrum, SI/s."""
+        return 1 / np.sqrt(self._seen(self._above_rounding(expected)).sum())
+
+    def _above_rounding(self, expected):
+        return np.maximum(expected, ROUNDING * self.power().max() + np.finfo(float).tiny)
 
     @property
     def _weight(self):
@@ -156,15 +175,7 @@ class Likelihood:
         return float(weight @ self.slow / (weight @ self.rho))
 
 
-def _solve(units, power, weight):
+def _solve(units, power, weight, likely=None):
     """Return the non-negative weighted least squares."""
-    if not units.shape[1]:
-        return np.zeros(0)
-    root = np.sqrt(weight)
-    # equal sizes, so that no column is lost to rounding
-    columns = units * root[:, None]
-    size = np.linalg.norm(columns, axis=0)
-    # loads for a third of a second, and who only evaluates a likelihood has no need of it
-    from scipy.optimize import nnls
-
-    return nnls(columns / size, power * root)[0] / size
+    weighted = (units.T * weight).T
+    return nonnegative(weighted.T @ units, power @ weighted, likely)

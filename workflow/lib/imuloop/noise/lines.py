@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special, stats
+from scipy import special
 
 from imuloop.noise.layout import Layout
 from imuloop.noise.periodogram import SHORTEST, band_of, one_frequency, over_band, periodogram
@@ -188,6 +188,9 @@ def detection_limit(layouts, spectrum, frequency, level, probability=0.9):
     float
         SI of the axis; infinite where the frequency is not searched.
     """
+    # load for a second, and no estimate needs them
+    from scipy import optimize, stats
+
     bands = [band for band in map(band_of, layouts) if band is not None]
     independent = sum(band.independent for band in bands)
     limit = np.inf
@@ -251,7 +254,7 @@ def mains(frequency, rate):
 def _summary(waves, rate, density, freedom):
     """Return frequency, amplitude and their intervals, averaged over the parts of a session."""
     variance = density * rate / 2
-    t = stats.t.ppf(0.975, freedom)
+    t = special.stdtrit(freedom, 0.975)
     f, c, s, d_amplitude, d_frequency = np.array(
         [(w.frequency, w.cosine, w.sine, w.amplitude_std, w.frequency_std) for w in waves]
     ).T
@@ -266,7 +269,7 @@ def _summary(waves, rate, density, freedom):
     f_error = t * np.sqrt(variance * np.sum((power * d_frequency) ** 2))
     if len(waves) > 1:
         scatter = np.sum(power**2 * (f - frequency) ** 2) * len(waves) / (len(waves) - 1)
-        f_error = max(f_error, stats.t.ppf(0.975, len(waves) - 1) * np.sqrt(scatter))
+        f_error = max(f_error, special.stdtrit(len(waves) - 1, 0.975) * np.sqrt(scatter))
     return (
         float(frequency),
         (float(frequency - f_error), float(frequency + f_error)),

@@ -1,8 +1,7 @@
 """Where a spectrum leaves its model: a band that a filter emptied, and what counts less."""
 
 import numpy as np
-from scipy.special import polygamma, psi
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri, psi, zeta
 
 # rows are compared with the model in groups of at least so many values, at most so many a decade
 VALUES, GROUPS = 8, 24
@@ -58,10 +57,11 @@ def misfit(ratio, count, number, terms, level):
     half = np.where(used, n, 2.0) / 2
     r = np.bincount(number, count * ratio) / np.maximum(n, 1)
     logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
-    variance = polygamma(1, half)
+    # the trigamma function
+    variance = zeta(2, half)
     square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
     dof = used.sum() - terms
-    if dof < 2 or chi2.sf((square / variance)[used].sum(), dof) >= level:
+    if dof < 2 or chdtrc(dof, (square / variance)[used].sum()) >= level:
         return np.zeros(len(n))
 
     def around(values):
@@ -71,7 +71,7 @@ def misfit(ratio, count, number, terms, level):
         return total[np.minimum(place + TOGETHER + 1, len(n))] - total[low]
 
     near = np.maximum(around(1.0), 1)
-    chance = chi2.isf(level / 10, near)
+    chance = chdtri(near, level / 10)
     excess = np.maximum(around(square - variance) / near, 0.0)
     return np.sqrt(np.where(around(square / variance) > chance, excess, 0.0))
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import dct
-from scipy.interpolate import CubicSpline
+from scipy.fft import dct, rfft
 
 from imuloop.noise.processes import (
+    distances,
     gauss_markov_means,
     gauss_markov_samples,
     mean_covariances,
@@ -44,21 +44,64 @@ def expected_squares(covariance):
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
     omega = np.pi * np.arange(1, n) / n
-    even = 2 * np.fft.rfft(covariance * (n - np.arange(n)), 2 * n)[..., 1:n].real
+    even = 2 * rfft(covariance * (n - np.arange(n)), 2 * n)[..., 1:n].real
     even -= n * covariance[..., :1]
-    odd = -np.fft.rfft(covariance, 2 * n)[..., 1:n].imag
+    odd = -rfft(covariance, 2 * n)[..., 1:n].imag
     return (even - 2 * odd / np.sin(omega)) / n
 
 
 @dataclass(frozen=True)
+class _Level:
+    """Blocks of one level and the contrasts of their means in which a walk is diagonal, (k, k - 1).
+
+    Where the blocks follow each other without a gap, `even`, that is the cosine transform.
+    """
+
+    start: np.ndarray
+    even: bool
+    basis: np.ndarray
+
+    def units(self, m, dt):
+        """Return the expected squares of the contrasts for unit Q, N, B, K, shape (4, k - 1)."""
+        if self.even:
+            return expected_squares(mean_covariances(self.start - self.start[0], m, dt))
+        covariances = mean_covariances(distances(self.start), m, dt)
+        return np.array([np.einsum("ik,ik->k", self.basis, c @ self.basis) for c in covariances])
+
+    def gauss_markov(self, m, dt, tc):
+        """Return those for Gauss-Markov processes of variance 1 and times `tc`, (c, k - 1)."""
+        if self.even:
+            return expected_squares(gauss_markov_means(self.start - self.start[0], m, dt, tc))
+        own, next_to = gauss_markov_means(np.array([0, m]), m, dt, tc).T[..., None]
+        # an exponential is summed from block to block
+        step = np.diff(self.start)[:, None, None] * dt
+        past, apart = np.zeros((2, len(tc), self.basis.shape[1]))
+        for i, (whole, gap) in enumerate(zip(step, step - m * dt, strict=True)):
+            past *= np.exp(-whole / tc[:, None])
+            past += np.exp(-gap / tc[:, None]) * self.basis[i]
+            apart += self.basis[i + 1] * past
+        return own + 2 * next_to * apart
+
+
+@dataclass(frozen=True)
 class _Piece:
-    """Blocks whose means are transformed together, at most `BLOCKS` of one session."""
+    """Blocks that share a slope, at most `BLOCKS` of one session."""
 
     session: int
     stretch: np.ndarray
     offset: np.ndarray
-    start: np.ndarray
-    basis: np.ndarray
+    levels: tuple[_Level, ...]
+
+    @property
+    def start(self):
+        """First sample of each block."""
+        return np.concatenate([level.start for level in self.levels])
+
+    def contrasts(self, x):
+        """Return the contrasts of the levels, of a value a block."""
+        ends = np.cumsum([len(level.start) for level in self.levels])[:-1]
+        parts = zip(self.levels, np.split(x, ends), strict=True)
+        return np.concatenate([level.basis.T @ part for level, part in parts])
 
 
 @dataclass(frozen=True)
@@ -131,11 +174,11 @@ class Modes:
                 for i, j in zip(piece.stretch, piece.offset, strict=True)
             ]
             means = np.array([block.mean() for block in blocks])
-            own = piece.basis.T @ means
+            own = piece.contrasts(means)
             slow.append(own)
             if self.m == 1:
                 continue
-            ramp = piece.basis.T @ (piece.start * self.dt)
+            ramp = piece.contrasts(piece.start * self.dt)
             slope = ramp @ own / (ramp @ ramp) if len(own) > 1 else 0.0
             # some at a time: a record of days need not be there twice
             some = max(1, 2**20 // self.m)
@@ -143,7 +186,7 @@ class Modes:
                 part = np.array(blocks[first : first + some])
                 part -= means[first : first + some, None]
                 squares += ((dct(part, norm="ortho", axis=1)[:, 1:] - slope * line) ** 2).sum(0)
-        number = sum(len(piece.start) for piece in self._pieces)
+        number = sum(len(piece.stretch) for piece in self._pieces)
         return np.concatenate(slow), _binned(squares / number, self._bins)
 
     def gauss_markov(self, tc):
@@ -151,6 +194,9 @@ class Modes:
 
         Interpolated between correlation times of which there are `TIMES` a decade.
         """
+        near = int(np.abs(self.correlation_times - tc).argmin())
+        if self.correlation_times[near] == tc:
+            return self._rows[near]
         return np.exp(self._gauss_markov(np.log(tc)))
 
     @cached_property
@@ -161,16 +207,20 @@ class Modes:
 
     @cached_property
     def _gauss_markov(self):
-        rows = [self._gauss_markov_at(tc) for tc in self.correlation_times]
-        return CubicSpline(np.log(self.correlation_times), np.log(rows))
+        # loads for a third of a second, and few records show such a process
+        from scipy.interpolate import CubicSpline
 
-    def _gauss_markov_at(self, tc):
-        slow = [
-            _diagonal(p.basis, gauss_markov_means(p.start, self.m, self.dt, tc))
-            for p in self._pieces
-        ]
+        return CubicSpline(np.log(self.correlation_times), np.log(self._rows))
+
+    @cached_property
+    def _rows(self):
+        """Expected mean squares at the correlation times, shape (c, r)."""
+        tc = self.correlation_times
+        levels = [level for piece in self._pieces for level in piece.levels]
+        slow = [level.gauss_markov(self.m, self.dt, tc) for level in levels]
         fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
-        return np.concatenate([*slow, _binned(fast, self._bins)])
+        fast = np.array([_binned(row, self._bins) for row in fast])
+        return np.concatenate([*slow, fast], axis=1)
 
 
 def modes(layouts):
@@ -188,17 +238,14 @@ def modes(layouts):
     dt = 1 / np.average([x.rate for x in layouts], weights=[sum(x.lengths) for x in layouts])
     m = _block_length([n for layout in layouts for n in layout.lengths])
     pieces = [p for number, layout in enumerate(layouts) for p in _pieces(number, layout, m)]
-    pieces = [p for p in pieces if p.basis.shape[1]]
-    units, frequency, ramp = [], [], []
-    for piece in pieces:
-        covariances = mean_covariances(piece.start, m, dt)
-        units.append(np.column_stack([_diagonal(piece.basis, c) for c in covariances]))
-        # that at which a walk has so much power: exact for an unbroken record
-        frequency.append(1 / (2 * np.pi * np.sqrt(units[-1][:, 3] * m * dt)))
-        ramp.append(piece.basis.T @ (piece.start * dt))
+    pieces = [p for p in pieces if len(p.stretch) > len(p.levels)]
+    units = [level.units(m, dt).T for piece in pieces for level in piece.levels]
+    # that at which a walk has so much power: exact for an unbroken record
+    frequency = [1 / (2 * np.pi * np.sqrt(each[:, 3] * m * dt)) for each in units]
+    ramp = [piece.contrasts(piece.start * dt) for piece in pieces]
     k = np.arange(1, m)
     bins = np.unique(np.floor(BINS * np.log10(np.maximum(k, 1))), return_inverse=True)[1]
-    blocks = sum(len(p.start) for p in pieces)
+    blocks = sum(len(p.stretch) for p in pieces)
     if m > 1:
         squares = expected_squares(sample_covariances(m, dt))
         units.append(np.column_stack([_binned(s, bins) for s in squares]))
@@ -245,27 +292,25 @@ def _pieces(session, layout, m):
     start = np.asarray(layout.starts)[stretch] + offset
     level = np.asarray(layout.levels)[stretch]
     for part in np.array_split(np.arange(len(start)), -(-len(start) // (BLOCKS + BLOCKS // 8))):
-        yield _Piece(
-            session, stretch[part], offset[part], start[part], _contrasts(start[part], level[part])
-        )
+        # levels follow each other, so that a contrast of one is free of a walk in another
+        ends = np.flatnonzero(np.diff(level[part])) + 1
+        levels = tuple(_level(each, m) for each in np.split(start[part], ends))
+        yield _Piece(session, stretch[part], offset[part], levels)
 
 
-def _contrasts(start, level):
-    """Return the orthonormal contrasts of block means in which a walk is diagonal, (k, k - l)."""
-    indicator = (level[:, None] == np.unique(level)).astype(float)
-    q = indicator / np.linalg.norm(indicator, axis=0)
-    walk = -np.abs(np.subtract.outer(start, start)) / 2.0
-    walk -= q @ (q.T @ walk)
-    walk -= (walk @ q) @ q.T
-    # the levels, null directions of the walk, go far above all others
+def _level(start, m):
+    """Return the blocks of one level that begin at `start`."""
+    n = len(start)
+    if (np.diff(start) == m).all():
+        phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
+        return _Level(start, True, np.sqrt(2 / n) * np.cos(phase))
+    walk = -distances(start) / 2.0
+    walk -= walk.mean(axis=0)
+    walk -= walk.mean(axis=1, keepdims=True)
+    # the level, the null direction of the walk, goes far above all others
     top = 2 * np.trace(walk) + 1
-    values, vectors = np.linalg.eigh(walk + top * q @ q.T)
-    return vectors[:, : len(values) - q.shape[1]][:, ::-1]
-
-
-def _diagonal(basis, covariance):
-    """Return the diagonal of V^T C V."""
-    return np.einsum("ik,ik->k", basis, covariance @ basis)
+    vectors = np.linalg.eigh(walk + top / n)[1]
+    return _Level(start, False, vectors[:, :-1][:, ::-1])
 
 
 def _binned(values, bins):

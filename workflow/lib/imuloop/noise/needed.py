@@ -75,5 +75,5 @@ def _expected_root(name, value, theta, processes, dt, n):
     likelihood = Likelihood(np.zeros(0), spectrum, count, np.zeros(0))
     # white noise, flicker and walk stay free, as in the intervals
     free = [i for i in others if theta[i] > 0 or NAMES[i] != "Q"]
-    fit = likelihood.fit(units[:, free], fixed=base)
+    fit = likelihood.fit(units[:, free], fixed=base, start=np.asarray(theta)[free])
     return np.sqrt(2 * max(likelihood.value(spectrum, spectrum) - fit.value, 0.0))

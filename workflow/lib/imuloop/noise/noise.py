@@ -1,9 +1,9 @@
 """Noise of a device: coefficients, Allan curves, other views and summary figures."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, NoiseModel
@@ -16,6 +16,7 @@ from imuloop.noise.fit import TERMS, fit_curve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import all_rests, note_conditions, one_rate, record_of, static_records
 from imuloop.noise.statistics import repeatability, summary
+from imuloop.noise.tables import joined, table
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class NoiseResult:
         Sessions behind the coefficients.
     notes : tuple of str
         What a reader of the coefficients must know.
-    allan, views : dict of str to DataFrame
+    allan, views : dict of str to dict of ndarray
         For each session given its own Allan curve, columns of allan.parquet, and its other views,
         columns of views.parquet; without rows where the session was not used.
     """
@@ -79,7 +80,7 @@ class NoiseResult:
         write_json(path, self.to_dict())
 
 
-def estimate_noise(device, sessions, settings, uncut=True):
+def estimate_noise(device, sessions, settings, uncut=True, threads=1):
     """Estimate the noise of a device from its static sessions, else from all its rests.
 
     Parameters
@@ -92,6 +93,8 @@ def estimate_noise(device, sessions, settings, uncut=True):
         Averaging times, levels of the tests, other views.
     uncut : bool
         Whether the coefficients are also estimated with the disturbed stretches left in.
+    threads : int
+        What is worked on at once, of one axis; results do not depend on it.
 
     Returns
     -------
@@ -111,42 +114,48 @@ def estimate_noise(device, sessions, settings, uncut=True):
         for record in records:
             note_conditions(record, notes)
             statistics[record.session.name] = {}
-        rate = float(
-            np.average([r.rate for r in records], weights=[r.lengths.sum() for r in records])
-        )
-        layouts = [record.layout for record in records]
-        basis, lengths = modes(layouts), np.concatenate([r.lengths for r in records])
-        factors = averaging_factors(lengths.max(), settings)
-        spread = curve_covariance(factors, lengths, rate, reach=1.0)
         whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
         added = _seconds(whole) - _seconds(records)
+        layouts = [record.layout for record in records]
+        lengths = np.concatenate([record.lengths for record in records])
+        rate = float(
+            np.average([r.rate for r in records], weights=[sum(r.lengths) for r in records])
+        )
+        pooled = _Curve(lengths, rate, settings)
+        # one session's own curve is the pooled one
+        own = [_Curve(r.lengths, r.rate, settings) for r in records] if len(records) > 1 else []
+        basis = modes(layouts)
         if added > 0.5 / rate:
             whole_layouts = [record.layout for record in whole]
             whole_basis = modes(whole_layouts)
         for axis in CHANNELS:
             columns = [record.column(axis) for record in records]
             values = [record.cut(x) for record, x in zip(records, columns, strict=True)]
-            curve = allan_variance([x for each in values for x in each], factors)
-            fitted = fit_curve(factors / rate, curve, spread)
+            with ThreadPoolExecutor(threads) as pool:
+                curve = pool.submit(pooled.fitted, [x for each in values for x in each])
+                told = pool.submit(_told, axis, records, values, settings)
+                curve, fitted = curve.result()
+                start = np.square(fitted[:4]) if any(fitted[:4]) else None
+                found = _estimate(axis, layouts, basis, values, settings, notes, start)
+                if added > 0.5 / rate:
+                    every = [record.cut(x) for record, x in zip(whole, columns, strict=True)]
+                    other = _estimate(axis, whole_layouts, whole_basis, every, settings, [], start)
+                    uncut_axes[axis] = asdict(other.noise)
+                told = told.result()
             curves[axis] = dict(zip(TERMS, fitted, strict=True))
-            start = np.square(fitted[:4]) if any(fitted[:4]) else None
-            estimate = _estimate(axis, layouts, basis, values, settings, notes, start)
-            if added > 0.5 / rate:
-                every = [record.cut(x) for record, x in zip(whole, columns, strict=True)]
-                other = _estimate(axis, whole_layouts, whole_basis, every, settings, [], start)
-                uncut_axes[axis] = asdict(other.noise)
-            axes[axis] = estimate.noise
-            spectra[axis] = {"misfit": estimate.misfit, "band_hz": estimate.band_hz}
-            for record, stretches in zip(records, values, strict=True):
+            axes[axis] = found.noise
+            spectra[axis] = {"misfit": found.misfit, "band_hz": found.band_hz}
+            for i, (record, (figures, of_axis)) in enumerate(zip(records, told, strict=True)):
                 name = record.session.name
-                statistics[name][axis] = summary(stretches, record.rate)
-                # one session's own curve is the pooled one
-                own = curve if len(records) == 1 else None
-                tables[name].append(_table(record, stretches, axis, estimate.noise, settings, own))
-                if np.isfinite(statistics[name][axis]["mean"]):
-                    pictures[name].append(views.views(record.layout, stretches, axis, settings))
+                statistics[name][axis] = figures
+                pictures[name] += of_axis
+                if own:
+                    each, variance = own[i], allan_variance(values[i], own[i].factors)
+                else:
+                    each, variance = pooled, curve
+                tables[name].append(each.table(axis, variance, found.noise))
             # or two axes would be in memory at once
-            columns = values = every = stretches = None
+            columns = values = every = None
         _note_walk(axes, lengths.max() / rate, notes)
     else:
         notes.append("no session holds a rest: no coefficient can be estimated")
@@ -162,9 +171,39 @@ def estimate_noise(device, sessions, settings, uncut=True):
         statistics=statistics,
         sessions=tuple(record.session.name for record in records),
         notes=tuple(notes),
-        allan={name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()},
-        views={name: pd.concat(parts, ignore_index=True) for name, parts in pictures.items()},
+        allan={name: joined(parts) for name, parts in tables.items()},
+        views={name: joined(parts) for name, parts in pictures.items()},
     )
+
+
+class _Curve:
+    """Allan curve of stretches: what does not depend on the axis is calculated once."""
+
+    def __init__(self, lengths, rate, settings):
+        self.factors = averaging_factors(lengths.max(), settings)
+        self.tau = self.factors / rate
+        self.covariance = curve_covariance(self.factors, lengths, rate, reach=1.0)
+
+    def fitted(self, stretches):
+        """Return the Allan variance and the coefficients of the plain fit to it."""
+        variance = allan_variance(stretches, self.factors)
+        return variance, fit_curve(self.tau, variance, self.covariance)
+
+    def table(self, axis, variance, noise):
+        """Return the curve of one axis with its intervals."""
+        edf = degrees_of_freedom(noise, self.tau, self.covariance)
+        return allan_table(axis, self.tau, variance, edf)
+
+
+def _told(axis, records, values, settings):
+    """Return the summary and the tables of other views of each record."""
+    told = []
+    for record, stretches in zip(records, values, strict=True):
+        figures = summary(stretches, record.rate)
+        finite = np.isfinite(figures["mean"])
+        pictures = [views.views(record.layout, stretches, axis, settings)] if finite else []
+        told.append((figures, pictures))
+    return told
 
 
 def _estimate(axis, layouts, basis, values, settings, notes, start):
@@ -209,18 +248,6 @@ def _note_walk(axes, seconds, notes):
         )
 
 
-def _table(record, stretches, axis, noise, settings, curve=None):
-    """Return the Allan curve of one axis of one session."""
-    factors = averaging_factors(record.lengths.max(), settings)
-    spread = curve_covariance(factors, record.lengths, record.rate, reach=1.0)
-    tau = factors / record.rate
-    edf = degrees_of_freedom(noise, tau, spread)
-    curve = allan_variance(stretches, factors) if curve is None else curve
-    return allan_table(axis, tau, curve, edf)
-
-
 def _empty():
     """Return an Allan table without rows."""
-    return pd.DataFrame(
-        {name: pd.Series(dtype=str if name in ("axis", "stage") else float) for name in COLUMNS}
-    )
+    return table(COLUMNS, "", *[[]] * 5, "")

@@ -1,13 +1,14 @@
 """Periodogram of the clean stretches of a session, over its local background."""
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from math import log
 
 import numpy as np
 from scipy import fft, special
 
-from imuloop.noise.waves import levels, parts
+from imuloop.noise.waves import CHUNK, levels, parts
 
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
@@ -64,7 +65,15 @@ class Search:
         peaks = np.maximum.reduceat(self.ratio, edges[:-1])
         near = [slice(max(b - 1, 0), min(b + 2, peaks.size)) for b in range(peaks.size)]
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        chances = np.array([self._chance(x / 0.81, n) for x, n in zip(peaks, near, strict=True)])
+        ratios = [x / 0.81 / self.medians[n].max() for x, n in zip(peaks, near, strict=True)]
+        sizes = [(int(self.band.sizes[n].min()), n.stop - n.start) for n in near]
+        # no chance is below exp(-x E M), so that most need not be calculated
+        least = np.exp([-x * mean_highest(*of) for x, of in zip(ratios, sizes, strict=True)])
+        chances = np.ones(peaks.size)
+        for b in np.argsort(least, kind="stable"):
+            if least[b] > max(chances.min(), SURE):
+                break
+            chances[b] = one_frequency(ratios[b], *sizes[b])
         # a strong line leaks into other blocks, where it is weaker
         b = int(np.where(chances <= max(chances.min(), SURE), peaks, 0).argmax())
         top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
@@ -93,6 +102,7 @@ class Search:
         return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
 
 
+@cache
 def band_of(layout):
     """Return what is searched in a session, None where it is too short."""
     starts, lengths = np.array(layout.starts), np.array(layout.lengths)
@@ -106,7 +116,8 @@ def band_of(layout):
         k += size
     if not sizes:
         return None
-    padded = fft.next_fast_len(2 * samples, real=True)
+    # of a record and as many zeros, see `_transformed`
+    padded = 4 * fft.next_fast_len(-(-samples // 2), real=True)
     edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
     edges[-1] = int((n / 2 - low) * padded / n)
     middle = starts + (lengths - 1) / 2
@@ -128,23 +139,55 @@ def periodogram(layout, stretches, spectrum):
     band = band_of(layout)
     if band is None:
         return None
+    # a spectrum is straight between so many places in a block
+    nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(band.edges)]
+    density = spectrum(band.step * np.concatenate(nodes)) * (band.samples * band.rate / 2)
+    if not (density > 0).all():
+        return None
+    density = np.split(density, np.cumsum([len(each) for each in nodes])[:-1])
     # single precision: its rounding lies 14 decades below the variance
-    transform = fft.rfft(_filled(layout, stretches, band.padded))
-    ratio = np.empty(band.edges[-1] - band.edges[0], np.float32)
+    power = _squares(_filled(layout, stretches, band.padded // 2))
     medians = np.empty(band.sizes.size)
     for b, (i, j) in enumerate(pairwise(band.edges)):
-        # a spectrum is straight between so many places in a block
-        nodes = np.linspace(i, j - 1, min(NODES, j - i))
-        density = spectrum(band.step * nodes)
-        if not (density > 0).all():
-            return None
-        power = transform.real[i:j] ** 2 + transform.imag[i:j] ** 2
-        power *= 2 / (band.samples * band.rate)
-        power /= np.interp(np.arange(i, j), nodes, density)
+        power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
         # every other one: those between are not independent
-        medians[b] = np.median(power[::2])
-        ratio[i - band.edges[0] : j - band.edges[0]] = power
+        medians[b] = np.median(power[i:j:2])
+    ratio = power[band.edges[0] : band.edges[-1]]
     return Search(band, spectrum, ratio, medians) if medians.all() else None
+
+
+def _squares(x):
+    r"""Return the squares of the Fourier transform of x and as many zeros behind, in half the room.
+
+    Every other frequency is that of x alone. With n samples, an even number, those between are
+
+    .. math:: X_{2l + 1/2} = \sum_{j<n/2} (x_j - i x_{j+n/2}) e^{-\pi i j/n} e^{-2\pi i j l/(n/2)}
+
+    and :math:`X_{n - 1 - k + 1/2} = \bar X_{k + 1/2}`.
+
+    Parameters
+    ----------
+    x : ndarray of float32, shape (n,)
+
+    Returns
+    -------
+    ndarray of float32, shape (n + 1,)
+    """
+    half = len(x) // 2
+    between = np.empty(half, np.complex64)
+    turn = np.exp(-1j * np.pi / len(x) * np.arange(min(CHUNK, half)))
+    for i in range(0, half, CHUNK):
+        j = min(i + CHUNK, half)
+        between[i:j] = x[i:j] - 1j * x[half + i : half + j]
+        between[i:j] *= turn[: j - i] * np.exp(-1j * np.pi * i / len(x))
+    squares = np.empty(len(x) + 1, np.float32)
+    whole = fft.rfft(x, overwrite_x=True)
+    squares[::2] = whole.real**2 + whole.imag**2
+    del whole
+    between = fft.fft(between, overwrite_x=True)
+    between = between.real**2 + between.imag**2
+    squares[1::4], squares[3::4] = between[: -(-half // 2)], between[: half - half // 2 - 1 : -1]
+    return squares
 
 
 def _filled(layout, stretches, padded):
@@ -174,6 +217,14 @@ def one_frequency(x, m, sides):
     s = np.geomspace(1e-4, 1e3, 700)
     below = special.betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s / x)) ** sides
     return np.trapezoid(np.exp(-s) * below, s)
+
+
+@cache
+def mean_highest(m, sides):
+    """Return the mean of the largest of `sides` medians of m exponentials of mean 1, or more."""
+    s = np.linspace(0, 6, 400)
+    below = special.betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s)) ** sides
+    return 1.0001 * np.trapezoid(1 - below, s)
 
 
 def over_band(chance, independent):

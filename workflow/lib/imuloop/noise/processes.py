@@ -47,13 +47,18 @@ def sample_covariances(n, dt):
     return covariance
 
 
-def mean_covariances(starts, m, dt):
+def distances(starts):
+    """Return how far blocks that begin at `starts` lie from each other, shape (k, k)."""
+    return np.abs(np.subtract.outer(starts, starts))
+
+
+def mean_covariances(d, m, dt):
     """Return the covariance of means over blocks of m samples for unit coefficients.
 
     Parameters
     ----------
-    starts : ndarray of int, shape (k,)
-        First sample of each block; blocks do not overlap.
+    d : ndarray of int, any shape
+        Distance of two blocks in samples: 0, or m and more.
     m : int
         Samples of a block.
     dt : float
@@ -61,10 +66,9 @@ def mean_covariances(starts, m, dt):
 
     Returns
     -------
-    ndarray, shape (4, k, k)
+    ndarray, shape (4, ...)
         For Q, N, B, K, SI; the same processes as in `sample_covariances`.
     """
-    d = np.abs(np.subtract.outer(starts, starts))
     own = d == 0
     quantisation = (2.0 * own - (d == m)) / (m * dt) ** 2
     walk = np.where(own, -(m * m - 1) / (6 * m), -d / 2) * dt
@@ -72,13 +76,19 @@ def mean_covariances(starts, m, dt):
 
 
 def gauss_markov_samples(n, dt, tc):
-    """Return the covariance of samples of a Gauss-Markov process of variance 1, shape (n,)."""
-    return np.exp(-np.arange(n) * dt / tc)
+    """Return the covariance of samples of a Gauss-Markov process of variance 1, shape (..., n).
+
+    Lags from 0 for each of the correlation times `tc`, s.
+    """
+    return np.exp(-np.arange(n) * dt / np.asarray(tc)[..., None])
 
 
-def gauss_markov_means(starts, m, dt, tc):
-    """Return the covariance of block means of a Gauss-Markov process of variance 1, (k, k)."""
-    d = np.abs(np.subtract.outer(starts, starts))
+def gauss_markov_means(d, m, dt, tc):
+    """Return the covariance of block means of a Gauss-Markov process of variance 1.
+
+    For distances as `mean_covariances` takes them, for each of the correlation times `tc`, s.
+    """
+    tc = np.reshape(tc, np.shape(tc) + (1,) * d.ndim)
     # 1 - phi^n without cancellation where the process is slow
     phi, one_less, whole = np.exp(-dt / tc), -np.expm1(-dt / tc), -np.expm1(-m * dt / tc)
     own = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2

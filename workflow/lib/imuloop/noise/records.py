@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.segments import DISTURBED, STATIC
@@ -11,6 +10,8 @@ from imuloop.noise.layout import Layout
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
+# samples that are looked at together
+PART = 1 << 20
 # spread of the sampling interval that is worth a note, share of its mean
 JITTER = 0.05
 # range of temperature that is worth a note, K
@@ -29,14 +30,14 @@ class Session:
         'static', 'six_position' or 'multi_position'.
     samples : DataFrame or Columns
         Samples, SI; empty where the session was rejected.
-    segments : DataFrame
-        Segments of these samples.
+    segments : DataFrame or dict
+        Segments of these samples by column.
     """
 
     name: str
     kind: str
     samples: object
-    segments: pd.DataFrame
+    segments: object
 
 
 @dataclass(frozen=True)
@@ -92,15 +93,16 @@ def record_of(session, disturbed=False):
     disturbed : bool
         Whether disturbed stretches stay in, and one level holds all through.
     """
-    segments, t = session.segments, np.asarray(session.samples[TIME])
-    wanted = [STATIC, DISTURBED] if disturbed else [STATIC]
-    used = segments[segments["kind"].isin(wanted)].sort_values("start_s")
-    start, end = (used[c].to_numpy(dtype=float) for c in ("start_s", "end_s"))
+    kind = np.asarray(session.segments["kind"])
+    begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
+    used = np.flatnonzero((kind == STATIC) | (disturbed & (kind == DISTURBED)))
+    used = used[np.argsort(begins[used], kind="stable")]
+    start, end = begins[used], ends[used]
+    t = np.asarray(session.samples[TIME])
     first, last = np.searchsorted(t, start), np.searchsorted(t, end)
     broken = np.ones(len(used), dtype=bool)
     if session.kind == "static":
-        ends = segments.loc[segments["kind"] == DISTURBED, "end_s"].to_numpy(dtype=float)
-        before = np.searchsorted(np.sort(ends), start, side="right")
+        before = np.searchsorted(np.sort(ends[kind == DISTURBED]), start, side="right")
         broken = np.diff(before, prepend=-1) > 0 if not disturbed else np.arange(len(used)) == 0
     level = np.cumsum(broken) - 1
     if disturbed:
@@ -109,8 +111,8 @@ def record_of(session, disturbed=False):
     first, last, level = first[kept], last[kept], level[kept]
     if not len(first):
         return None
-    interval = np.concatenate([np.diff(t[i:j]) for i, j in zip(first, last, strict=True)])
-    rate = 1 / interval.mean()
+    interval = (t[last - 1] - t[first]).sum() / (last - first - 1).sum()
+    rate = 1 / interval
     layout = Layout(
         float(rate),
         tuple(np.rint((t[first] - t[0]) * rate).astype(int).tolist()),
@@ -118,7 +120,17 @@ def record_of(session, disturbed=False):
         tuple(level.tolist()),
     )
     slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-    return Record(session, slices, layout, float(interval.std() / interval.mean()))
+    return Record(session, slices, layout, _jitter([t[s] for s in slices], interval))
+
+
+def _jitter(stretches, interval):
+    """Return the standard deviation of the steps of time, share of their mean."""
+    total, steps = 0.0, 0
+    for t in stretches:
+        for i in range(0, len(t) - 1, PART):
+            beside = np.diff(t[i : i + PART + 1]) - interval
+            total, steps = total + beside @ beside, steps + len(beside)
+    return float(np.sqrt(total / steps) / interval)
 
 
 def _joined(first, last, level):
@@ -180,8 +192,9 @@ def note_conditions(record, notes):
             "estimate takes the mean rate"
         )
     if TEMPERATURE in record.session.samples:
-        temperature = np.concatenate(record.cut(record.column(TEMPERATURE)))
-        low, high = np.nanmin(temperature), np.nanmax(temperature)
+        stretches = record.cut(record.column(TEMPERATURE))
+        low = np.fmin.reduce([np.fmin.reduce(x) for x in stretches])
+        high = np.fmax.reduce([np.fmax.reduce(x) for x in stretches])
         if high - low > TEMPERATURE_RANGE:
             notes.append(
                 f"session {name}: temperature went from {low:.1f} to {high:.1f} degC; B, K and R "

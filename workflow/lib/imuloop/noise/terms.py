@@ -1,10 +1,10 @@
 """Which noise terms a record supports."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import erfc, sqrt
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
 
 from imuloop.noise.processes import NAMES
 
@@ -87,6 +87,7 @@ class Search:
     level: float
     hump_level: float
     start: np.ndarray | None = None
+    _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def units(self, terms):
         """Return the unit spectra of terms, ramp excepted, shape (r, p)."""
@@ -98,14 +99,18 @@ class Search:
 
     def fit(self, terms, restricted=False):
         """Return the Fit of these terms."""
-        return self.likelihood.fit(self.units(terms), terms.ramp, restricted=restricted)
+        key = terms, restricted and terms.ramp
+        if key not in self._fits:
+            units = self.units(terms)
+            self._fits[key] = self.likelihood.fit(units, terms.ramp, restricted=restricted)
+        return self._fits[key]
 
     def p_value(self, term, gain):
         """Return the probability of such a gain of log-likelihood by a term that is not there.
 
         Half a chi-square of one degree for a variance, which cannot be negative; a ramp can.
         """
-        one = chi2.sf(2 * max(gain, 0.0), 1)
+        one = erfc(sqrt(max(gain, 0.0)))
         if term == "R":
             return one
         return min(1.0, one / 2 * (1.0 if isinstance(term, str) else self.tests))
@@ -142,6 +147,10 @@ class Search:
         Those of the non-negative fit, less what fails its test, worst first; then what passes
         beside them, best first, a Gauss-Markov process only where no other does; and again.
         """
+        return self._selected
+
+    @cached_property
+    def _selected(self):
         names = tuple(n for n in NAMES if n in self.candidates)
         start = None if self.start is None else self.start[[NAMES.index(n) for n in names]]
         full = self.likelihood.fit(self.units(Terms(names)), start=start)
@@ -155,7 +164,9 @@ class Search:
     def _shrunk(self, terms):
         while len(terms) > 1:
             p = {t: self._chance(t, terms, terms.without(t)) / self._level(t) for t in terms}
-            worst = max(p, key=p.get)
+            # no sensor is without white noise: it goes last of those that fail
+            failed = [t for t in p if p[t] > 1]
+            worst = max([t for t in failed if t != "N"] or p, key=p.get)
             rest = terms.without(worst)
             if p[worst] <= 1 or not (rest.names or rest.times):
                 break
@@ -170,15 +181,23 @@ class Search:
             return terms.plus(best)
         if len(terms.times) == MOST or not len(self.times):
             return terms
-        value = self.fit(terms).value
-        values = [self.fit(terms.plus(tc)).value for tc in self.times]
-        tc = self.times[int(np.argmax(values))]
-        if self.p_value(tc, max(values) - value) > self.hump_level:
+        base = self.fit(terms)
+        # most are not there: none of it is close to the best fit
+        start = np.append(base.theta, 0.0)
+        values = [
+            self.likelihood.fit(self.units(terms.plus(tc)), terms.ramp, start=start).value
+            for tc in self.times
+        ]
+        tc = float(self.times[int(np.argmax(values))])
+        if self.p_value(tc, max(values) - base.value) > self.hump_level:
             return terms
         return self._refined(terms.plus(tc))
 
     def _refined(self, terms):
         """Return the terms with the most likely correlation times."""
+        # loads for a quarter of a second, and few records show such a process
+        from scipy.optimize import minimize_scalar
+
         step = np.log(self.times[1] / self.times[0]) if len(self.times) > 1 else 0.3
         for _ in range(2 if len(terms.times) > 1 else 1):
             for place, tc in enumerate(terms.times):

@@ -1,11 +1,9 @@
 """Other views of a static record: power spectral density, autocorrelation, other deviations."""
 
 import numpy as np
-import pandas as pd
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal.windows import hann
-from scipy.stats import chi2
 
+from imuloop.noise import allan
 from imuloop.noise.allan import averaging_factors
 from imuloop.noise.deviations import (
     hadamard_variance,
@@ -14,6 +12,7 @@ from imuloop.noise.deviations import (
     modified_variance,
     total_variance,
 )
+from imuloop.noise.tables import joined, table
 
 # columns of views.parquet
 COLUMNS = ("view", "axis", "x", "value", "ci_low", "ci_high")
@@ -69,35 +68,27 @@ def views(layout, values, axis, settings):
 
     Returns
     -------
-    DataFrame
+    dict of ndarray
         Columns `COLUMNS`. x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a
         deviation in SI. 95 % interval of the value; for the autocorrelation, which has none that
         holds under any noise, the band in which white noise would lie; not-a-number for the
         M-sample deviation.
     """
-    tables = [
-        _table(view, axis, *_view(view, layout, values, settings))
-        for view in dict.fromkeys([*settings.views, *(f"m_sample_{m}" for m in settings.m_samples)])
-    ]
-    return pd.concat([empty(), *tables], ignore_index=True)
+    asked = dict.fromkeys([*settings.views, *(f"m_sample_{m}" for m in settings.m_samples)])
+    tables = [table(COLUMNS, view, axis, *_view(view, layout, values, settings)) for view in asked]
+    return joined([empty(), *tables])
 
 
 def empty():
     """Return a table of views without rows."""
-    return pd.DataFrame(
-        {name: pd.Series(dtype=str if name in ("view", "axis") else float) for name in COLUMNS}
-    )
-
-
-def _table(view, axis, x, value, low, high):
-    return pd.DataFrame(dict(zip(COLUMNS, (view, axis, x, value, low, high), strict=True)))
+    return table(COLUMNS, "", "", *[[]] * 4)
 
 
 def _view(view, layout, values, settings):
     """Return x, value, ci_low and ci_high of one view."""
     if view == "psd":
         frequency, density, edf = power_spectrum(values, layout.rate)
-        return frequency, density, *(density * edf / chi2.ppf(p, edf) for p in (0.975, 0.025))
+        return frequency, density, *allan.interval(density, edf)
     if view == "autocorrelation":
         lags, value, pairs = autocorrelation(values)
         band = 1.96 / np.sqrt(pairs)
@@ -185,7 +176,7 @@ def _welch(stretches, rate, length):
     """
     divisor = max(1, length // TRANSFORM)
     length //= divisor
-    step, window = length // 2, hann(length, sym=False)
+    step, window = length // 2, hann(length)
     total, segments, overlaps = np.zeros(step + 1), 0, 0
     for stretch in stretches:
         x = np.asarray(stretch) if divisor == 1 else _triangular_means(stretch, divisor)
@@ -206,6 +197,11 @@ def _welch(stretches, rate, length):
     return density, segments, overlaps
 
 
+def hann(length):
+    """Return a period of the Hann window, shape (length,)."""
+    return 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, length, endpoint=False))
+
+
 def _triangular_means(x, divisor):
     """Return means of 2 * divisor samples weighted by a triangle, one each divisor samples."""
     blocks = np.asarray(x)[: len(x) // divisor * divisor].reshape(-1, divisor)
@@ -223,7 +219,7 @@ def _freedom(frequencies, segments, overlaps):
 
 def _squared_correlation(shift, length=64):
     """Return the squared correlation of coefficients d = 0, 1, ... apart, `shift` segments on."""
-    window = hann(length, sym=False)
+    window = hann(length)
     step = int(shift * length)
     product = window[step:] * window[: length - step]
     return np.abs(rfft(product, length) / (window @ window))[: length // 4] ** 2
