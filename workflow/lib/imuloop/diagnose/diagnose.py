@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
+from imuloop.core.arrow import arrow_table
 from imuloop.core.files import replaced, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -168,7 +168,7 @@ def diagnose_device(
             attitude["why"] = told(attitude["why"], sessions)
         write_json(attitude_path, attitude)
         with replaced(attitude_series_path) as temporary:
-            pq.write_table(pa.table(table), temporary)
+            pq.write_table(arrow_table(table), temporary)
     return diagnosis, final
 
 
