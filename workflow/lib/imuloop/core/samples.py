@@ -25,6 +25,8 @@ CHANNELS = ACCELERATION + ANGULAR_RATE
 TEMPERATURE = "temperature"
 # time as the log's stamps have it, s from the first sample; beside a `t` that was rebuilt
 LOGGED_TIME = "t_logged"
+# a step of time longer than this many median steps is a gap: one sample lost makes it two
+GAP_STEPS = 1.5
 
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"

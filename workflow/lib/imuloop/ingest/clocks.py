@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from imuloop.ingest.quality import GAP_STEPS
+from imuloop.core.samples import GAP_STEPS
 
 # rows after a fall of the stamps that tell what it is
 AHEAD = 100

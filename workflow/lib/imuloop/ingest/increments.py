@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TIME
 from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest.quality import GAP_STEPS
 from imuloop.ingest.raw_log import rechunked
 from imuloop.ingest.stamps import stamp_values
 

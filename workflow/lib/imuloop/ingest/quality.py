@@ -7,6 +7,7 @@ from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
+    GAP_STEPS,
     LOGGED_TIME,
     TEMPERATURE,
     TIME,
@@ -16,8 +17,6 @@ from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.in_order import in_order
 
-# a step longer than this many median steps is a gap: one sample lost makes it two
-GAP_STEPS = 1.5
 # at most so many gaps are listed; all are counted
 LISTED_GAPS = 50
 # output at or beyond this share of the full scale counts as clipped

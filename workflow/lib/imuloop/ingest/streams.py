@@ -6,10 +6,9 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import AXES, guess
-from imuloop.ingest.quality import GAP_STEPS
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import NANOSECONDS
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from imuloop.core.samples import GAP_STEPS
+
 
 @dataclass(frozen=True)
 class SegmentSettings:
@@ -53,7 +55,7 @@ class SegmentSettings:
     shortest_rest_s: float = 1.0
     same_attitude: float = 0.0087
     turned: float = 0.087
-    gap_factor: float = 1.5
+    gap_factor: float = GAP_STEPS
     false_alarm: float = 0.01
     longest_scale_s: float = 300.0
     guard_s: float = 1.0
