@@ -6,6 +6,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from imuloop.report.svg import _ALONE, INK
+
 # severe deficiency: Machado, Oliveira and Fernandes (2009), linear RGB
 DEFICIENCIES = {
     "none": np.eye(3),
@@ -59,10 +61,15 @@ def _oklab(linear):
     )
 
 
+def _palettes(repository):
+    """Return the colours of the page, light ones first, dark ones where they differ."""
+    parts = (repository / "workflow/templates/style.css").read_text().split("@media")
+    return [dict(re.findall(r"--([\w-]+): (#\w{6})", part)) for part in parts[:2]]
+
+
 @pytest.fixture(scope="module", params=["light", "dark"])
 def colours(request, repository):
-    parts = (repository / "workflow/templates/style.css").read_text().split("@media")
-    light, dark = (dict(re.findall(r"--([\w-]+): (#\w{6})", part)) for part in parts[:2])
+    light, dark = _palettes(repository)
     return light if request.param == "light" else light | dark
 
 
@@ -88,3 +95,9 @@ def test_colours_are_told_apart(colours, deficiency, count):
     assert min(close.values()) > (0.1 if count == 3 else 0.04), min(
         close.items(), key=lambda c: c[1]
     )
+
+
+def test_a_picture_without_the_page_has_its_light_colours(repository):
+    light, _ = _palettes(repository)
+    named = {f"var(--{name})": colour for name, colour in light.items()} | {INK: light["ink"]}
+    assert {colour: named[colour] for colour in _ALONE} == _ALONE

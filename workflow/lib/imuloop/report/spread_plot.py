@@ -87,11 +87,11 @@ def _allan_picture(sensor, axis, channel, curves):
     def plot(ax):
         ax.fill_between(grid, low, high, color=BLUE)
         handles = ax.loglog(grid, middle, color=BLUE, lw=2)
-        labels = ["median, 5 to 95 %"]
+        labels = ["median, 5–95 %"]
         for colour, i in zip(COLOURS, out, strict=False):
             label, tau, adev = curves[i]
             handles += ax.loglog(tau, adev, color=colour)
-            labels.append(label if len(label) <= 16 else f"{label[:15]}…")
+            labels.append(label if len(label) <= 14 else f"{label[:13]}…")
         ax.set_xlabel("averaging time τ, s")
         ax.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
         ax.legend(handles, labels, beside=True)
@@ -108,7 +108,7 @@ def _allan_picture(sensor, axis, channel, curves):
     caption += f": {'; '.join(named)}" if named else ""
     caption += "; …" if count > len(out) else ""
     name = f"comparison.allan_{channel}"
-    svg = draw(name, f"Allan deviation, {caption}", 520, 270, plot, margins=(58, 136, 12, 40))
+    svg = draw(name, f"Allan deviation, {caption}", 470, 270, plot, margins=(58, 130, 12, 40))
     return Picture(name, svg, f"{caption}.", "", ())
 
 

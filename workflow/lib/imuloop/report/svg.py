@@ -16,19 +16,19 @@ PALETTE = tuple(f"var(--c{i})" for i in range(7))
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, YELLOW = PALETTE
 # colours of the axes x, y, z in every picture
 AXES = (BLUE, VERMILLION, GREEN)
-# the colours of a picture without a page
+# the colours of a picture without a page: those of the light one
 _ALONE = {
     INK: "#1b1f24",
     GRID: "#c8ced6",
     SHADE: "#eef1f4",
     PAGE: "#ffffff",
-    BLUE: "#0072b2",
-    VERMILLION: "#d55e00",
-    GREEN: "#009e73",
-    PURPLE: "#cc79a7",
-    ORANGE: "#e69f00",
-    SKY: "#56b4e9",
-    YELLOW: "#f0e442",
+    BLUE: "#0244af",
+    VERMILLION: "#b13311",
+    GREEN: "#048e8b",
+    PURPLE: "#c369cf",
+    ORANGE: "#d87d15",
+    SKY: "#4e90ff",
+    YELLOW: "#937851",
 }
 # room that a key above an area needs, px
 KEY = 26
