@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imuloop.config import source_path
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, replaced, write_json
 from imuloop.ingest import ingest as stage
@@ -113,12 +114,13 @@ def test_a_file_that_holds_nothing(run, tmp_path, content, reason):
 
 @pytest.mark.parametrize("line", ["7", "0 ", "0,", "\\0", '"'])
 def test_a_line_of_100_MB_costs_a_line_and_little_memory(log, tmp_path, line):
+    """A hole in the file, which is zeros without room on the disk, of 1 GB."""
     half = len(log) // 2
     with open(tmp_path / "log.csv", "wb") as file:
         file.write(text(log.head(half)))
         if line == "\\0":
             # what a logger's disk holds after its power failed: a hole of zeros
-            file.seek(100 << 20, os.SEEK_CUR)
+            file.seek(1 << 30, os.SEEK_CUR)
         for _ in range(0 if line == "\\0" else 100):
             file.write(line.encode() * ((1 << 20) // len(line)))
         file.write(b"\n" + text(log.tail(half), header=False))
@@ -134,13 +136,18 @@ def test_a_line_of_100_MB_costs_a_line_and_little_memory(log, tmp_path, line):
     assert int(found[3]) < MEMORY
 
 
-def test_a_hundred_thousand_columns(log, run, tmp_path):
-    wide = b",".join([b"0"] * 100_000)
-    header = b",".join(b"c%d" % i for i in range(100_000))
-    rows = text(log.head(20)).splitlines()
+def test_a_million_columns(log, run, tmp_path):
+    wide = b",".join([b"0"] * 1_000_000)
+    header = b",".join(b"c%d" % i for i in range(1_000_000))
+    rows = text(log).splitlines()
     path = tmp_path / "log.csv"
-    path.write_bytes(b"\n".join(r + b"," + (wide if i else header) for i, r in enumerate(rows)))
+    path.write_bytes(b"\n".join(r + b"," + (wide if i else header) for i, r in enumerate(rows[:4])))
     assert rejected(run(path)) == "the first line is longer than 64 kB: no table"
+    # below a header of seven, they are lines that are no row
+    rows[300:302] = [wide, wide]
+    path.write_bytes(b"\n".join(rows))
+    quality = run(path).quality
+    assert (quality["rows"], quality["bad_lines"]) == (len(log) - 2, 2)
 
 
 def test_as_many_columns_as_a_first_line_holds(log, run, tmp_path):
@@ -216,6 +223,18 @@ def test_members_of_a_zip_that_point_outside(log, run, tmp_path):
     before = {p for p in tmp_path.rglob("*")}
     rejected(run(path))
     assert {p for p in tmp_path.rglob("*") if "out" not in p.parts} == before
+
+
+@pytest.mark.parametrize("name", ["url: 'http://h/a/..'", "wheel: a==1, member: 'a/..'"])
+def test_a_source_in_the_config_whose_name_is_a_folder_above(faults, name):
+    source = f"{{{name}, sha256: '{'0' * 64}'}}"
+    [fault] = faults(f"devices: {{imu: {{sessions: {{a: {{kind: static, file: {source}}}}}}}}}")
+    assert fault == "devices.imu.sessions.a.file: .. is a folder, not a file"
+
+
+def test_a_member_of_a_wheel_lies_in_the_cache_by_its_name_alone():
+    source = {"wheel": "a==1", "member": "../../../log.csv", "sha256": "0" * 64}
+    assert source_path(source, "cache") == f"cache/{'0' * 64}/log.csv"
 
 
 @pytest.fixture
