@@ -32,7 +32,7 @@ PARTS = {
     "a-day-1000": (
         "24 h at 1 kHz", ["-m", "bench.a_day", "--rate", "1000"], False, "make a-day RATE=1000"
     ),
-    "factory": ("A factory's devices", ["-m", "bench.factory"], False, "make factory"),
+    "factory": ("A factory's devices", ["-m", "bench.factory"], True, "make factory"),
 }  # fmt: skip
 
 
