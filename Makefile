@@ -25,7 +25,7 @@ test: setup
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
 cluster: setup-cluster
-	.venv-cluster/bin/pytest tests/cluster
+	.venv-cluster/bin/pytest -n $(CORES) --dist loadgroup tests/cluster
 
 lint: setup
 	$(BIN)/ruff check .
@@ -112,7 +112,7 @@ setup-cluster: .venv-cluster/.ready
 .venv-cluster/.ready: requirements-cluster.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	$(PYTHON) -m venv --clear .venv-cluster
-	.venv-cluster/bin/pip install --quiet --require-hashes -r $<
+	.venv-cluster/bin/pip install --quiet --no-deps --no-compile --require-hashes -r $<
 	touch $@
 
 # exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml

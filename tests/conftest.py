@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # their tests share a run of the workflow
-TOGETHER = ("cluster", "published", "workflow")
+TOGETHER = ("published", "workflow")
 
 
 def pytest_collection_modifyitems(items):
