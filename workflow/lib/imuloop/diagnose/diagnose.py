@@ -14,6 +14,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.attitude import validate_attitude
 from imuloop.diagnose.next_recording import next_recording
+from imuloop.diagnose.outlook import parameters
 from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates, pose_search
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.static_correction import write_allan
@@ -97,7 +98,9 @@ def diagnose_device(
         calibrate_settings,
         known["accelerometer"],
     )
-    force_search = pose_search(force_model, recording, settings, tests)
+    force_search = pose_search(
+        force_model, recording, settings, tests, near("accelerometer", multi, known)
+    )
     force, force_solution, force_chosen = diagnose_poses(
         force_model, recording, settings, tests, whole=force_search
     )
@@ -109,7 +112,9 @@ def diagnose_device(
         known["gyroscope"],
     )
     fold_models = [replace(turn_model, force_effects=effects) for effects in force_chosen]
-    turn_search = pose_search(turn_model, recording, settings, tests)
+    turn_search = pose_search(
+        turn_model, recording, settings, tests, near("gyroscope", multi, known)
+    )
     turn, turn_solution, _ = diagnose_poses(
         turn_model, recording, settings, tests, fold_models, turn_search
     )
@@ -170,6 +175,14 @@ def diagnose_device(
         with replaced(attitude_series_path) as temporary:
             pq.write_table(arrow_table(table), temporary)
     return diagnosis, final
+
+
+def near(sensor, calibration, known):
+    """Return parameters next to those of the poses' fit, None without such a calibration."""
+    own = getattr(calibration, sensor)
+    if own.method != "multi_position" or any(known.values()):
+        return None
+    return parameters(sensor, own)[0]
 
 
 def can_be_seen(effect, recording):

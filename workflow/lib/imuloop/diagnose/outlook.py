@@ -88,13 +88,7 @@ def outlook(model, solution, calibration, force, recording):
         return Outlook(
             model, solution, white.T @ white, solution.calibration.names, max(1.0, reduced)
         )
-    upper = model.sensor == "accelerometer"
-    pairs = [(i, j) for i in range(3) for j in range(3) if (i < j if upper else i != j)]
-    unit = calibration.raw_unit
-    x = np.concatenate(
-        [[calibration.T[p] for p in pairs], calibration.K / unit.scale, unit.to_si(calibration.b)]
-    )
-    names = (*(f"T{i}{j}" for i, j in pairs), *(f"{p}{i}" for p in "Kb" for i in range(3)))
+    x, names = parameters(model.sensor, calibration)
     nothing = np.zeros((0, len(x)))
     # effects from elsewhere may need channels that a plan has not
     force = replace(force, effects=())
@@ -103,3 +97,14 @@ def outlook(model, solution, calibration, force, recording):
     if len(recording.poses) and len(recording.rotations):
         known = information(model, start, recording)
     return Outlook(model, start, known, names)
+
+
+def parameters(sensor, calibration):
+    """Return the base parameters of a calibration, SI as logged, and their names."""
+    upper = sensor == "accelerometer"
+    pairs = [(i, j) for i in range(3) for j in range(3) if (i < j if upper else i != j)]
+    unit = calibration.raw_unit
+    x = np.concatenate(
+        [[calibration.T[p] for p in pairs], calibration.K / unit.scale, unit.to_si(calibration.b)]
+    )
+    return x, (*(f"T{i}{j}" for i, j in pairs), *(f"{p}{i}" for p in "Kb" for i in range(3)))

@@ -33,13 +33,14 @@ def pose_candidates(sensor, recording):
     return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
 
 
-def pose_search(model, recording, settings, tests=None):
-    """Return the Search of all poses of a sensor; arguments as of `diagnose_poses`."""
+def pose_search(model, recording, settings, tests=None, start=None):
+    """Return the Search of all poses of a sensor; arguments as of `diagnose_poses` and `Search`."""
     available, _ = pose_candidates(model.sensor, recording)
     known = {type(effect.effect) for effect in model.known}
     available = {cls: shapes for cls, shapes in available.items() if cls not in known}
     everything = np.ones(len(recording.poses), dtype=bool)
-    return Search(model, recording, everything, available, settings, tests or len(available))
+    tests = tests or len(available)
+    return Search(model, recording, everything, available, settings, tests, start=start)
 
 
 def diagnose_poses(model, recording, settings, tests=None, fold_models=None, whole=None):

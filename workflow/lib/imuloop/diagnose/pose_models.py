@@ -40,6 +40,8 @@ class Solution:
         Predicted covariance of all residuals, kind after kind.
     jacobian : ndarray, shape (n, p)
         Their derivative with respect to all parameters.
+    fitted : tuple or None
+        Model of the residuals next to the solution, and its parameters there; None if not kept.
     """
 
     effects: tuple[Effect, ...]
@@ -51,6 +53,7 @@ class Solution:
     residuals: dict[str, Residual]
     covariance: np.ndarray
     jacobian: np.ndarray
+    fitted: tuple | None = None
 
 
 def linear(values, jacobian, parameters, shapes, kinds, components):
@@ -307,12 +310,16 @@ class GyroscopePoses:
         means = seen.poses.mean_covariance(noise)[3:]
         start, shared = _padded(start, 12, effects), not effects and not self.known
 
+        fitted = None
+
         def evaluate(x):
+            nonlocal fitted
             model = gyroscope.gyroscope_model(recording, force, x, effects, self.known)
             if shared and np.array_equal(x, start):
                 model = replace(model, _paths=self._start)
             values, jacobian = model.residuals(x)
             own = gyroscope.seen_only(model, x, keep, inside, seen.rotations)
+            fitted = own, x
             errors = gyroscope.rotation_covariance(
                 own, x, seen.poses.session, part.direction_covariance, noise
             )
@@ -334,7 +341,7 @@ class GyroscopePoses:
             calibration,
             3 * len(seen.poses),
         )
-        return solution, found
+        return replace(solution, fitted=fitted), found
 
     def _solution(
         self, x, parameters, chi2, dof, effects, values, jacobian, covariance, force, split
@@ -373,9 +380,13 @@ class GyroscopePoses:
     def covariance(self, solution, recording):
         """Return the predicted covariance of the residuals of any recording."""
         noise, poses = self.force.noise, recording.poses
-        model, force = self._model(solution, recording)
+        model, x = solution.fitted or (None, None)
+        if model is not None and np.array_equal(model.rotations.w, recording.rotations.w):
+            force = calibrated_force(solution.accelerometer, recording, noise)
+        else:
+            x, (model, force) = solution.x, self._model(solution, recording)
         errors = gyroscope.rotation_covariance(
-            model, solution.x, poses.session, force.direction_covariance, noise
+            model, x, poses.session, force.direction_covariance, noise
         )
         return gyroscope.residual_covariance(poses.mean_covariance(noise)[3:], errors)
 

@@ -127,6 +127,8 @@ class Search:
     whole : Search, optional
         Of all poses: this one's fits start from its fit, and what an effect adds is taken about
         that, as the residuals are straight in it.
+    start : ndarray, optional
+        Parameters without effects next to the fit's.
     """
 
     model: object
@@ -136,6 +138,7 @@ class Search:
     settings: DiagnoseSettings
     tests: int
     whole: "Search | None" = None
+    start: np.ndarray | None = None
     _steps: dict = field(default_factory=dict)
 
     def step(self, effects=()):
@@ -148,9 +151,9 @@ class Search:
         fewer = self._steps.get(effects[:-1]) if effects else self.whole and self.whole.step()
         used = set(map(type, effects))
         shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
-        found = None
-        if fewer:
-            found = self.model.refit(self.recording, self.keep, effects, fewer.solution.x)
+        found, start = None, fewer.solution.x if fewer else self.start
+        if start is not None:
+            found = self.model.refit(self.recording, self.keep, effects, start)
         if found and self.whole:
             solution, fit = found
             known = self.whole.step().linear

@@ -38,29 +38,35 @@ def detection_limits(search, base, trial, power):
     names = list(pattern.effect.parameters)
     needed = search.threshold(len(base)) - trial.tries
     own = root(lambda p: fisher([p] + [CHANCE] * (trial.axes - 1)) - needed, -1e4, 0.0)[0]
-    for axis, columns in enumerate(pattern.columns):
-        fit = search.fit((*base, pattern), axis) if columns else None
-        if fit is None:
-            continue
-        q = len(columns)
-        likely = fit.log_weight - log_sum(fit.log_weight)
-        kept = likely > np.log(1e-12)
-        information = np.linalg.inv(fit.covariance[kept][:, -q:, -q:])
-        scale = search.sight.model.scale(pattern, axis)
-        # (points of the grid, parameters)
-        inform = np.einsum("gqq->gq", information) * scale**2
-
-        def excess(log_size, inform=inform, q=q, dof=fit.dof, likely=likely[kept, None]):
-            statistic = noncentral_quantile(1 - power, q, np.exp(2 * log_size) * inform) / q
-            tail = likely + log_f_tail(statistic, q, dof)
-            top = tail.max(axis=0)
-            return top + np.log(np.exp(tail - top).sum(axis=0)) - own
-
-        start = -0.5 * np.log(inform.max(axis=0))
-        sizes = np.exp(root(excess, start - 5, start + 25))
-        for parameter, size in zip(pattern.parameters[axis], sizes.tolist(), strict=True):
-            limits[names[parameter]] = size
+    axes = [a for a, c in enumerate(pattern.columns) if c and search.fit((*base, pattern), a)]
+    for q in {len(pattern.columns[a]) for a in axes}:
+        own_axes = [a for a in axes if len(pattern.columns[a]) == q]
+        sizes = _sizes(search, base, pattern, own_axes, q, power, own)
+        for axis, found in zip(own_axes, sizes.tolist(), strict=True):
+            limits |= zip((names[p] for p in pattern.parameters[axis]), found, strict=True)
     return {name: limits[name] for name in names if name in limits}
+
+
+def _sizes(search, base, pattern, axes, q, power, threshold):
+    """Return the sizes of the q parameters of some axes, shape (axes, q)."""
+    fits = [search.fit((*base, pattern), axis) for axis in axes]
+    likely = np.array([fit.log_weight - log_sum(fit.log_weight) for fit in fits])
+    # what is next to impossible says nothing
+    likely = np.where(likely > np.log(1e-12), likely, -np.inf)
+    scale = np.array([search.sight.model.scale(pattern, axis) for axis in axes])
+    information = np.linalg.inv(np.array([fit.covariance[:, -q:, -q:] for fit in fits]))
+    # (points of the grid, axes times parameters)
+    inform = (np.einsum("agqq->gaq", information) * scale**2).reshape(len(likely[0]), -1)
+    likely = np.repeat(likely.T, q, axis=1)
+
+    def excess(log_size):
+        statistic = noncentral_quantile(1 - power, q, np.exp(2 * log_size) * inform) / q
+        tail = likely + log_f_tail(statistic, q, fits[0].dof)
+        top = tail.max(axis=0)
+        return top + np.log(np.exp(tail - top).sum(axis=0)) - threshold
+
+    start = -0.5 * np.log(np.where(np.isfinite(likely), inform, 0.0).max(axis=0))
+    return np.exp(root(excess, start - 5, start + 25)).reshape(len(axes), q)
 
 
 def noncentral_quantile(probability, q, noncentrality):
