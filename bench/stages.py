@@ -183,8 +183,11 @@ def main():
         for *words, count, process, work in found
     ]
     lines.append(("all", "", "", *(f"{seconds:.2f}" for seconds in total)))
-    header = ("stage", "session", "rows", "process, s", "of it work, s")
-    print(table(header, lines))
+    print(table(("stage", "session", "rows", "process, s", "work, s"), lines))
+    print(
+        "\nProcess: from the start of Python to the end of the script. Work: the script once more, "
+        "in the same process. Snakemake's share is in neither."
+    )
 
 
 if __name__ == "__main__":

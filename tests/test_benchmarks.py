@@ -1,0 +1,63 @@
+"""What writes docs/benchmarks.md: its sections, contenders that fail, the peers' environment."""
+
+import platform
+import re
+
+import numpy as np
+import pytest
+
+from bench import document
+from bench.peers import records
+from bench.peers.calls import averaging_factors
+from bench.peers.contend import contend
+from imuloop.noise.allan import allan_variance
+
+
+def test_a_part_takes_the_place_of_its_section_and_leaves_the_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(document, "DOCUMENT", tmp_path / "benchmarks.md")
+    titles = {part: each[0] for part, each in document.PARTS.items()}
+    document.write({"stages": f"## {titles['stages']}\n\nold\n\n### Below\n"})
+    document.write({"factory": f"## {titles['factory']}\n\nkept\n"})
+    document.write({"peers": f"## {titles['peers']}\n\nfirst\n"})
+    document.write({"stages": f"## {titles['stages']}\n\nnew\n"})
+    text = (tmp_path / "benchmarks.md").read_text()
+    assert re.findall(r"^#+ (.*)$", text, re.M) == [
+        "Benchmarks",
+        *(titles[part] for part in ("peers", "stages", "factory")),
+    ]
+    assert "old" not in text and text.index("first") < text.index("new") < text.index("kept")
+
+
+def test_the_machine_is_told_without_its_name_and_paths():
+    line = document.machine()
+    assert "Python 3" in line and "numpy" in line
+    assert platform.node() not in line and "/" not in line
+
+
+def test_a_contender_that_fails_says_why(tmp_path):
+    assert (
+        contend("calls", "allantools", tmp_path, tmp_path) == "there is no environment of the peers"
+    )
+    assert contend("calls", "imuloop", tmp_path).startswith("FileNotFoundError: ")
+    # as the Makefile leaves it where a package could not be installed
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin/python").write_text(
+        "#!/bin/sh\necho 'ModuleNotFoundError: avar' >&2\nexit 1\n"
+    )
+    (tmp_path / "bin/python").chmod(0o755)
+    (tmp_path / "avar.log").write_text("Looking\nERROR: No matching distribution for avar\n")
+    said = contend("calls", "avar", tmp_path, tmp_path)
+    assert said == "ERROR: No matching distribution for avar"
+
+
+def test_peers_get_the_same_numpy_and_scipy(repository):
+    locked = (repository / "requirements.lock").read_text()
+    for line in (repository / "bench/requirements.txt").read_text().splitlines()[1:5]:
+        assert re.search(rf"^{re.escape(line)}\b", locked, re.M), line
+
+
+def test_reference_is_the_overlapping_deviation():
+    x = np.random.default_rng(1).normal(9.8, 1, (2, 3000))
+    factors = averaging_factors(3000)
+    found = [np.sqrt(allan_variance([each], factors)) for each in x]
+    assert records.reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
