@@ -11,7 +11,7 @@ rule calibrate:
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
     group:
-        on_a_cluster
+        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

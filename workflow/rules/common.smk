@@ -52,6 +52,11 @@ DEVICES = resolve(config)
 ALIKE = {}
 for name, device in DEVICES.items():
     ALIKE.setdefault(tuple(device["sessions"]), []).append(name)
+# with --jobs, which is for clusters, a device is one submission; without, and where memory has no
+# limit, what a job may need is not worked out: it takes a fifth of the dry run of many devices
+CLUSTER = workflow.nodes is not None
+GROUP = "device" if CLUSTER else None
+LIMITED = CLUSTER or "mem_mb" in workflow.global_resources
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
 # by the environment, not as a parameter: where a file came from changes nothing in it
@@ -109,11 +114,6 @@ def threads_by_size(wildcards, input):
     return 2 if sum(sizes) > 100e6 else 1
 
 
-def on_a_cluster(wildcards):
-    """Return the group that makes a device one submission; on this machine there is none."""
-    return None if workflow.local_exec else "device"
-
-
 def gigabytes(device):
     """Return the size of a device's logs, GB; what is still to be fetched or made counts as none."""
     sources = [s for each in DEVICES[device]["sessions"].values() for s in each["sources"].values()]
@@ -125,7 +125,9 @@ def gigabytes(device):
 
 
 def asked(least, per_gigabyte):
-    """Return a function that asks a cluster for so much: more for large logs, and in each retry."""
+    """Return what a cluster is asked for: more for large logs and in each retry, else the least."""
+    if not LIMITED:
+        return least
     return lambda wildcards, attempt: ceil(
         attempt * (least + per_gigabyte * gigabytes(wildcards.device))
     )

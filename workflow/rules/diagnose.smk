@@ -24,7 +24,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         wildcard_constraints:
             device="|".join(devices),
         group:
-            on_a_cluster
+            GROUP
         conda:
             "../envs/imuloop.yaml"
         threads: 1

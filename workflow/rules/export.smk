@@ -12,7 +12,7 @@ rule export:
     benchmark:
         "benchmarks/export/{device}.tsv"
     group:
-        on_a_cluster
+        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

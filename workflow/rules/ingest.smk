@@ -29,7 +29,7 @@ rule ingest:
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
     group:
-        on_a_cluster
+        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: threads_by_size

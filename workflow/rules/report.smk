@@ -35,7 +35,7 @@ rule report_device:
     benchmark:
         "benchmarks/report_device/{device}.tsv"
     group:
-        on_a_cluster
+        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

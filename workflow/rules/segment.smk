@@ -5,7 +5,7 @@ rule segment:
     output:
         "results/{device}/{session}/segments.parquet",
     group:
-        on_a_cluster
+        GROUP
     log:
         "logs/segment/{device}/{session}.log",
     benchmark:

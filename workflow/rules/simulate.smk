@@ -8,7 +8,7 @@ rule simulate:
     benchmark:
         "benchmarks/simulate/{replica}/{session}.tsv"
     group:
-        on_a_cluster
+        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1
