@@ -27,15 +27,15 @@ from imuloop.simulate.noise import flicker, walk
 
 REPOSITORY = Path(__file__).parents[1]
 SNAKEMAKE = [sys.executable, "-m", "snakemake"]
-# SI; slow noise has nothing to say at 10 Hz and above, where white noise is a hundred times more
+# SI; flicker above `SLOW_RATE`/2 is left out: there it is less than 2e-4 of the white noise
 TRUTH = {
-    **{name: {"N": 1e-3, "B": 3e-4, "K": 1e-5} for name in ACCELERATION},
-    **{name: {"N": 1e-4, "B": 3e-5, "K": 1e-6} for name in ANGULAR_RATE},
+    **{name: {"N": 1e-3, "B": 1.5e-4, "K": 7e-6} for name in ACCELERATION},
+    **{name: {"N": 1e-4, "B": 1.5e-5, "K": 7e-7} for name in ANGULAR_RATE},
 }
 MEAN = dict(zip(CHANNELS, (0.1, -0.2, 9.8, 0.01, -0.02, 0.03), strict=True))
 # digits after the point: of a stamp, of m/s^2, of rad/s
 STAMP, FORCE, RATE = 4, 8, 10
-SLOW_RATE = 10.0
+SLOW_RATE = 50.0
 # rows of a piece
 ROWS = 1 << 18
 # bytes of a row as text, and of its samples beside it
@@ -100,7 +100,7 @@ def misses(axes):
             )
             found += not inside
             low, high = estimate["ci95"] or (np.nan, np.nan)
-            told.append(f"{term} {value:.0e} in [{low:.3e}, {high:.3e}]{'' if inside else ' NO'}")
+            told.append(f"{term} {value:.1e} in [{low:.3e}, {high:.3e}]{'' if inside else ' NO'}")
         print(f"{name}: {', '.join(told)}")
     return found
 

@@ -62,9 +62,12 @@ def expected_error(f):
     design = np.hstack([PRIOR_SCALE * quadratic, PRIOR_BIAS * u])
     error = (np.sum(u * u, axis=1) - 1) / 2
     normal = design.T @ design
-    hat = design @ np.linalg.solve(normal + POSE_NORM**2 * np.eye(9), design.T)
-    residual = np.sum((error - hat @ error) ** 2) + POSE_NORM**2
-    variance = residual / chi_squared(0.05, len(f) - np.trace(hat) + 1)
+    # H y and tr H without H, which has a row and a column an attitude
+    solution = np.linalg.solve(
+        normal + POSE_NORM**2 * np.eye(9), np.column_stack([design.T @ error, normal])
+    )
+    residual = np.sum((error - design @ solution[:, 0]) ** 2) + POSE_NORM**2
+    variance = residual / chi_squared(0.05, len(f) - np.trace(solution[:, 1:]) + 1)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
     return float(np.sqrt(np.sum(covariance * _moments())))
 

@@ -26,14 +26,20 @@ def sliding_statistics(x, n):
     """
     offset = np.mean(x, axis=0)
     x = x - offset
-    first = np.clip(np.arange(len(x)) - n // 2, 0, len(x) - n)
-
-    def windowed(y):
-        total = np.concatenate([np.zeros((1, *y.shape[1:])), np.cumsum(y, axis=0)])
-        return ((total[n:] - total[:-n]) / n)[first]
-
-    mean = windowed(x)
-    return mean + offset, np.maximum(windowed(x * x) - mean * mean, 0.0)
+    out = np.empty((2, *x.shape))
+    # the first whole window is centred on this sample
+    first = n // 2
+    for statistic, y in zip(out, (x, x * x), strict=True):
+        total = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(y, axis=0)])
+        windows = statistic[first : first + len(x) - n + 1]
+        np.subtract(total[n:], total[:-n], out=windows)
+        windows /= n
+        statistic[:first], statistic[first + len(windows) :] = windows[0], windows[-1]
+    mean, variance = out
+    variance -= mean * mean
+    np.maximum(variance, 0.0, out=variance)
+    mean += offset
+    return mean, variance
 
 
 def rounding_variance(x):
