@@ -88,8 +88,6 @@ def noise_again(device, data, calibration, found, noise_settings):
         Settings of the noise stage.
     """
     # needed only where something was found, and long to load
-    import pandas as pd
-
     from imuloop.noise.noise import estimate_noise
     from imuloop.noise.records import Session
 
@@ -97,8 +95,8 @@ def noise_again(device, data, calibration, found, noise_settings):
         Session(
             name,
             data.kinds[name],
-            pd.DataFrame(corrected(name, samples, calibration, found)),
-            pd.DataFrame(data.segments[name]),
+            corrected(name, samples, calibration, found),
+            data.segments[name],
         )
         for name, samples in data.samples.items()
     ]
