@@ -65,7 +65,7 @@ $(PEERS)/.ready: bench/requirements.txt
 # the report of ten devices: time, size, same bytes; from the results of finished runs
 RESULTS ?= results
 bench-report: setup
-	PYTHONPATH=workflow/lib $(BIN)/python bench/ten_devices.py $(RESULTS)
+	PYTHONPATH=workflow/lib $(BIN)/python bench/report_size.py $(RESULTS)
 
 # noise coefficients beside truth, bound and common tools. Writes docs/noise_figures.md, half an hour
 # on two cores; for a part of it NOISE_OPTIONS="--short" or "--parts accuracy --seeds 10"
