@@ -138,9 +138,8 @@ def setting(key):
     return lambda wildcards: device_of(wildcards)[key]
 
 
-def sessions(wildcards):
-    """Return kind and files of all sessions of a job's device by name."""
-    folder = f"results/{wildcards.device}"
+def session_files(device, folder):
+    """Return kind and files of all sessions of a device by name, in its folder of results."""
     return {
         name: {
             "kind": session["kind"],
@@ -151,10 +150,18 @@ def sessions(wildcards):
             "allan": f"{folder}/{name}/allan.parquet",
             "views": f"{folder}/{name}/views.parquet",
         }
-        for name, session in device_of(wildcards)["sessions"].items()
+        for name, session in DEVICES[device]["sessions"].items()
     }
+
+
+def sessions(wildcards, input):
+    """Return kind and files of all sessions of a job's device, where they are: a storage moves them."""
+    return session_files(wildcards.device, Path(input.samples[0]).parents[1])
 
 
 def each_session(column):
     """Return a function that lists one file of each session of a job's device."""
-    return lambda wildcards: [files[column] for files in sessions(wildcards).values()]
+    return lambda wildcards: [
+        files[column]
+        for files in session_files(wildcards.device, f"results/{wildcards.device}").values()
+    ]
