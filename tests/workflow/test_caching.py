@@ -194,3 +194,20 @@ def test_any_working_folder_and_no_target(finished, checkout, tmp_path):
         | jobs("resting", "noise", "rest")
         | REPORT
     )
+
+
+def test_a_log_that_is_a_folder_counts_by_its_files(checkout, tmp_path):
+    log, target = tmp_path / "rec", "results/a/rest/samples.parquet"
+    log.mkdir()
+    rows = [f"{i * 10**7},0.01,0.02,{i % 7 / 1e3},0.1,0.2,9.8{i % 10}" for i in range(500)]
+    head = "#timestamp [ns],w_RS_S_x,w_RS_S_y,w_RS_S_z,a_RS_S_x,a_RS_S_y,a_RS_S_z"
+    (log / "data.csv").write_text("\n".join([head, *rows]))
+    device = {"sessions": {"rest": {"kind": "static", "format": "euroc", "file": "rec"}}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"devices": {"a": device}}))
+    done = snakemake(checkout, tmp_path, target=target)
+    assert done.returncode == 0, done.stderr
+    for path in (log / "data.csv", log):
+        path.touch()
+    assert planned(checkout, tmp_path, target=target) == set()
+    (log / "data.csv").write_text("\n".join([head, *rows[1:]]))
+    assert planned(checkout, tmp_path, target=target) == {"ingest/a/rest"}

@@ -97,9 +97,10 @@ def session_of(wildcards):
 
 
 def source_files(wildcards):
-    """Return where the files of a session lie."""
+    """Return where the files of a session lie; of a folder, the files in it count, not its time."""
     paths = [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
-    return [stored(path) if is_stored(path) else path for path in paths]
+    paths = [stored(path) if is_stored(path) else path for path in paths]
+    return [ancient(path) if Path(path).is_dir() else path for path in paths]
 
 
 def files_inside(wildcards):
