@@ -116,9 +116,11 @@ class Columns:
             raise KeyError(name)
         column, first = np.empty(self.rows), 0
         with pq.ParquetFile(self.path) as file:
-            for batch in file.iter_batches(columns=[name]):
-                last = first + len(batch)
-                column[first:last] = values(batch.column(0))
+            # batches, or threads, would keep a file's worth of memory
+            for group in range(file.num_row_groups):
+                part = values(file.read_row_group(group, [name], use_threads=False).column(0))
+                last = first + len(part)
+                column[first:last] = part
                 first = last
         return column
 

@@ -18,6 +18,8 @@ SHORTEST = 3
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
 NODES = 33
+# frequencies are transformed by their remainder after this, see `_squares`
+REMAINDERS = 16
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
 
@@ -116,8 +118,7 @@ def band_of(layout):
         k += size
     if not sizes:
         return None
-    # of a record and as many zeros, see `_transformed`
-    padded = 4 * fft.next_fast_len(-(-samples // 2), real=True)
+    padded = REMAINDERS * fft.next_fast_len(-(-2 * samples // REMAINDERS))
     edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
     edges[-1] = int((n / 2 - low) * padded / n)
     middle = starts + (lengths - 1) / 2
@@ -157,36 +158,41 @@ def periodogram(layout, stretches, spectrum):
 
 
 def _squares(x):
-    r"""Return the squares of the Fourier transform of x and as many zeros behind, in half the room.
+    r"""Return the squares of the Fourier transform of x and as many zeros behind.
 
-    Every other frequency is that of x alone. With n samples, an even number, those between are
+    One remainder r of the frequency k = P l + r after the other, so that little more than x and the
+    result is in memory. With M = 2 n/P
 
-    .. math:: X_{2l + 1/2} = \sum_{j<n/2} (x_j - i x_{j+n/2}) e^{-\pi i j/n} e^{-2\pi i j l/(n/2)}
+    .. math:: X_{Pl+r} = \sum_{j<M} e^{-2\pi i jl/M} e^{-\pi i jr/n}
+        \sum_{p<P/2} x_{j+pM} e^{-2\pi i pr/P}
 
-    and :math:`X_{n - 1 - k + 1/2} = \bar X_{k + 1/2}`.
+    and those above n are the conjugates of the remainder P - r.
 
     Parameters
     ----------
     x : ndarray of float32, shape (n,)
+        n is a multiple of half of P, `REMAINDERS`.
 
     Returns
     -------
     ndarray of float32, shape (n + 1,)
     """
-    half = len(x) // 2
-    between = np.empty(half, np.complex64)
-    turn = np.exp(-1j * np.pi / len(x) * np.arange(min(CHUNK, half)))
-    for i in range(0, half, CHUNK):
-        j = min(i + CHUNK, half)
-        between[i:j] = x[i:j] - 1j * x[half + i : half + j]
-        between[i:j] *= turn[: j - i] * np.exp(-1j * np.pi * i / len(x))
-    squares = np.empty(len(x) + 1, np.float32)
-    whole = fft.rfft(x, overwrite_x=True)
-    squares[::2] = whole.real**2 + whole.imag**2
-    del whole
-    between = fft.fft(between, overwrite_x=True)
-    between = between.real**2 + between.imag**2
-    squares[1::4], squares[3::4] = between[: -(-half // 2)], between[: half - half // 2 - 1 : -1]
+    n, folded = len(x), x.reshape(REMAINDERS // 2, -1)
+    size = folded.shape[1]
+    squares = np.empty(n + 1, np.float32)
+    for r in range(REMAINDERS // 2 + 1):
+        phase = np.exp(-2j * np.pi * r / REMAINDERS * np.arange(len(folded))).astype(np.complex64)
+        y = np.empty(size, np.complex64)
+        y.real, y.imag = phase.real.copy() @ folded, phase.imag.copy() @ folded
+        turn = np.exp(-1j * np.pi * r / n * np.arange(min(CHUNK, size)))
+        for i in range(0, size, CHUNK):
+            y[i : i + CHUNK] *= turn[: size - i] * np.exp(-1j * np.pi * i * r / n)
+        y = fft.fft(y, overwrite_x=True)
+        power = y.real**2
+        power += y.imag**2
+        for place, each in ((r, power), (REMAINDERS - r, power[::-1])):
+            count = len(squares[place::REMAINDERS])
+            squares[place::REMAINDERS] = each[:count]
     return squares
 
 
