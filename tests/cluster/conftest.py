@@ -18,7 +18,9 @@ from imuloop.simulate.truth import example_truth
 
 PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
 SLURM = Path(__file__).with_name("slurm")
-# one job on a cluster is three processes of Snakemake: no more than that is of interest here
+# what the local S3 takes for an account
+KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
+# what a job computes is of no interest here
 QUICK = {"diagnose": {"draws": 100, "folds": 3}}
 
 
@@ -108,3 +110,22 @@ def slurm():
             yield "profiles/slurm"
         finally:
             subprocess.run([SLURM, "stop", folder], check=True)
+
+
+@pytest.fixture(scope="session")
+def s3():
+    """An S3 on this machine: its client and its address as the environment gives it."""
+    needs_plugin("storage_plugin_s3")
+    boto3 = pytest.importorskip("boto3")
+    server = pytest.importorskip("moto.server", reason="no moto here: make cluster")
+    started = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    started.start()
+    host, port = started.get_host_and_port()
+    address = f"http://{host}:{port}"
+    names = {"aws_access_key_id": "any", "aws_secret_access_key": "any"}
+    client = boto3.client("s3", endpoint_url=address, region_name="us-east-1", **names)
+    client.create_bucket(Bucket="logs")
+    # none but what a test gives: no file of the user's, no machine that lends a role
+    nothing = dict.fromkeys(("AWS_SHARED_CREDENTIALS_FILE", "AWS_CONFIG_FILE"), os.devnull)
+    yield client, nothing | {"AWS_ENDPOINT_URL": address, "AWS_EC2_METADATA_DISABLED": "true"}
+    started.stop()

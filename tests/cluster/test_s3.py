@@ -1,35 +1,14 @@
 """Logs in an S3, a local one: the results of the local files, and one line where one is missing."""
 
-import os
 import re
 
 import pyarrow.parquet as pq
 import pytest
 
-from cluster.conftest import contents, needs_plugin, run, write_config, write_devices
+from cluster.conftest import KEYS, contents, run, write_config, write_devices
 
-KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
 FOLDER = b"s3://logs/bench 1/"
 TARGET = "results/imu/section.html"
-
-
-@pytest.fixture(scope="module")
-def s3():
-    """An S3 on this machine: its client and its address as the environment gives it."""
-    needs_plugin("storage_plugin_s3")
-    boto3 = pytest.importorskip("boto3")
-    server = pytest.importorskip("moto.server", reason="no moto here: make cluster")
-    started = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    started.start()
-    host, port = started.get_host_and_port()
-    address = f"http://{host}:{port}"
-    names = {"aws_access_key_id": "any", "aws_secret_access_key": "any"}
-    client = boto3.client("s3", endpoint_url=address, region_name="us-east-1", **names)
-    client.create_bucket(Bucket="logs")
-    # none but what a test gives: no file of the user's, no machine that lends a role
-    nothing = dict.fromkeys(("AWS_SHARED_CREDENTIALS_FILE", "AWS_CONFIG_FILE"), os.devnull)
-    yield client, nothing | {"AWS_ENDPOINT_URL": address, "AWS_EC2_METADATA_DISABLED": "true"}
-    started.stop()
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +79,26 @@ def test_memory_is_asked_for_by_the_size_in_the_storage(repository, s3, tmp_path
     client.put_object(Bucket="logs", Key="large.csv", Body=bytes(20_000_000))
     log = {"kind": "static", "file": "s3://logs/large.csv"}
     write_config(tmp_path, {"imu": {"sessions": {"rest": log}}})
-    planned = run(repository, tmp_path, "-n", target=TARGET, **environment | KEYS).stdout
+    limit = ("--resources", "mem_mb=100000")
+    planned = run(repository, tmp_path, "-n", *limit, target=TARGET, **environment | KEYS).stdout
     # 500 MB and 700 for each GB of log
     assert re.search(r"rule noise_1:\n(?: .*\n)*? +resources: .*mem_mb=514,", planned)
+
+
+def test_a_run_without_any_shared_folder_gives_the_same_bytes(both, repository, s3, tmp_path):
+    # results and benchmarks in the S3 too, as on machines that share no disk
+    _, there, _ = both
+    client, environment = s3
+    client.create_bucket(Bucket="all")
+    (tmp_path / "config.yaml").write_bytes((there / "config.yaml").read_bytes())
+    storage = ["--default-storage-provider", "s3", "--default-storage-prefix", "s3://all"]
+    shared = ["--shared-fs-usage", "persistence", "software-deployment", "sources", "source-cache"]
+    done = run(
+        *(repository, tmp_path, "-c2", *storage, *shared), target=TARGET, **environment | KEYS
+    )
+    assert done.returncode == 0, done.stderr
+    listed = client.list_objects_v2(Bucket="all", Prefix="results/")["Contents"]
+    local = contents(there)
+    assert {each["Key"] for each in listed} == set(local)
+    for path in local:
+        assert client.get_object(Bucket="all", Key=path)["Body"].read() == local[path], path

@@ -18,6 +18,8 @@ from cluster.conftest import (
 
 # longest time from the end of a job to Snakemake's word of it, s
 TOLD = 60
+# what a job needs is worked out where memory is counted, else nowhere
+LIMIT = ("--resources", "mem_mb=100000")
 # squeue: what a device's submission asked for
 ASKED = "%i|%C|%m|%k|%T"
 
@@ -70,7 +72,7 @@ def test_memory_is_asked_for_by_the_size_of_the_log(six, repository):
     with open(local / "imu0_static.csv", "r+b") as log:
         # a hole: nothing is read beyond the head before the run
         log.truncate(2_000_000_000)
-    planned = run(repository, local, "-c1", "-n", target="results/imu0/section.html").stdout
+    planned = run(repository, local, "-n", *LIMIT, target="results/imu0/section.html").stdout
     with open(local / "imu0_static.csv", "r+b") as log:
         log.truncate(small)
     (diagnosis,) = re.findall(

@@ -1,0 +1,28 @@
+"""The commands of docs/clusters.md: each is planned as it stands there."""
+
+import re
+import shlex
+
+from cluster.conftest import KEYS, needs_plugin, run, write_config, write_devices
+
+
+def test_every_command_of_the_document_can_be_planned(repository, s3, tmp_path):
+    needs_plugin("executor_plugin_slurm")
+    client, environment = s3
+    client.create_bucket(Bucket="bucket")
+    devices = write_devices(tmp_path, ["imu"])
+    for session in devices["imu"]["sessions"].values():
+        client.upload_file(tmp_path / session["file"], "bucket", session["file"])
+        session["file"] = f"s3://bucket/{session['file']}"
+    write_config(tmp_path, devices)
+    text = (repository / "docs/clusters.md").read_text()
+    lines = re.findall(r"^\.venv-cluster/bin/snakemake .*$", text, re.M)
+    assert len(lines) == 3
+    for line in lines:
+        words = shlex.split(line)
+        assert words[-2:] == ["--", "results/report.html"]
+        arguments = [str(repository / w) if w.startswith("profiles/") else w for w in words[1:-2]]
+        arguments.remove("--configfile")
+        arguments.remove("config.yaml")
+        done = run(repository, tmp_path, *arguments, "-n", **environment | KEYS)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
