@@ -15,8 +15,6 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
-from imuloop.diagnose.drift import check_drift, is_bias
-from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.effect_units import data_sheet
@@ -86,6 +84,9 @@ def share(text):
 
 def run(arguments):
     """Test a calibration on a log; return the exit status."""
+    # loads for a second, and every command would wait for it
+    from imuloop.diagnose.drift import check_drift
+
     calibration, log = Calibration.from_json(arguments.calibration), arguments.log
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
@@ -136,6 +137,9 @@ def noise_of(arguments, calibration, kind, samples, segments):
             return NoiseModel.from_json(path), f"of {path}"
         except (KeyError, TypeError, ValueError) as error:
             raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
+    # as above
+    from imuloop.noise.noise import estimate_noise
+
     session = Session(arguments.log.name, kind, samples, segments)
     found = estimate_noise(calibration.device, [session], NoiseSettings(views=()), uncut=False)
     return found.model, "of the log itself"
@@ -194,6 +198,8 @@ def _moved(change):
 
 def _comment(change, sensor):
     """Return what is to be said of a change, beside its numbers."""
+    from imuloop.diagnose.drift import is_bias
+
     if not is_bias(change.name):
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)

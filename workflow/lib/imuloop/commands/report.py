@@ -17,10 +17,8 @@ from imuloop.core.gravity import normal_gravity
 from imuloop.core.samples import Columns, read_samples
 from imuloop.core.segments import read_segments, write_segments
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.diagnose.diagnose import diagnose_device
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import export_files, read_exported, write_exports
-from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.tables import write_table
@@ -107,6 +105,10 @@ def make(arguments, folder):
     folder : Path
         Where the results go, as in ``results/<device>``.
     """
+    # these load for half a second, and every command would wait for it
+    from imuloop.diagnose.diagnose import diagnose_device
+    from imuloop.noise.noise import estimate_noise
+
     device, label = "device", arguments.label or arguments.logs[0][1].stem
     sessions = {}
     for kind, path in arguments.logs:
