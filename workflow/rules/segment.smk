@@ -4,15 +4,15 @@ rule segment:
         quality="results/{device}/{session}/quality.json",
     output:
         "results/{device}/{session}/segments.parquet",
-    group:
-        GROUP
     log:
         "logs/segment/{device}/{session}.log",
     benchmark:
         "benchmarks/segment/{device}/{session}.tsv"
+    group:
+        GROUP
     conda:
         "../envs/imuloop.yaml"
-    threads: 1
+    threads: threads_by_size
     resources:
         mem_mb=asked(500, 300),
         runtime=asked(5, 5),
