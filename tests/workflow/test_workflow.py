@@ -130,3 +130,10 @@ def test_a_mirror_serves_a_download(checkout, tmp_path, finished):
 def test_the_library_never_imports_the_workflow_manager(repository):
     for path in (repository / "workflow/lib").rglob("*.py"):
         assert not re.search(r"^\s*(import|from) snakemake", path.read_text(), re.M), path
+
+
+def test_the_scheduler_has_the_limits_that_a_local_run_lifts():
+    """Of no documented setting: without them half of the time of many devices goes to timers."""
+    from snakemake.scheduling.job_scheduler import JobScheduler
+
+    assert {"job_rate_limiter", "subsample"} <= {*JobScheduler.__init__.__code__.co_names}
