@@ -1,6 +1,6 @@
 """Multi-position calibration of a gyroscope: its rotations carry gravity from pose to pose."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -235,7 +235,7 @@ def midpoints(values):
 
 
 def seen_only(model, x, keep, inside, rotations):
-    """Return the model of some poses and rotations alone, its path with parameters x known.
+    """Return the model of some poses and rotations for their covariance with parameters x.
 
     Parameters
     ----------
@@ -248,15 +248,27 @@ def seen_only(model, x, keep, inside, rotations):
     rotations : Rotations
         Those rotations, numbered by these poses.
     """
-    path = model.path(x)
-    parts = (getattr(path, f.name)[inside] for f in fields(path))
+    path, m = model.path(x), len(rotations)
+    # what a covariance takes; the samples themselves would be held once for each part
+    nothing = np.zeros((m, 0, 3))
+    rotations = replace(rotations, t=nothing[..., 0], w=nothing, f=nothing, temperature=None)
+    part = Path(
+        path.last[inside],
+        path.turn[inside],
+        path.mean[inside],
+        np.zeros((m, 3, 3, 0)),
+        nothing[..., 0],
+    )
+    vars(part)["spread"] = path.spread[inside]
     return replace(
         model,
         rate=model.rate[keep],
         rate_design=model.rate_design[keep],
         rotations=rotations,
+        rotation_design=np.zeros((m, 0, 3, len(x) - 12)),
+        rotation_known=0.0,
         directions=model.directions[keep],
-        _paths={np.asarray(x, dtype=float).tobytes(): Path(*parts)},
+        _paths={np.asarray(x, dtype=float).tobytes(): part},
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from imuloop.diagnose.pose_models import Solution
+from imuloop.diagnose.solution import Solution
 
 
 @dataclass(frozen=True)

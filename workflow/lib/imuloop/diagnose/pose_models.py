@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.calibrate import in_raw_units
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, FittedEffect
@@ -14,55 +13,16 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.refit import refit
-from imuloop.diagnose.residuals import Residual, judge
-from imuloop.diagnose.trial import Linear
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A sensor fitted with some effects.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-        The effects that were estimated.
-    x : ndarray, shape (p,)
-        Parameters of the base model, then the effects', SI as logged.
-    calibration : SensorCalibration
-        Fitted calibration.
-    accelerometer : SensorCalibration
-        Calibration that gave the direction of gravity.
-    chi2, dof : float, int
-        Of the whole fit, against the noise model.
-    residuals : dict of str to Residual
-        Each kind of residual of the sensor, on the data of the fit.
-    covariance : ndarray, shape (n, n)
-        Predicted covariance of all residuals, kind after kind.
-    jacobian : ndarray, shape (n, p)
-        Their derivative with respect to all parameters.
-    fitted : tuple or None
-        Model of the residuals next to the solution, and its parameters there; None if not kept.
-    """
-
-    effects: tuple[Effect, ...]
-    x: np.ndarray
-    calibration: SensorCalibration
-    accelerometer: SensorCalibration
-    chi2: float
-    dof: int
-    residuals: dict[str, Residual]
-    covariance: np.ndarray
-    jacobian: np.ndarray
-    fitted: tuple | None = None
-
-
-def linear(values, jacobian, parameters, shapes, kinds, components):
-    """Return the `Linear` of residuals whose derivative holds the shapes' columns at its end."""
-    widths = [len(shape.parameters) for shape in shapes]
-    columns = np.split(jacobian[:, parameters:], np.cumsum(widths)[:-1], axis=1) if shapes else ()
-    return Linear(
-        values, jacobian[:, :parameters], tuple(shapes), tuple(columns), kinds, components
-    )
+from imuloop.diagnose.residuals import judge
+from imuloop.diagnose.solution import (
+    Solution,
+    fitted_calibration,
+    inside_of,
+    key_of,
+    linear,
+    padded,
+    size_of,
+)
 
 
 @dataclass(frozen=True)
@@ -116,7 +76,7 @@ class AccelerometerPoses:
 
     def fit(self, recording, effects=(), start=None):
         """Return the Solution for a recording; the start is as good without another."""
-        key = _key(effects, recording.poses)
+        key = key_of(effects, recording.poses)
         if key not in self._fits:
             means = recording.poses.mean_covariance(self.noise)[:3]
             fit, model = accelerometer.fit_accelerometer(
@@ -152,7 +112,7 @@ class AccelerometerPoses:
             )
             return *model.residuals(x), own.covariance(x, means)
 
-        found = refit(evaluate, keep, _padded(start, 9, effects))
+        found = refit(evaluate, keep, padded(start, 9, effects))
         if found is None:
             return None
         solution = self._solution(
@@ -165,11 +125,13 @@ class AccelerometerPoses:
             found.jacobian[keep],
             found.covariance,
         )
-        self._fits[_key(effects, poses)] = solution
+        self._fits[key_of(effects, poses)] = solution
         return solution, found
 
     def _solution(self, x, parameters, chi2, dof, effects, values, jacobian, predicted):
-        calibration = _calibration(self, accelerometer.NAMES, x, parameters, chi2, dof, effects)
+        calibration = fitted_calibration(
+            self, accelerometer.NAMES, x, parameters, chi2, dof, effects
+        )
         residual = judge("m/s^2", values[:, None], predicted, jacobian, parameters)
         return Solution(
             tuple(effects),
@@ -202,7 +164,7 @@ class AccelerometerPoses:
 
     def effect_sizes(self, solution, recording):
         """Return what one unit of each effect's parameter does, root mean square, (p,), SI."""
-        return _size(self._model(recording, solution.x, solution.effects).design)
+        return size_of(self._model(recording, solution.x, solution.effects).design)
 
     def _model(self, recording, x, effects):
         return accelerometer.accelerometer_model(recording, self.gravity, x, effects, self.known)
@@ -289,7 +251,7 @@ class GyroscopePoses:
         force = calibrated_force(self._force(recording), recording, self.force.noise)
         # the design, but for what the parameters of a part differ by
         jacobian = gyroscope.start_derivative(recording, force)
-        inside = [_inside(recording, keep) for keep in keeps]
+        inside = [inside_of(recording, keep) for keep in keeps]
         condition = self.force.settings.largest_condition
         return [
             lacks or gyroscope.undetermined(jacobian[rows], condition) is not None
@@ -304,11 +266,11 @@ class GyroscopePoses:
         noise, seen = self.force.noise, recording.select(keep)
         calibration = self._force(seen)
         part = calibrated_force(calibration, seen, noise)
-        poses, inside = recording.poses, _inside(recording, keep)
+        poses, inside = recording.poses, inside_of(recording, keep)
         channels = recording.pose_channels("accelerometer", calibration.output, poses.w)
         force = replace(part, poses=calibration.apply(poses.f, channels), recording=recording)
         means = seen.poses.mean_covariance(noise)[3:]
-        start, shared = _padded(start, 12, effects), not effects and not self.known
+        start, shared = padded(start, 12, effects), not effects and not self.known
 
         fitted = None
 
@@ -346,7 +308,7 @@ class GyroscopePoses:
     def _solution(
         self, x, parameters, chi2, dof, effects, values, jacobian, covariance, force, split
     ):
-        calibration = _calibration(self, gyroscope.NAMES, x, parameters, chi2, dof, effects)
+        calibration = fitted_calibration(self, gyroscope.NAMES, x, parameters, chi2, dof, effects)
         parts = {
             "pose_rate": ("rad/s", values[:split].reshape(-1, 3), slice(0, split)),
             "rotation": ("rad", values[split:].reshape(-1, 2), slice(split, None)),
@@ -381,7 +343,7 @@ class GyroscopePoses:
         """Return the predicted covariance of the residuals of any recording."""
         noise, poses = self.force.noise, recording.poses
         model, x = solution.fitted or (None, None)
-        if model is not None and np.array_equal(model.rotations.w, recording.rotations.w):
+        if model is not None and np.array_equal(model.rate, poses.w):
             force = calibrated_force(solution.accelerometer, recording, noise)
         else:
             x, (model, force) = solution.x, self._model(solution, recording)
@@ -397,7 +359,7 @@ class GyroscopePoses:
         """
         model, _ = self._model(solution, recording)
         along = model.rotation_design.reshape(-1, *model.rotation_design.shape[2:])
-        return np.maximum(_size(model.rate_design), _size(along))
+        return np.maximum(size_of(model.rate_design), size_of(along))
 
     def _model(self, solution, recording):
         force = calibrated_force(solution.accelerometer, recording, self.force.noise)
@@ -405,41 +367,3 @@ class GyroscopePoses:
             recording, force, solution.x, solution.effects, self.known
         )
         return model, force
-
-
-def _calibration(model, base, x, parameters, chi2, dof, effects):
-    """Return the calibration of a fit; variances grow with what it leaves unexplained."""
-    reduced = chi2 / dof if dof > 0 else np.nan
-    return in_raw_units(
-        model.unit,
-        base,
-        x,
-        parameters * (max(1.0, reduced) if np.isfinite(reduced) else 1.0),
-        method="multi_position",
-        effects=effects,
-        known=model.known,
-        reduced_chi2=reduced,
-    )
-
-
-def _padded(start, base, effects):
-    """Return parameters to start from, those of more effects zero."""
-    count = base + sum(len(e.parameters) for e in effects)
-    return np.concatenate([start, np.zeros(count - len(start))])
-
-
-def _inside(recording, keep):
-    """Return which rotations lie between two poses that are kept."""
-    first = recording.rotations.first
-    return keep[first] & keep[first + 1]
-
-
-def _key(effects, poses):
-    """Return what tells fits apart."""
-    columns = poses.session, poses.start_s, poses.end_s, poses.f
-    return tuple(effects), *(np.asarray(c).tobytes() for c in columns)
-
-
-def _size(design):
-    """Return the root mean square of the vectors of a design, (n, 3, p) to (p,)."""
-    return np.sqrt((design**2).sum(axis=1).mean(axis=0))
