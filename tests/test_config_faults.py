@@ -335,6 +335,14 @@ def test_a_file_that_is_no_config_is_told_in_one_line(tmp_path, monkeypatch, con
         assert "\n" not in fault
 
 
+def test_what_libyaml_refuses_is_judged_as_snakemake_reads_it(faults):
+    written = '"\\uD800"'
+    with pytest.raises(yaml.YAMLError):
+        yaml.load(written, yaml.CSafeLoader)
+    [line] = faults(session(f"{SOUND}, units: {{time: {written}}}"))
+    assert "devices.imu.sessions.a.units.time: " in line and line.isprintable()
+
+
 def test_a_fault_of_the_defaults_is_told_once(faults):
     one = f"{{sessions: {{x: {{{SOUND}}}}}}}"
     assert len(faults(f"devices: {{a: {one}, b: {one}}}\ndefaults: {{gravity: 98}}")) == 1

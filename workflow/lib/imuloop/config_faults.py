@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from imuloop.config import merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults
-from imuloop.yaml_traps import LOADER, yaml_faults
+from imuloop.yaml_traps import by_libyaml, yaml_faults
 
 # a config of a thousand devices holds fewer
 MOST_VALUES = 100_000
@@ -74,10 +74,10 @@ def config_faults(config, files, schema, replicas, mirror=None):
     contents, found = {}, []
     for name, path in files.items():
         text = Path(path).read_text(encoding="utf-8")
-        contents[name] = without_dates(yaml.load(text, LOADER)) or {}
+        contents[name] = without_dates(by_libyaml(yaml.load, text)) or {}
         found += [(key, fault, name) for key, fault in yaml_faults(text)]
     trapped = {key for key, _, _ in found}
-    declared = _schema_faults(config, yaml.load(Path(schema).read_text("utf-8"), LOADER))
+    declared = _schema_faults(config, by_libyaml(yaml.load, Path(schema).read_text("utf-8")))
     wrong = {key for key, _ in declared} | trapped
     declared += _meaning_faults(config, wrong, replicas)
     found += [(key, text, _origin(contents, key)) for key, text in declared if key not in trapped]

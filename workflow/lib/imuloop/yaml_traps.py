@@ -6,9 +6,6 @@ import re
 
 import yaml
 
-# many times as fast, where PyYAML was built with it
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
 # what is written, and what YAML takes it for
 _TRAPS = (
     (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "tag:yaml.org,2002:str"),
@@ -19,9 +16,18 @@ _TRAPS = (
 )
 
 
+def by_libyaml(function, text):
+    """Return what `yaml.load` or `yaml.compose` makes of a text, where it can much faster."""
+    try:
+        return function(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except yaml.YAMLError:
+        # refuses some escapes that the loader of Snakemake takes
+        return function(text, yaml.SafeLoader)
+
+
 def yaml_faults(text):
     """Return (key, fault) for each trap in a config's text, a key as a tuple of its parts."""
-    node = yaml.compose(text, Loader=LOADER)
+    node = by_libyaml(yaml.compose, text)
     return list(_faults(node, (), () if _is_json(text) else _TRAPS))
 
 

@@ -136,7 +136,8 @@ def find_layout(path, least=3):
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
-    table = [texts[i] for i in rows]
+    # an odd step: rows of two kinds in turn both count
+    table = [texts[i] for i in rows[:: len(rows) // _JUDGED | 1]]
     tried = {s: _split(table, s) for s in _SEPARATORS}
     shares = {s: _numeric_share(*tried[s], least) for s in _SEPARATORS}
     best = max(_SEPARATORS, key=shares.get)
@@ -351,8 +352,6 @@ def _numeric_share(fields, width, least):
     if width < least:
         return 0.0
     rows = [row for row in fields if len(row) == width]
-    # an odd step: rows of two kinds in turn both count
-    rows = rows[:: len(rows) // _JUDGED | 1]
     return sum(map(_numeric, rows)) / (len(rows) * width)
 
 
