@@ -36,10 +36,12 @@ def storage_faults():
     """Yield the faults of all logs in a storage, one line each."""
     for device, resolved in DEVICES.items():
         for session, declared in resolved["sessions"].items():
-            for query in (source.get("path", "") for source in declared["sources"].values()):
+            for role, source in declared["sources"].items():
+                query = source.get("path", "")
                 if is_stored(query) and (fault := storage_fault(query)):
-                    key = f"devices.{device}.sessions.{session}.file"
-                    yield f"{', '.join(CONFIG_FILES)}: {key}: {query}: {fault}"
+                    key = {"log": "file", "pps": "pps.file"}.get(role, f"file.{role}")
+                    place = f"devices.{device}.sessions.{session}.{key}"
+                    yield f"{', '.join(CONFIG_FILES)}: {place}: {query}: {fault}"
 
 
 if workflow.is_main_process and (faults := list(storage_faults())):
