@@ -21,7 +21,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             GROUP
         conda:
             "../envs/imuloop.yaml"
-        threads: 1
+        threads: threads_by_size
         resources:
             mem_mb=asked(500, 700),
             runtime=asked(5, 10),
