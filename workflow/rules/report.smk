@@ -13,6 +13,8 @@ rule report_device:
         attitude="results/{device}/attitude.json",
         attitude_series="results/{device}/attitude.parquet",
         exports="results/{device}/exports.json",
+        # to be there where no folder is shared; the list tells whether it changed
+        exported=ancient("results/{device}/exports"),
         template=local(f"{TEMPLATES}/section.html.j2"),
         page=local(f"{TEMPLATES}/device.html.j2"),
         frame=local(f"{TEMPLATES}/page.html.j2"),
@@ -56,6 +58,7 @@ rule report:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
         exports=expand("results/{device}/exports.json", device=DEVICES),
+        exported=ancient(expand("results/{device}/exports", device=DEVICES)),
         template=local(f"{TEMPLATES}/report.html.j2"),
         frame=local(f"{TEMPLATES}/page.html.j2"),
         style=local(f"{TEMPLATES}/style.css"),
