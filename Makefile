@@ -25,7 +25,7 @@ test: setup
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
 cluster: setup-cluster
-	.venv-cluster/bin/pytest -n $(CORES) --dist loadgroup tests/cluster
+	.venv-cluster/bin/pytest -n $(CORES) --dist loadfile tests/cluster
 
 lint: setup
 	$(BIN)/ruff check .
