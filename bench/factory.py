@@ -34,7 +34,7 @@ FOLLOWS = 10
 # jobs of one device by rule
 WHOLE = {
     "ingest": 2,
-    "segment": 2,
+    "segment_1": 1,
     "noise_1": 1,
     "calibrate": 1,
     "diagnose_1": 1,

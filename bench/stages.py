@@ -85,15 +85,12 @@ def jobs(folder, kinds):
             input={"log": [f"{folder}/{name}.csv"]},
             output={"samples": files["samples"], "quality": files["quality"]},
         )
-    for name, files in sessions.items():
-        yield job(
-            "segment",
-            name,
-            params={"kind": files["kind"], "settings": device["segment"]},
-            wildcards={"device": "imu", "session": name},
-            input={"samples": files["samples"], "quality": files["quality"]},
-            output=[files["segments"]],
-        )
+    yield job(
+        "segment",
+        params={"settings": device["segment"]},
+        input={"samples": each("samples")},
+        output=each("segments"),
+    )
     yield job(
         "noise",
         params={"settings": device["noise"]},

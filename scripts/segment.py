@@ -1,4 +1,4 @@
-"""Cut one session into rests, motion, disturbances and gaps."""
+"""Cut each session of one device into rests, motion, disturbances and gaps."""
 
 from imuloop.core.samples import Columns
 from imuloop.core.segments import write_segments
@@ -6,13 +6,10 @@ from imuloop.job_log import open_log
 from imuloop.segment.segment import session_columns
 from imuloop.segment.settings import SegmentSettings
 
-wildcards, params = snakemake.wildcards, snakemake.params
-open_log(snakemake.log[0], f"segment {wildcards.device}/{wildcards.session}")
+params = snakemake.params
+open_log(snakemake.log[0], f"segment {params.device}")
 
-segments, metadata = session_columns(
-    Columns(snakemake.input.samples),
-    params.kind,
-    SegmentSettings(**params.settings),
-    snakemake.threads,
-)
-write_segments(snakemake.output[0], segments, metadata)
+settings = SegmentSettings(**params.settings)
+for each, path in zip(params.sessions.values(), snakemake.output, strict=True):
+    samples = Columns(each["samples"])
+    write_segments(path, *session_columns(samples, each["kind"], settings, snakemake.threads))

@@ -90,8 +90,8 @@ def failed(repository, slurm, tmp_path_factory):
     work = tmp_path_factory.mktemp("failing")
     edited = copy_of_workflow(repository, tmp_path_factory.mktemp("edited"))
     with open(edited / "scripts/segment.py", "a") as script:
-        script.write('if wildcards.device == "broken":\n    raise RuntimeError("on purpose")\n')
-        script.write('if wildcards.device == "stuck":\n    import time\n\n    time.sleep(300)\n')
+        script.write('if params.device == "broken":\n    raise RuntimeError("on purpose")\n')
+        script.write('if params.device == "stuck":\n    import time\n\n    time.sleep(300)\n')
     devices = write_devices(work, ["broken", "stuck"])
     for device in devices.values():
         del device["sessions"]["multi_position"]
@@ -106,7 +106,7 @@ def failed(repository, slurm, tmp_path_factory):
             if "Error in group device" in text:
                 told.append([time.time()])
                 if len(told) == 1:
-                    ended.append((work / "logs/segment/broken/static.log").stat().st_mtime)
+                    ended.append((work / "logs/segment/broken.log").stat().st_mtime)
                     (stuck,) = [job for job, state in queue("%i|%T") if state == "RUNNING"]
                     subprocess.run(["scancel", stuck], check=True)
                     ended.append(time.time())
@@ -117,7 +117,7 @@ def failed(repository, slurm, tmp_path_factory):
 def test_a_failing_job_is_told_within_a_minute_with_a_log_that_says_why(failed):
     ended, told = failed
     assert 0 <= told[0][0] - ended[0] < TOLD
-    assert "segment broken/static: on purpose" in told[0][1].read_text()
+    assert "segment broken: on purpose" in told[0][1].read_text()
 
 
 def test_a_cancelled_job_is_told_within_a_minute(failed):

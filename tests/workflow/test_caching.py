@@ -14,12 +14,12 @@ import yaml
 from workflow.run import command, snakemake
 
 # the stages of a device that follow its sessions, in their order
-STAGES = ("noise", "calibrate", "diagnose", "export", "report_device")
+STAGES = ("segment", "noise", "calibrate", "diagnose", "export", "report_device")
 
 
 def jobs(device, first, *sessions):
     """Return the jobs of a device from a stage on, those of some sessions before them."""
-    before = {f"{stage}/{device}/{name}" for stage in ("ingest", "segment") for name in sessions}
+    before = {f"ingest/{device}/{name}" for name in sessions}
     return before | {f"{stage}/{device}" for stage in STAGES[STAGES.index(first) :]}
 
 
@@ -115,7 +115,7 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
 
 def test_a_new_device_is_an_entry_and_nothing_else(folder, checkout, with_keys):
     new = with_keys("new", sessions={"rest": {"kind": "static", "file": "rest.parquet"}})
-    assert planned(checkout, folder, new) == jobs("new", "noise", "rest") | REPORT
+    assert planned(checkout, folder, new) == jobs("new", "segment", "rest") | REPORT
 
 
 def test_a_device_that_is_gone_reruns_the_report_alone(folder, checkout, written):
@@ -127,7 +127,7 @@ def test_a_changed_log_reruns_what_comes_from_it(folder, checkout):
     log = folder / "faces.csv"
     lines = log.read_text().splitlines(keepends=True)
     log.write_text("".join(lines[:-1]))
-    assert planned(checkout, folder) == jobs("posed", "noise", "faces") | REPORT
+    assert planned(checkout, folder) == jobs("posed", "segment", "faces") | REPORT
 
 
 def test_an_edited_module_reruns_the_stages_that_reach_it(folder, checkout):
@@ -190,8 +190,8 @@ def test_any_working_folder_and_no_target(finished, checkout, tmp_path):
         cwd=tmp_path,
     )
     assert found == (
-        jobs("posed", "noise", "poses", "faces", "broken")
-        | jobs("resting", "noise", "rest")
+        jobs("posed", "segment", "poses", "faces", "broken")
+        | jobs("resting", "segment", "rest")
         | REPORT
     )
 

@@ -115,22 +115,25 @@ def threads_by_size(wildcards, input):
     return 2 if sum(sizes) > 100e6 else 1
 
 
-def gigabytes(device):
-    """Return the size of a device's logs, GB; what is still to be fetched or made counts as none."""
-    sources = [s for each in DEVICES[device]["sessions"].values() for s in each["sources"].values()]
-    paths = [source_path(source, CACHE) for source in sources]
+def gigabytes(session):
+    """Return the size of a session's logs, GB; what is still to be fetched or made counts as none."""
+    paths = [source_path(source, CACHE) for source in session["sources"].values()]
     remote = sum(in_storage(path).size() for path in paths if is_stored(path))
     local = [Path(path) for path in paths if not is_stored(path)]
     inside = [file for path in local for file in (path.iterdir() if path.is_dir() else [path])]
     return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
 
 
-def asked(least, per_gigabyte):
-    """Return what a cluster is asked for: more for large logs and in each retry, else the least."""
+def asked(least, per_gigabyte, of=sum):
+    """Return what a cluster is asked for: more for large logs and in each retry, else the least.
+
+    The logs are all those of the device, or with ``of=max`` the largest session's.
+    """
     if not LIMITED:
         return least
     return lambda wildcards, attempt: ceil(
-        attempt * (least + per_gigabyte * gigabytes(wildcards.device))
+        attempt
+        * (least + per_gigabyte * of(map(gigabytes, device_of(wildcards)["sessions"].values())))
     )
 
 

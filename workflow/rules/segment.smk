@@ -1,24 +1,31 @@
-rule segment:
-    input:
-        samples="results/{device}/{session}/samples.parquet",
-        quality="results/{device}/{session}/quality.json",
-    output:
-        "results/{device}/{session}/segments.parquet",
-    log:
-        "logs/segment/{device}/{session}.log",
-    benchmark:
-        "benchmarks/segment/{device}/{session}.tsv"
-    group:
-        GROUP
-    conda:
-        "../envs/imuloop.yaml"
-    threads: threads_by_size
-    resources:
-        mem_mb=asked(500, 300),
-        runtime=asked(5, 5),
-    params:
-        kind=lambda wildcards: session_of(wildcards)["kind"],
-        settings=setting("segment"),
-        code=code("segment.py"),
-    script:
-        "../../scripts/segment.py"
+# Rules as for the noise: one job for all sessions of a device, one after the other.
+for number, (names, devices) in enumerate(ALIKE.items(), 1):
+
+    rule:
+        name:
+            f"segment_{number}"
+        input:
+            samples=each_session("samples"),
+        output:
+            expand("results/{{device}}/{name}/segments.parquet", name=names),
+        log:
+            "logs/segment/{device}.log",
+        benchmark:
+            "benchmarks/segment/{device}.tsv"
+        wildcard_constraints:
+            device="|".join(devices),
+        group:
+            GROUP
+        conda:
+            "../envs/imuloop.yaml"
+        threads: threads_by_size
+        resources:
+            mem_mb=asked(500, 300, of=max),
+            runtime=asked(5, 5),
+        params:
+            device="{device}",
+            sessions=sessions,
+            settings=setting("segment"),
+            code=code("segment.py"),
+        script:
+            "../../scripts/segment.py"
