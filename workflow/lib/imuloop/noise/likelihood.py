@@ -1,6 +1,7 @@
 """The likelihood of one axis' modes, and its maximum."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -95,44 +96,55 @@ class Likelihood:
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
         slope = 0.0 if isinstance(ramp, bool) else ramp
-        restricted = restricted and ramp is True
+        slow, restricted = len(self.rho), restricted and ramp is True
         power = self.power(slope)
         floor = ROUNDING * max(power.max(), np.max(fixed)) + np.finfo(float).tiny
         size = units.max(axis=0) if units.size else np.ones(units.shape[1])
-        units = units / size
+        columns = np.ascontiguousarray((units / size).T)
+
+        def spectrum(theta):
+            """Return count over expected squares, these, and their logarithms summed."""
+            expected = np.maximum(theta @ columns + fixed, floor)
+            return self.count / expected, expected, self.count @ np.log(expected)
+
+        def value(share, logarithm):
+            total = logarithm + share @ power
+            if restricted:
+                total += self._weight * np.log(share[:slow] @ self._squares)
+            return float(-total / 2)
+
         if start is None:
-            theta = _solve(units, power - fixed, self.count / np.maximum(power, floor) ** 2)
+            theta = _solve(columns, power - fixed, self.count / np.maximum(power, floor) ** 2)
             if not theta.any():
-                theta = np.full(units.shape[1], power.mean())
+                theta = np.full(len(columns), power.mean())
         else:
             theta = start * size
-        expected, value = np.maximum(units @ theta + fixed, floor), None
+        share, expected, logarithm = spectrum(theta)
         last, growth = -np.inf, np.inf
         for _ in range(ROUNDS):
-            taken = 0.0
             if ramp is True:
-                slope = self.slope(expected)
-                power = self.power(slope)
-                taken = self._taken(expected) if restricted else 0.0
-                value = None
-            if value is None:
-                value = self.value(power, expected, restricted)
-            before, growth = growth, value - last
+                weight = share[:slow] * self.rho
+                seen = weight @ self.rho
+                slope = weight @ self.slow / seen
+                power[:slow] = (self.slow - slope * self.rho) ** 2
+            target = power - fixed
+            if restricted:
+                target[:slow] += self._weight / seen * self._squares
+            found = value(share, logarithm)
+            before, growth = growth, found - last
             # near the maximum each step grows it by the same share of the one before
             steady = start is not None and before < np.inf
             if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
-            last = value
-            weight = self.count / expected**2
-            new = _solve(units, power + taken - fixed, weight, theta > 0)
-            for share in (1.0, 0.5, 0.25, 0.1, 0.03):
-                trial = theta + share * (new - theta)
-                spectrum = np.maximum(units @ trial + fixed, floor)
-                grown = self.value(power, spectrum, restricted)
-                if grown >= value:
-                    theta, expected, value = trial, spectrum, grown
+            last = found
+            new = _solve(columns, target, share / expected, theta > 0)
+            for part in (1.0, 0.5, 0.25, 0.1, 0.03):
+                trial = theta + part * (new - theta)
+                there = spectrum(trial)
+                if value(there[0], there[2]) >= found:
+                    theta, (share, expected, logarithm) = trial, there
                     break
-        return Fit(theta / size, float(slope), value)
+        return Fit(theta / size, float(slope), found)
 
     def value(self, power, expected, restricted=False):
         """Return the log-likelihood of an expected spectrum, or the restricted one."""
@@ -152,21 +164,19 @@ class Likelihood:
     def _above_rounding(self, expected):
         return np.maximum(expected, ROUNDING * self.power().max() + np.finfo(float).tiny)
 
-    @property
+    @cached_property
+    def _squares(self):
+        return self.rho**2
+
+    @cached_property
     def _weight(self):
         """Weight of the modes that hold a ramp."""
-        return self.count[: len(self.rho)] @ self.rho**2 / (self.rho @ self.rho)
+        return self.count[: len(self.rho)] @ self._squares / self._squares.sum()
 
     def _seen(self, expected):
         """Return what each slow mode tells of a ramp, 1/(SI/s)^2."""
         slow = len(self.rho)
-        return self.count[:slow] * self.rho**2 / expected[:slow]
-
-    def _taken(self, expected):
-        """Return the mean squares that a fitted ramp takes from all rows."""
-        taken = np.zeros(len(expected))
-        taken[: len(self.rho)] = self._weight * self.rho**2 / self._seen(expected).sum()
-        return taken
+        return self.count[:slow] * self._squares / expected[:slow]
 
     def slope(self, expected):
         """Return the most likely ramp for a spectrum, SI/s."""
@@ -175,7 +185,7 @@ class Likelihood:
         return float(weight @ self.slow / (weight @ self.rho))
 
 
-def _solve(units, power, weight, likely=None):
+def _solve(columns, target, weight, likely=None):
     """Return the non-negative weighted least squares."""
-    weighted = (units.T * weight).T
-    return nonnegative(weighted.T @ units, power @ weighted, likely)
+    weighted = columns * weight
+    return nonnegative(weighted @ columns.T, weighted @ target, likely)
