@@ -23,8 +23,8 @@ def likeliest(power, count, units):
     ----------
     power : ndarray, shape (..., m)
         Mean square of the coefficients in m bins.
-    count : ndarray, shape (m,)
-        Number of coefficients.
+    count : ndarray, shape (..., m)
+        Number of coefficients, 0 in a bin that one fit lacks and another has.
     units : ndarray, shape (..., m, k)
         Spectra of variance one.
 
@@ -36,6 +36,7 @@ def likeliest(power, count, units):
     shape = np.broadcast_shapes(power.shape, units.shape[:-1])
     k = units.shape[-1]
     power = np.broadcast_to(power, shape).reshape(-1, shape[-1])
+    count = np.broadcast_to(count, shape).reshape(-1, shape[-1])
     units = np.broadcast_to(units, (*shape, k)).reshape(-1, shape[-1], k)
     size = units.max(axis=1)
     units, floor = units / size[:, None], 1e-9 * power.max(axis=1, keepdims=True)
@@ -55,7 +56,7 @@ def likeliest(power, count, units):
         # half steps in the logarithm do not swing to and fro
         expected = np.sqrt(expected * new)[more]
         last, guess, open_ = value[more], variances[more] > 0, open_[more]
-        power, units, floor = power[more], units[more], floor[more]
+        power, count, units, floor = power[more], count[more], units[more], floor[more]
     return (found / size).reshape(*shape[:-1], k)
 
 

@@ -178,7 +178,9 @@ def _process(fine, blocks, settings):
     axes = spectra(whole)
     pairs = []
     for k in range(blocks.count):
-        _, parts = left(frozenset({k}))
+        # without an effect every part's search leaves the same
+        if blocks.choice().base:
+            _, parts = left(frozenset({k}))
         others = [c for j, own in enumerate(parts) if j != k for c in own]
         pairs.append((others, parts[k]))
     return Process(coloured(axes, window), axes, window, *held_out_ratio(pairs, settings))

@@ -148,18 +148,35 @@ class _Fits:
     wide: np.ndarray
 
     @classmethod
-    def of(cls, axes):
-        times, theta, count = correlation_times(axes), axes[0].theta, axes[0].count
-        power = np.array([axis.power for axis in axes])
-        plain = unit_spectra(theta)
-        # one array a time, for all axes
-        wide = np.array([_units(theta, tc, True) for tc in times])[:, None]
-        without, with_it = likeliest(power, count, plain), likeliest(power, count, wide)
-        gain = log_likelihood(power, count, (wide @ with_it[..., None])[..., 0])
-        gain = gain - log_likelihood(power, count, without @ plain.T)
+    def of(cls, parts):
+        """Return the fits of several parts, three axes each; bins that one lacks count nothing."""
+        bins = max(len(axes[0].theta) for axes in parts)
+        times = [correlation_times(axes) for axes in parts]
+        tries = max(map(len, times))
+
+        def beside(arrays, fill=1.0):
+            found = np.full((len(parts), *arrays[0].shape[:-1], bins), fill)
+            for own, values in zip(found, arrays, strict=True):
+                own[..., : values.shape[-1]] = values
+            return found
+
+        power = beside([np.array([axis.power for axis in axes]) for axes in parts])
+        count = beside([axes[0].count for axes in parts], 0.0)
+        # one array a time, for all axes; the last time again where a part has fewer
+        each = [np.append(t, t[-1:].repeat(tries - len(t))) for t in times]
+        wide = [_units(axes[0].theta, t) for axes, t in zip(parts, each, strict=True)]
+        wide = beside([w.swapaxes(1, 2) for w in wide]).swapaxes(2, 3)[:, :, None]
+        plain, count = wide[:, 0, :, :, :4], count[:, None]
+        without = likeliest(power, count, plain)
+        with_it = likeliest(power[:, None], count[:, None], wide)
+        gain = _value(power[:, None], count[:, None], wide, with_it)
+        gain = gain - _value(power, count, plain, without)[:, None]
         # half of chance gives no gain
         log_p = np.where(gain > 10 * CLOSE, log_ndtr(-np.sqrt(2 * np.maximum(gain, 0))), 0.0)
-        return cls(times, np.array([fisher(p) for p in log_p]), without, with_it)
+        return [
+            cls(t, fisher(np.moveaxis(p, 1, 0))[: len(t)], *fits)
+            for t, p, *fits in zip(times, log_p, without, with_it, strict=True)
+        ]
 
     @property
     def best(self):
@@ -169,7 +186,7 @@ class _Fits:
 
 def coloured(axes, length):
     """Return the Coloured test of the three axes' spectra of windows of `length`, s."""
-    fits = _Fits.of(axes)
+    (fits,) = _Fits.of([axes])
     best, times = fits.best, fits.times
     variances, std = zip(
         *(
@@ -189,7 +206,7 @@ def coloured(axes, length):
 
 def _estimate(axis, tc, variances, length):
     """Return Q², N², B², K² and the variance of the process, and standard errors."""
-    units = _units(axis.theta, tc, True)
+    units = _units(axis.theta, tc)
     there = np.flatnonzero(variances > 0)
     relative = units[:, there] * np.sqrt(axis.count / 2)[:, None] / (units @ variances)[:, None]
     std = np.zeros(5)
@@ -276,15 +293,14 @@ def held_out_ratio(folds, settings):
         Its 95 % interval, whole blocks drawn again.
     """
     gains, number = [], 0
-    for others, own in folds:
-        fits = _Fits.of(spectra(others))
-        tc, gain = fits.times[fits.best], 0.0
-        for held, plain, wide in zip(spectra(own), fits.plain, fits.wide[fits.best], strict=True):
-            for v, sign in ((plain, -1), (wide, 1)):
-                expected = _units(held.theta, tc, len(v) == 5) @ v
-                gain += sign * log_likelihood(held.power, held.count, expected)
-            number += held.count.sum()
-        gains.append(gain)
+    fits_of_all = _Fits.of([spectra(others) for others, _ in folds])
+    for fits, (_, own) in zip(fits_of_all, folds, strict=True):
+        held = spectra(own)
+        power, count = np.array([axis.power for axis in held]), held[0].count
+        units = _units(held[0].theta, fits.times[fits.best])
+        gain = _value(power, count, units, fits.wide[fits.best])
+        gains.append((gain - _value(power, count, units[:, :4], fits.plain)).sum())
+        number += len(held) * count.sum()
     draws = np.random.default_rng(settings.seed).integers(
         len(gains), size=(settings.draws, len(gains))
     )
@@ -293,6 +309,13 @@ def held_out_ratio(folds, settings):
     return float(np.exp(-sum(gains) / number)), interval
 
 
-def _units(theta, tc, wide):
-    plain = unit_spectra(theta)
-    return np.column_stack([plain, process_spectrum(theta, tc)]) if wide else plain
+def _value(power, count, units, variances):
+    """Return the log-likelihood of variances of unit spectra."""
+    return log_likelihood(power, count, (units @ variances[..., None])[..., 0])
+
+
+def _units(theta, tc):
+    """Return the unit spectra, the process of each correlation time last, shape (..., m, 5)."""
+    process = process_spectrum(theta, np.asarray(tc)[..., None])
+    plain = np.broadcast_to(unit_spectra(theta), (*process.shape, 4))
+    return np.concatenate([plain, process[..., None]], axis=-1)
