@@ -182,16 +182,25 @@ class Search:
         if len(terms.times) == MOST or not len(self.times):
             return terms
         base = self.fit(terms)
-        # most are not there: none of it is close to the best fit
+        # most are not there: none of it is close to the best fit, or is it where more is worse
         start = np.append(base.theta, 0.0)
+        slope = self._slopes(terms, base)
+        times = [float(tc) for tc, each in zip(self.times, slope, strict=True) if each > 0]
         values = [
             self.likelihood.fit(self.units(terms.plus(tc)), terms.ramp, start=start).value
-            for tc in self.times
+            for tc in times
         ]
-        tc = float(self.times[int(np.argmax(values))])
-        if self.p_value(tc, max(values) - base.value) > self.hump_level:
+        gain = max(values, default=base.value) - base.value
+        if gain <= 0 or self.p_value(tc := times[int(np.argmax(values))], gain) > self.hump_level:
             return terms
         return self._refined(terms.plus(tc))
+
+    def _slopes(self, terms, fit):
+        """Return the derivative of the log-likelihood by each process' variance, where it is 0."""
+        expected = self.units(terms) @ fit.theta
+        beyond = (self.likelihood.power(fit.ramp) / expected - 1) / expected
+        weight = self.likelihood.count * beyond / 2
+        return [weight @ self.modes.gauss_markov(tc) for tc in self.times]
 
     def _refined(self, terms):
         """Return the terms with the most likely correlation times."""
