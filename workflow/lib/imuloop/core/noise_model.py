@@ -189,7 +189,7 @@ class AxisNoise:
             density = density + 2 * process.q.square / (process.tc.value**-2 + omega**2)
         return density
 
-    def kernel(self, t, span):
+    def kernel(self, t, span, shared=None):
         r"""Return the covariance of the integral X of the output between all pairs of times.
 
         Only up to terms that vanish in increments of X. For a lag d the processes give
@@ -210,21 +210,19 @@ class AxisNoise:
             Times in s from the start of the walk.
         span : float
             Length in s that holds all times; the flicker's level refers to it.
+        shared : tuple of ndarray, optional
+            `lags` of the same times and span, where several axes have them.
 
         Returns
         -------
         ndarray, shape (m, m)
         """
-        t = np.asarray(t, float)
-        d = np.abs(t[:, None] - t)
-        early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
-        # ln 1 at lag 0, where the factor d^2 removes the term
-        logarithm = np.log(np.where(d > 0, d, span) / span) - 1.5
+        d, d2, logarithm, early2, late = shared or lags(t, span)
         total = (
             self.Q.square * (d == 0)
             - self.N.square * d / 2
-            + self.B.square / (2 * np.pi) * d**2 * logarithm
-            + self.K.square * early**2 * (late / 2 - early / 6)
+            + self.B.square / (2 * np.pi) * d2 * logarithm
+            + self.K.square * early2 * late
         )
         for process in self.gauss_markov:
             u = d / process.tc.value
@@ -233,6 +231,16 @@ class AxisNoise:
             omega = 2 * np.pi * line.frequency.value
             total = total + line.amplitude.square * np.cos(omega * d) / (2 * omega**2)
         return total
+
+
+def lags(t, span):
+    """Return what the kernels of all axes share at times t: d, d², ln - 3/2, s² and t/2 - s/6."""
+    t = np.asarray(t, float)
+    d = np.abs(t[:, None] - t)
+    early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
+    # ln 1 at lag 0, where the factor d^2 removes the term
+    logarithm = np.log(np.where(d > 0, d, span) / span) - 1.5
+    return d, d**2, logarithm, early**2, late / 2 - early / 6
 
 
 @dataclass(frozen=True)
@@ -324,9 +332,10 @@ class NoiseModel:
         times = times - times[0]
 
         covariance = np.empty((len(axes), len(length), len(length)))
+        shared = lags(times, times[-1])
         # an axis at a time: a record of days has thousands of windows
         for total, axis in zip(covariance, axes, strict=True):
-            k = self.axes[axis].kernel(times, times[-1])
+            k = self.axes[axis].kernel(times, times[-1], shared)
             k = k[end] - k[start]
             k = k[:, end] - k[:, start]
             np.add(k, k.T, out=total)
