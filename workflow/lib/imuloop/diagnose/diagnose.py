@@ -3,13 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow.parquet as pq
 
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
-from imuloop.core.arrow import arrow_table
-from imuloop.core.files import replaced, write_json
+from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.attitude import validate_attitude
@@ -21,6 +19,7 @@ from imuloop.diagnose.static_correction import write_allan
 from imuloop.diagnose.static_data import read_static
 from imuloop.diagnose.static_record import diagnose_static, static_tests
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.tables import write_table
 
 # version of the JSON file
 FORMAT = 1
@@ -172,8 +171,7 @@ def diagnose_device(
         if "why" in attitude:
             attitude["why"] = told(attitude["why"], sessions)
         write_json(attitude_path, attitude)
-        with replaced(attitude_series_path) as temporary:
-            pq.write_table(arrow_table(table), temporary)
+        write_table(attitude_series_path, table)
     return diagnosis, final
 
 

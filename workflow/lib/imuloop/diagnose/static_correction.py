@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.arrow import arrow_table
 from imuloop.core.effect import Channels
 from imuloop.core.files import replaced
 from imuloop.core.memory import filled
@@ -184,7 +183,7 @@ def write_allan(raw, table, path):
     with pq.ParquetFile(raw) as file:
         curves = file.read()
     if table is not None:
-        more = arrow_table({name: table[name] for name in curves.column_names})
-        curves = pa.concat_tables([curves, more.cast(curves.schema)])
+        more = pa.table({name: table[name] for name in curves.column_names}, curves.schema)
+        curves = pa.concat_tables([curves, more])
     with replaced(path) as temporary:
         pq.write_table(curves, temporary)
