@@ -15,6 +15,8 @@ SHORTEST, LONGEST = 10.0, 1 / 8
 TESTS = 2.5
 # processes at most
 MOST = 3
+# a fit gains less than so many times what its beginning lets expect
+LEEWAY = 4.0
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # from short rests, each at a level of its own, it would be carried on over all that lies between
 LASTING = 1 / 8
@@ -182,25 +184,35 @@ class Search:
         if len(terms.times) == MOST or not len(self.times):
             return terms
         base = self.fit(terms)
-        # most are not there: none of it is close to the best fit, or is it where more is worse
-        start = np.append(base.theta, 0.0)
-        slope = self._slopes(terms, base)
-        times = [float(tc) for tc, each in zip(self.times, slope, strict=True) if each > 0]
+        # most are not there: none of it is close to the best fit, and few are worth a fit
+        start, expected = np.append(base.theta, 0.0), self._expected_gains(terms, base)
+        highest = expected.max()
+        if self.p_value(0.0, LEEWAY * highest) > self.hump_level:
+            return terms
+        times = self.times[LEEWAY * expected >= highest].tolist()
         values = [
             self.likelihood.fit(self.units(terms.plus(tc)), terms.ramp, start=start).value
             for tc in times
         ]
-        gain = max(values, default=base.value) - base.value
-        if gain <= 0 or self.p_value(tc := times[int(np.argmax(values))], gain) > self.hump_level:
+        tc = times[int(np.argmax(values))]
+        if self.p_value(tc, max(values) - base.value) > self.hump_level:
             return terms
         return self._refined(terms.plus(tc))
 
-    def _slopes(self, terms, fit):
-        """Return the derivative of the log-likelihood by each process' variance, where it is 0."""
-        expected = self.units(terms) @ fit.theta
-        beyond = (self.likelihood.power(fit.ramp) / expected - 1) / expected
-        weight = self.likelihood.count * beyond / 2
-        return [weight @ self.modes.gauss_markov(tc) for tc in self.times]
+    def _expected_gains(self, terms, fit):
+        r"""Return the gain of log-likelihood by each process as its derivatives at zero tell.
+
+        .. math:: u^2/2I, \quad u = \partial\ell/\partial v > 0, with I the information on the
+            variance v that the other variances leave
+        """
+        units = self.units(terms)
+        expected = units @ fit.theta
+        root = np.sqrt(self.likelihood.count / 2) / expected
+        basis = np.linalg.qr(root[:, None] * units)[0]
+        rows = root * np.array([self.modes.gauss_markov(tc) for tc in self.times])
+        left = rows - rows @ basis @ basis.T
+        slope = rows @ (root * (self.likelihood.power(fit.ramp) - expected))
+        return np.maximum(slope, 0.0) ** 2 / (2 * (left**2).sum(axis=1))
 
     def _refined(self, terms):
         """Return the terms with the most likely correlation times."""
