@@ -23,9 +23,10 @@ class Pattern:
     ----------
     effect : Effect
         The shape.
-    fitted, means : tuple of ndarray, shape (n, 3, p)
-        Derivative with respect to the parameters in each record, at the windows of the fit and at
-        all means.
+    records : tuple of StaticRecord
+        The records.
+    fitted : tuple of ndarray, shape (n, 3, p)
+        Derivative with respect to the parameters in each record, at the windows of the fit.
     columns : tuple of tuple of int
         For each axis the model's columns of the parameters that it has.
     parameters : tuple of tuple of int
@@ -33,8 +34,8 @@ class Pattern:
     """
 
     effect: object
+    records: tuple
     fitted: tuple[np.ndarray, ...]
-    means: tuple[np.ndarray, ...]
     columns: tuple[tuple[int, ...], ...]
     parameters: tuple[tuple[int, ...], ...]
 
@@ -42,6 +43,11 @@ class Pattern:
     def name(self):
         """Name of the effect."""
         return self.effect.name
+
+    @cached_property
+    def means(self):
+        """The derivative at all means of each record; most patterns are never asked for it."""
+        return tuple(derivative(self.effect, r) for r in self.records)
 
 
 def derivative(effect, record):
@@ -92,7 +98,6 @@ class StaticModel:
         new = []
         for effect in dict.fromkeys(e for e in effects if e not in self._patterns):
             fitted = tuple(derivative(effect, r) for r in self.fitted)
-            means = tuple(derivative(effect, r) for r in self.records)
             stacked = np.concatenate(fitted)
             columns, parameters = [], []
             for axis in range(3):
@@ -100,7 +105,7 @@ class StaticModel:
                 parameters.append(tuple(int(p) for p in used))
                 columns.append(tuple(self._enter(stacked[:, axis, p], new) for p in used))
             self._patterns[effect] = Pattern(
-                effect, fitted, means, tuple(columns), tuple(parameters)
+                effect, self.records, fitted, tuple(columns), tuple(parameters)
             )
         if new:
             ends = np.cumsum([len(f.windows) for f in self.fitted])[:-1]
