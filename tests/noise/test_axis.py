@@ -74,6 +74,16 @@ def test_flicker_and_quantisation():
     assert np.mean([f.B.value for f in found]) == pytest.approx(4e-3, rel=0.05)
 
 
+def test_white_noise_is_not_dropped_for_flicker_beside_strong_quantisation():
+    # its chance is the largest of those that fail: without it flicker passes in its place
+    layout = Layout(RATE, (0,), (10_000,), (0,))
+    for seed in (13, 14):
+        x = record(seed, Q=0.1, n=10_000)
+        found = estimate_axis([layout], modes([layout]), [[x]], SETTINGS).noise
+        assert found.Q.identifiable and found.N.identifiable and not found.B.identifiable
+        assert found.N.ci95[0] <= 0.01 <= found.N.ci95[1]
+
+
 def test_a_ramp_is_no_walk():
     found = estimates(8, R=1e-5)
     assert all(f.R.identifiable and not f.K.identifiable for f in found)
