@@ -42,17 +42,17 @@ def rotation_covariance(model, x, session, directions, noise):
     windows = np.column_stack([rotations.start_s, rotations.end_s])
     for s in np.unique(of_session):
         index = np.flatnonzero(of_session == s)
-        angles = noise.angle_covariance(windows[index])
+        angles, own = noise.angle_covariance(windows[index]), np.zeros((len(index), 2) * 2)
+        each = np.arange(len(index))
         for axis, name in enumerate(("gx", "gy", "gz")):
             white = noise.axes[name].N.square
             slow = angles[axis] - np.diag(white * length[index])
             column = np.einsum("mij,mj->mi", to_error[index], mean_attitude[index][:, :, axis])
-            covariance[np.ix_(index, [0, 1], index, [0, 1])] += np.einsum(
-                "mi,mn,nj->minj", column, slow, column
-            )
-            covariance[index, :, index, :] += white * (
+            own += np.einsum("mi,mn,nj->minj", column, slow, column)
+            own[each, :, each, :] += white * (
                 to_error[index] @ path.spread[index, axis] @ to_error[index].swapaxes(1, 2)
             )
+        covariance[np.ix_(index, [0, 1], index, [0, 1])] = own
     n = len(model.directions)
     to_directions = np.zeros((m, 2, n, 3))
     each = np.arange(m)
