@@ -1,7 +1,7 @@
 """Periodogram of the clean stretches of a session, over its local background."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from math import log
 
@@ -39,6 +39,11 @@ class Band:
     edges: np.ndarray
     sizes: np.ndarray
     independent: float
+
+    @cached_property
+    def nodes(self):
+        """Places in each block between which a spectrum is straight."""
+        return [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(self.edges)]
 
     @property
     def step(self):
@@ -140,8 +145,7 @@ def periodogram(layout, stretches, spectrum):
     band = band_of(layout)
     if band is None:
         return None
-    # a spectrum is straight between so many places in a block
-    nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(band.edges)]
+    nodes = band.nodes
     density = spectrum(band.step * np.concatenate(nodes)) * (band.samples * band.rate / 2)
     if not (density > 0).all():
         return None
@@ -152,9 +156,17 @@ def periodogram(layout, stretches, spectrum):
     for b, (i, j) in enumerate(pairwise(band.edges)):
         power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
         # every other one: those between are not independent
-        medians[b] = np.median(power[i:j:2])
+        medians[b] = _median(power[i:j:2])
     ratio = power[band.edges[0] : band.edges[-1]]
     return Search(band, spectrum, ratio, medians) if medians.all() else None
+
+
+def _median(x):
+    """Return the median; of a block numpy's own takes several times as long."""
+    half = len(x) // 2
+    if len(x) % 2:
+        return np.partition(x, half)[half]
+    return np.partition(x, (half - 1, half))[half - 1 : half + 1].sum() / 2
 
 
 def _squares(x):

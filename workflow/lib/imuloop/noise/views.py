@@ -1,5 +1,7 @@
 """Other views of a static record: power spectral density, autocorrelation, other deviations."""
 
+from functools import cache
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
@@ -209,6 +211,7 @@ def _triangular_means(x, divisor):
     return blocks[:-1] @ rising + blocks[1:] @ rising[::-1]
 
 
+@cache
 def _freedom(frequencies, segments, overlaps):
     """Return the degrees of freedom of a mean over neighbouring frequencies and all segments."""
     distance = np.arange(min(frequencies, len(SAME)))
