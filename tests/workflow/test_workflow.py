@@ -137,3 +137,10 @@ def test_the_scheduler_has_the_limits_that_a_local_run_lifts():
     from snakemake.scheduling.job_scheduler import JobScheduler
 
     assert {"job_rate_limiter", "subsample"} <= {*JobScheduler.__init__.__code__.co_names}
+
+
+def test_a_path_of_a_script_is_taken_apart_by_the_name_that_is_cached():
+    """Of no documented function: uncached it takes 0.4 ms of each job."""
+    from snakemake.sourcecache import SourceFile
+
+    assert "parse_uri" in SourceFile.get_cache_path.__code__.co_names

@@ -12,6 +12,7 @@ from imuloop.code_digest import code_digest
 from imuloop.config import fetched, is_stored, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 from imuloop.without_pandas import hide_pandas
+from snakemake import sourcecache
 
 hide_pandas()
 
@@ -20,6 +21,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # hundreds of thousands of objects of the jobs stay to the end: not worth going through so often
 gc.set_threshold(100_000)
+
+# Snakemake takes the path of its script apart three times a job, with a class made anew each time
+if hasattr(sourcecache, "parse_uri"):
+    sourcecache.parse_uri = cache(sourcecache.parse_uri)
 
 REPOSITORY = Path(workflow.basedir)
 TEMPLATES = REPOSITORY / "workflow/templates"
