@@ -99,7 +99,7 @@ def _log_faults(session, nominal, log_format, names, whole):
     wrong = set()
     while True:
         try:
-            log = _read(log_format, names, declared, 1 << 10)
+            log = _read(log_format, names, declared, 1 << 8)
             break
         except RejectedLog:
             # a fault of the data, for the job to find
