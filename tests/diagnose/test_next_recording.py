@@ -79,7 +79,7 @@ def comparison(seed, chosen):
             wanted = np.array([expected["std"][n] for n in names])
             wanted = wanted / np.sqrt(content["sensors"][sensor]["excess"])
             std = np.sqrt(np.diag(solution.calibration.covariance))
-            std = std / np.sqrt(max(1.0, solution.chi2 / solution.dof))
+            std = std / np.sqrt(max(1.0, solution.fit.chi2 / solution.fit.dof))
             error = difference(getattr(calibration, sensor), getattr(TRUTH, sensor), names)
             found[sensor].append((wanted, std, error))
     assert all(len(rows) == len(chosen) for rows in found.values())
@@ -163,7 +163,7 @@ def test_without_a_session_a_first_one_is_expected_from_the_noise_alone():
         (first,) = found["candidates"]
         solution = solutions[sensor]
         actual = solution.calibration.std
-        excess = np.sqrt(max(1.0, solution.chi2 / solution.dof))
+        excess = np.sqrt(max(1.0, solution.fit.chi2 / solution.fit.dof))
         ratio = np.array([first["std"][n] / actual[n] * excess for n in actual])
         assert np.all((ratio > 0.6) & (ratio < 1.6)), ratio
 

@@ -15,18 +15,18 @@ def test_it_is_the_fit_of_the_poses_that_are_kept(effects):
     made = recording(truth, 7)
     keep = np.arange(len(made.poses)) % 5 != 2
     for model in models(truth)[1:] if effects else models(truth):
-        start = model.fit(made).x
+        start = model.fit(made).fit.x
         solution, found = model.refit(made, keep, effects, start)
         whole = model.fit(made.select(keep), effects)
-        std = np.sqrt(np.diag(found.parameters))
-        assert np.all(np.abs(solution.x - whole.x) < 2e-3 * std)
-        assert solution.chi2 == pytest.approx(whole.chi2, rel=1e-4)
+        std = np.sqrt(np.diag(found.fit.covariance))
+        assert np.all(np.abs(solution.fit.x - whole.fit.x) < 2e-3 * std)
+        assert solution.fit.chi2 == pytest.approx(whole.fit.chi2, rel=1e-4)
         np.testing.assert_allclose(solution.covariance, whole.covariance, rtol=1e-3, atol=1e-16)
         # the residuals of all poses, those that were held out too
         linear = model.linearise(solution, made)
         size = np.abs(linear.values).max()
         np.testing.assert_allclose(found.values, linear.values, atol=1e-5 * size)
-        assert len(solution.jacobian) == found.seen.sum() < len(found.values)
+        assert len(solution.fit.jacobian) == found.seen.sum() < len(found.values)
 
 
 def test_masks_are_judged_as_the_poses_alone_are():

@@ -195,8 +195,8 @@ def test_a_trial_takes_off_what_a_full_refit_does(sensitive):
     base = whole(model, made).step()
     trial = base.trials[GSensitivity]
     refit = model.fit(made, (G_SENSITIVITY,))
-    assert base.solution.chi2 - refit.chi2 == pytest.approx(trial.drop, rel=0.02)
-    np.testing.assert_allclose(trial.values, refit.x[12:], atol=0.3 * trial.std.max())
+    assert base.solution.fit.chi2 - refit.fit.chi2 == pytest.approx(trial.drop, rel=0.02)
+    np.testing.assert_allclose(trial.values, refit.fit.x[12:], atol=0.3 * trial.std.max())
     std = [refit.calibration.effects[0].std[p] for p in G_SENSITIVITY.parameters]
     np.testing.assert_allclose(trial.std, std, rtol=0.05)
 

@@ -35,3 +35,22 @@ def test_many_fits_at_once_are_those_of_each_and_no_other_is_likelier():
         other = found * rng.uniform(0.8, 1.25, size=found.shape)
         expected = (units @ other[..., None])[..., 0]
         assert np.all(log_likelihood(power, count, expected) <= value + 0.05)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-9, 1e-3])
+def test_a_coefficient_that_happens_to_be_as_good_as_zero_does_not_count_alone(share):
+    """Each unit is the same in that bin: by it alone they cannot be told apart."""
+    rng = np.random.default_rng(2)
+    frequency = np.geomspace(1e-3, 1, 30)
+    times = np.array([3.0, 30, 300])
+    red = 1 / (1 + (2 * np.pi * frequency[:, None] * times) ** 2)
+    units = np.column_stack([np.ones(30), red])
+    count = np.geomspace(1, 300, 30).round()
+    power = (units @ [1.0, 0, 50, 0]) * rng.chisquare(count, size=(200, 30)) / count
+    power[:, 0] *= share
+    found = likeliest(power, count, units)
+    assert np.all(np.isfinite(found)) and np.all(found >= 0)
+    value = log_likelihood(power, count, (units @ found[..., None])[..., 0])
+    truth = log_likelihood(power, count, units @ [1.0, 0, 50, 0])
+    assert np.all(value >= truth - 0.05)
+    np.testing.assert_allclose(np.median(found[:, 0]), 1.0, rtol=0.03)

@@ -11,6 +11,7 @@ from imuloop.diagnose.static_means import (
     LEAST_MEANS,
     LEAST_SAMPLES,
     MOST_MEANS,
+    mean_over,
     rests_to_use,
     static_record,
     window_length,
@@ -114,3 +115,11 @@ def test_windows_with_missing_values_are_left_out_and_spoil_no_other():
     np.testing.assert_array_equal(holed.windows, found.windows[~missing])
     np.testing.assert_allclose(holed.values, found.values[~missing], rtol=1e-9)
     assert np.isfinite(holed.channels.remembered(lambda whole: whole.other)).all()
+
+
+def test_means_take_the_last_sample_and_each_column():
+    values = np.random.default_rng(3).normal(size=(10, 2))
+    at = np.array([[0, 4], [4, 7], [8, 10]])
+    expected = [values[i:j].mean(axis=0) for i, j in at]
+    np.testing.assert_allclose(mean_over(values, at), expected, rtol=1e-12)
+    np.testing.assert_allclose(mean_over(values[:, 0], at), np.array(expected)[:, 0], rtol=1e-12)

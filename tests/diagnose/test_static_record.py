@@ -9,6 +9,7 @@ import pytest
 import imuloop.diagnose.effects  # noqa: F401  the library of effects
 from diagnose.test_static_means import calibration
 from imuloop.core.samples import CHANNELS
+from imuloop.diagnose import static_correction
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.static_correction import corrected, write_allan
 from imuloop.diagnose.static_data import StaticData
@@ -137,7 +138,7 @@ def test_noise_is_estimated_again_without_the_effect(warm, tmp_path):
 def test_corrected_samples_are_those_without_the_effect(warm):
     made, _, result = warm
     samples = made.samples["a"]
-    got = corrected("a", samples, calibration(scale=2.0), result.effects)
+    got = corrected("a", made.log("a"), calibration(scale=2.0), result.effects)
     plain = log(1)
     for sensor, columns in (("accelerometer", "ax ay az"), ("gyroscope", "gx gy gz")):
         values = np.array(list(result.effects[sensor][0].values.values()))[:3]
@@ -147,6 +148,15 @@ def test_corrected_samples_are_those_without_the_effect(warm):
         slope = np.polyfit(warmth(samples["t"]) - 20, change, 1)[0]
         np.testing.assert_allclose(slope, values / 2, rtol=0.05)
     np.testing.assert_array_equal(got["t"], plain["t"])
+
+
+def test_corrected_samples_are_the_same_in_parts(warm, monkeypatch):
+    made, _, result = warm
+    arguments = "a", made.log("a"), calibration(), result.effects
+    whole = corrected(*arguments)
+    monkeypatch.setattr(static_correction, "PART", 1000)
+    for name, values in corrected(*arguments).items():
+        np.testing.assert_array_equal(values, whole[name])
 
 
 def test_every_candidate_has_the_fields_of_the_contract(warm):

@@ -61,5 +61,5 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
             shape = effect.shapes(Channels(t, own, other, one.poses.temperature))[-1]
             wider = models[sensor].fit(one, (shape,))
             # the weights follow the fitted attitude: a few parts in 1e4
-            assert wider.chi2 <= base[sensor].chi2 * (1 + 1e-3)
-            assert wider.dof == base[sensor].dof - len(shape.parameters)
+            assert wider.fit.chi2 <= base[sensor].fit.chi2 * (1 + 1e-3)
+            assert wider.fit.dof == base[sensor].fit.dof - len(shape.parameters)

@@ -7,6 +7,7 @@ import numpy as np
 
 from imuloop.calibrate.recording import Recording
 from imuloop.core.model import SensorCalibration
+from imuloop.core.noise_model import NoiseModel
 
 
 @dataclass(frozen=True)
@@ -17,18 +18,37 @@ class Force:
     ----------
     poses : ndarray, shape (n, 3)
         m/s^2, at each pose.
-    direction_covariance : ndarray, shape (3 n, 3 n)
-        Covariance of the unit vectors at the poses, pose by pose.
     calibration : SensorCalibration
         Of the accelerometer.
     recording : Recording
         Poses, n of them, and rotations, m of k samples.
+    noise : NoiseModel
+        Noise of the device.
     """
 
     poses: np.ndarray
-    direction_covariance: np.ndarray
     calibration: SensorCalibration
     recording: Recording
+    noise: NoiseModel
+
+    @cached_property
+    def direction_covariance(self):
+        """Covariance of the unit vectors at the poses, pose by pose, shape (3 n, 3 n).
+
+        The direction ``u = f / |f|`` has the error ``δu = (I - u uᵀ) T K δy / |f|`` from that of
+        the pose's mean.
+        """
+        calibration, n = self.calibration, len(self.poses)
+        norm = np.linalg.norm(self.poses, axis=1)[:, None]
+        u = self.poses / norm
+        across = np.eye(3) - u[:, :, None] * u[:, None, :]
+        scale = calibration.K / calibration.raw_unit.scale
+        to_direction = across @ (calibration.T * scale) / norm[:, None]
+        means = self.recording.poses.mean_covariance(self.noise)[:3]
+        # the second pose before the first, its three components, the axes last
+        left = means.T[:, :, None] * to_direction
+        found = left.reshape(n, 3 * n, 3) @ to_direction.swapaxes(1, 2)
+        return found.swapaxes(0, 1).reshape(3 * n, 3 * n)
 
     @cached_property
     def rotations(self):
@@ -44,9 +64,6 @@ class Force:
 def calibrated_force(calibration, recording, noise):
     """Return calibrated specific force at the poses and along the rotations.
 
-    The direction ``u = f / |f|`` has the error ``δu = (I - u uᵀ) T K δy / |f|`` from that of the
-    pose's mean.
-
     Parameters
     ----------
     calibration : SensorCalibration
@@ -60,12 +77,4 @@ def calibrated_force(calibration, recording, noise):
     at_poses = calibration.apply(
         poses.f, recording.pose_channels("accelerometer", calibration.output, poses.w)
     )
-    norm = np.linalg.norm(at_poses, axis=1)[:, None]
-    u = at_poses / norm
-    across = np.eye(3) - u[:, :, None] * u[:, None, :]
-    scale = calibration.K / calibration.raw_unit.scale
-    to_direction = across @ (calibration.T * scale) / norm[:, None]
-    n = len(poses)
-    means = poses.mean_covariance(noise)[:3]
-    covariance = np.einsum("iab,bij,jcb->iajc", to_direction, means, to_direction)
-    return Force(at_poses, covariance.reshape(3 * n, 3 * n), calibration, recording)
+    return Force(at_poses, calibration, recording, noise)

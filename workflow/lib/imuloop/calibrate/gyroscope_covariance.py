@@ -34,7 +34,8 @@ def rotation_covariance(model, x, session, directions, noise):
     last, plane = path.last, model.plane
     start = model.directions[rotations.first]
     # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
-    to_error = np.einsum("mij,mkj,mkl->mil", plane, last, cross_matrix(start))
+    carried = plane @ last.swapaxes(1, 2)
+    to_error = carried @ cross_matrix(start)
     length = rotations.end_s - rotations.start_s
     mean_attitude = path.mean / length[:, None, None]
     of_session = session[rotations.first]
@@ -53,13 +54,12 @@ def rotation_covariance(model, x, session, directions, noise):
                 to_error[index] @ path.spread[index, axis] @ to_error[index].swapaxes(1, 2)
             )
         covariance[np.ix_(index, [0, 1], index, [0, 1])] = own
-    n = len(model.directions)
-    to_directions = np.zeros((m, 2, n, 3))
-    each = np.arange(m)
-    to_directions[each, :, rotations.first] = np.einsum("mij,mkj->mik", plane, last)
-    to_directions[each, :, rotations.first + 1] = -plane
-    to_directions = to_directions.reshape(2 * m, 3 * n)
-    return covariance.reshape(2 * m, 2 * m) + to_directions @ directions @ to_directions.T
+    # of all directions only those of the poses at both ends enter a rotation
+    n, ends = len(model.directions), ((rotations.first, carried), (rotations.first + 1, -plane))
+    poses = directions.reshape(n, 3, 3 * n)
+    half = sum(of_end @ poses[pose] for pose, of_end in ends).reshape(2 * m, n, 3)
+    whole = sum(np.einsum("xmk,mjk->xmj", half[:, pose], of_end) for pose, of_end in ends)
+    return (covariance.reshape(2 * m, m, 2) + whole).reshape(2 * m, 2 * m)
 
 
 def residual_covariance(means, errors):

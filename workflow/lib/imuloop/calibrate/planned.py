@@ -146,23 +146,27 @@ def planned_recording(plan, calibration, variance, rate):
     up = np.asarray(plan.up, dtype=float)
     moves = [_steps(s) for s in np.broadcast_to(plan.move_s, len(plan.turns))]
     rests = [_steps(plan.initial_rest_s), *[_steps(plan.rest_s)] * len(moves)]
-    directions, rates = [np.tile(up, (rests[0], 1))], [np.zeros((rests[0], 3))]
-    for turn, n, rest in zip(plan.turns, moves, rests[1:], strict=True):
-        share = np.arange(n) / n
-        course = share - np.sin(2 * np.pi * share) / (2 * np.pi)
-        attitude = matrix(exponential(course[:, None] * turn))
-        speed = (1 - np.cos(2 * np.pi * share)) / (n / RATE)
-        directions.append(np.einsum("nji,j->ni", attitude, up))
-        rates.append(speed[:, None] * turn)
-        up = matrix(exponential(turn)).T @ up
-        directions.append(np.tile(up, (rest, 1)))
-        rates.append(np.zeros((rest, 3)))
+    ups, turns = [up], np.asarray(plan.turns, dtype=float).reshape(-1, 3)
+    for whole in matrix(exponential(turns)):
+        ups.append(whole.T @ ups[-1])
+    # rest, move, rest, …, rest: the number of each sample's part, even at rest
+    parts = np.empty(2 * len(moves) + 1, dtype=int)
+    parts[::2], parts[1::2] = rests, moves
+    part = np.repeat(np.arange(len(parts)), parts)
+    moving, move = part % 2 == 1, part[part % 2 == 1] // 2
+    directions, rates = np.array(ups)[part // 2], np.zeros((len(part), 3))
+    turn, n = turns[move], np.array(moves, dtype=int)[move]
+    share = (np.flatnonzero(moving) - (np.cumsum(parts) - parts)[part[moving]]) / n
+    course = share - np.sin(2 * np.pi * share) / (2 * np.pi)
+    attitude = matrix(exponential(course[:, None] * turn))
+    directions[moving] = np.einsum("nji,nj->ni", attitude, directions[moving])
+    rates[moving] = ((1 - np.cos(2 * np.pi * share)) / (n / RATE))[:, None] * turn
     logged = []
-    for sensor, pieces, size in (
+    for sensor, values, size in (
         (calibration.accelerometer, directions, calibration.gravity),
         (calibration.gyroscope, rates, 1.0),
     ):
-        raw = size * np.concatenate(pieces) @ np.linalg.inv(sensor.T).T / sensor.K + sensor.b
+        raw = size * values @ np.linalg.inv(sensor.T).T / sensor.K + sensor.b
         logged.append(sensor.raw_unit.to_si(raw))
     t, temperature = np.arange(len(logged[0])) / RATE, None
     if plan.temperature:

@@ -124,6 +124,9 @@ def _errors(recording, block, models, directions, names):
     """Return the table of errors: of each stretch, those of all methods and models."""
     poses, found, filters = recording.poses, [], []
     reference = MODELS.index("final")
+    # nothing is worked out twice for a final model that is the base model
+    alike = all(m.calibrations["final"] is m.calibrations["base"] for m in models)
+    distinct = MODELS[:reference] if alike else MODELS
 
     def place(stretch):
         return block[stretch.poses[0]], poses.session[stretch.poses[0]]
@@ -138,7 +141,7 @@ def _errors(recording, block, models, directions, names):
                 [values[stretch.piece] for values in whole[name]]
                 if name in whole
                 else _calibrated(calibrations[name], log, stretch.piece)
-                for name in MODELS
+                for name in distinct
             ]
             f, w = (np.array(values) for values in zip(*pieces, strict=True))
             q, u = attitudes(w, stretch.t), directions[k][reference, stretch.poses]
@@ -147,8 +150,9 @@ def _errors(recording, block, models, directions, names):
             filters.append((*filter_steps(q, f, stretch), u))
     for (*_, errors), mahony in zip(found, filter_errors(filters), strict=True):
         errors["mahony"] = mahony
+    each = [min(i, len(distinct) - 1) for i in range(len(MODELS))]
     parts = [
-        _rows(method, values, number, *about)
+        _rows(method, values[each], number, *about)
         for number, (*about, errors) in enumerate(found)
         for method, values in errors.items()
     ]
@@ -219,7 +223,7 @@ def _rotation_floor(whole, recording, block):
         inside = keep[first] & keep[first + 1]
         seen = np.concatenate([np.repeat(keep, 3), np.repeat(inside, 2)])
         held = np.concatenate([np.zeros(3 * n, dtype=bool), np.repeat(block[first] == k, 2)])
-        squares.append(held_out_variance(whole.covariance, whole.jacobian, seen, held))
+        squares.append(held_out_variance(whole.covariance, whole.fit.jacobian, seen, held))
     return np.sqrt(2 * np.concatenate(squares).mean())
 
 

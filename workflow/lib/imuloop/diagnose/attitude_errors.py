@@ -228,19 +228,31 @@ def mahony(turns, force, steps, start):
     Mahony, Hamel, Pflimlin, "Nonlinear complementary filters on the special orthogonal group",
     IEEE Transactions on Automatic Control 53 (2008), section V, here for one direction.
     """
-    found = np.empty_like(force)
-    v, slant = start[..., None], np.zeros((len(start), 3, 3))
+    found, before = np.empty((*force.shape, 1)), start[..., None]
     # -[β ×] holds the bias; with σ = a × v its change -k_I σ adds k_I (a vᵀ - v aᵀ)
-    steps = steps[..., None, None]
-    pull, learn = K_P * steps[..., 0] * force, K_I * steps[..., 0] * force
-    each = zip(turns, steps, pull[..., None], learn[:, :, None], found, strict=True)
-    for turn, dt, a, b, at in each:
-        v = turn @ v
-        v = v + dt * (slant @ v)
-        outer = v @ b
-        slant = slant + outer.swapaxes(1, 2) - outer
+    slant = np.zeros((len(start), 3, 3))
+    dt = np.repeat(steps[..., None], 3, axis=-1)
+    pull, learn = K_P * dt * force, K_I * dt * force
+    # thousands of small steps: every array is there before the first
+    v, turned, outer = np.empty_like(before), np.empty_like(before), np.empty_like(slant)
+    along = np.empty((len(start), 1, 1))
+    row, back = v.swapaxes(1, 2), outer.swapaxes(1, 2)
+    each = zip(turns, dt[..., None], pull[..., None], learn[:, :, None], found, strict=True)
+    for turn, step, a, b, at in each:
+        np.matmul(turn, before, out=v)
+        np.matmul(slant, v, out=turned)
+        turned *= step
+        v += turned
+        np.matmul(v, b, out=outer)
+        slant += back
+        slant -= outer
         # v × σ = a - v (v · a)
-        v = a + v * (1 - v.swapaxes(1, 2) @ a)
-        v /= np.sqrt(v.swapaxes(1, 2) @ v)
-        at[:] = v[..., 0]
-    return found
+        np.matmul(row, a, out=along)
+        np.subtract(1, along, out=along)
+        v *= along
+        v += a
+        np.matmul(row, v, out=along)
+        np.sqrt(along, out=along)
+        np.divide(v, along, out=at)
+        before = at
+    return found[..., 0]

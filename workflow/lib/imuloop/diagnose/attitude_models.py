@@ -20,7 +20,7 @@ class HeldOutModels:
     Attributes
     ----------
     calibrations : dict of str to Calibration
-        One for each of `MODELS`.
+        One for each of `MODELS`; the final one is the base model itself where no effect was added.
     effects : dict of str to tuple of str
         Effects of the final one by sensor, chosen without the block.
     """
@@ -70,7 +70,7 @@ def held_out_models(turn_model, recording, keep, effects, settings, tests, searc
 
     def fit(model):
         whole = searches.get("gyroscope")
-        found = whole and model.refit(recording, keep, (), whole.step().solution.x)
+        found = whole and model.refit(recording, keep, (), whole.step().solution.fit.x)
         return found[0] if found else model.fit(recording.select(keep))
 
     force_effects = ()
@@ -92,8 +92,9 @@ def held_out_models(turn_model, recording, keep, effects, settings, tests, searc
         return Calibration("", force_model.gravity, solution.accelerometer, solution.calibration)
 
     raw = (SensorCalibration.nominal(m.unit, None) for m in (force_model, turn_model))
+    raw, simple = Calibration("", force_model.gravity, *raw), of(base)
     return HeldOutModels(
-        {"raw": Calibration("", force_model.gravity, *raw), "base": of(base), "final": of(final)},
+        {"raw": raw, "base": simple, "final": simple if final is base else of(final)},
         {
             "accelerometer": tuple(e.name for e in final.accelerometer.effects),
             "gyroscope": tuple(e.name for e in final.calibration.effects),

@@ -172,7 +172,7 @@ def _sensor(view, made, recording, calibration, floor):
     """Return parameters and candidates of a sensor."""
     before = view.std()
     own = getattr(calibration, view.model.sensor)
-    if view.solution.dof == 0:
+    if view.solution.fit.dof == 0:
         # what another method found counts until poses determine more
         factor = {"K": 1 / own.raw_unit.scale, "b": own.raw_unit.scale}
         before |= {n: s * factor.get(n[0], 1.0) for n, s in own.std.items() if n in before}
@@ -256,7 +256,7 @@ def _turns(view, content, recording, calibration, floor, planned):
     angles, speeds = np.zeros((1, 3)), np.zeros((1, 3))
     if recording.rotations is not None and len(recording.rotations):
         rotations = recording.rotations
-        k, b = view.solution.x[6:9], view.solution.x[9:12]
+        k, b = view.solution.fit.x[6:9], view.solution.fit.x[9:12]
         rates = k * (rotations.w - b)
         mean = (rates[:, 1:] + rates[:, :-1]) / 2
         angles = np.abs((mean * rotations.steps[..., None]).sum(axis=1)) / DEGREE

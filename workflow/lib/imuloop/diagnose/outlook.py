@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from imuloop.calibrate.least_squares import Fit
 from imuloop.diagnose.solution import Solution
 
 
@@ -83,16 +84,17 @@ def outlook(model, solution, calibration, force, recording):
     """
     if solution is not None:
         root = cholesky(solution.covariance, lower=True)
-        white = solve_triangular(root, solution.jacobian, lower=True)
-        reduced = solution.chi2 / solution.dof if solution.dof > 0 else 1.0
+        white = solve_triangular(root, solution.fit.jacobian, lower=True)
+        reduced = solution.fit.reduced_chi2 if solution.fit.dof > 0 else 1.0
         return Outlook(
             model, solution, white.T @ white, solution.calibration.names, max(1.0, reduced)
         )
     x, names = parameters(model.sensor, calibration)
     nothing = np.zeros((0, len(x)))
+    fit = Fit(x, np.full((len(x), len(x)), np.inf), np.nan, 0, nothing)
     # effects from elsewhere may need channels that a plan has not
     force = replace(force, effects=())
-    start = Solution((), x, calibration, force, np.nan, 0, {}, nothing[:, :0], nothing)
+    start = Solution((), fit, nothing[:, 0], nothing[:, :0], {}, calibration, force)
     known = np.zeros((len(x), len(x)))
     if len(recording.poses) and len(recording.rotations):
         known = information(model, start, recording)

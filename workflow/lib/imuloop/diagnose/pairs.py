@@ -99,8 +99,9 @@ class _Left:
     @classmethod
     def of(cls, white):
         total = white.rest @ white.rest
-        spaces = [s.q if s.seen else None for s in white.spaces]
-        alone = [total - s.drop if s.seen else np.inf for s in white.spaces]
+        each = list(zip(white.spaces, white.seen, strict=True))
+        spaces = [s.q if seen else None for s, seen in each]
+        alone = [total - s.drop if seen else np.inf for s, seen in each]
         return cls(white.rest, spaces, np.array(alone), len(white.rest) - white.q.shape[1])
 
     def tests(self, i, j, least):

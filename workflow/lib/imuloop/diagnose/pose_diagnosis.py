@@ -284,10 +284,10 @@ def _twin(cls, whole, effects):
         for shape, c in zip(final.linear.shapes, final.white.columns, strict=True)
         if type(shape) is cls
     ]
-    end = len(final.solution.x)
+    end = len(final.solution.fit.x)
     for effect in reversed(effects):
         added = slice(end - len(effect.parameters), end)
-        values = final.solution.x[added]
+        values = final.solution.fit.x[added]
         if interchangeable(final.white, added, values, columns, whole.threshold(effects)):
             return effect.name
         end = added.start

@@ -13,7 +13,6 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.refit import refit
-from imuloop.diagnose.residuals import judge
 from imuloop.diagnose.solution import (
     Solution,
     fitted_calibration,
@@ -82,10 +81,8 @@ class AccelerometerPoses:
             fit, model = accelerometer.fit_accelerometer(
                 recording, means, self.gravity, effects, self.known
             )
-            values, predicted = model.residuals(fit.x)[0], model.covariance(fit.x, means)
-            self._fits[key] = self._solution(
-                fit.x, fit.covariance, fit.chi2, fit.dof, effects, values, fit.jacobian, predicted
-            )
+            values, covariance = model.residuals(fit.x)[0], model.covariance(fit.x, means)
+            self._fits[key] = self._solution(fit, effects, values, covariance)
         return self._fits[key]
 
     def refit(self, recording, keep, effects, start):
@@ -115,41 +112,20 @@ class AccelerometerPoses:
         found = refit(evaluate, keep, padded(start, 9, effects))
         if found is None:
             return None
-        solution = self._solution(
-            found.x,
-            found.parameters,
-            found.chi2,
-            found.dof,
-            effects,
-            found.values[keep],
-            found.jacobian[keep],
-            found.covariance,
-        )
+        solution = self._solution(found.fit, effects, found.values[keep], found.covariance)
         self._fits[key_of(effects, poses)] = solution
         return solution, found
 
-    def _solution(self, x, parameters, chi2, dof, effects, values, jacobian, predicted):
-        calibration = fitted_calibration(
-            self, accelerometer.NAMES, x, parameters, chi2, dof, effects
-        )
-        residual = judge("m/s^2", values[:, None], predicted, jacobian, parameters)
-        return Solution(
-            tuple(effects),
-            x,
-            calibration,
-            calibration,
-            chi2,
-            dof,
-            {"gravity_norm": residual},
-            predicted,
-            jacobian,
-        )
+    def _solution(self, fit, effects, values, covariance):
+        calibration = fitted_calibration(self, accelerometer.NAMES, fit, effects)
+        parts = {"gravity_norm": ("m/s^2", 1, slice(None))}
+        return Solution(tuple(effects), fit, values, covariance, parts, calibration, calibration)
 
     def linearise(self, solution, recording, shapes=()):
         """Return the residuals of any recording, linear about a solution and in more effects."""
-        model = self._model(recording, solution.x, (*solution.effects, *shapes))
-        p = len(solution.x)
-        x = np.concatenate([solution.x, np.zeros(9 + model.design.shape[2] - p)])
+        model = self._model(recording, solution.fit.x, (*solution.effects, *shapes))
+        p = len(solution.fit.x)
+        x = np.concatenate([solution.fit.x, np.zeros(9 + model.design.shape[2] - p)])
         return linear(*model.residuals(x), p, shapes, *self.kinds(recording))
 
     def kinds(self, recording):
@@ -159,12 +135,12 @@ class AccelerometerPoses:
 
     def covariance(self, solution, recording):
         """Return the predicted covariance of the residuals of any recording."""
-        model = self._model(recording, solution.x, solution.effects)
-        return model.covariance(solution.x, recording.poses.mean_covariance(self.noise)[:3])
+        model = self._model(recording, solution.fit.x, solution.effects)
+        return model.covariance(solution.fit.x, recording.poses.mean_covariance(self.noise)[:3])
 
     def effect_sizes(self, solution, recording):
         """Return what one unit of each effect's parameter does, root mean square, (p,), SI."""
-        return size_of(self._model(recording, solution.x, solution.effects).design)
+        return size_of(self._model(recording, solution.fit.x, solution.effects).design)
 
     def _model(self, recording, x, effects):
         return accelerometer.accelerometer_model(recording, self.gravity, x, effects, self.known)
@@ -229,19 +205,8 @@ class GyroscopePoses:
         fit, model, covariance = gyroscope.fit_gyroscope(
             recording, force, noise, effects=effects, known=self.known, start=start
         )
-        values, split = model.residuals(fit.x)[0], 3 * len(recording.poses)
-        return self._solution(
-            fit.x,
-            fit.covariance,
-            fit.chi2,
-            fit.dof,
-            effects,
-            values,
-            fit.jacobian,
-            covariance,
-            calibration,
-            split,
-        )
+        values, poses = model.residuals(fit.x)[0], len(recording.poses)
+        return self._solution(fit, effects, values, covariance, poses, calibration)
 
     def undetermined(self, recording, keeps):
         """Return for each mask of poses whether these alone determine no calibration."""
@@ -292,42 +257,25 @@ class GyroscopePoses:
         if found is None:
             return None
         solution = self._solution(
-            found.x,
-            found.parameters,
-            found.chi2,
-            found.dof,
-            effects,
-            found.values[rows],
-            found.jacobian[rows],
-            found.covariance,
-            calibration,
-            3 * len(seen.poses),
+            found.fit, effects, found.values[rows], found.covariance, len(seen.poses), calibration
         )
         return replace(solution, fitted=fitted), found
 
-    def _solution(
-        self, x, parameters, chi2, dof, effects, values, jacobian, covariance, force, split
-    ):
-        calibration = fitted_calibration(self, gyroscope.NAMES, x, parameters, chi2, dof, effects)
+    def _solution(self, fit, effects, values, covariance, poses, force):
+        calibration = fitted_calibration(self, gyroscope.NAMES, fit, effects)
         parts = {
-            "pose_rate": ("rad/s", values[:split].reshape(-1, 3), slice(0, split)),
-            "rotation": ("rad", values[split:].reshape(-1, 2), slice(split, None)),
+            "pose_rate": ("rad/s", 3, slice(0, 3 * poses)),
+            "rotation": ("rad", 2, slice(3 * poses, None)),
         }
-        judged = {
-            kind: judge(unit, own, covariance[at, at], jacobian[at], parameters)
-            for kind, (unit, own, at) in parts.items()
-        }
-        return Solution(
-            tuple(effects), x, calibration, force, chi2, dof, judged, covariance, jacobian
-        )
+        return Solution(tuple(effects), fit, values, covariance, parts, calibration, force)
 
     def linearise(self, solution, recording, shapes=()):
         """Return the residuals of any recording, linear about a solution and in more effects."""
         force = calibrated_force(solution.accelerometer, recording, self.force.noise)
         effects = (*solution.effects, *shapes)
-        model = gyroscope.gyroscope_model(recording, force, solution.x, effects, self.known)
-        p = len(solution.x)
-        x = np.concatenate([solution.x, np.zeros(12 + model.rate_design.shape[2] - p)])
+        model = gyroscope.gyroscope_model(recording, force, solution.fit.x, effects, self.known)
+        p = len(solution.fit.x)
+        x = np.concatenate([solution.fit.x, np.zeros(12 + model.rate_design.shape[2] - p)])
         return linear(*model.residuals(x), p, shapes, *self.kinds(recording))
 
     def kinds(self, recording):
@@ -346,7 +294,7 @@ class GyroscopePoses:
         if model is not None and np.array_equal(model.rate, poses.w):
             force = calibrated_force(solution.accelerometer, recording, noise)
         else:
-            x, (model, force) = solution.x, self._model(solution, recording)
+            x, (model, force) = solution.fit.x, self._model(solution, recording)
         errors = gyroscope.rotation_covariance(
             model, x, poses.session, force.direction_covariance, noise
         )
@@ -364,6 +312,6 @@ class GyroscopePoses:
     def _model(self, solution, recording):
         force = calibrated_force(solution.accelerometer, recording, self.force.noise)
         model = gyroscope.gyroscope_model(
-            recording, force, solution.x, solution.effects, self.known
+            recording, force, solution.fit.x, solution.effects, self.known
         )
         return model, force

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from imuloop.calibrate.least_squares import Fit
+
 # a step of less than this share of every standard error leaves the residual straight, to its
 # square; a start that is not there by so many steps is none
 CLOSE, STEPS = 1e-3, 12
@@ -17,11 +19,7 @@ class Refit:
 
     Attributes
     ----------
-    x : ndarray, shape (p,)
-        Parameters.
-    parameters : ndarray, shape (p, p)
-        Their covariance, from the predicted covariance of the residuals.
-    chi2, dof : float, int
+    fit : Fit
         Of the rows that were fitted.
     values, jacobian : ndarray, shape (N,) and (N, p)
         All residuals, and their derivative.
@@ -31,10 +29,7 @@ class Refit:
         Predicted covariance of these.
     """
 
-    x: np.ndarray
-    parameters: np.ndarray
-    chi2: float
-    dof: int
+    fit: Fit
     values: np.ndarray
     jacobian: np.ndarray
     seen: np.ndarray
@@ -72,14 +67,8 @@ def refit(evaluate: Callable, seen, x):
         left = white[:, -1] + design @ step
         x = x + step / size
         if np.all(np.abs(step) < CLOSE * np.sqrt(np.diag(parameters))):
-            return Refit(
-                x,
-                parameters / np.outer(size, size),
-                float(left @ left),
-                len(left) - len(x),
-                values + jacobian @ (step / size),
-                jacobian,
-                seen,
-                covariance,
-            )
+            parameters = parameters / np.outer(size, size)
+            dof = len(left) - len(x)
+            fit = Fit(x, parameters, float(left @ left), dof, jacobian[seen])
+            return Refit(fit, values + jacobian @ (step / size), jacobian, seen, covariance)
     return None

@@ -151,7 +151,7 @@ class Search:
         fewer = self._steps.get(effects[:-1]) if effects else self.whole and self.whole.step()
         used = set(map(type, effects))
         shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
-        found, start = None, fewer.solution.x if fewer else self.start
+        found, start = None, fewer.solution.fit.x if fewer else self.start
         if start is not None:
             found = self.model.refit(self.recording, self.keep, effects, start)
         if found and self.whole:
@@ -221,7 +221,7 @@ class Search:
         Only looked for where the residual is above its floor.
         """
         step = self.step(effects)
-        if chdtrc(step.solution.dof, step.solution.chi2) >= self.settings.significance:
+        if chdtrc(step.solution.fit.dof, step.solution.fit.chi2) >= self.settings.significance:
             return None
         log_threshold = np.log(self.threshold(effects))
         return best_pair(step.white, step.doubts, step.linear.shapes, banned, log_threshold)
@@ -370,7 +370,7 @@ def floor_variance(whole, searches):
         seen = whole.linear.rows(lambda poses, s=search: np.all(s.keep[poses], axis=1))
         variance = np.full(len(held), np.nan)
         variance[held] = held_out_variance(
-            whole.solution.covariance, whole.solution.jacobian, seen, held
+            whole.solution.covariance, whole.solution.fit.jacobian, seen, held
         )
         split = whole.linear.split(variance)
         parts.append({kind: v[np.isfinite(v[:, 0])] for kind, v in split.items()})

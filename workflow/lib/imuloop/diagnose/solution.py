@@ -1,13 +1,15 @@
 """A sensor's fit to poses, with effects: parameters, calibration, what is left."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from imuloop.calibrate.calibrate import in_raw_units
+from imuloop.calibrate.least_squares import Fit
 from imuloop.core.effect import Effect
 from imuloop.core.model import SensorCalibration
-from imuloop.diagnose.residuals import Residual
+from imuloop.diagnose.residuals import judge
 from imuloop.diagnose.trial import Linear
 
 
@@ -19,34 +21,44 @@ class Solution:
     ----------
     effects : tuple of Effect
         The effects that were estimated.
-    x : ndarray, shape (p,)
+    fit : Fit
         Parameters of the base model, then the effects', SI as logged.
+    values : ndarray, shape (n,)
+        Residuals of the fit, kind after kind.
+    covariance : ndarray, shape (n, n)
+        Their predicted covariance.
+    parts : dict of str to (str, int, slice)
+        Kinds of residuals: unit, components and rows.
     calibration : SensorCalibration
         Fitted calibration.
     accelerometer : SensorCalibration
         Calibration that gave the direction of gravity.
-    chi2, dof : float, int
-        Of the whole fit, against the noise model.
-    residuals : dict of str to Residual
-        Each kind of residual of the sensor, on the data of the fit.
-    covariance : ndarray, shape (n, n)
-        Predicted covariance of all residuals, kind after kind.
-    jacobian : ndarray, shape (n, p)
-        Their derivative with respect to all parameters.
     fitted : tuple or None
         Model of the residuals next to the solution, and its parameters there; None if not kept.
     """
 
     effects: tuple[Effect, ...]
-    x: np.ndarray
+    fit: Fit
+    values: np.ndarray
+    covariance: np.ndarray
+    parts: dict[str, tuple[str, int, slice]]
     calibration: SensorCalibration
     accelerometer: SensorCalibration
-    chi2: float
-    dof: int
-    residuals: dict[str, Residual]
-    covariance: np.ndarray
-    jacobian: np.ndarray
     fitted: tuple | None = None
+
+    @cached_property
+    def residuals(self):
+        """Each kind of residual against its floor, by name; of most fits nobody asks for it."""
+        return {
+            kind: judge(
+                unit,
+                self.values[at].reshape(-1, components),
+                self.covariance[at, at],
+                self.fit.jacobian[at],
+                self.fit.covariance,
+            )
+            for kind, (unit, components, at) in self.parts.items()
+        }
 
 
 def linear(values, jacobian, parameters, shapes, kinds, components):
@@ -58,18 +70,17 @@ def linear(values, jacobian, parameters, shapes, kinds, components):
     )
 
 
-def fitted_calibration(model, base, x, parameters, chi2, dof, effects):
+def fitted_calibration(model, base, fit, effects):
     """Return the calibration of a fit; variances grow with what it leaves unexplained."""
-    reduced = chi2 / dof if dof > 0 else np.nan
     return in_raw_units(
         model.unit,
         base,
-        x,
-        parameters * (max(1.0, reduced) if np.isfinite(reduced) else 1.0),
+        fit.x,
+        fit.scaled_covariance,
         method="multi_position",
         effects=effects,
         known=model.known,
-        reduced_chi2=reduced,
+        reduced_chi2=fit.reduced_chi2,
     )
 
 

@@ -7,6 +7,9 @@ import numpy as np
 
 # the fit ends where the likelihood grows by less
 CLOSE, ROUNDS = 1e-4, 60
+# share of the largest power that a bin has at least at first: one coefficient may happen to be as
+# good as 0, and then it alone would count
+LEAST = 1e-6
 
 
 def log_likelihood(power, count, expected):
@@ -42,7 +45,8 @@ def likeliest(power, count, units):
     units, floor = units / size[:, None], 1e-9 * power.max(axis=1, keepdims=True)
     found = np.zeros((len(power), k))
     open_ = np.arange(len(power))
-    expected, last, guess = power, np.full(len(power), -np.inf), np.ones((len(power), k), bool)
+    expected = np.maximum(power, LEAST * power.max(axis=1, keepdims=True))
+    last, guess = np.full(len(power), -np.inf), np.ones((len(power), k), bool)
     for _ in range(ROUNDS):
         weight = count / expected**2
         weighted = (units * weight[..., None]).swapaxes(1, 2)

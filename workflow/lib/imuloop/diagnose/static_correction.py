@@ -8,26 +8,27 @@ import pyarrow.parquet as pq
 
 from imuloop.core.effect import Channels
 from imuloop.core.files import replaced
-from imuloop.core.memory import filled
 from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
-from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.diagnose.static_means import COLUMNS
+from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
+from imuloop.diagnose.static_means import COLUMNS, LoggedChannels, other_sensor
 from imuloop.diagnose.static_terms import GaussMarkov as GaussMarkovEffect
 from imuloop.diagnose.static_terms import Sinusoid as SinusoidEffect
 
 # lines nearer than this share of their frequency are one
 SAME_LINE = 0.05
+# samples of which the effects are worked out together
+PART = 1 << 18
 
 
-def corrected(session, samples, calibration, found):
+def corrected(session, log, calibration, found):
     """Return samples of a session less what the effects of both sensors add.
 
     Parameters
     ----------
     session : str
         Its name.
-    samples : DataFrame or dict
-        Samples, SI, as logged.
+    log : RestLog
+        Its samples.
     calibration : Calibration
         Turns SI as logged into ``K (raw - b)``.
     found : dict of str to tuple of FittedEffect
@@ -38,27 +39,36 @@ def corrected(session, samples, calibration, found):
     dict of str to ndarray
         Columns by name, SI as logged.
     """
-    changed = {name: np.asarray(samples[name]) for name in samples}
-    t = changed[TIME]
-    temperature = filled(t, changed[TEMPERATURE]) if TEMPERATURE in samples else None
-    logged = {s: np.column_stack([changed[n] for n in names]) for s, names in COLUMNS.items()}
+    t, changed = log.t, {name: np.array(log.samples[name]) for name in CHANNELS}
+    levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in COLUMNS.items()}
     for sensor, effects in found.items():
-        (other,) = set(COLUMNS) - {sensor}
-        whole = Channels(t, logged[sensor], logged[other], temperature)
-        own = getattr(calibration, sensor)
-        output = own.output(logged[sensor])
-        seen = Channels(
-            t,
-            # at rest the output stands still
-            np.tile(output.mean(axis=0), (len(t), 1)),
-            getattr(calibration, other).output(logged[other]),
-            temperature,
-            lambda function, *constants, whole=whole: function(whole, *constants),
-        )
-        total = sum((_output(e, session, seen) for e in effects), np.zeros_like(output))
-        left = logged[sensor] - total * own.raw_unit.scale / own.K
-        changed |= dict(zip(COLUMNS[sensor], left.T.copy(), strict=True))
-    return changed
+        if not effects:
+            continue
+        own, other = getattr(calibration, sensor), other_sensor(sensor)
+        # at rest the outputs stand still
+        level = own.output(np.array([levels[sensor]]))
+        beside = getattr(calibration, other).output(np.array([levels[other]]))
+        whole, remembered = LoggedChannels(log, sensor), {}
+        for first in range(0, len(t), PART):
+            part = slice(first, first + PART)
+
+            def history(function, *constants, part=part, whole=whole, remembered=remembered):
+                key = function, constants
+                if key not in remembered:
+                    remembered[key] = function(whole, *constants)
+                return remembered[key][part]
+
+            rows = (len(t[part]), 1)
+            temperature = None if log.temperature is None else log.temperature[part]
+            seen = Channels(
+                t[part], np.tile(level, rows), np.tile(beside, rows), temperature, history
+            )
+            total = sum(_output(e, session, seen) for e in effects)
+            total *= own.raw_unit.scale / own.K
+            for name, values in zip(COLUMNS[sensor], total.T, strict=True):
+                changed[name][part] -= values
+    warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
+    return {TIME: t, **changed, **warmth}
 
 
 def _output(fitted, session, channels):
@@ -94,10 +104,10 @@ def noise_again(device, data, calibration, found, noise_settings):
         Session(
             name,
             data.kinds[name],
-            corrected(name, samples, calibration, found),
+            corrected(name, data.log(name), calibration, found),
             data.segments[name],
         )
-        for name, samples in data.samples.items()
+        for name in data.samples
     ]
     # the curves and the coefficients alone
     alone = replace(noise_settings, views=(), m_samples=())

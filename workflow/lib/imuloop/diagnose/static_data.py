@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, read_columns
+from imuloop.core.samples import Columns, read_columns
 from imuloop.diagnose.static_means import RestLog, rests_to_use, static_record
 
 
@@ -14,7 +14,7 @@ class StaticData:
     ----------
     kinds : dict of str to str
         Kind of each session used.
-    samples : dict of str to (dict or DataFrame)
+    samples : dict of str to (Columns, DataFrame or dict)
         Its samples by column, SI, as logged.
     segments : dict of str to (dict or DataFrame)
         The static segments used.
@@ -26,17 +26,20 @@ class StaticData:
     _logs: dict = field(default_factory=dict, repr=False)
     _records: dict = field(default_factory=dict, repr=False)
 
+    def log(self, name):
+        """Return the RestLog of a session."""
+        if name not in self._logs:
+            self._logs[name] = RestLog.of(self.samples[name])
+        return self._logs[name]
+
     def records(self, sensor, calibration, mean_time):
         """Return the StaticRecord of each session of a sensor, those without a mean left out."""
-        for name, samples in self.samples.items():
-            if name not in self._logs:
-                self._logs[name] = RestLog.of(samples)
         # the calibration is kept with its records: no other has its number meanwhile
         key = sensor, mean_time, id(calibration)
         if key not in self._records:
             found = [
-                static_record(name, log, self.segments[name], calibration, sensor, mean_time)
-                for name, log in self._logs.items()
+                static_record(name, self.log(name), rests, calibration, sensor, mean_time)
+                for name, rests in self.segments.items()
             ]
             self._records[key] = calibration, [r for r in found if len(r.windows)]
         return self._records[key][1]
@@ -54,9 +57,8 @@ def read_static(sessions):
     columns = "start_s", "end_s", "kind"
     segments = {n: read_columns(s["segments"], columns) for n, s in sessions.items()}
     used = rests_to_use(kinds, segments)
-    columns = (TIME, *CHANNELS, TEMPERATURE)
     return StaticData(
         {name: kinds[name] for name in used},
-        {name: read_columns(sessions[name]["samples"], columns) for name in used},
+        {name: Columns(sessions[name]["samples"]) for name in used},
         used,
     )

@@ -119,58 +119,116 @@ def window_length(seconds, interval, mean_time):
 
 @dataclass(frozen=True)
 class RestLog:
-    """The log of a session at rest, missing values filled.
+    """The log of a session at rest; a column is read when it is asked for, for a log may be long.
 
     Attributes
     ----------
+    samples : Columns, DataFrame or dict
+        Samples by column, SI, as logged.
     t : ndarray, shape (n,)
         Time, s.
-    logged : dict of str to ndarray, shape (n, 3)
-        Each sensor's output, SI, as logged.
+    interval : float
+        Median step of time, s; not a number without one.
     temperature : ndarray, shape (n,), or None
-        degC.
-    whole : ndarray of int, shape (n + 1,)
-        How many samples before each lack nothing.
+        degC, missing values filled.
     """
 
+    samples: object
     t: np.ndarray
-    logged: dict
+    interval: float
     temperature: np.ndarray | None
-    whole: np.ndarray
     _means: dict = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, samples):
         """Return the RestLog of samples, columns by name."""
-        t, columns = np.asarray(samples[TIME]), [*ACCELERATION, *ANGULAR_RATE]
-        whole = np.isfinite([np.asarray(samples[name]) for name in columns]).all(axis=0)
-        # missing values would reach every later sum
-        logged = {
-            sensor: np.column_stack([filled(t, np.asarray(samples[name])) for name in names])
-            for sensor, names in COLUMNS.items()
-        }
-        temperature = None
-        if TEMPERATURE in samples and np.isfinite(np.asarray(samples[TEMPERATURE])).any():
-            temperature = filled(t, np.asarray(samples[TEMPERATURE]))
-        return cls(t, logged, temperature, np.concatenate([[0], np.cumsum(whole)]))
+        t, temperature = np.asarray(samples[TIME]), None
+        if TEMPERATURE in samples:
+            logged = np.asarray(samples[TEMPERATURE])
+            temperature = filled(t, logged) if np.isfinite(logged).any() else None
+        return cls(samples, t, np.median(np.diff(t)) if len(t) > 1 else np.nan, temperature)
+
+    def logged(self, sensor):
+        """Return the output of a sensor, SI, as logged, missing values filled, shape (n, 3)."""
+        values = np.empty((3, len(self.t)))
+        for row, name in zip(values, COLUMNS[sensor], strict=True):
+            row[:] = filled(self.t, np.asarray(self.samples[name]))
+        return values.T
 
     def means(self, at):
-        """Return the mean output of each sensor over rows `at`, shape (m, 2), as logged."""
+        """Return the mean output of each sensor over rows `at`, shape (m, 2), as logged.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (m, 3)
+            By sensor.
+        ndarray of bool, shape (m,)
+            Whether no sample of the rows lacks a value.
+        """
         key = at.tobytes()
         if key not in self._means:
-            self._means[key] = {}
-            for sensor, values in self.logged.items():
-                # a mean near zero keeps the digits of cumulative sums
-                centre = values.mean(axis=0) if len(values) else 0.0
-                self._means[key][sensor] = mean_over(values - centre, at) + centre
+            found, whole = {}, np.ones(len(at), dtype=bool)
+            for sensor, names in COLUMNS.items():
+                columns = []
+                for name in names:
+                    values = np.asarray(self.samples[name])
+                    known = np.isfinite(values)
+                    if not known.all():
+                        whole &= mean_over(known, at) == 1
+                        values = filled(self.t, values)
+                    # a mean near zero keeps the digits of sums
+                    centre = values.mean() if len(values) else 0.0
+                    columns.append(mean_over(values - centre, at) + centre)
+                found[sensor] = np.column_stack(columns)
+            self._means[key] = found, whole
         return self._means[key]
+
+
+@dataclass(frozen=True)
+class LoggedChannels:
+    """The `Channels` of a sensor in the whole log of a session at rest, outputs as logged.
+
+    An output is read when a function asks for it: few do.
+    """
+
+    log: RestLog
+    sensor: str
+    past = step = None
+
+    @property
+    def t(self):
+        """Time, s, shape (n,)."""
+        return self.log.t
+
+    @property
+    def temperature(self):
+        """Temperature, degC, shape (n,), or None."""
+        return self.log.temperature
+
+    @property
+    def output(self):
+        """The sensor's output, SI, shape (n, 3)."""
+        return self.log.logged(self.sensor)
+
+    @property
+    def other(self):
+        """The other sensor's output, SI, shape (n, 3)."""
+        return self.log.logged(other_sensor(self.sensor))
+
+
+def other_sensor(sensor):
+    """Return the name of the other sensor."""
+    (other,) = set(COLUMNS) - {sensor}
+    return other
 
 
 def mean_over(values, at):
     """Return means of values over rows `at`, shape (m, 2): from the first to before the last."""
-    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    count = np.diff(at, axis=1).reshape(-1, *[1] * (values.ndim - 1))
-    return (total[at[:, 1]] - total[at[:, 0]]) / count
+    if values.ndim > 1:
+        return np.column_stack([mean_over(column, at) for column in values.T])
+    # a last row may lie behind the end
+    total = np.add.reduceat(np.append(values, 0.0), at.ravel())[::2]
+    return total / (at[:, 1] - at[:, 0])
 
 
 def static_record(session, samples, segments, calibration, sensor, mean_time):
@@ -200,7 +258,7 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     static = np.asarray(segments["kind"]) == STATIC
     seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
     t = log.t
-    interval = np.median(np.diff(t)) if len(t) > 1 else mean_time
+    interval = log.interval if len(t) > 1 else mean_time
     length = window_length(np.diff(seconds).sum(), interval, mean_time)
     windows, stretch = [np.zeros((0, 2))], []
     for number, (start, end) in enumerate(seconds):
@@ -211,18 +269,16 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         stretch += [number] * count
     windows, stretch = np.concatenate(windows), np.array(stretch, dtype=int)
     at = np.searchsorted(t, windows)
-    count = np.diff(at, axis=1)[:, 0]
+    keep = at[:, 0] < at[:, 1]
+    windows, stretch, at = windows[keep], stretch[keep], at[keep]
+    logged, keep = log.means(at)
     # a mean over missing values is none
-    keep = (count > 0) & (np.diff(log.whole[at], axis=1)[:, 0] == count)
     windows, stretch, at = windows[keep], stretch[keep], at[keep]
 
-    (other,) = set(COLUMNS) - {sensor}
     # the output is a straight line in what was logged: so are its means
-    output = {
-        name: getattr(calibration, name).output(values) for name, values in log.means(at).items()
-    }
+    output = {name: getattr(calibration, name).output(v[keep]) for name, v in logged.items()}
     values = output[sensor]
-    whole = Channels(t, log.logged[sensor], log.logged[other], log.temperature)
+    whole = LoggedChannels(log, sensor)
     remembered = {}
 
     def history(function, *constants):
@@ -235,7 +291,7 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     channels = Channels(
         windows.mean(axis=1),
         np.tile(level, (len(windows), 1)),
-        output[other],
+        output[other_sensor(sensor)],
         None if log.temperature is None else mean_over(log.temperature, at),
         history,
     )

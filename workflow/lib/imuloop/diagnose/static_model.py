@@ -148,6 +148,7 @@ class Sight:
     held: tuple
     _place: dict = field(default_factory=dict)
     _levels: dict = field(default_factory=dict)
+    _ahead: dict = field(default_factory=dict)
     _gram: np.ndarray | None = None
     _precisions: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
@@ -189,8 +190,8 @@ class Sight:
         new = [c for c in dict.fromkeys((0, *columns)) if c not in self._place]
         if new:
             self._enter(new)
-        place = [self._place[c] for c in columns]
-        return self._gram[:, place][:, :, place]
+        place = np.array([self._place[c] for c in columns], dtype=int)
+        return self._gram[:, place[:, None], place]
 
     def _enter(self, new):
         """Add the products of columns that nobody asked for before."""
@@ -207,9 +208,13 @@ class Sight:
             held, weighted = self.held[i], self.model.weighted[i]
             z = self.model.of(i, known)
             # (g, new, known)
-            cross = np.stack([weighted[c] for c in new], axis=1) @ z
+            more = np.stack([weighted[c] for c in new], axis=1)
+            cross = more @ z
             if len(held):
-                ahead = np.stack([weighted[c][:, held] for c in known], axis=1)
+                ahead = more[:, :, held]
+                if first:
+                    ahead = np.concatenate([self._ahead[i], ahead], axis=1)
+                self._ahead[i] = ahead
                 cross -= ahead[:, first:] @ covariance @ np.swapaxes(ahead, 1, 2)
             level = cross[:, :, 0]
             if first:

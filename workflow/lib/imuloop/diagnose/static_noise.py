@@ -158,6 +158,8 @@ def log_f_tail(statistic, q, dof):
     a, b = dof / 2, q / 2
     x = dof / (dof + q * np.asarray(statistic, dtype=float))
     tail = betainc(a, b, x)
+    if np.all(tail > 1e-280):
+        return np.log(tail)
     safe = np.minimum(x, 1 - 1e-16)
     leading = a * np.log(safe) + (b - 1) * np.log1p(-safe) - np.log(a) - betaln(a, b)
     with np.errstate(divide="ignore"):

@@ -28,16 +28,18 @@ class Probe:
             return on_each_axis(channels.temperature, channels.temperature**2)
         if self.name == "temperature_rate":
             return on_each_axis(np.gradient(channels.temperature, channels.t))
-        return on_each_axis(channels.remembered(_squares) - channels.remembered(_values) ** 2)
+        mean, square = np.split(channels.remembered(_moments), 2, axis=1)
+        return on_each_axis(square - mean**2)
 
 
-def _values(channels):
+def _moments(channels):
+    """Return the output of each axis and its square, shape (n, 6)."""
+    found = np.empty((6, len(channels.t)))
     # about the mean of the log, so that the difference of squares keeps its digits
-    return channels.output - channels.output.mean(axis=0)
-
-
-def _squares(channels):
-    return _values(channels) ** 2
+    for i, values in enumerate(channels.output.T):
+        np.subtract(values, values.mean(), out=found[i])
+        np.square(found[i], out=found[3 + i])
+    return found.T
 
 
 def static_correlates(search, base):

@@ -64,24 +64,30 @@ def line_scan(sight, base):
     tried = frequencies(records)
     if not len(tried):
         return (), 0
-    best = []
+    best, waves = [], [_waves(r, held, tried) for r, held in zip(records, sight.held, strict=True)]
     for axis in range(3):
         parts, dof = whitened(sight, base, axis)
         total, q = np.zeros(len(tried)), 0
-        for part, record in zip(parts, records, strict=True):
+        for part, wave in zip(parts, waves, strict=True):
             if part is None:
                 continue
-            phase = 2 * np.pi * np.outer(record.channels.t[part.seen], tried)
-            waves = np.stack([np.cos(phase), np.sin(phase)])
-            weighted = part.precision @ waves
+            weighted = part.precision @ wave
             score = np.einsum("kmf,m->fk", weighted, part.residual)
-            information = np.einsum("kmf,lmf->fkl", waves, weighted)
+            information = np.einsum("kmf,lmf->fkl", wave, weighted)
             total += np.einsum("fk,fk->f", score, _solved(information, score))
             q += 2
         log_p = log_f_tail(total / q, q, dof - q)
         at = int(np.argmin(log_p))
         best.append((log_p[at], Sinusoid(float(tried[at]), tuple(r.session for r in records))))
     return _distinct(best), len(tried)
+
+
+def _waves(record, held, tried):
+    """Return cosine and sine of each frequency at the windows that are seen, (2, m, f)."""
+    if held is None:
+        return None
+    phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
+    return np.stack([np.cos(phase), np.sin(phase)])
 
 
 def step_scan(sight, base, taken=()):

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -127,11 +127,21 @@ class White:
             size = np.linalg.norm(raw, axis=0)
             left = self.left(raw.reshape(len(raw), -1)).reshape(raw.shape)
             q, r = np.linalg.qr((left / np.where(size > 0, size, 1.0)).swapaxes(0, 1))
-            least = np.linalg.svd(r, compute_uv=False)[:, -1]
             part = (q.swapaxes(1, 2) @ self.rest[:, None])[:, :, 0]
             for i, k in enumerate(at):
-                seen = bool(size[i].all()) and least[i] >= ABSORBED and len(raw) >= width
-                found[k] = Space(q[i], r[i], size[i], seen, part[i])
+                found[k] = Space(q[i], r[i], size[i], part[i])
+        return found
+
+    @cached_property
+    def seen(self):
+        """Whether the parameters leave more than `ABSORBED` of each shape, whatever its size."""
+        found = np.zeros(len(self.columns), dtype=bool)
+        for shape in {space.r.shape for space in self.spaces}:
+            at = [k for k, space in enumerate(self.spaces) if space.r.shape == shape]
+            r, size = (np.stack([getattr(self.spaces[k], n) for k in at]) for n in ("r", "size"))
+            least = np.linalg.svd(r, compute_uv=False)[:, -1]
+            # fewer rows than columns show no shape whole
+            found[at] = size.all(axis=1) & (least >= ABSORBED) & (shape[0] == shape[1])
         return found
 
 
@@ -145,8 +155,6 @@ class Space:
         Orthogonal and triangular factor of the columns over their `size`.
     size : ndarray, shape (k,)
         Norm of each column before the parameters take their share.
-    seen : bool
-        Whether they leave more than `ABSORBED` of any combination.
     part : ndarray, shape (k,)
         Product of q with the residual: χ² falls by its square.
     """
@@ -154,7 +162,6 @@ class Space:
     q: np.ndarray
     r: np.ndarray
     size: np.ndarray
-    seen: bool
     part: np.ndarray
 
     @property
@@ -227,7 +234,7 @@ def log_p_value(drop, chi2_after, q, dof, least=1.0):
     The noise model sets the scale; where the residual exceeds it even with the effect, the
     residual does. Without a noise model to go by, `least` is 0.
     """
-    return float(log_f_tail(drop / q / max(least, chi2_after / dof), q, dof))
+    return log_f_tail(drop / q / np.maximum(least, chi2_after / dof), q, dof)[()]
 
 
 def excess(linear, seen, covariance):
@@ -289,30 +296,32 @@ def try_shapes(white, shapes, doubts=()):
     dict of type to str
         Why the others cannot be shown.
     """
-    total = white.rest @ white.rest
+    total, n = white.rest @ white.rest, len(white.rest)
     count = Counter(map(type, shapes))
-    best, reasons = {}, {}
-    for column, (shape, space) in enumerate(zip(shapes, white.spaces, strict=True)):
-        cls, q = type(shape), len(space.size)
-        dof = len(white.rest) - white.q.shape[1] - q
-        if dof < 1:
-            reasons[cls] = f"{len(white.rest)} residuals do not determine {q} more parameters"
-            continue
-        if not space.seen:
-            reasons[cls] = "what it adds in these data is taken up by the base model"
-            continue
-        drop = space.drop
-        log_p = max(
-            log_p_value(drop, total - drop, q, dof),
-            *(_doubtful_log_p(w, column, dof) for w in doubts),
-            -np.inf,
-        )
+    widths = np.array([len(space.size) for space in white.spaces], dtype=int)
+    dof = n - white.q.shape[1] - widths
+    tried, reasons = [], {}
+    for column, shape in enumerate(shapes):
+        if dof[column] < 1:
+            reasons[type(shape)] = (
+                f"{n} residuals do not determine {widths[column]} more parameters"
+            )
+        elif not white.seen[column]:
+            reasons[type(shape)] = "what it adds in these data is taken up by the base model"
+        else:
+            tried.append(column)
+    log_ps = np.max(
+        [_log_p(w, tried, widths, dof, float(w is white)) for w in (white, *doubts)], axis=0
+    )
+    best = {}
+    for column, log_p in zip(tried, log_ps.tolist(), strict=True):
+        cls, drop = type(shapes[column]), white.spaces[column].drop
         log_p += np.log(count[cls])
         if cls not in best or (log_p, -drop) < best[cls][:2]:
-            best[cls] = log_p, -drop, column, dof
+            best[cls] = log_p, -drop, column
     trials = {
-        cls: _trial(white, shapes[column], total, log_p, column, dof)
-        for cls, (log_p, _, column, dof) in best.items()
+        cls: _trial(white, shapes[column], total, log_p, column, int(dof[column]))
+        for cls, (log_p, _, column) in best.items()
     }
     return trials, {cls: why for cls, why in reasons.items() if cls not in best}
 
@@ -330,11 +339,11 @@ def _trial(white, shape, total, log_p, column, dof):
     return Trial(shape, log_p, space.drop, values, std, information, step, pattern, column, dof)
 
 
-def _doubtful_log_p(white, column, dof):
-    """Return the logarithm of the p-value of a shape with other weights, of the residual's size."""
-    space = white.spaces[column]
-    left = white.rest @ white.rest - space.drop
-    return log_p_value(space.drop, left, len(space.size), dof, least=0.0)
+def _log_p(white, columns, widths, dof, least):
+    """Return the logarithms of the p-values of some shapes; arguments as of `log_p_value`."""
+    drop = np.array([white.spaces[column].drop for column in columns])
+    left = white.rest @ white.rest - drop
+    return log_p_value(drop, left, widths[columns], dof[columns], least)
 
 
 def detection_limit(trial, shapes, settings, tests):
@@ -354,18 +363,23 @@ def detection_limit(trial, shapes, settings, tests):
     tests : int
         Number of tests that the significance is shared by.
     """
-    q, dof = len(trial.values), trial.dof
-    # of the F distribution
-    x = betaincinv(dof / 2, q / 2, settings.significance / tests / shapes)
+    significance = settings.significance / tests / shapes
+    noncentrality = noncentrality_found(len(trial.values), trial.dof, significance, settings.power)
+    limits = np.sqrt(noncentrality / np.diag(trial.information))
+    return dict(zip(trial.effect.parameters, limits.tolist(), strict=True))
+
+
+@cache
+def noncentrality_found(q, dof, significance, power):
+    """Return the noncentrality at which an F test finds an effect with the wanted power."""
+    x = betaincinv(dof / 2, q / 2, significance)
     threshold = dof * (1 - x) / (q * x)
 
     def shortfall(noncentrality):
-        return ncfdtr(q, dof, noncentrality, threshold) - (1 - settings.power)
+        return ncfdtr(q, dof, noncentrality, threshold) - (1 - power)
 
     # far beyond the root the distribution is not computed reliably
     above = 1.0
     while shortfall(above) > 0:
         above *= 2
-    noncentrality = root(shortfall, 0.0, above)[0]
-    limits = np.sqrt(noncentrality / np.diag(trial.information))
-    return dict(zip(trial.effect.parameters, limits.tolist(), strict=True))
+    return root(shortfall, 0.0, above)[0]
