@@ -52,7 +52,17 @@ def test_what_is_loaded_already_stays():
 
 
 # what a command or a job needs to begin; each of these takes as long to load as a job may work
-@pytest.mark.parametrize("module", ["__main__", "report.section", "report.report", "export.export"])
-def test_what_is_slow_to_load_waits_until_it_is_needed(module):
-    slow = "[m for m in ('pandas', 'scipy', 'matplotlib') if m in sys.modules]"
-    assert run(f"import imuloop.{module}; print({slow})") == "[]"
+@pytest.mark.parametrize(
+    ("module", "needed"),
+    [
+        ("__main__", []),
+        ("segment.segment", ["scipy"]),
+        ("export.export", []),
+        ("report.section", ["matplotlib"]),
+        ("report.report", ["matplotlib"]),
+    ],
+)
+def test_what_is_slow_to_load_waits_until_it_is_needed(module, needed):
+    slow = ("pandas", "scipy", "scipy.stats", "matplotlib", "matplotlib.pyplot")
+    loaded = f"[m for m in {slow} if m in sys.modules]"
+    assert run(f"import imuloop.{module}; print({loaded})") == str(needed)

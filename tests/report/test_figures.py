@@ -10,6 +10,7 @@ import pytest
 
 from imuloop.core.samples import ANGULAR_RATE
 from imuloop.core.units import DEGREE
+from imuloop.report import axes
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.calibration_tables import correlations
 from imuloop.report.columns import from_records
@@ -20,7 +21,7 @@ from imuloop.report.residual_plot import _ranks, against, goes_with, residual_pi
 from imuloop.report.results import Session, read_device
 from imuloop.report.time_series import session_pictures
 from imuloop.report.turns import pose_temperatures, turns
-from report.build import joined_report
+from report.build import build, joined_report
 from report.plausible_results import write_results
 
 RATE = 50.0
@@ -235,6 +236,19 @@ def test_a_report_of_ten_devices_is_below_5_mb(tmp_path, repository):
             (folder / name / file).write_text(text.replace("board", name), encoding="utf-8")
     joined_report(folder, names, repository, tmp_path)
     assert (tmp_path / "report.html").stat().st_size < 5e6
+
+
+def test_every_axis_of_numbers_has_two_marks_inside_it(tmp_path, repository, monkeypatch):
+    drawn, frame = [], axes.frame
+    monkeypatch.setattr(axes, "frame", lambda area, p: drawn.append(area) or frame(area, p))
+    build(tmp_path / "results", repository)
+    numbers = [(a, which) for a in drawn for which in "xy" if which not in a._ticks]
+    assert len(numbers) > 100
+    for area, which in numbers:
+        places, labels, _ = area.ticks(which)
+        low, high = sorted(area.span(which))
+        inside = [p for p in places if low - 1e-9 * (high - low) <= p <= high * (1 + 1e-9)]
+        assert len(inside) == len(set(labels)) >= 2
 
 
 def test_equal_values_share_the_mean_of_their_ranks():

@@ -4,6 +4,8 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from imuloop.report.axes import Axes
 from imuloop.report.paths import polyline
@@ -125,6 +127,21 @@ def test_a_short_logarithmic_axis_has_marks_inside_it():
     assert labels == ["1.2", "1.4", "1.6", "1.8"]
     places, _, factor = decade_ticks(2.1e-6, 4.9e-6, 4)
     assert places == pytest.approx([3e-6, 4e-6]) and factor == "×10⁻⁶"
+
+
+@settings(deadline=None)
+@given(
+    low=st.floats(-12, 6).map(lambda e: 10**e),
+    ratio=st.floats(0.01, 14).map(lambda e: 10**e),
+    count=st.floats(1, 20),
+    kind=st.sampled_from([(linear_ticks, float), (decade_ticks, np.log10)]),
+)
+def test_every_axis_has_two_marks_inside_it(low, ratio, count, kind):
+    (ticks, scale), high = kind, low * ratio
+    places, labels, _ = ticks(low, high, count)
+    assert len(places) >= 2 and len(set(labels)) == len(places)
+    start, end = scale(low), scale(high)
+    assert all(-1e-6 < (scale(p) - start) / (end - start) < 1 + 1e-6 for p in places)
 
 
 def _plot(label):

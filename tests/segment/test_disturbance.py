@@ -5,11 +5,17 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 from scipy.signal import lfilter
 
 from imuloop.core.rows import Rows
 from imuloop.core.samples import CHANNELS, TIME, Columns
-from imuloop.segment.disturbance import robust_covariance, steepest, undisturbed
+from imuloop.segment.disturbance import (
+    distance_beyond,
+    robust_covariance,
+    steepest,
+    undisturbed,
+)
 from imuloop.segment.segment import segment_session, session_columns
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import static_log
@@ -43,6 +49,14 @@ def coloured(seed):
     x += 0.05 * np.sin(6 * np.pi * u)
     x[:, 3:] = np.round(x[:, 3:] / 0.00106) * 0.00106
     return x
+
+
+@pytest.mark.parametrize("m", [17, 54, 400, 20_000])
+@pytest.mark.parametrize("k", [3, 6])
+def test_distance_beyond_is_that_of_hotelling(k, m):
+    for probability in (1e-14, 1e-10, 1e-7, 1e-3, 0.2):
+        f = distance_beyond(probability, k, m) / (k * (m - 1) * (m + 1) / (m * (m - k)))
+        assert stats.f.sf(f, k, m - k) == pytest.approx(probability, rel=1e-9)
 
 
 def test_undisturbed_sessions_of_two_hours_are_left_whole():

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.rows import Rows
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.report.numbers import joined, number
 from imuloop.report.results import SENSORS
@@ -22,10 +23,10 @@ def heat_and_cool(device):
     for session in device.used:
         if TEMPERATURE not in session.samples:
             continue
-        t, warmth = (session.samples[c] for c in (TIME, TEMPERATURE))
+        warmth = session.samples[TEMPERATURE]
         known = np.flatnonzero(np.isfinite(warmth))
         few = known[:: max(1, len(known) // 2000)]
-        t, warmth = t[few], warmth[few]
+        t, warmth = Rows(session.samples).at(TIME, few), warmth[few]
         if len(t) < 3 or np.ptp(warmth) < SPAN_K:
             continue
         r = float(np.corrcoef(t, warmth)[0, 1])

@@ -1,6 +1,8 @@
-"""Where the marks of an axis stand, and what they say."""
+"""Where the marks of an axis stand, as matplotlib places them, and what they say."""
 
 import math
+
+from matplotlib.ticker import LogLocator, MaxNLocator, ScalarFormatter
 
 from imuloop.report.numbers import superscript
 
@@ -29,22 +31,18 @@ def linear_ticks(low, high, count):
     factor : str
         What the labels have to be multiplied with, as text; empty for 1.
     """
-    rough = (high - low) / max(int(count), 1)
-    decade = math.floor(math.log10(rough))
-    steps = [d * 10.0**e for e in (decade - 1, decade) for d in (1, 2, 5)] + [10.0 ** (decade + 1)]
-    # the smallest that is wide enough, or the next below that has two marks
-    wide = [s for s in steps if s >= rough]
-    narrow = [s for s in steps if s < rough]
-    for step in [wide[0], *narrow[::-1]]:
-        places = [k * step for k in _between(low / step, high / step)]
-        if len(places) > 1:
-            break
-    largest = max(map(abs, places), default=0.0)
-    exponent = math.floor(math.log10(largest) + SLACK) if largest else 0
-    exponent = 0 if -4 < exponent < 5 else exponent
-    digits = max(0, exponent - math.floor(math.log10(step) + SLACK))
-    labels = [f"{p / 10.0**exponent + 0.0:.{digits}f}".replace("-", "−") for p in places]
-    return places, labels, f"×10{superscript(exponent)}" if exponent else ""
+    locator = MaxNLocator(max(int(count), 1), steps=(1, 2, 5, 10), min_n_ticks=2)
+    slack = SLACK * (high - low)
+    found = locator.tick_values(low, high).tolist()
+    places = [p for p in found if low - slack <= p <= high + slack]
+    formatter = ScalarFormatter(useOffset=False, useMathText=False, useLocale=False)
+    formatter.set_powerlimits((-4, 5))
+    formatter.create_dummy_axis()
+    formatter.axis.set_view_interval(low, high)
+    labels = [label.replace("-", "−") for label in formatter.format_ticks(places)]
+    # 1e−6, or nothing
+    exponent = formatter.get_offset().replace("−", "-").partition("e")[2]
+    return places, labels, exponent and f"×10{superscript(int(exponent))}"
 
 
 def decade_ticks(low, high, count):
@@ -64,19 +62,16 @@ def decade_ticks(low, high, count):
     factor : str
         As for `linear_ticks`, whose round numbers are taken where those above are fewer than two.
     """
-    ends = math.log10(low), math.log10(high)
-    if high < 100 * low:
-        marks = [
-            (digit, exponent)
-            for exponent in range(math.floor(ends[0]), math.floor(ends[1] + SLACK) + 1)
-            for digit in (1, 2, 5)
-            if low * (1 - SLACK) <= digit * 10.0**exponent <= high * (1 + SLACK)
-        ]
-    else:
-        decades = _between(*ends)
-        stride = -(-len(decades) // max(int(count), 2))
-        marks = [(1, exponent) for exponent in decades[::stride]]
-    if len(marks) < 2:
+    digits = (1, 2, 5) if high < 100 * low else (1,)
+    found = LogLocator(subs=digits, numticks=max(int(count), 2)).tick_values(low, high).tolist()
+    places = [p for p in found if low * (1 - SLACK) <= p <= high * (1 + SLACK)]
+    marks = [tuple(map(int, f"{p:.0e}".split("e"))) for p in places]
+    # of a short axis the locator gives numbers in between, more than there is room for
+    between = any(
+        digit not in digits or not math.isclose(p, digit * 10.0**exponent)
+        for p, (digit, exponent) in zip(places, marks, strict=True)
+    )
+    if len(marks) < 2 or between:
         return linear_ticks(low, high, count)
     plain = all(exponent in PLAIN for _, exponent in marks)
     labels = [
@@ -85,10 +80,4 @@ def decade_ticks(low, high, count):
         else f"{digit}·" * (digit > 1) + f"10{superscript(exponent)}"
         for digit, exponent in marks
     ]
-    return [digit * 10.0**exponent for digit, exponent in marks], labels, ""
-
-
-def _between(low, high):
-    """Return the whole numbers between two limits, both included."""
-    slack = SLACK * (high - low)
-    return range(math.ceil(low - slack), math.floor(high + slack) + 1)
+    return places, labels, ""

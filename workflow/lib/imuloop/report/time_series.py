@@ -64,8 +64,8 @@ def extremes(x, buckets=BUCKETS):
     if n <= 2 * buckets:
         return np.arange(n)
     x, edges = np.asarray(x), np.linspace(0, n, buckets + 1).astype(int)
-    ends = [a + f(x[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)]
-    return np.unique(ends)
+    parts = [(a, x[a:b]) for a, b in pairwise(edges.tolist())]
+    return np.unique([a + end for a, part in parts for end in (part.argmin(), part.argmax())])
 
 
 def trend(t, x, stretches):
@@ -135,7 +135,6 @@ def _picture(device, session, folder, sensor, t):
         # a line is not drawn across a gap
         where = np.searchsorted(t[chosen], gaps, side="right")
         raw[axis] = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
-        middle[axis] = np.median(x) if resting else 0.0
         if moved.any():
             square = square + x**2
         if resting:
@@ -144,6 +143,10 @@ def _picture(device, session, folder, sensor, t):
             ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
             low, high = min(ends, default=x.min()), max(ends, default=x.max())
             quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
+        # last, as it puts x in another order instead of a copy
+        middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
+        # before the next is read
+        del x
     csv = write_csv(
         folder,
         f"{session.name}_{sensor}",

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.rows import Rows
 from imuloop.core.samples import ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.report.results import XYZ
 
@@ -27,13 +28,12 @@ def turns(device):
     gyroscope, found, before = device.calibrations["final"].gyroscope, {}, 0
     for session in pose_sessions(device):
         segments, rests = session.segments, session.rests.values()
-        t = session.samples[TIME]
-        raw = np.column_stack([session.samples[c] for c in ANGULAR_RATE])
+        t, rows = session.samples[TIME], Rows(session.samples)
         # from the last sample of a pose to the first of the next
         first = np.searchsorted(t, [segments["end_s"][at].max() for at in rests]) - 1
         last = np.searchsorted(t, [segments["start_s"][at].min() for at in rests]) + 1
         for k, (i, j) in enumerate(zip(first[:-1], last[1:], strict=True), before):
-            found[k] = _turn(t[i:j], gyroscope.output(raw[i:j]))
+            found[k] = _turn(t[i:j], gyroscope.output(rows.read(ANGULAR_RATE, i, j).T))
         before += len(first)
     return found
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaincinv, chdtr, chdtri
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.ingest.in_order import in_order
-from imuloop.segment.quantiles import chi_squared, chi_squared_below, f_beyond
 from imuloop.segment.stretches import merged, without
 from imuloop.segment.wavelets import (
     DENSE,
@@ -69,20 +69,23 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     k = x.shape[1]
     sensors = x.reshape(len(x), -1, 3)
     covariance = np.diag(np.repeat(np.median(np.sum(sensors**2, axis=2), axis=0), 3) + floor)
+    middle = (len(x) - 1) // 2
     for _ in range(10):
         distance = squared_distance(x, covariance)
-        half = x[distance <= np.median(distance)]
-        last, covariance = covariance, half.T @ half / len(half) + np.diag(floor)
+        # as far as the median, which numpy takes longer for
+        nearest = distance <= np.partition(distance, middle)[middle]
+        half = x.T.compress(nearest, axis=1)
+        last, covariance = covariance, half @ half.T / half.shape[1] + np.diag(floor)
         if np.array_equal(covariance, last):
             break
     distance = squared_distance(x, covariance)
-    scale = np.median(distance) / chi_squared(0.5, k)
-    cut = chi_squared(0.975, k)
-    near = x[distance <= cut * scale]
+    scale = np.median(distance) / chdtri(k, 0.5)
+    cut = chdtri(k, 0.025)
+    near = x.T.compress(distance <= cut * scale, axis=1)
     # second moment of a normal vector within the quantile, of the whole
-    covariance = near.T @ near / len(near) * 0.975 / chi_squared_below(cut, k + 2)
+    covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut)
     covariance += np.diag(floor)
-    tail = np.quantile(squared_distance(x, covariance), TAIL) / chi_squared(TAIL, k)
+    tail = np.quantile(squared_distance(x, covariance), TAIL) / chdtri(k, 1 - TAIL)
     return covariance * np.clip(tail, 1.0, tail_limit)
 
 
@@ -90,6 +93,18 @@ def squared_distance(x, covariance):
     """Return the squared Mahalanobis distance of vectors, shape (n, k), from zero."""
     y = np.linalg.cholesky(np.linalg.inv(covariance)).T @ x.T
     return np.einsum("ij,ij->j", y, y)
+
+
+def distance_beyond(probability, k, m):
+    """Return the squared distance that a vector of noise is beyond with a probability.
+
+    The covariance of the k channels is known from m other vectors, so that the distance is
+    Hotelling's T², (m² − 1) k / (m (m − k)) times F with k and m − k degrees of freedom. F is
+    beyond ``(m − k) (1 − z) / (k z)`` where a beta variable with m − k and k degrees of freedom is
+    below z; a small probability keeps its digits in it.
+    """
+    z = betaincinv((m - k) / 2, k / 2, probability)
+    return (m * m - 1) / m * (1 - z) / z
 
 
 def undisturbed(rows, stretches, step, settings, threads=1):
@@ -260,8 +275,7 @@ class _Search:
         """Return covariance of a scale's n coefficients and the bound of their squared distance."""
         covariance = robust_covariance(sample.T, self.floor)
         m = min(n // max(1, width // DENSE), sample.shape[1])
-        bound = f_beyond(self.false_alarm, K, m - K)
-        bound *= K * (m - 1) * (m + 1) / (m * (m - K))
+        bound = distance_beyond(self.false_alarm, K, m)
         return covariance, bound * (LONE_FACTOR**2 if width < LONE else 1.0)
 
     def _marks(self, found, width, covariance):

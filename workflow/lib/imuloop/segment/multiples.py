@@ -3,8 +3,7 @@
 import itertools
 
 import numpy as np
-
-from imuloop.segment.quantiles import chi_squared
+from scipy.special import chdtri
 
 # prior standard deviation of scale and misalignment (of one) and of bias (of g)
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
@@ -67,7 +66,7 @@ def expected_error(f):
         normal + POSE_NORM**2 * np.eye(9), np.column_stack([design.T @ error, normal])
     )
     residual = np.sum((error - design @ solution[:, 0]) ** 2) + POSE_NORM**2
-    variance = residual / chi_squared(0.05, len(f) - np.trace(solution[:, 1:]) + 1)
+    variance = residual / chdtri(len(f) - np.trace(solution[:, 1:]) + 1, 0.95)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
     return float(np.sqrt(np.sum(covariance * _moments())))
 

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
-from imuloop.segment.disturbance import robust_covariance, squared_distance
-from imuloop.segment.quantiles import f_beyond, t_beyond
+from imuloop.segment.disturbance import distance_beyond, robust_covariance, squared_distance
 from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
 # longer rests are judged in parts of this length, s: over more, a bias that warms up moves
@@ -13,7 +13,7 @@ PART = 10.0
 # fewest windows free to vary from which the level of rest can be told
 FEWEST = 20
 # quartile of the normal distribution, standard deviations
-QUARTILE = 0.6744897501960817
+QUARTILE = ndtri(0.75)
 # windows that a rest has to hold to be judged on their scale
 HELD = 3
 
@@ -120,8 +120,7 @@ def unsteady_samples(w, rests, step, settings):
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
         covariance = robust_covariance(x, np.full(3, 3 * rounding / window), tail_limit=1.0)
         m = _freedom(parts, window)
-        bound = f_beyond(probability / len(x), 3, m - 3)
-        bound *= 3 * (m - 1) * (m + 1) / (m * (m - 3))
+        bound = distance_beyond(probability / len(x), 3, m)
         turning[_samples(long)] |= squared_distance(x, covariance) > bound
         rate = np.sqrt(bound * np.trace(covariance) / 3)
         bounds.append({"scale_s": window * step, "rate": float(rate)})
@@ -133,7 +132,7 @@ def unsteady_samples(w, rests, step, settings):
     x = np.log(np.concatenate(variances) + floor)
     centre, spread = shortest_half(x)
     m = sum((j - i) // window for i, j in long)
-    bound = max(spread, np.sqrt(2 / (3 * window))) * t_beyond(probability / len(x), m - 1)
+    bound = max(spread, np.sqrt(2 / (3 * window))) * -stdtrit(m - 1, probability / len(x))
     trembling[_samples(long)] = x > centre + bound
     largest = np.sqrt(max(np.exp(centre + bound) - floor, 0.0))
     return Unsteady(turning, trembling, bounds, float(largest))
