@@ -1,8 +1,5 @@
 """Write one device's calibration and noise in other tools' formats."""
 
-import hashlib
-
-from imuloop.core.files import write_json
 from imuloop.export.export import export_files, read_exported, write_exports
 from imuloop.job_log import open_log
 
@@ -10,7 +7,4 @@ params, given, output = snakemake.params, snakemake.input, snakemake.output
 open_log(snakemake.log[0], f"export {params.device}")
 
 exported = read_exported(params.device, params.label, given.calibration, given.noise, given.quality)
-files = export_files(exported)
-write_exports(output.exports, files)
-hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
-write_json(output.listed, {"sha256": hashes})
+write_exports(output.exports, export_files(exported))

@@ -7,16 +7,18 @@ from imuloop.report.provenance import provenance
 from imuloop.report.report import write_report
 
 params = snakemake.params
+repository = Path(snakemake.scriptdir).parent
+templates = repository / "workflow/templates"
 open_log(snakemake.log[0], "report")
 
 write_report(
     sections=snakemake.input.sections,
     summaries=snakemake.input.summaries,
-    exports=[Path(listed).with_suffix("") for listed in snakemake.input.exports],
-    template=snakemake.input.template,
-    style=snakemake.input.style,
-    script=snakemake.input.sorting,
-    provenance=provenance(Path(snakemake.scriptdir).parent, params.command, params.config),
+    exports=snakemake.input.exports,
+    template=templates / "report.html.j2",
+    style=templates / "style.css",
+    script=templates / "sorting.js",
+    provenance=provenance(repository, params.command, params.config),
     report_path=snakemake.output.report,
     comparison_path=snakemake.output.comparison,
 )

@@ -6,7 +6,8 @@ from imuloop.job_log import open_log
 from imuloop.report.page import write_device
 from imuloop.report.section import write_section
 
-params, given, output = snakemake.params, snakemake.input, snakemake.output
+params, output = snakemake.params, snakemake.output
+templates = Path(snakemake.scriptdir).parent / "workflow/templates"
 open_log(snakemake.log[0], f"report_device {params.device}")
 
 write_section(
@@ -14,7 +15,7 @@ write_section(
     label=params.label,
     folder=Path(output.section).parent,
     sessions={name: each["kind"] for name, each in params.sessions.items()},
-    template=given.template,
+    template=templates / "section.html.j2",
     section_path=output.section,
     summary_path=output.summary,
     figures_folder=output.figures,
@@ -23,7 +24,7 @@ write_device(
     output.page,
     output.section,
     output.summary,
-    template=given.page,
-    style=given.style,
-    script=given.sorting,
+    template=templates / "device.html.j2",
+    style=templates / "style.css",
+    script=templates / "sorting.js",
 )

@@ -268,6 +268,17 @@ def test_faults_are_told_all_at_once(faults):
     }
 
 
+def test_each_of_many_sessions_has_its_own_faults(faults):
+    """So many are looked at by two processes."""
+    wrong = {17: ", units: {time: sec}", 150: ", columns: {time: stamp}"}
+    entries = [f"imu_{i}: {{sessions: {{a: {{{SOUND}{wrong.get(i, '')}}}}}}}" for i in range(160)]
+    lines = faults("devices:\n  " + "\n  ".join(entries))
+    assert [line.split(": ")[0] for line in lines] == [
+        "devices.imu_17.sessions.a.units.time",
+        "devices.imu_150.sessions.a.columns.time",
+    ]
+
+
 def test_one_wrong_unit_does_not_hide_another(faults):
     lines = faults(session(f"{SOUND}, units: {{time: sec, acceleration: count}}"))
     assert [line.partition(": ")[0] for line in lines] == [

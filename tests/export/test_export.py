@@ -6,12 +6,12 @@ import pytest
 
 from export.devices import HOSTILE, device, unknown
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import write_json
+from imuloop.core.files import read_json, write_json
 from imuloop.export.export import (
     FORMATS,
     README,
-    existing,
     export_files,
+    listed,
     read_exported,
     write_exports,
 )
@@ -56,7 +56,8 @@ def test_the_folder_takes_the_place_of_the_old_one(tmp_path):
     write_exports(folder, {"new.yaml": "b\u00b2\n"})
     assert [path.name for path in folder.iterdir()] == ["new.yaml"]
     assert (folder / "new.yaml").read_bytes() == "b²\n".encode()
-    assert [path.name for path in folder.parent.iterdir()] == ["exports"]
+    assert {path.name for path in folder.parent.iterdir()} == {"exports", "exports.json"}
+    assert list(read_json(folder.with_suffix(".json"))["sha256"]) == ["new.yaml"]
     assert stat.S_IMODE(folder.stat().st_mode) & stat.S_IXUSR
 
 
@@ -66,13 +67,14 @@ def test_a_write_that_fails_leaves_the_old_folder(tmp_path):
     with pytest.raises(OSError, match="name too long"):
         write_exports(folder, {"new.yaml": "b", "x" * 300: "c"})
     assert [path.name for path in folder.iterdir()] == ["old.yaml"]
-    assert [path.name for path in tmp_path.iterdir()] == ["exports"]
+    assert list(read_json(folder.with_suffix(".json"))["sha256"]) == ["old.yaml"]
+    assert {path.name for path in tmp_path.iterdir()} == {"exports", "exports.json"}
 
 
 def test_what_a_killed_run_left_is_removed(tmp_path):
     (tmp_path / ".exports.abc").mkdir()
     write_exports(tmp_path / "exports", {"a": "b"})
-    assert [path.name for path in tmp_path.iterdir()] == ["exports"]
+    assert {path.name for path in tmp_path.iterdir()} == {"exports", "exports.json"}
 
 
 def _results(folder, board, rate_hz):
@@ -113,9 +115,10 @@ def test_a_calibration_of_another_version_is_told(tmp_path):
 
 
 def test_the_report_links_what_is_there(tmp_path):
-    assert existing(tmp_path) == []
+    write_exports(tmp_path / "exports", {})
+    assert listed(tmp_path / "exports.json") == []
     write_exports(tmp_path / "exports", export_files(device()))
-    assert existing(tmp_path / "exports") == [(each.FILE, each.TITLE) for each in FORMATS]
+    assert listed(tmp_path / "exports.json") == [(each.FILE, each.TITLE) for each in FORMATS]
 
 
 def test_the_docs_have_a_row_for_each_format(repository):

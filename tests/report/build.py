@@ -11,7 +11,6 @@ PROVENANCE = {
     "versions": {"numpy": "2.0"},
     "config": {"devices": {"board": {"label": "<b>&"}}},
 }
-EXPORTED = ("README.txt", "kalibr_imu.yaml")
 
 
 def build(folder, repository):
@@ -29,9 +28,6 @@ def build(folder, repository):
             figures_folder=folder / device / "figures",
         )
         device_page(folder / device, repository)
-        (folder / device / "exports").mkdir()
-        for name in EXPORTED:
-            (folder / device / "exports" / name).write_text(name)
     joined_report(folder, devices, repository, folder)
     return folder
 
@@ -55,7 +51,7 @@ def joined_report(folder, devices, repository, to):
     write_report(
         sections=[folder / device / "section.html" for device in devices],
         summaries=[folder / device / "summary.json" for device in devices],
-        exports=[folder / device / "exports" for device in devices],
+        exports=[folder / device / "exports.json" for device in devices],
         template=templates / "report.html.j2",
         style=templates / "style.css",
         script=templates / "sorting.js",

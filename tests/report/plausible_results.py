@@ -18,6 +18,7 @@ from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table, write_segments
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.effects.g_sensitivity import GSensitivity
+from imuloop.export.export import write_exports
 from report.plausible_diagnosis import pose_diagnosis, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_views, statistics
 
@@ -39,6 +40,7 @@ VERDICTS = {
     ("still", "gyroscope"): "partly_explained",
 }
 RATE = 20.0
+EXPORTED = ("README.txt", "kalibr_imu.yaml")
 UNIT_A, UNIT_G = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", np.pi / 180)
 N, B = {"a": 8e-4, "g": 7e-5}, {"a": 3e-4, "g": 2e-5}
 
@@ -50,6 +52,7 @@ def write_results(folder):
         for session, kind in sessions.items():
             _session(folder / device, device, session, kind, rng)
         _device(folder / device, device, sessions, rng)
+        write_exports(folder / device / "exports", {name: name for name in EXPORTED})
     return DEVICES
 
 

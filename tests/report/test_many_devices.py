@@ -36,6 +36,7 @@ def many(results, repository, tmp_path_factory):
         name, source = f"unit_{k:02}", "partly" if k == 9 else "board"
         (folder / name).mkdir(parents=True)
         shutil.copytree(results / source / "exports", folder / name / "exports")
+        shutil.copy(results / source / "exports.json", folder / name)
         shutil.copytree(results / source / "figures", folder / name / "figures")
         text = (results / source / "section.html").read_text(encoding="utf-8")
         (folder / name / "section.html").write_text(text.replace(source, name), encoding="utf-8")

@@ -145,6 +145,20 @@ def test_an_edited_script_reruns_its_jobs_and_what_follows(folder, checkout):
     assert found == jobs("posed", "calibrate") | jobs("resting", "calibrate") | REPORT
 
 
+@pytest.mark.parametrize(
+    ("name", "rerun"),
+    [
+        ("section.html.j2", {"report_device/posed", "report_device/resting"}),
+        ("style.css", {"report_device/posed", "report_device/resting"}),
+        ("report.html.j2", set()),
+    ],
+)
+def test_an_edited_template_reruns_the_pages_made_with_it(folder, checkout, name, rerun):
+    template = checkout / "workflow/templates" / name
+    with edited(template, f"{template.read_text()}\n"):
+        assert planned(checkout, folder) == rerun | REPORT
+
+
 def test_a_deleted_result_is_made_again_where_it_is_asked_for(folder, checkout):
     """What nothing needs any more is not missed: the report is there, and newer."""
     (folder / "results/resting/calibration.json").unlink()

@@ -5,6 +5,7 @@ import json
 import re
 
 import pandas as pd
+import pytest
 import yaml
 
 from workflow.run import snakemake
@@ -144,3 +145,15 @@ def test_a_path_of_a_script_is_taken_apart_by_the_name_that_is_cached():
     from snakemake.sourcecache import SourceFile
 
     assert "parse_uri" in SourceFile.get_cache_path.__code__.co_names
+
+
+@pytest.mark.parametrize(
+    ("target", "line"),
+    [
+        ("posted/report.html", "there is no device 'posted'; did you mean 'posed'?"),
+        ("posed/face/quality.json", "there is no session 'face'; did you mean 'faces'?"),
+    ],
+)
+def test_a_target_that_names_nothing_is_told(finished, checkout, target, line):
+    done = snakemake(checkout, finished[0], "-n", target=f"results/{target}")
+    assert done.returncode and line in done.stdout + done.stderr

@@ -1,16 +1,19 @@
 """The config, read and checked; what a rule takes from it."""
 
+import atexit
 import gc
 import os
 import sys
 from functools import cache
-from math import ceil
+from hashlib import sha256
+from inspect import signature
 from pathlib import Path
 
 import yaml
 from imuloop.code_digest import code_digest
 from imuloop.config import fetched, is_stored, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
+from imuloop.core.errors import ImuloopError, nearest
 from imuloop.without_pandas import hide_pandas
 from snakemake import sourcecache
 
@@ -21,6 +24,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # hundreds of thousands of objects of the jobs stay to the end: not worth going through so often
 gc.set_threshold(100_000)
+# nor when all of them end together
+atexit.register(gc.freeze)
 
 # Snakemake takes the path of its script apart three times a job, with a class made anew each time
 if hasattr(sourcecache, "parse_uri"):
@@ -52,16 +57,14 @@ if workflow.is_main_process:
         sys.exit(1)
 
 DEVICES = resolve(config)
-# devices by the names of their sessions: those alike share a rule that writes into the sessions'
-# folders, so that a factory's devices need one, not one each
+NAME = r"[A-Za-z][A-Za-z0-9_-]*"
+# pattern of the devices by the names of their sessions: those alike share a rule that writes into
+# the sessions' folders, so that a factory's devices need one, not one each
 ALIKE = {}
 for name, device in DEVICES.items():
     ALIKE.setdefault(tuple(device["sessions"]), []).append(name)
-# with --jobs, which is for clusters, a device is one submission; without, and where memory has no
-# limit, what a job may need is not worked out: it takes a fifth of the dry run of many devices
-CLUSTER = workflow.nodes is not None
-GROUP = "device" if CLUSTER else None
-LIMITED = CLUSTER or "mem_mb" in workflow.global_resources
+# one that lists 200 names takes longer to fill in: not where all are alike
+ALIKE = {names: "|".join(ALIKE[names]) if len(ALIKE) > 1 else NAME for names in ALIKE}
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
 # by the environment, not as a parameter: where a file came from changes nothing in it
@@ -69,17 +72,9 @@ if "mirror" in config:
     os.environ.setdefault("IMULOOP_MIRROR", config["mirror"])
 
 
-onstart:
-    # Snakemake limits submissions by a timer that each job starts and that starts itself again: after
-    # a thousand jobs it looks a thousand times a second at all jobs that wait. Here cores are the limit
-    if workflow.local_exec:
-        workflow.scheduler.job_rate_limiter = None
-        workflow.scheduler.subsample = 4 * workflow.cores
-
-
 wildcard_constraints:
-    device="|".join(DEVICES),
-    session=r"[A-Za-z][A-Za-z0-9_-]*",
+    device=NAME,
+    session=NAME,
     replica="|".join(REPLICAS) or "none",
     sha256=r"[0-9a-f]{64}",
     filename=r"[^/]+",
@@ -91,16 +86,36 @@ def code(script):
     return code_digest(REPOSITORY / "scripts" / script)
 
 
+def templates(*names):
+    """Return the digest of the report's templates; each job naming them all as inputs takes longer."""
+    return sha256(b"".join((TEMPLATES / name).read_bytes() for name in names)).hexdigest()
+
+
+def described(function):
+    """Return a function that says its signature: Snakemake asks several times a job."""
+    function.__signature__ = signature(function)
+    return function
+
+
+def one_of(known, name, kind):
+    """Return what has a name; a target may name what is not there."""
+    if name not in known:
+        raise ImuloopError(f"there is no {kind} '{name}'{nearest(name, known)}")
+    return known[name]
+
+
 def device_of(wildcards):
     """Return the resolved config of a job's device."""
-    return DEVICES[wildcards.device]
+    return one_of(DEVICES, wildcards.device, "device")
 
 
+@described
 def session_of(wildcards):
     """Return the resolved config of a job's session."""
-    return DEVICES[wildcards.device]["sessions"][wildcards.session]
+    return one_of(device_of(wildcards)["sessions"], wildcards.session, "session")
 
 
+@described
 def source_files(wildcards):
     """Return where the files of a session lie; of a folder, the files in it count, not its time."""
     paths = [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
@@ -108,43 +123,16 @@ def source_files(wildcards):
     return [ancient(path) if Path(path).is_dir() else path for path in paths]
 
 
+@described
 def files_inside(wildcards):
     """Return the files in a session's folder: where one changes, the folder's own time stays."""
     folders = [Path(path) for path in source_files(wildcards) if Path(path).is_dir()]
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
 
 
-def threads_by_size(wildcards, input):
-    """Return 2 for a large log, of which two parts are worked on at once, else 1."""
-    sizes = [Path(path).stat().st_size for path in input if Path(path).is_file()]
-    return 2 if sum(sizes) > 100e6 else 1
-
-
-def gigabytes(session):
-    """Return the size of a session's logs, GB; what is still to be fetched or made counts as none."""
-    paths = [source_path(source, CACHE) for source in session["sources"].values()]
-    remote = sum(in_storage(path).size() for path in paths if is_stored(path))
-    local = [Path(path) for path in paths if not is_stored(path)]
-    inside = [file for path in local for file in (path.iterdir() if path.is_dir() else [path])]
-    return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
-
-
-def asked(least, per_gigabyte, of=sum):
-    """Return what a cluster is asked for: more for large logs and in each retry, else the least.
-
-    The logs are all those of the device, or with ``of=max`` the largest session's.
-    """
-    if not LIMITED:
-        return least
-    return lambda wildcards, attempt: ceil(
-        attempt
-        * (least + per_gigabyte * of(map(gigabytes, device_of(wildcards)["sessions"].values())))
-    )
-
-
 def setting(key):
     """Return a function that gives one value of a job's device."""
-    return lambda wildcards: device_of(wildcards)[key]
+    return described(lambda wildcards: device_of(wildcards)[key])
 
 
 def session_files(device, folder):
@@ -159,10 +147,11 @@ def session_files(device, folder):
             "allan": f"{folder}/{name}/allan.parquet",
             "views": f"{folder}/{name}/views.parquet",
         }
-        for name, session in DEVICES[device]["sessions"].items()
+        for name, session in one_of(DEVICES, device, "device")["sessions"].items()
     }
 
 
+@described
 def sessions(wildcards, input):
     """Return kind and files of all sessions of a job's device, where they are: a storage moves them."""
     return session_files(wildcards.device, Path(input.samples[0]).parents[1])
@@ -170,7 +159,10 @@ def sessions(wildcards, input):
 
 def each_session(column):
     """Return a function that lists one file of each session of a job's device."""
-    return lambda wildcards: [
-        files[column]
-        for files in session_files(wildcards.device, f"results/{wildcards.device}").values()
-    ]
+    folder = "results/{}".format
+    return described(
+        lambda wildcards: [
+            files[column]
+            for files in session_files(wildcards.device, folder(wildcards.device)).values()
+        ]
+    )

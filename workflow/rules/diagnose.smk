@@ -5,9 +5,9 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         name:
             f"diagnose_{number}"
         input:
-            samples=each_session("samples"),
-            segments=each_session("segments"),
-            allan=each_session("allan_raw"),
+            samples=expand("results/{{device}}/{name}/samples.parquet", name=names),
+            segments=expand("results/{{device}}/{name}/segments.parquet", name=names),
+            allan=expand("results/{{device}}/{name}/allan_raw.parquet", name=names),
             noise="results/{device}/noise.json",
             six_position="results/{device}/six_position.json",
             multi_position="results/{device}/multi_position.json",
@@ -22,14 +22,14 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         benchmark:
             "benchmarks/diagnose/{device}.tsv"
         wildcard_constraints:
-            device="|".join(devices),
+            device=devices,
         group:
             GROUP
         conda:
             "../envs/imuloop.yaml"
         threads: 1
         resources:
-            mem_mb=asked(1200, 5000),
+            mem_mb=asked(600, 3500),
             runtime=asked(10, 10),
         params:
             device="{device}",

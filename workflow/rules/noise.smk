@@ -5,8 +5,8 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         name:
             f"noise_{number}"
         input:
-            samples=each_session("samples"),
-            segments=each_session("segments"),
+            samples=expand("results/{{device}}/{name}/samples.parquet", name=names),
+            segments=expand("results/{{device}}/{name}/segments.parquet", name=names),
         output:
             noise="results/{device}/noise.json",
             allan=expand("results/{{device}}/{name}/allan_raw.parquet", name=names),
@@ -16,7 +16,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         benchmark:
             "benchmarks/noise/{device}.tsv"
         wildcard_constraints:
-            device="|".join(devices),
+            device=devices,
         group:
             GROUP
         conda:

@@ -1,3 +1,7 @@
+# what every page is made with
+PAGE = ("page.html.j2", "style.css", "sorting.js")
+
+
 rule report_device:
     input:
         samples=each_session("samples"),
@@ -13,13 +17,6 @@ rule report_device:
         attitude="results/{device}/attitude.json",
         attitude_series="results/{device}/attitude.parquet",
         exports="results/{device}/exports.json",
-        # to be there where no folder is shared; the list tells whether it changed
-        exported=ancient("results/{device}/exports"),
-        template=local(f"{TEMPLATES}/section.html.j2"),
-        page=local(f"{TEMPLATES}/device.html.j2"),
-        frame=local(f"{TEMPLATES}/page.html.j2"),
-        style=local(f"{TEMPLATES}/style.css"),
-        sorting=local(f"{TEMPLATES}/sorting.js"),
     output:
         page="results/{device}/report.html",
         section="results/{device}/section.html",
@@ -42,13 +39,14 @@ rule report_device:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=asked(500, 2300),
+        mem_mb=asked(400, 600),
         runtime=asked(5, 2),
     params:
         device="{device}",
         label=setting("label"),
         sessions=sessions,
         code=code("report_device.py"),
+        templates=templates("section.html.j2", "device.html.j2", *PAGE),
     script:
         "../../scripts/report_device.py"
 
@@ -58,11 +56,6 @@ rule report:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
         exports=expand("results/{device}/exports.json", device=DEVICES),
-        exported=ancient(expand("results/{device}/exports", device=DEVICES)),
-        template=local(f"{TEMPLATES}/report.html.j2"),
-        frame=local(f"{TEMPLATES}/page.html.j2"),
-        style=local(f"{TEMPLATES}/style.css"),
-        sorting=local(f"{TEMPLATES}/sorting.js"),
     output:
         report=report(
             "results/report.html",
@@ -88,5 +81,6 @@ rule report:
         command=COMMAND,
         config=DEVICES,
         code=code("report.py"),
+        templates=templates("report.html.j2", *PAGE),
     script:
         "../../scripts/report.py"

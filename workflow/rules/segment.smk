@@ -5,7 +5,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         name:
             f"segment_{number}"
         input:
-            samples=each_session("samples"),
+            samples=expand("results/{{device}}/{name}/samples.parquet", name=names),
         output:
             expand("results/{{device}}/{name}/segments.parquet", name=names),
         log:
@@ -13,7 +13,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
         benchmark:
             "benchmarks/segment/{device}.tsv"
         wildcard_constraints:
-            device="|".join(devices),
+            device=devices,
         group:
             GROUP
         conda:

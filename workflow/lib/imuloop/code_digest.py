@@ -72,7 +72,7 @@ def _read(path, package):
             # what is imported from a package may be a module too
             module = _absolute(node, package)
             imports.extend([module, *(f"{module}.{alias.name}" for alias in node.names)])
-        for field in node._fields:
+        for field in _said(type(node)):
             value = getattr(node, field)
             if isinstance(value, list):
                 words.append("[")
@@ -87,6 +87,12 @@ def _read(path, package):
 
     visit(ast.parse(path.read_bytes(), filename=str(path)))
     return " ".join(words), tuple(imports)
+
+
+@cache
+def _said(kind):
+    """Return the fields of a kind of node but those that its place tells, or nothing does."""
+    return [field for field in kind._fields if field not in ("ctx", "type_comment", "kind")]
 
 
 def _absolute(node, package):

@@ -1,7 +1,9 @@
 """What is wrong in a config: every fault at once, one a line, each naming its key."""
 
 import os
+from concurrent.futures import ProcessPoolExecutor
 from datetime import datetime
+from multiprocessing import get_start_method
 from pathlib import Path
 
 import yaml
@@ -11,6 +13,9 @@ from imuloop.config import merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults
 from imuloop.yaml_traps import by_libyaml, yaml_faults
+
+# of so many sessions the logs are looked at by two processes
+_MANY = 100
 
 # a config of a thousand devices holds fewer
 MOST_VALUES = 100_000
@@ -220,7 +225,7 @@ def _nearest_unit(name, known, cutoff):
 
 def _meaning_faults(config, wrong, replicas):
     """Return (key, text) for what a schema cannot say, of everything that is not wrong yet."""
-    found = []
+    found, given = [], {}
     if ("mirror",) not in wrong and "mirror" in config and not os.path.isdir(config["mirror"]):
         found.append((("mirror",), f"there is no folder {config['mirror']}"))
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
@@ -247,11 +252,22 @@ def _meaning_faults(config, wrong, replicas):
                         if ("units", quantity) not in below
                     }
                 whole = not below and not any("nominal" in bad for bad in wrong)
-                found += [
-                    (_declared(config, (*key, *part)), text)
-                    for part, text in _session_faults(session, sound, device, replicas, whole)
-                ]
+                given[key] = session, sound, device, replicas, whole
+    for key, faults in zip(given, _faults_of_each(list(given.values())), strict=True):
+        found += [(_declared(config, (*key, *part)), text) for part, text in faults]
     return found
+
+
+def _faults_of_each(given):
+    """Return the faults of each session, of many by two processes where Python forks them."""
+    if len(given) < _MANY or get_start_method() != "fork":
+        return [_listed_faults(each) for each in given]
+    with ProcessPoolExecutor(2) as pool:
+        return list(pool.map(_listed_faults, given, chunksize=_MANY // 4))
+
+
+def _listed_faults(session):
+    return list(_session_faults(*session))
 
 
 def _session_faults(name, session, device, replicas, whole):

@@ -1,5 +1,7 @@
 """The log of one job: a traceback goes there, one line goes to the terminal."""
 
+import atexit
+import gc
 import logging
 import sys
 import time
@@ -21,6 +23,8 @@ def open_log(path, job):
     hide_pandas()
     # after one large block glibc keeps what is freed, and arrays come back without page faults
     bytes(32_000_000)
+    # the thousands of objects of modules end with the process, none gone through for circles
+    atexit.register(gc.freeze)
     logging.basicConfig(
         filename=path,
         filemode="w",

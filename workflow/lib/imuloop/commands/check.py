@@ -20,7 +20,6 @@ from imuloop.noise.settings import NoiseSettings
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.numbers import MILLIRADIAN, RESIDUAL, number, p_text, plural, with_sigma
 from imuloop.report.verdict import RESIDUAL_WORDS
-from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 
 # exit status of a device that has drifted
@@ -123,6 +122,9 @@ def run(arguments):
 
 def segmented(samples, kind):
     """Return the kind of a log and its segments; poses if it has several and no kind is given."""
+    # as above
+    from imuloop.segment.segment import segment_session
+
     segments, found = segment_session(samples, kind or "multi_position", SegmentSettings())
     if kind or found["poses"] > 1:
         return kind or "multi_position", segments

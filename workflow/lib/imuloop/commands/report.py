@@ -23,9 +23,6 @@ from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.tables import write_table
 from imuloop.report.provenance import provenance
-from imuloop.report.report import write_report
-from imuloop.report.section import write_section
-from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 
 KINDS = ("multi_position", "six_position", "static")
@@ -108,6 +105,8 @@ def make(arguments, folder):
     # these load for half a second, and every command would wait for it
     from imuloop.diagnose.diagnose import diagnose_device
     from imuloop.noise.noise import estimate_noise
+    from imuloop.report.report import write_report
+    from imuloop.report.section import write_section
 
     device, label = "device", arguments.label or arguments.logs[0][1].stem
     sessions = {}
@@ -163,7 +162,7 @@ def make(arguments, folder):
     write_report(
         sections=[folder / "section.html"],
         summaries=[folder / "summary.json"],
-        exports=[folder / "exports"],
+        exports=[folder / "exports.json"],
         template=TEMPLATES / "report.html.j2",
         style=TEMPLATES / "style.css",
         script=TEMPLATES / "sorting.js",
@@ -176,6 +175,9 @@ def make(arguments, folder):
 
 def ingested(path, kind, arguments, folder, device):
     """Return the files of a session, with samples, quality and segments written."""
+    # as above
+    from imuloop.segment.segment import segment_session
+
     folder.mkdir(parents=True, exist_ok=True)
     samples, quality = log_samples(path, arguments, folder, kind=kind, device=device)
     if samples == path:

@@ -1,5 +1,6 @@
 """The folder of a device's exports: a file a tool, and README.txt that says what is in them."""
 
+import hashlib
 import os
 import shutil
 import tempfile
@@ -9,7 +10,7 @@ from pathlib import Path
 import imuloop.diagnose.effects
 import imuloop.diagnose.static_terms  # noqa: F401
 from imuloop.core.errors import Lacking, one_line
-from imuloop.core.files import read_json, replaced
+from imuloop.core.files import read_json, replaced, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.export import (
@@ -104,7 +105,9 @@ def export_files(exported):
 
 
 def write_exports(folder, files):
-    """Write the files into `folder` in one step, in the place of what it held before.
+    """Write the files into `folder` in one step, in the place of what it held before, and a list.
+
+    The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name.
 
     Parameters
     ----------
@@ -137,8 +140,11 @@ def write_exports(folder, files):
         temporary.rename(folder)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    write_json(folder.with_suffix(".json"), {"sha256": hashes})
 
 
-def existing(folder):
-    """Return the file name and the tool of each export that is in a folder."""
-    return [(each.FILE, each.TITLE) for each in FORMATS if (Path(folder) / each.FILE).exists()]
+def listed(path):
+    """Return the file name and the tool of each export in a device's list of them."""
+    names = read_json(path)["sha256"]
+    return [(each.FILE, each.TITLE) for each in FORMATS if each.FILE in names]

@@ -1,7 +1,6 @@
 """A calibration axis by axis: offset, scale factor and polynomial of the temperature."""
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from imuloop.core.units import DEGREE
 
@@ -60,6 +59,9 @@ def bias_polynomial(sensor, reference):
     ndarray, shape (4, 3)
         c, SI of the output ``K (raw - b)`` per K^k; zeros where there is no such effect.
     """
+    # takes longer to load than most exports to make
+    from numpy.polynomial import Polynomial
+
     total = np.zeros((TERMS, 3))
     for fitted in (e for e in sensor.effects if e.name == BIAS):
         warmer = Polynomial([reference - fitted.effect.reference_temperature, 1.0])

@@ -5,7 +5,7 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 
 # packages whose numbers or pictures are in a report
-PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets")
+PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets", "matplotlib")
 
 
 def provenance(repository, command, config):

@@ -45,7 +45,7 @@ def write_report(
     sections, summaries : sequence of path-like
         Section and summary of each device, in the order to show them.
     exports : sequence of path-like
-        Folder of other tools' files of each device.
+        ``exports.json`` of each device, the list of other tools' files.
     template, style, script : path-like
         ``report.html.j2``, ``style.css`` and ``sorting.js``.
     provenance : dict
@@ -76,7 +76,7 @@ def write_report(
         verdict_parts=verdict_parts,
         rates=[rate_cell(d) for d in devices],
         filters=[filter_cells(d) for d in devices],
-        exports=[sorted(p.name for p in Path(folder).glob("[!.]*")) for folder in exports],
+        exports=[sorted(read_json(path)["sha256"]) for path in exports],
         verdict_words=WORDS,
         allan=allan_spread(devices) if many else allan_comparison(devices),
         intervals=(parameter_spread if many else interval_comparison)(devices, comparison),

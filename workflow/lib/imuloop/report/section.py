@@ -7,7 +7,7 @@ from pathlib import Path
 import imuloop.diagnose.effects
 import imuloop.diagnose.static_terms  # noqa: F401
 from imuloop.core.files import replaced, write_json
-from imuloop.export.export import existing
+from imuloop.export.export import listed
 from imuloop.report.advice import next_steps
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.attitude_plot import attitude_part
@@ -84,7 +84,7 @@ def content(device, figures):
     return {
         "parts": diagnosis_parts(device, figures),
         "steps": next_steps(device),
-        "exports": existing(device.folder / "exports"),
+        "exports": listed(device.folder / "exports.json"),
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data_table(device), source_table(device)],
         "warnings": warnings(device),
