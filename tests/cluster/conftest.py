@@ -20,6 +20,8 @@ PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
 SLURM = Path(__file__).with_name("slurm")
 # what the local S3 takes for an account
 KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
+# a run starts Python more often than any other test: it may keep byte code, as it does by default
+ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 # what a job computes is of no interest here
 QUICK = {"diagnose": {"draws": 100, "folds": 3}}
 
@@ -58,6 +60,16 @@ def write_config(folder, devices, name="config.yaml"):
     (folder / name).write_text(yaml.safe_dump({"defaults": QUICK, "devices": devices}))
 
 
+def into_bucket(client, folder, devices, bucket, prefix=""):
+    """Put the logs of devices into a bucket, made if need be, and name them there."""
+    client.create_bucket(Bucket=bucket)
+    for device in devices.values():
+        for session in device["sessions"].values():
+            key = prefix + session["file"]
+            client.upload_file(folder / session["file"], bucket, key)
+            session["file"] = f"s3://{bucket}/{key}"
+
+
 def command(repository, folder, *arguments, target="results/report.html"):
     """Return the command line of a run in a folder, as a user gives it."""
     words = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
@@ -69,7 +81,7 @@ def run(repository, folder, *arguments, target="results/report.html", **environm
     """Run the workflow; return the finished process."""
     return subprocess.run(
         command(repository, folder, *arguments, target=target),
-        **{"cwd": folder, "env": os.environ | environment, "capture_output": True, "text": True},
+        **{"cwd": folder, "env": ENVIRONMENT | environment, "capture_output": True, "text": True},
     )
 
 
@@ -87,7 +99,6 @@ def copy_of_workflow(repository, folder):
             shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy(source, target)
-    return folder
 
 
 @pytest.fixture(scope="session")

@@ -3,17 +3,14 @@
 import re
 import shlex
 
-from cluster.conftest import KEYS, needs_plugin, run, write_config, write_devices
+from cluster.conftest import KEYS, into_bucket, needs_plugin, run, write_config, write_devices
 
 
 def test_every_command_of_the_document_can_be_planned(repository, s3, tmp_path):
     needs_plugin("executor_plugin_slurm")
     client, environment = s3
-    client.create_bucket(Bucket="bucket")
     devices = write_devices(tmp_path, ["imu"])
-    for session in devices["imu"]["sessions"].values():
-        client.upload_file(tmp_path / session["file"], "bucket", session["file"])
-        session["file"] = f"s3://bucket/{session['file']}"
+    into_bucket(client, tmp_path, devices, "bucket")
     write_config(tmp_path, devices)
     text = (repository / "docs/clusters.md").read_text()
     lines = re.findall(r"^\.venv-cluster/bin/snakemake .*$", text, re.M)

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from cluster.conftest import KEYS, run, write_config, write_devices
+from cluster.conftest import KEYS, into_bucket, run, write_config, write_devices
 
 PLUGIN = "build/kubernetes"
 
@@ -13,11 +13,8 @@ def test_a_run_on_kubernetes_is_planned(repository, s3, tmp_path):
     if not (repository / PLUGIN / "snakemake_executor_plugin_kubernetes").is_dir():
         pytest.skip(f"no Kubernetes plugin in {PLUGIN}: .ci/cluster installs it")
     client, environment = s3
-    client.create_bucket(Bucket="imuloop")
     devices = write_devices(tmp_path, ["imu"])
-    for session in devices["imu"]["sessions"].values():
-        client.upload_file(tmp_path / session["file"], "imuloop", session["file"])
-        session["file"] = f"s3://imuloop/{session['file']}"
+    into_bucket(client, tmp_path, devices, "imuloop")
     write_config(tmp_path, devices)
     profile = ["--profile", repository / "profiles/kubernetes", "-n"]
     paths = os.pathsep.join([str(repository / PLUGIN), os.environ.get("PYTHONPATH", "")])

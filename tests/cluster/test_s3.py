@@ -5,7 +5,7 @@ import re
 import pyarrow.parquet as pq
 import pytest
 
-from cluster.conftest import KEYS, contents, run, write_config, write_devices
+from cluster.conftest import KEYS, contents, into_bucket, run, write_config, write_devices
 
 FOLDER = b"s3://logs/bench 1/"
 TARGET = "results/imu/section.html"
@@ -19,9 +19,7 @@ def both(repository, s3, tmp_path_factory):
     devices = write_devices(here, ["imu"])
     done = run(repository, here, "-c2", target=TARGET)
     assert done.returncode == 0, done.stderr
-    for session in devices["imu"]["sessions"].values():
-        client.upload_file(here / session["file"], "logs", f"bench 1/{session['file']}")
-        session["file"] = f"s3://logs/bench 1/{session['file']}"
+    into_bucket(client, here, devices, "logs", "bench 1/")
     write_config(there, devices)
     done = run(repository, there, "-c2", target=TARGET, **environment | KEYS)
     assert done.returncode == 0, done.stderr

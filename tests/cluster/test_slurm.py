@@ -1,13 +1,14 @@
 """The workflow on a real SLURM of one node: the same bytes, failures told, memory by size."""
 
-import os
 import re
 import subprocess
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from cluster.conftest import (
+    ENVIRONMENT,
     command,
     contents,
     copy_of_workflow,
@@ -18,44 +19,70 @@ from cluster.conftest import (
 
 # longest time from the end of a job to Snakemake's word of it, s
 TOLD = 60
+# what is added to the script of the segmentation
+HARM = """
+import time
+
+if params.device == "broken":
+    raise RuntimeError("on purpose")
+if params.device == "stuck":
+    time.sleep(300)
+if params.device == "hungry":
+    held = b"1" * 400_000_000
+    time.sleep(5)
+"""
 # what a job needs is worked out where memory is counted, else nowhere
 LIMIT = ("--resources", "mem_mb=100000")
-# squeue: what a device's submission asked for
-ASKED = "%i|%C|%m|%k|%T"
+# what squeue is asked for: the job, its cores, memory and state, and where it was submitted
+ASKED = ("%i", "%C", "%m", "%T", "%Z")
 
 
-def queue(form):
-    """Return what squeue says of all jobs, the ended ones too, a tuple each."""
-    listed = ["squeue", "--noheader", "--states=all", f"--format={form}"]
+def queue(folder):
+    """Return job, cores, memory and state of all jobs of a folder, the ended ones too."""
+    listed = ["squeue", "--noheader", "--states=all", "--sort=i", f"--format={'|'.join(ASKED)}"]
     lines = subprocess.run(listed, capture_output=True, text=True, check=True).stdout.splitlines()
-    return [tuple(line.split("|")) for line in lines]
+    jobs = [line.split("|") for line in lines]
+    return [tuple(job[:-1]) for job in jobs if job[-1] == str(folder)]
 
 
 @pytest.fixture(scope="module")
-def six(repository, slurm, tmp_path_factory):
-    """Six devices run on this machine and on SLURM; both folders, the jobs, and what was said."""
-    local, remote = (tmp_path_factory.mktemp(name) for name in ("local", "remote"))
+def started(repository, slurm, tmp_path_factory):
+    """All runs on SLURM, at once because they mostly wait: the future of each function by name."""
+    runs = (fail, take_too_much, six)
+    # here, because pytest makes no folders for several threads at once
+    folders = [tmp_path_factory.mktemp(each.__name__) for each in runs]
+    with ThreadPoolExecutor() as pool:
+        yield {
+            each.__name__: pool.submit(each, repository, slurm, folder)
+            for each, folder in zip(runs, folders, strict=True)
+        }
+
+
+def six(repository, profile, folder):
+    """Run six devices here and on SLURM; return both folders, the jobs, and what was said."""
+    local, remote = folder / "local", folder / "remote"
     names = [f"imu{number}" for number in range(6)]
-    for folder in (local, remote):
-        write_devices(folder, names)
-    done = run(repository, local, "-c2")
+    for each in (local, remote):
+        each.mkdir()
+        write_devices(each, names)
+    with ThreadPoolExecutor() as both:
+        here = both.submit(run, repository, local, "-c2")
+        done = run(repository, remote, "--profile", repository / profile)
+    assert here.result().returncode == 0, here.result().stderr
     assert done.returncode == 0, done.stderr
-    before = {job for job, *_ in queue(ASKED)}
-    done = run(repository, remote, "--profile", repository / slurm)
-    assert done.returncode == 0, done.stderr
-    return local, remote, [job for job in queue(ASKED) if job[0] not in before], done.stderr
+    return local, remote, queue(remote), done.stderr
 
 
-def test_six_devices_on_slurm_give_the_same_bytes_as_here(six):
-    local, remote, _, _ = six
+def test_six_devices_on_slurm_give_the_same_bytes_as_here(started):
+    local, remote, _, _ = started["six"].result()
     here, there = contents(local), contents(remote)
     # time and host stand in logs/ and benchmarks/ only
     assert set(here) == set(there)
     assert [path for path in here if here[path] != there[path]] == []
 
 
-def test_a_device_is_one_submission(six):
-    *_, jobs, said = six
+def test_a_device_is_one_submission(started):
+    *_, jobs, said = started["six"].result()
     assert len(jobs) == 6
     assert {state for *_, state in jobs} == {"COMPLETED"}
     # its two sessions at once
@@ -63,11 +90,11 @@ def test_a_device_is_one_submission(six):
     assert "localrule report:" in said
 
 
-def test_memory_is_asked_for_by_the_size_of_the_log(six, repository):
-    local, _, jobs, _ = six
+def test_memory_is_asked_for_by_the_size_of_the_log(started, repository):
+    local, _, jobs, _ = started["six"].result()
     asked = sorted(int(memory.rstrip("M")) for _, _, memory, *_ in jobs)
-    # what the diagnosis asks for with hardly any log
-    assert 1200 <= asked[0] <= asked[-1] < 1300
+    # what both sessions' ingest asks for at once with hardly any log
+    assert 1000 <= asked[0] <= asked[-1] < 1100
     small = (local / "imu0_static.csv").stat().st_size
     with open(local / "imu0_static.csv", "r+b") as log:
         # a hole: nothing is read beyond the head before the run
@@ -78,28 +105,34 @@ def test_memory_is_asked_for_by_the_size_of_the_log(six, repository):
     (diagnosis,) = re.findall(
         r"rule diagnose_\d+:\n(?: .*\n)*? +resources: .*mem_mb=(\d+)", planned
     )
-    assert int(diagnosis) == pytest.approx(1200 + 2 * 5000, rel=0.01)
+    assert int(diagnosis) == pytest.approx(600 + 2 * 3500, rel=0.01)
 
 
-@pytest.fixture(scope="module")
-def failed(repository, slurm, tmp_path_factory):
-    """A run with a script that fails, and one that hangs until its job is cancelled.
-
-    Returns the folder, for each when it failed, and when and what Snakemake said of it.
-    """
-    work = tmp_path_factory.mktemp("failing")
-    edited = copy_of_workflow(repository, tmp_path_factory.mktemp("edited"))
+def harmed(repository, folder, *names):
+    """Return a copy of the workflow with harm in it, and a folder with devices of these names."""
+    edited, work = folder / "edited", folder / "work"
+    edited.mkdir()
+    work.mkdir()
+    copy_of_workflow(repository, edited)
     with open(edited / "scripts/segment.py", "a") as script:
-        script.write('if params.device == "broken":\n    raise RuntimeError("on purpose")\n')
-        script.write('if params.device == "stuck":\n    import time\n\n    time.sleep(300)\n')
-    devices = write_devices(work, ["broken", "stuck"])
+        script.write(HARM)
+    devices = write_devices(work, names)
     for device in devices.values():
         del device["sessions"]["multi_position"]
     write_config(work, devices)
-    line = command(edited, work, "--profile", edited / slurm, "--retries", "0")
+    return edited, work
+
+
+def fail(repository, profile, folder):
+    """Run a script that fails, and one that hangs until its job is cancelled.
+
+    Return for each when it failed, and when and what Snakemake said of it.
+    """
+    edited, work = harmed(repository, folder, "broken", "stuck")
+    line = command(edited, work, "--profile", edited / profile, "--retries", "0")
     ended, told = [], []
     streams = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL, "text": True}
-    with subprocess.Popen(line, cwd=work, env=os.environ, **streams) as running:
+    with subprocess.Popen(line, cwd=work, env=ENVIRONMENT, **streams) as running:
         for text in running.stderr:
             if told and text.strip().startswith("log:") and len(told[-1]) == 1:
                 told[-1].append(work / text.split()[1])
@@ -107,20 +140,39 @@ def failed(repository, slurm, tmp_path_factory):
                 told.append([time.time()])
                 if len(told) == 1:
                     ended.append((work / "logs/segment/broken.log").stat().st_mtime)
-                    (stuck,) = [job for job, state in queue("%i|%T") if state == "RUNNING"]
+                    (stuck,) = [job for job, *_, state in queue(work) if state == "RUNNING"]
                     subprocess.run(["scancel", stuck], check=True)
                     ended.append(time.time())
     assert running.returncode == 1
     return ended, told
 
 
-def test_a_failing_job_is_told_within_a_minute_with_a_log_that_says_why(failed):
-    ended, told = failed
+def take_too_much(repository, profile, folder):
+    """Run a script that takes more memory than its first job asks for; return jobs and logs."""
+    edited, work = harmed(repository, folder, "hungry")
+    eager = ["--retries", "1", "--slurm-init-seconds-before-status-checks", "2"]
+    target = "results/hungry/static/segments.parquet"
+    done = run(edited, work, "--profile", edited / profile, *eager, target=target)
+    assert done.returncode == 0, done.stderr
+    logs = sorted((work / ".snakemake/slurm_logs").rglob("*.log"), key=lambda log: int(log.stem))
+    return queue(work), [log.read_text() for log in logs]
+
+
+def test_a_failing_job_is_told_within_a_minute_with_a_log_that_says_why(started):
+    ended, told = started["fail"].result()
     assert 0 <= told[0][0] - ended[0] < TOLD
     assert "segment broken: on purpose" in told[0][1].read_text()
 
 
-def test_a_cancelled_job_is_told_within_a_minute(failed):
-    ended, told = failed
+def test_a_cancelled_job_is_told_within_a_minute(started):
+    ended, told = started["fail"].result()
     assert 0 <= told[1][0] - ended[1] < TOLD
     assert "CANCELLED" in told[1][1].read_text()
+
+
+def test_a_job_that_takes_more_memory_than_asked_for_is_tried_again_with_more(started):
+    (first, second), logs = started["take_too_much"].result()
+    assert first[-1] != "COMPLETED" and "exceeded memory limit" in logs[0], logs
+    assert second[-1] == "COMPLETED"
+    asked = [int(job[2].rstrip("M")) for job in (first, second)]
+    assert asked[1] == pytest.approx(2 * asked[0], abs=1)
