@@ -11,6 +11,7 @@ import runpy
 import sys
 import time
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 from bench.memory import peak_memory
@@ -19,7 +20,8 @@ script, path, *repeats = sys.argv[1:]
 with open(path) as file:
     content = json.load(file)
 job = SimpleNamespace(
-    **{key: SimpleNamespace(**v) if isinstance(v, dict) else v for key, v in content.items()}
+    scriptdir=str(Path(script).resolve().parent),
+    **{key: SimpleNamespace(**v) if isinstance(v, dict) else v for key, v in content.items()},
 )
 
 

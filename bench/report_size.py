@@ -61,7 +61,7 @@ def write_all(folders, report):
     write_report(
         sections=[folder / "section.html" for folder in folders],
         summaries=[folder / "summary.json" for folder in folders],
-        exports=[folder / "exports" for folder in folders],
+        exports=[folder / "exports.json" for folder in folders],
         template=TEMPLATES / "report.html.j2",
         **LOOKS,
         provenance={"command": "bench/report_size.py"},

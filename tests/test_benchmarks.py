@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench import document
-from bench.peers import records
+from bench.peers import imu_tk, records
 from bench.peers.calls import averaging_factors
 from bench.peers.contend import contend
 from imuloop.noise.allan import allan_variance
@@ -26,6 +26,17 @@ def test_a_part_takes_the_place_of_its_section_and_leaves_the_others(tmp_path, m
         *(titles[part] for part in ("peers", "stages", "factory")),
     ]
     assert "old" not in text and text.index("first") < text.index("new") < text.index("kept")
+
+
+def test_all_sections_name_the_commit_from_before_the_first(tmp_path, monkeypatch):
+    path = tmp_path / "benchmarks.md"
+    monkeypatch.setattr(document, "DOCUMENT", path)
+    monkeypatch.setattr(document, "commit", lambda: f"abc{', changed' * path.exists()}")
+    parts = {part: (part, ["-c", ""], True, "make") for part in ("peers", "stages")}
+    monkeypatch.setattr(document, "PARTS", parts)
+    monkeypatch.setattr("sys.argv", ["document", *parts])
+    document.main()
+    assert re.findall(r"commit (.*?)\. ", path.read_text()) == ["abc", "abc"]
 
 
 def test_the_machine_is_told_without_its_name_and_paths():
@@ -61,3 +72,20 @@ def test_reference_is_the_overlapping_deviation():
     factors = averaging_factors(3000)
     found = [np.sqrt(allan_variance([each], factors)) for each in x]
     assert records.reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
+
+
+def test_the_program_of_imu_tk_is_timed_on_both_logs_or_its_failure_is_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("IMULOOP_MIRROR", str(tmp_path))
+    assert imu_tk.theirs("/bin/true") == "not run, xsens_acc.mat is not at hand"
+    for name in imu_tk.LOGS:
+        (tmp_path / name).touch()
+    program = tmp_path / "program"
+    program.write_text('#!/bin/sh\necho "$@" >> "$0.called"\n')
+    program.chmod(0o755)
+    assert imu_tk.theirs(program).endswith(
+        "of processor time, best of 5, with its search for rests"
+    )
+    assert (tmp_path / "program.called").read_text().splitlines() == [
+        f"{tmp_path}/xsens_acc.mat {tmp_path}/xsens_gyro.mat"
+    ] * imu_tk.ROUNDS
+    assert imu_tk.theirs("/bin/false").startswith("failed, ")

@@ -15,6 +15,7 @@ SCENARIOS = (
     Scenario("N, K = 3e-5", {"N": 0.01, "K": 3e-5}),
     Scenario("N, B = 2e-3, K = 1e-5", {"N": 0.01, "B": 2e-3, "K": 1e-5}),
     Scenario("Q, N", {"Q": 5e-3, "N": 0.01}),
+    Scenario("strong Q, N", {"Q": 0.1, "N": 0.01}),
     Scenario("N, B, K strong", {"N": 0.01, "B": 5e-3, "K": 5e-4}),
     Scenario("N, weak R", {"N": 0.01, "R": 3.5e-7}),
     Scenario("N, R", {"N": 0.01, "R": 1e-6}),
