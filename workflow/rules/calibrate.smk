@@ -16,8 +16,7 @@ rule calibrate:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=asked(500, 0),
-        runtime=asked(5, 0),
+        **asked(mem_mb=(500, 0), runtime=(5, 0)),
     params:
         device="{device}",
         sessions=sessions,

@@ -29,8 +29,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             "../envs/imuloop.yaml"
         threads: 1
         resources:
-            mem_mb=asked(600, 3500),
-            runtime=asked(10, 10),
+            **asked(mem_mb=(600, 3500), runtime=(10, 10)),
         params:
             device="{device}",
             sessions=sessions,

@@ -17,8 +17,7 @@ rule export:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=asked(200, 0),
-        runtime=asked(5, 0),
+        **asked(mem_mb=(200, 0), runtime=(5, 0)),
     params:
         device="{device}",
         label=setting("label"),

@@ -34,8 +34,7 @@ rule ingest:
         "../envs/imuloop.yaml"
     threads: threads_by_size
     resources:
-        mem_mb=asked(500, 200),
-        runtime=asked(5, 5),
+        **asked(mem_mb=(500, 200), runtime=(5, 5)),
     params:
         device="{device}",
         session="{session}",

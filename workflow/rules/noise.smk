@@ -23,8 +23,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             "../envs/imuloop.yaml"
         threads: threads_by_size
         resources:
-            mem_mb=asked(500, 700),
-            runtime=asked(5, 10),
+            **asked(mem_mb=(500, 700), runtime=(5, 10)),
         params:
             device="{device}",
             sessions=sessions,

@@ -39,8 +39,7 @@ rule report_device:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=asked(400, 600),
-        runtime=asked(5, 2),
+        **asked(mem_mb=(400, 600), runtime=(5, 2)),
     params:
         device="{device}",
         label=setting("label"),

@@ -33,14 +33,17 @@ def gigabytes(session):
     return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
 
 
-def asked(least, per_gigabyte, of=sum):
-    """Return what a cluster is asked for: more for large logs and in each retry, else the least.
+def asked(of=sum, **resources):
+    """Return what a job asks a cluster for: more for large logs and in each retry; here nothing.
 
-    The logs are all those of the device, or with ``of=max`` the largest session's.
+    Each resource is the least and what a GB is worth of all logs of the device, or with ``of=max`` of
+    the largest session's.
     """
-    if not LIMITED:
-        return least
-    return lambda wildcards, attempt: ceil(
-        attempt
-        * (least + per_gigabyte * of(map(gigabytes, device_of(wildcards)["sessions"].values())))
-    )
+
+    def by_size(least, per_gigabyte):
+        return lambda wildcards, attempt: ceil(
+            attempt
+            * (least + per_gigabyte * of(map(gigabytes, device_of(wildcards)["sessions"].values())))
+        )
+
+    return {name: by_size(*each) for name, each in resources.items()} if LIMITED else {}

@@ -20,8 +20,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             "../envs/imuloop.yaml"
         threads: threads_by_size
         resources:
-            mem_mb=asked(500, 300, of=max),
-            runtime=asked(5, 5),
+            **asked(mem_mb=(500, 300), runtime=(5, 5), of=max),
         params:
             device="{device}",
             sessions=sessions,
