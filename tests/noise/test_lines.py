@@ -165,6 +165,13 @@ def test_sessions_have_their_own_phase_and_clock_and_may_lack_the_line():
     assert find_line(layouts, rest, white_density, LEVEL) is None
 
 
+def test_a_log_that_repeats_itself_gives_no_wave_for_each_of_its_parts():
+    # most frequencies of the whole are empty then, those of its parts are not
+    x = np.tile(np.random.default_rng(1).standard_normal(50_000) * np.sqrt(RATE), 4)
+    layout, values = session(x)
+    assert len(find_line([layout], [values], white_density, LEVEL).waves) == 1
+
+
 def test_a_line_that_wanders_is_one_line():
     n = 200_000
     rng = np.random.default_rng(6)

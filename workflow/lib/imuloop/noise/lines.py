@@ -150,7 +150,8 @@ def find_line(layouts, values, spectrum, level):
     p_value = over_band(search.chance(wave), independent)
     if p_value > level:
         return None
-    waves = {best: follow(layouts[best], values[best], wave, search.density(wave.frequency)[0])}
+    density = search.density_of_parts(wave.frequency)
+    waves = {best: follow(layouts[best], values[best], wave, density)}
     for i in live.keys() - {best}:
         span = live[i].band.span
         if wave.frequency * span < SHORTEST:
@@ -159,7 +160,7 @@ def find_line(layouts, values, spectrum, level):
         near = highest(layouts[i], values[i], wave.frequency, reach)
         same = fit_wave(layouts[i], values[i], near, i)
         if over_band(live[i].chance(same), 2 * reach * span) <= level:
-            density = live[i].density(same.frequency)[0]
+            density = live[i].density_of_parts(same.frequency)
             waves[i] = follow(layouts[i], values[i], same, density)
     return Line(
         *_summary(waves[best], layouts[best].rate, *search.density(wave.frequency)),

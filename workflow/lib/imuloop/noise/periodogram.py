@@ -108,6 +108,13 @@ class Search:
         scale = np.average(self.medians[near], weights=sizes) / log(2)
         return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
 
+    def density_of_parts(self, frequency):
+        """Return the density in parts of the session, of which no frequency is empty.
+
+        Where a log repeats itself, most frequencies of the whole are.
+        """
+        return max(self.density(frequency)[0], self.spectrum(np.array([frequency]))[0])
+
 
 @cache
 def band_of(layout):

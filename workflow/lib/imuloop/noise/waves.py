@@ -169,7 +169,7 @@ def chunks(layout, frequency):
     first, last = extent(layout)
     middle, half = (first + last) / 2, (last - first) / 2
     turns = frequency / layout.rate
-    within = np.exp(2j * np.pi * turns * np.arange(CHUNK))
+    within = np.exp(2j * np.pi * turns * np.arange(min(CHUNK, max(layout.lengths))))
     for i, part in parts(layout):
         a, b = layout.starts[i] + part.start, layout.starts[i] + part.stop
         u = (np.arange(a, b) - middle) / half
