@@ -105,7 +105,9 @@ def test_memory_is_asked_for_by_the_size_of_the_log(started, repository):
     (diagnosis,) = re.findall(
         r"rule diagnose_\d+:\n(?: .*\n)*? +resources: .*mem_mb=(\d+)", planned
     )
-    assert int(diagnosis) == pytest.approx(600 + 2 * 3500, rel=0.01)
+    text = " ".join((repository / "docs/clusters.md").read_text().split())
+    least, more = re.search(r"asks for ([\d.]+) GB and ([\d.]+) GB more for each GB", text).groups()
+    assert int(diagnosis) == pytest.approx(1000 * (float(least) + 2 * float(more)), rel=0.01)
 
 
 def harmed(repository, folder, *names):
