@@ -5,17 +5,24 @@ import pandas as pd
 import pytest
 
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, Columns
 from imuloop.core.units import RawUnit
+from imuloop.diagnose import static_means
+from imuloop.diagnose.effects.bias_temperature_rate import lagged_rate
+from imuloop.diagnose.effects.reorientation import creep
+from imuloop.diagnose.effects.thermal_hysteresis import branch
+from imuloop.diagnose.effects.vibration_rectification import vibration
+from imuloop.diagnose.effects.warm_up import settling
 from imuloop.diagnose.static_means import (
     LEAST_MEANS,
     LEAST_SAMPLES,
     MOST_MEANS,
-    mean_over,
     rests_to_use,
     static_record,
+    sums_over,
     window_length,
 )
+from imuloop.diagnose.static_probes import Probe
 
 
 def calibration(scale=1.0):
@@ -117,9 +124,51 @@ def test_windows_with_missing_values_are_left_out_and_spoil_no_other():
     assert np.isfinite(holed.channels.remembered(lambda whole: whole.other)).all()
 
 
-def test_means_take_the_last_sample_and_each_column():
+def test_sums_take_the_last_sample_each_column_and_what_lies_inside():
     values = np.random.default_rng(3).normal(size=(10, 2))
-    at = np.array([[0, 4], [4, 7], [8, 10]])
-    expected = [values[i:j].mean(axis=0) for i, j in at]
-    np.testing.assert_allclose(mean_over(values, at), expected, rtol=1e-12)
-    np.testing.assert_allclose(mean_over(values[:, 0], at), np.array(expected)[:, 0], rtol=1e-12)
+    at = np.array([[-3, -1], [-1, 4], [4, 7], [8, 10], [10, 12]])
+    expected = [values[max(i, 0) : max(j, 0)].sum(axis=0) for i, j in at]
+    np.testing.assert_allclose(sums_over(values, at), expected, rtol=1e-12)
+    np.testing.assert_allclose(sums_over(values[:, 0], at), np.array(expected)[:, 0], rtol=1e-12)
+    np.testing.assert_array_equal(sums_over(values[:8], at[3:]), np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_a_log_is_the_same_in_parts(missing, monkeypatch, tmp_path):
+    samples = log(seconds=600.0, rate=50.0)
+    samples["temperature"] += np.sin(samples["t"] / 50)
+    if missing:
+        # longer than a part
+        samples.loc[9000:12000, ["ax", "gz"]] = np.nan
+        samples.loc[samples.index % 7 > 0, "temperature"] = np.nan
+    samples.to_parquet(tmp_path / "s.parquet", row_group_size=4000)
+    remembered = [
+        (vibration,),
+        (lagged_rate, 40.0),
+        (branch, 0.3),
+        (settling, 90.0),
+        (creep, 20.0),
+    ]
+    cut = segments((0, 290, "static"), (300, 600, "static"))
+    whole = made(samples, cut, 5.0, "accelerometer")
+    # not marked, so that each gets the whole log
+    expected = [
+        whole.channels.remembered(lambda c, *of, function=function: function(c, *of), *constants)
+        for function, *constants in remembered
+    ]
+    monkeypatch.setattr(static_means, "PART", 1000)
+    parts = made(Columns(tmp_path / "s.parquet"), cut, 5.0, "accelerometer")
+    np.testing.assert_array_equal(parts.windows, whole.windows)
+    np.testing.assert_allclose(parts.values, whole.values, rtol=1e-13)
+    for (function, *constants), values in zip(remembered, expected, strict=True):
+        found = parts.channels.remembered(function, *constants)
+        np.testing.assert_allclose(found, values, rtol=1e-9, atol=1e-12, err_msg=function.__name__)
+    found, expected = (Probe("pose_variance").design(each.channels) for each in (parts, whole))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_an_axis_that_never_changes_has_the_same_mean_everywhere(monkeypatch):
+    samples = log()
+    samples["gy"] = 0.1
+    monkeypatch.setattr(static_means, "PART", 1000)
+    assert np.ptp(made(samples).values, axis=0)[1] == 0

@@ -9,7 +9,7 @@ import pytest
 import imuloop.diagnose.effects  # noqa: F401  the library of effects
 from diagnose.test_static_means import calibration
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose import static_correction
+from imuloop.diagnose import static_means
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.static_correction import corrected, write_allan
 from imuloop.diagnose.static_data import StaticData
@@ -154,7 +154,7 @@ def test_corrected_samples_are_the_same_in_parts(warm, monkeypatch):
     made, _, result = warm
     arguments = "a", made.log("a"), calibration(), result.effects
     whole = corrected(*arguments)
-    monkeypatch.setattr(static_correction, "PART", 1000)
+    monkeypatch.setattr(static_means, "PART", 1000)
     for name, values in corrected(*arguments).items():
         np.testing.assert_array_equal(values, whole[name])
 

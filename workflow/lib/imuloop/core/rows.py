@@ -20,7 +20,7 @@ class Rows:
 
     Parameters
     ----------
-    samples : Columns or DataFrame
+    samples : Columns, DataFrame or dict
         Columns as in `imuloop.core.samples`.
 
     Attributes
@@ -30,9 +30,11 @@ class Rows:
     """
 
     def __init__(self, samples):
-        self._table, self._count = samples, len(samples)
-        self._file = None
-        if isinstance(samples, Columns):
+        self._table, self._file = samples, None
+        if not isinstance(samples, Columns):
+            self._count = len(samples[TIME])
+        else:
+            self._count = len(samples)
             self._file = pq.ParquetFile(samples.path, pre_buffer=False)
             metadata = self._file.metadata
             rows = [metadata.row_group(g).num_rows for g in range(metadata.num_row_groups)]

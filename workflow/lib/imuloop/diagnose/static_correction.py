@@ -10,14 +10,12 @@ from imuloop.core.effect import Channels
 from imuloop.core.files import replaced
 from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
-from imuloop.diagnose.static_means import COLUMNS, LoggedChannels, other_sensor
+from imuloop.diagnose.static_means import COLUMNS, other_sensor
 from imuloop.diagnose.static_terms import GaussMarkov as GaussMarkovEffect
 from imuloop.diagnose.static_terms import Sinusoid as SinusoidEffect
 
 # lines nearer than this share of their frequency are one
 SAME_LINE = 0.05
-# samples of which the effects are worked out together
-PART = 1 << 18
 
 
 def corrected(session, log, calibration, found):
@@ -48,20 +46,11 @@ def corrected(session, log, calibration, found):
         # at rest the outputs stand still
         level = own.output(np.array([levels[sensor]]))
         beside = getattr(calibration, other).output(np.array([levels[other]]))
-        whole, remembered = LoggedChannels(log, sensor), {}
-        for first in range(0, len(t), PART):
-            part = slice(first, first + PART)
-
-            def history(function, *constants, part=part, whole=whole, remembered=remembered):
-                key = function, constants
-                if key not in remembered:
-                    remembered[key] = function(whole, *constants)
-                return remembered[key][part]
-
-            rows = (len(t[part]), 1)
+        for part, remembered in log.parts(sensor):
+            rows = (part.stop - part.start, 1)
             temperature = None if log.temperature is None else log.temperature[part]
             seen = Channels(
-                t[part], np.tile(level, rows), np.tile(beside, rows), temperature, history
+                t[part], np.tile(level, rows), np.tile(beside, rows), temperature, remembered
             )
             total = sum(_output(e, session, seen) for e in effects)
             total *= own.raw_unit.scale / own.K

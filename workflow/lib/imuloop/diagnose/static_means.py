@@ -1,12 +1,15 @@
 """A static record: means of consecutive windows at rest, and what an effect sees in them."""
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
-from imuloop.core.effect import Channels
+from imuloop.core.effect import Channels, Effect
 from imuloop.core.memory import filled
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.core.pieces import FEWEST
+from imuloop.core.rows import Rows, median_step
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import STATIC
 
 # fewer means leave a shorter window; more a longer one, for a covariance of n means has n² entries
@@ -16,6 +19,8 @@ LEAST_SAMPLES = 10
 # s; a rest of another session stands in for a static one from this length on
 INITIAL_REST = 30.0
 COLUMNS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
+# samples of a log that are worked on at a time
+PART = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -119,12 +124,14 @@ def window_length(seconds, interval, mean_time):
 
 @dataclass(frozen=True)
 class RestLog:
-    """The log of a session at rest; a column is read when it is asked for, for a log may be long.
+    """The log of a session at rest; of the outputs only a part is read at a time.
 
     Attributes
     ----------
     samples : Columns, DataFrame or dict
         Samples by column, SI, as logged.
+    rows : Rows
+        The same.
     t : ndarray, shape (n,)
         Time, s.
     interval : float
@@ -134,25 +141,30 @@ class RestLog:
     """
 
     samples: object
+    rows: Rows
     t: np.ndarray
     interval: float
     temperature: np.ndarray | None
     _means: dict = field(default_factory=dict, repr=False)
+    _filled: dict = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, samples):
         """Return the RestLog of samples, columns by name."""
-        t, temperature = np.asarray(samples[TIME]), None
+        t, rows, temperature = np.asarray(samples[TIME]), Rows(samples), None
         if TEMPERATURE in samples:
             logged = np.asarray(samples[TEMPERATURE])
             temperature = filled(t, logged) if np.isfinite(logged).any() else None
-        return cls(samples, t, np.median(np.diff(t)) if len(t) > 1 else np.nan, temperature)
+        return cls(samples, rows, t, median_step(rows) or np.nan, temperature)
 
-    def logged(self, sensor):
-        """Return the output of a sensor, SI, as logged, missing values filled, shape (n, 3)."""
-        values = np.empty((3, len(self.t)))
+    def logged(self, sensor, part):
+        """Return the output of a sensor in a part, SI, as logged, missing values filled, (m, 3)."""
+        values = self.rows.read(COLUMNS[sensor], part.start, part.stop)
         for row, name in zip(values, COLUMNS[sensor], strict=True):
-            row[:] = filled(self.t, np.asarray(self.samples[name]))
+            if np.isnan(row).any():
+                if name not in self._filled:
+                    self._filled[name] = filled(self.t, np.asarray(self.samples[name]))
+                row[:] = self._filled[name][part]
         return values.T
 
     def means(self, at):
@@ -167,53 +179,91 @@ class RestLog:
         """
         key = at.tobytes()
         if key not in self._means:
-            found, whole = {}, np.ones(len(at), dtype=bool)
-            for sensor, names in COLUMNS.items():
-                columns = []
-                for name in names:
-                    values = np.asarray(self.samples[name])
-                    known = np.isfinite(values)
-                    if not known.all():
-                        whole &= mean_over(known, at) == 1
-                        values = filled(self.t, values)
-                    # a mean near zero keeps the digits of sums
-                    centre = values.mean() if len(values) else 0.0
-                    columns.append(mean_over(values - centre, at) + centre)
-                found[sensor] = np.column_stack(columns)
-            self._means[key] = found, whole
+            total, lacking = np.zeros((len(at), len(CHANNELS))), np.zeros(len(at))
+            centre = np.zeros(len(CHANNELS))
+            for first, x in self.rows.pieces(CHANNELS, PART):
+                known = np.isfinite(x)
+                if not first:
+                    # sums near zero keep their digits
+                    ones = zip(x, known, strict=True)
+                    centre = np.array([next(iter(row[k]), 0.0) for row, k in ones])
+                if not known.all():
+                    lacking += sums_over(~known.all(axis=0), at - first)
+                    x = np.where(known, x, centre[:, None])
+                total += sums_over(x.T - centre, at - first)
+            found = total / np.diff(at) + centre
+            self._means[key] = (
+                {
+                    sensor: found[:, [CHANNELS.index(name) for name in names]]
+                    for sensor, names in COLUMNS.items()
+                },
+                lacking == 0,
+            )
         return self._means[key]
+
+    def parts(self, sensor):
+        """Yield part after part of the log and what gives a function's values at its samples.
+
+        The function takes the Channels of a log, outputs as logged, and constants. One that is not
+        marked as `imuloop.core.memory.in_pieces` gets the whole log.
+        """
+        n = len(self.t)
+        reach = max((effect.reach for effect in Effect.library.values()), default=0.0)
+        more = FEWEST + int(2 * reach / self.interval) if n > 1 else 0
+        pasts = {}
+
+        @cache
+        def whole(function, *constants):
+            return function(LoggedChannels(self, sensor, slice(0, n)), *constants)
+
+        for first in range(0, n, PART):
+            part = slice(first, min(first + PART, n))
+            about = slice(max(first - more, 0), min(part.stop + more, n))
+            own = slice(first - about.start, part.stop - about.start)
+
+            @cache
+            def remembered(function, *constants, part=part, about=about, own=own):
+                if not getattr(function, "in_pieces", False):
+                    return whole(function, *constants)[part]
+                past = pasts.setdefault((function, constants), {})
+                channels = LoggedChannels(self, sensor, about, past, self.interval)
+                return function(channels, *constants)[own]
+
+            yield part, remembered
 
 
 @dataclass(frozen=True)
 class LoggedChannels:
-    """The `Channels` of a sensor in the whole log of a session at rest, outputs as logged.
+    """The `Channels` of a sensor in a part of the log of a session at rest, outputs as logged.
 
     An output is read when a function asks for it: few do.
     """
 
     log: RestLog
     sensor: str
-    past = step = None
+    part: slice
+    past: dict | None = None
+    step: float | None = None
 
     @property
     def t(self):
         """Time, s, shape (n,)."""
-        return self.log.t
+        return self.log.t[self.part]
 
     @property
     def temperature(self):
         """Temperature, degC, shape (n,), or None."""
-        return self.log.temperature
+        return None if self.log.temperature is None else self.log.temperature[self.part]
 
     @property
     def output(self):
         """The sensor's output, SI, shape (n, 3)."""
-        return self.log.logged(self.sensor)
+        return self.log.logged(self.sensor, self.part)
 
     @property
     def other(self):
         """The other sensor's output, SI, shape (n, 3)."""
-        return self.log.logged(other_sensor(self.sensor))
+        return self.log.logged(other_sensor(self.sensor), self.part)
 
 
 def other_sensor(sensor):
@@ -222,13 +272,21 @@ def other_sensor(sensor):
     return other
 
 
-def mean_over(values, at):
-    """Return means of values over rows `at`, shape (m, 2): from the first to before the last."""
+def sums_over(values, at):
+    """Return sums of values over rows `at`, shape (m, 2), from the first to before the last.
+
+    Rows before and behind the values count as none.
+    """
     if values.ndim > 1:
-        return np.column_stack([mean_over(column, at) for column in values.T])
-    # a last row may lie behind the end
-    total = np.add.reduceat(np.append(values, 0.0), at.ravel())[::2]
-    return total / (at[:, 1] - at[:, 0])
+        return np.column_stack([sums_over(column, at) for column in values.T])
+    total, inside = np.zeros(len(at)), np.clip(at, 0, len(values))
+    near = inside[:, 0] < inside[:, 1]
+    if near.any():
+        edges = inside[near].ravel()
+        # a last row behind the end is none to begin at
+        edges = edges[: edges.size - (edges[-1] == len(values))]
+        total[near] = np.add.reduceat(values, edges, dtype=float)[::2]
+    return total
 
 
 def static_record(session, samples, segments, calibration, sensor, mean_time):
@@ -277,22 +335,22 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
 
     # the output is a straight line in what was logged: so are its means
     output = {name: getattr(calibration, name).output(v[keep]) for name, v in logged.items()}
-    values = output[sensor]
-    whole = LoggedChannels(log, sensor)
-    remembered = {}
+    values, counts = output[sensor], at[:, 1] - at[:, 0]
 
+    @cache
     def history(function, *constants):
-        key = function, constants
-        if key not in remembered:
-            remembered[key] = mean_over(function(whole, *constants), at)
-        return remembered[key]
+        total = sum(
+            sums_over(remembered(function, *constants), at - part.start)
+            for part, remembered in log.parts(sensor)
+        )
+        return (total.T / counts).T
 
     level = values.mean(axis=0) if len(values) else np.zeros(3)
     channels = Channels(
         windows.mean(axis=1),
         np.tile(level, (len(windows), 1)),
         output[other_sensor(sensor)],
-        None if log.temperature is None else mean_over(log.temperature, at),
+        None if log.temperature is None else sums_over(log.temperature, at) / counts,
         history,
     )
     return StaticRecord(session, windows, stretch, values, channels)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.core.memory import in_pieces
 from imuloop.diagnose.effects.axes import on_each_axis
 
 
@@ -32,14 +33,14 @@ class Probe:
         return on_each_axis(square - mean**2)
 
 
+@in_pieces
 def _moments(channels):
     """Return the output of each axis and its square, shape (n, 6)."""
-    found = np.empty((6, len(channels.t)))
-    # about the mean of the log, so that the difference of squares keeps its digits
-    for i, values in enumerate(channels.output.T):
-        np.subtract(values, values.mean(), out=found[i])
-        np.square(found[i], out=found[3 + i])
-    return found.T
+    values = channels.output
+    # about a mean, so that the difference of squares keeps its digits
+    centre = {} if channels.past is None else channels.past
+    values = values - centre.setdefault("mean", values.mean(axis=0))
+    return np.hstack([values, values**2])
 
 
 def static_correlates(search, base):
