@@ -12,8 +12,8 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
+from bench.commit import commit
 from bench.stages import ONE_THREAD, REPOSITORY
-from bench.study.__main__ import commit
 
 DOCUMENT = REPOSITORY / "docs/benchmarks.md"
 HEAD = """# Benchmarks
@@ -51,8 +51,8 @@ def machine():
     )
 
 
-def measure(part, options, made_of):
-    """Run a part and return its section, which names the commit that it is made of."""
+def measure(part, options):
+    """Run a part and return its section."""
     title, command, markdown, target = PARTS[part]
     print(f"{title} …", file=sys.stderr, flush=True)
     done = subprocess.run(
@@ -66,7 +66,7 @@ def measure(part, options, made_of):
         text = f"{text}\n\nexit status {done.returncode}"
     text = text if markdown else f"```\n{text}\n```"
     shown = " ".join([f"`{target}`", *(["with", f"`{' '.join(options)}`"] if options else [])])
-    return f"## {title}\n\n{shown}, commit {made_of}. {machine()}.\n\n{text}\n"
+    return f"## {title}\n\n{shown}, commit {commit()}. {machine()}.\n\n{text}\n"
 
 
 def write(sections):
@@ -86,10 +86,8 @@ def main():
     parser.add_argument("parts", nargs="+", choices=PARTS)
     parser.add_argument("--options", default="", help="for the command of the part")
     options = parser.parse_args()
-    # before the first section changes the document
-    made_of = commit()
     for part in options.parts:
-        write({part: measure(part, options.options.split(), made_of)})
+        write({part: measure(part, options.options.split())})
     return 0
 
 

@@ -2,11 +2,13 @@
 
 import platform
 import re
+import subprocess
 
 import numpy as np
 import pytest
 
 from bench import document
+from bench.commit import commit
 from bench.peers import imu_tk, records
 from bench.peers.calls import averaging_factors
 from bench.peers.contend import contend
@@ -28,15 +30,22 @@ def test_a_part_takes_the_place_of_its_section_and_leaves_the_others(tmp_path, m
     assert "old" not in text and text.index("first") < text.index("new") < text.index("kept")
 
 
-def test_all_sections_name_the_commit_from_before_the_first(tmp_path, monkeypatch):
-    path = tmp_path / "benchmarks.md"
-    monkeypatch.setattr(document, "DOCUMENT", path)
-    monkeypatch.setattr(document, "commit", lambda: f"abc{', changed' * path.exists()}")
-    parts = {part: (part, ["-c", ""], True, "make") for part in ("peers", "stages")}
-    monkeypatch.setattr(document, "PARTS", parts)
-    monkeypatch.setattr("sys.argv", ["document", *parts])
-    document.main()
-    assert re.findall(r"commit (.*?)\. ", path.read_text()) == ["abc", "abc"]
+def test_a_document_that_was_written_is_no_change_of_the_code(tmp_path):
+    def git(*words):
+        subprocess.run(["git", "-C", tmp_path, *words], check=True, capture_output=True)
+
+    git("init")
+    (tmp_path / "docs").mkdir()
+    for name in ("docs/figures.md", "code.py"):
+        (tmp_path / name).write_text("first\n")
+    git("add", ".")
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-m", "first")
+    made_of = commit(tmp_path)
+    assert re.fullmatch("[0-9a-f]{7,}", made_of)
+    (tmp_path / "docs/figures.md").write_text("second\n")
+    assert commit(tmp_path) == made_of
+    (tmp_path / "code.py").write_text("second\n")
+    assert commit(tmp_path) == f"{made_of}, changed"
 
 
 def test_the_machine_is_told_without_its_name_and_paths():

@@ -6,9 +6,9 @@ import time
 from functools import partial
 from pathlib import Path
 
+from bench.commit import commit
 from bench.noise import accuracy, coverage, curve, detection, published, speed
 from bench.noise.document import PARTS, document
-from bench.study.__main__ import commit
 
 # records of each scenario beside those of the accuracy
 MORE = 5

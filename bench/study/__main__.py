@@ -1,9 +1,9 @@
 """Undeclared effects in simulated devices: are they found? `make study`; `--help` for parts."""
 
 import argparse
-import subprocess
 from pathlib import Path
 
+from bench.commit import commit
 from bench.study.cases import all_cases
 from bench.study.run import run
 from bench.study.tables import document
@@ -37,14 +37,6 @@ def main():
         options.write.write_text(text)
     else:
         print(text)
-
-
-def commit():
-    """Return the short hash of the code's commit, and whether it was changed since."""
-    command = ["git", "describe", "--always", "--dirty=, changed"]
-    folder = Path(__file__).parent
-    made = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
-    return made.stdout.strip() or "unknown"
 
 
 if __name__ == "__main__":
