@@ -29,7 +29,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             "../envs/imuloop.yaml"
         threads: 1
         resources:
-            **asked(mem_mb=(600, 3500), runtime=(10, 10)),
+            **asked(mem_mb=(600, 2500), runtime=(10, 10)),
         params:
             device="{device}",
             sessions=sessions,
