@@ -16,7 +16,12 @@ from imuloop.report.comparison import (
     verdict_parts,
     verdict_rank,
 )
-from imuloop.report.comparison_plot import DASHES, interval_comparison, line_style
+from imuloop.report.comparison_plot import (
+    DASHES,
+    allan_comparison,
+    interval_comparison,
+    line_style,
+)
 from imuloop.report.summary import PAIRS
 from imuloop.report.svg import PALETTE
 
@@ -45,6 +50,20 @@ def test_cells_are_sorted_by_their_size_in_si():
     assert first[keys.index("accelerometer_bias")].value == 0.5
     assert second[keys.index("accelerometer_B")].value == 2e-3
     assert second[keys.index("accelerometer_bias")].value is None
+
+
+def test_two_allan_curves_are_compared_where_both_are_and_one_is_told():
+    def device(label, level):
+        curve = {"tau_s": [0.1, 10.0], "adev": [level, level]}
+        return {"label": label, "allan": {"ax": curve}}
+
+    one, two = device("A", 2e-3), device("B", 1e-3)
+    (picture,) = allan_comparison([one])
+    assert picture.caption == "Accelerometer x: over 1.0 s 0.00200 m/s²."
+    (picture,) = allan_comparison([one, two])
+    assert picture.caption.endswith(
+        "over 1.0 s B is steadiest, 0.00100 m/s²; A least, 0.00200 m/s²."
+    )
 
 
 @pytest.fixture(scope="module")

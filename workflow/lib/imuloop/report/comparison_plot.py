@@ -68,10 +68,12 @@ def _allan_picture(sensor, axis, channel, curves):
             (np.exp(np.interp(np.log(common), np.log(tau), np.log(adev))), label)
             for _, label, tau, adev in curves
         )
-        caption += f"over {number(common, 2)} s {levels[0][1]} is steadiest, "
-        caption += f"{number(levels[0][0])} {unit}"
+        told = [f"{number(level)} {unit}" for level, _ in levels]
+        caption += f"over {number(common, 2)} s "
         if len(levels) > 1:
-            caption += f"; {levels[-1][1]} least, {number(levels[-1][0])} {unit}"
+            caption += f"{levels[0][1]} is steadiest, {told[0]}; {levels[-1][1]} least, {told[-1]}"
+        else:
+            caption += told[0]
     name = f"comparison.allan_{channel}"
     alt = f"Allan deviation of {sensor} {axis}: " + "; ".join(
         f"{label} lowest {a:.3g} {unit} at {t:.3g} s" for a, t, label in lowest
