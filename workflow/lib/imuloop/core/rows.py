@@ -31,16 +31,15 @@ class Rows:
 
     def __init__(self, samples):
         self._table, self._file = samples, None
-        if not isinstance(samples, Columns):
-            self._count = len(samples[TIME])
-        else:
-            self._count = len(samples)
+        if isinstance(samples, Columns):
             self._file = pq.ParquetFile(samples.path, pre_buffer=False)
             metadata = self._file.metadata
             rows = [metadata.row_group(g).num_rows for g in range(metadata.num_row_groups)]
             self._edges = np.cumsum([0, *rows])
             self._groups = OrderedDict()
         self.names = tuple(samples.names if self._file else samples)
+        # of a dict the length is that of a column
+        self._count = len(samples if self._file else samples[self.names[0]])
 
     def __len__(self):
         return self._count
