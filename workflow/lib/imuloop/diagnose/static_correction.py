@@ -37,7 +37,7 @@ def corrected(session, log, calibration, found):
     dict of str to ndarray
         Columns by name, SI as logged.
     """
-    t, changed = log.t, {name: np.array(log.samples[name]) for name in CHANNELS}
+    t, changed = log.t, {name: log.column(name) for name in CHANNELS}
     levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in COLUMNS.items()}
     for sensor, effects in found.items():
         if not effects:

@@ -128,10 +128,8 @@ class RestLog:
 
     Attributes
     ----------
-    samples : Columns, DataFrame or dict
-        Samples by column, SI, as logged.
     rows : Rows
-        The same.
+        Its samples, SI, as logged.
     t : ndarray, shape (n,)
         Time, s.
     interval : float
@@ -140,7 +138,6 @@ class RestLog:
         degC, missing values filled.
     """
 
-    samples: object
     rows: Rows
     t: np.ndarray
     interval: float
@@ -155,7 +152,11 @@ class RestLog:
         if TEMPERATURE in samples:
             logged = np.asarray(samples[TEMPERATURE])
             temperature = filled(t, logged) if np.isfinite(logged).any() else None
-        return cls(samples, rows, t, median_step(rows) or np.nan, temperature)
+        return cls(rows, t, median_step(rows) or np.nan, temperature)
+
+    def column(self, name):
+        """Return a column of the whole log, as logged, shape (n,)."""
+        return self.rows.read((name,), 0, len(self.t))[0]
 
     def logged(self, sensor, part):
         """Return the output of a sensor in a part, SI, as logged, missing values filled, (m, 3)."""
@@ -163,7 +164,7 @@ class RestLog:
         for row, name in zip(values, COLUMNS[sensor], strict=True):
             if np.isnan(row).any():
                 if name not in self._filled:
-                    self._filled[name] = filled(self.t, np.asarray(self.samples[name]))
+                    self._filled[name] = filled(self.t, self.column(name))
                 row[:] = self._filled[name][part]
         return values.T
 
