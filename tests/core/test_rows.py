@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuloop.core import rows as module
-from imuloop.core.rows import Rows, median_step
+from imuloop.core.rows import Rows, median_step, sums_over
 from imuloop.core.samples import CHANNELS, TIME, Columns
 
 
@@ -62,3 +62,12 @@ def test_a_bracket_that_misses_the_median_is_widened(monkeypatch):
     t = np.concatenate([[0.0], np.cumsum(steps)])
     monkeypatch.setattr(module.Rows, "time_steps", lambda self: [(0, np.diff(t))])
     assert median_step(Rows(pd.DataFrame({TIME: t}))) == np.median(np.diff(t))
+
+
+def test_sums_take_the_last_sample_each_column_and_what_lies_inside():
+    values = np.random.default_rng(3).normal(size=(10, 2))
+    at = np.array([[-3, -1], [-1, 4], [4, 7], [6, 10], [8, 10], [10, 12]])
+    expected = [values[max(i, 0) : max(j, 0)].sum(axis=0) for i, j in at]
+    np.testing.assert_allclose(sums_over(values, at), expected, rtol=1e-12)
+    np.testing.assert_allclose(sums_over(values[:, 0], at), np.array(expected)[:, 0], rtol=1e-12)
+    np.testing.assert_array_equal(sums_over(values[:6], at[4:]), np.zeros((2, 2)))

@@ -19,7 +19,6 @@ from imuloop.diagnose.static_means import (
     MOST_MEANS,
     rests_to_use,
     static_record,
-    sums_over,
     window_length,
 )
 from imuloop.diagnose.static_probes import Probe
@@ -122,15 +121,6 @@ def test_windows_with_missing_values_are_left_out_and_spoil_no_other():
     np.testing.assert_array_equal(holed.windows, found.windows[~missing])
     np.testing.assert_allclose(holed.values, found.values[~missing], rtol=1e-9)
     assert np.isfinite(holed.channels.remembered(lambda whole: whole.other)).all()
-
-
-def test_sums_take_the_last_sample_each_column_and_what_lies_inside():
-    values = np.random.default_rng(3).normal(size=(10, 2))
-    at = np.array([[-3, -1], [-1, 4], [4, 7], [8, 10], [10, 12]])
-    expected = [values[max(i, 0) : max(j, 0)].sum(axis=0) for i, j in at]
-    np.testing.assert_allclose(sums_over(values, at), expected, rtol=1e-12)
-    np.testing.assert_allclose(sums_over(values[:, 0], at), np.array(expected)[:, 0], rtol=1e-12)
-    np.testing.assert_array_equal(sums_over(values[:8], at[3:]), np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize("missing", [False, True])

@@ -92,6 +92,30 @@ class Rows:
             yield first, np.diff(self.read((TIME,), first, min(first + rows + 1, self._count))[0])
 
 
+def sums_over(values, ranges):
+    """Return sums of values over ranges of their rows, what lies before and behind them left out.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,) or (n, k)
+        Of a piece, say.
+    ranges : ndarray of int, shape (m, 2)
+        First row and the one behind the last.
+
+    Returns
+    -------
+    ndarray, shape (m,) or (m, k)
+    """
+    if values.ndim > 1:
+        return np.column_stack([sums_over(column, ranges) for column in values.T])
+    total, inside = np.zeros(len(ranges)), np.clip(ranges, 0, len(values))
+    near = inside[:, 0] < inside[:, 1]
+    if near.any():
+        # a range may end behind the last row
+        total[near] = np.add.reduceat(np.append(values, 0.0), inside[near].ravel())[::2]
+    return total
+
+
 def median_step(rows):
     """Return the median step of time, s, as numpy has it of all; None of fewer than two samples.
 

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 
 from imuloop.core.effect import Channels, Effect
-from imuloop.core.memory import filled
+from imuloop.core.memory import filled, in_pieces
 from imuloop.core.pieces import FEWEST
-from imuloop.core.rows import Rows, median_step
+from imuloop.core.rows import Rows, median_step, sums_over
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import STATIC
 
@@ -273,21 +273,9 @@ def other_sensor(sensor):
     return other
 
 
-def sums_over(values, at):
-    """Return sums of values over rows `at`, shape (m, 2), from the first to before the last.
-
-    Rows before and behind the values count as none.
-    """
-    if values.ndim > 1:
-        return np.column_stack([sums_over(column, at) for column in values.T])
-    total, inside = np.zeros(len(at)), np.clip(at, 0, len(values))
-    near = inside[:, 0] < inside[:, 1]
-    if near.any():
-        edges = inside[near].ravel()
-        # a last row behind the end is none to begin at
-        edges = edges[: edges.size - (edges[-1] == len(values))]
-        total[near] = np.add.reduceat(values, edges, dtype=float)[::2]
-    return total
+@in_pieces
+def _temperature(channels):
+    return channels.temperature
 
 
 def static_record(session, samples, segments, calibration, sensor, mean_time):
@@ -351,7 +339,7 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         windows.mean(axis=1),
         np.tile(level, (len(windows), 1)),
         output[other_sensor(sensor)],
-        None if log.temperature is None else sums_over(log.temperature, at) / counts,
+        None if log.temperature is None else history(_temperature),
         history,
     )
     return StaticRecord(session, windows, stretch, values, channels)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.rows import Rows
+from imuloop.core.rows import Rows, sums_over
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.report.columns import from_records
 from imuloop.report.numbers import RESIDUAL, number
@@ -56,14 +56,13 @@ def temperatures(session, start):
     """
     if TEMPERATURE not in session.samples or len(start) < 2:
         return None
-    edges = np.array([start, start + np.median(np.diff(start))])
-    # sum and number of the values before each edge, of a day-long log in little memory
-    total, count = np.zeros((2, *edges.shape))
+    edges = np.column_stack([start, start + np.median(np.diff(start))])
+    # of a day-long log in little memory
+    total, count = np.zeros((2, len(start)))
     for _, (t, value) in Rows(session.samples).pieces((TIME, TEMPERATURE)):
-        before, known = np.searchsorted(t, edges), np.isfinite(value)
-        total += np.append(0.0, np.cumsum(np.where(known, value, 0.0)))[before]
-        count += np.append(0, np.cumsum(known))[before]
-    total, count = (last - first for first, last in (total, count))
+        at, known = np.searchsorted(t, edges), np.isfinite(value)
+        total += sums_over(np.where(known, value, 0.0), at)
+        count += sums_over(known, at)
     mean = np.full(len(start), np.nan)
     np.divide(total, count, out=mean, where=count > 0)
     return mean if np.isfinite(mean).any() else None
