@@ -14,8 +14,7 @@ from pathlib import Path
 import yaml
 
 from bench.study.tables import table
-from imuloop.calibrate.calibrate import calibrate_device
-from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.chain import Device, calibrate
 from imuloop.config import resolve
 from imuloop.core.files import read_json
 from imuloop.job_log import open_log
@@ -27,28 +26,18 @@ IMU_TK_S = 0.39
 
 def calibration(folder, config, output):
     """Return the call that calibrates the device of a folder of results, as the workflow does."""
-    device = resolve(config)[folder.name]
-    sessions = {
-        quality.parent.name: {
-            "kind": read_json(quality)["kind"],
-            "samples": quality.with_name("samples.parquet"),
-            "segments": quality.with_name("segments.parquet"),
-        }
-        for quality in sorted(folder.glob("*/quality.json"))
-    }
-
-    def calibrate():
-        calibrate_device(
-            device=folder.name,
-            gravity=device["gravity"],
-            sessions=sessions,
-            noise=folder / "noise.json",
-            settings=CalibrateSettings(**device["calibrate"]),
-            six_path=output / "six_position.json",
-            multi_path=output / "multi_position.json",
-        )
-
-    return calibrate
+    settings = resolve(config)[folder.name]
+    kinds = {p.parent.name: read_json(p)["kind"] for p in sorted(folder.glob("*/quality.json"))}
+    for path in (folder / "noise.json", *(folder / name for name in kinds)):
+        (output / path.name).symlink_to(path.resolve())
+    device = Device(
+        folder.name,
+        output,
+        kinds,
+        gravity=settings["gravity"],
+        calibrate=settings["calibrate"],
+    )
+    return lambda: calibrate(device)
 
 
 def timed(call, repeats):

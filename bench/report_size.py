@@ -10,13 +10,9 @@ import time
 from itertools import cycle, islice, pairwise
 from pathlib import Path
 
+from imuloop.chain import Device, report, report_device
 from imuloop.core.files import read_json
-from imuloop.report.page import write_device
-from imuloop.report.report import write_report
-from imuloop.report.section import write_section
 
-TEMPLATES = Path(__file__).parents[1] / "workflow/templates"
-LOOKS = {"style": TEMPLATES / "style.css", "script": TEMPLATES / "sorting.js"}
 COUNTS = (10, 200)
 WRITTEN = ("figures", "report.html", "section.html", "summary.json")
 
@@ -37,37 +33,14 @@ def write_parts(folders):
     """Write the devices' parts and pages, as the workflow's script does."""
     for folder in folders:
         kinds = {p.parent.name: read_json(p)["kind"] for p in sorted(folder.glob("*/quality.json"))}
-        write_section(
-            device=folder.name,
-            label=folder.name,
-            folder=folder,
-            sessions=kinds,
-            template=TEMPLATES / "section.html.j2",
-            section_path=folder / "section.html",
-            summary_path=folder / "summary.json",
-            figures_folder=folder / "figures",
-        )
-        write_device(
-            folder / "report.html",
-            folder / "section.html",
-            folder / "summary.json",
-            template=TEMPLATES / "device.html.j2",
-            **LOOKS,
-        )
+        if failures := report_device(Device(folder.name, folder, kinds)):
+            raise RuntimeError(str(failures[0]))
 
 
-def write_all(folders, report):
+def write_all(folders, page):
     """Write the report of all devices."""
-    write_report(
-        sections=[folder / "section.html" for folder in folders],
-        summaries=[folder / "summary.json" for folder in folders],
-        exports=[folder / "exports.json" for folder in folders],
-        template=TEMPLATES / "report.html.j2",
-        **LOOKS,
-        provenance={"command": "bench/report_size.py"},
-        report_path=report,
-        comparison_path=report.with_name("comparison.csv"),
-    )
+    provenance = {"command": "bench/report_size.py"}
+    report(folders, provenance, page, page.with_name("comparison.csv"))
 
 
 def main():
@@ -78,19 +51,19 @@ def main():
     for count in COUNTS:
         with tempfile.TemporaryDirectory() as folder:
             folders = named(found, Path(folder), count)
-            report = Path(folder) / "report.html"
-            pages = [measured(folders, report) for _ in range(2)]
+            page = Path(folder) / "report.html"
+            pages = [measured(folders, page) for _ in range(2)]
         print("the same bytes" if pages[0] == pages[1] else "OTHER BYTES the second time")
 
 
-def measured(folders, report):
+def measured(folders, path):
     """Write parts and report, print the processor time of each; return the report."""
     times = [time.process_time()]
-    for write in (lambda: write_parts(folders), lambda: write_all(folders, report)):
+    for write in (lambda: write_parts(folders), lambda: write_all(folders, path)):
         write()
         times.append(time.process_time())
     parts, joined = (last - first for first, last in pairwise(times))
-    page = report.read_bytes()
+    page = path.read_bytes()
     print(
         f"{len(folders)} devices: {parts:.1f} s of processor time for their parts, {joined:.2f} s "
         f"for the report, {joined / len(folders) * 1e3:.1f} ms a device, {len(page) / 1e6:.2f} MB"

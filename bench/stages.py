@@ -54,94 +54,41 @@ def jobs(folder, kinds):
     """
     declared = {name: {"kind": kind, "file": f"{name}.csv"} for name, kind in kinds.items()}
     device = resolve({"devices": {"imu": {"sessions": declared}}})["imu"]
-    parts = ("samples", "segments", "allan_raw", "allan", "views")
-    sessions = {
-        name: {
-            "kind": kind,
-            "quality": f"{folder}/{name}/quality.json",
-            **{part: f"{folder}/{name}/{part}.parquet" for part in parts},
-        }
-        for name, kind in kinds.items()
-    }
 
-    def job(stage, session=None, **content):
-        params = {"device": "imu", "sessions": sessions, **content.pop("params", {})}
+    def job(stage, output, session=None, params=None, **content):
+        output = {Path(name).stem: f"{folder}/{name}" for name in output}
+        params = {"device": "imu", "kinds": kinds, **(params or {})}
         log = f"{folder}/{stage}.log"
-        return stage, session, {"params": params, "log": [log], "threads": 1, **content}
+        given = {"params": params, "output": output, "log": [log], "threads": 1, **content}
+        return stage, session, given
 
-    def each(part):
-        return [files[part] for files in sessions.values()]
+    def settings(stage):
+        return {"settings": device[stage], "gravity": device["gravity"]}
 
-    def at(*names):
-        return {Path(name).stem: f"{folder}/{name}" for name in names}
-
-    for name, files in sessions.items():
+    for name in kinds:
         (folder / name).mkdir(exist_ok=True)
-        one = {"session": name, "declared": device["sessions"][name]}
+        params = {key: device[key] for key in ("nominal", "full_scale")}
         yield job(
             "ingest",
+            [f"{name}/samples.parquet", f"{name}/quality.json"],
             name,
-            params={**one, "nominal": device["nominal"], "full_scale": device["full_scale"]},
+            params | {"session": name, "declared": device["sessions"][name]},
             input={"log": [f"{folder}/{name}.csv"]},
-            output={"samples": files["samples"], "quality": files["quality"]},
         )
-    yield job(
-        "segment",
-        params={"settings": device["segment"]},
-        input={"samples": each("samples")},
-        output=each("segments"),
+    stage, session, given = job("segment", [], params=settings("segment"))
+    yield (
+        stage,
+        session,
+        given | {"output": [f"{folder}/{name}/segments.parquet" for name in kinds]},
     )
-    yield job(
-        "noise",
-        params={"settings": device["noise"]},
-        output={**at("noise.json"), "allan": each("allan_raw"), "views": each("views")},
-    )
-    gravity = {"gravity": device["gravity"]}
-    yield job(
-        "calibrate",
-        params={**gravity, "settings": device["calibrate"]},
-        input=at("noise.json"),
-        output=at("six_position.json", "multi_position.json"),
-    )
-    yield job(
-        "diagnose",
-        params={
-            **gravity,
-            "calibrate_settings": device["calibrate"],
-            "settings": device["diagnose"],
-            "noise_settings": device["noise"],
-        },
-        input=at("noise.json", "six_position.json", "multi_position.json"),
-        output={
-            **at("diagnosis.json", "calibration.json", "attitude.json"),
-            "attitude_series": f"{folder}/attitude.parquet",
-            "allan": each("allan"),
-        },
-    )
-    yield job(
-        "export",
-        params={"label": "imu"},
-        input={**at("calibration.json", "noise.json"), "quality": each("quality")},
-        output={"exports": f"{folder}/exports", "listed": f"{folder}/exports.json"},
-    )
-    yield job(
-        "report_device",
-        params={"label": "imu"},
-        input={
-            key: str(REPOSITORY / "workflow/templates" / name)
-            for key, name in {
-                "template": "section.html.j2",
-                "page": "device.html.j2",
-                "style": "style.css",
-                "sorting": "sorting.js",
-            }.items()
-        },
-        output={
-            **at("section.html", "summary.json"),
-            "page": f"{folder}/report.html",
-            "figures": f"{folder}/figures",
-        },
-    )
+    yield job("noise", ["noise.json"], params=settings("noise"))
+    calibrations = ["six_position.json", "multi_position.json"]
+    yield job("calibrate", calibrations, params=settings("calibrate"))
+    both = {f"{stage}_settings": device[stage] for stage in ("calibrate", "noise")}
+    yield job("diagnose", ["diagnosis.json"], params=settings("diagnose") | both)
+    label = {"label": "imu"}
+    yield job("export", ["exports"], params=label)
+    yield job("report_device", ["section.html"], params=label)
 
 
 def run(stage, job, folder, repeats=1):

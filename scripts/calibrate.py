@@ -1,18 +1,19 @@
 """Calibrate one device from its six-position and its multi-position sessions."""
 
-from imuloop.calibrate.calibrate import calibrate_device
-from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.job_log import open_log
+from pathlib import Path
+
+from imuloop.chain import Device, calibrate
+from imuloop.job_log import open_log, tell_failures
 
 params = snakemake.params
 open_log(snakemake.log[0], f"calibrate {params.device}")
 
-calibrate_device(
-    device=params.device,
+device = Device(
+    params.device,
+    Path(snakemake.output.six_position).parent,
+    params.kinds,
     gravity=params.gravity,
-    sessions=params.sessions,
-    noise=snakemake.input.noise,
-    settings=CalibrateSettings(**params.settings),
-    six_path=snakemake.output.six_position,
-    multi_path=snakemake.output.multi_position,
+    calibrate=params.settings,
+    log=snakemake.log[0],
 )
+tell_failures(params.device, calibrate(device))

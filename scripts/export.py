@@ -1,10 +1,13 @@
 """Write one device's calibration and noise in other tools' formats."""
 
-from imuloop.export.export import export_files, read_exported, write_exports
-from imuloop.job_log import open_log
+from pathlib import Path
 
-params, given, output = snakemake.params, snakemake.input, snakemake.output
+from imuloop.chain import Device, export
+from imuloop.job_log import open_log, tell_failures
+
+params = snakemake.params
 open_log(snakemake.log[0], f"export {params.device}")
 
-exported = read_exported(params.device, params.label, given.calibration, given.noise, given.quality)
-write_exports(output.exports, export_files(exported))
+folder = Path(snakemake.output.exports).parent
+device = Device(params.device, folder, params.kinds, label=params.label, log=snakemake.log[0])
+tell_failures(params.device, export(device))

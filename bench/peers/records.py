@@ -30,7 +30,7 @@ def write(folder, n):
     todo = {stage: job for stage, _, job in jobs(folder, {"rest": "static"})}
     columns = dict(zip(CHANNELS, axes, strict=True))
     samples = pa.table({TIME: np.arange(n) / RATE, **columns}).cast(schema(False, {}))
-    pq.write_table(samples, todo["segment"]["input"]["samples"][0], row_group_size=ROW_GROUP)
+    pq.write_table(samples, folder / "rest/samples.parquet", row_group_size=ROW_GROUP)
     run("segment", todo["segment"], folder)
     return todo["noise"]
 

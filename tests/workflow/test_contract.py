@@ -263,7 +263,7 @@ def test_comparison_has_a_row_a_device_and_units_in_its_header(finished):
     with open(folder / "results/comparison.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["device"] for row in rows] == list(DEVICES)
-    unitless = re.compile("device|label|simulated|.*_verdict")
+    unitless = re.compile("device|label|status|why|simulated|.*_verdict")
     for name in rows[0]:
         assert unitless.fullmatch(name) or re.search(r" \[[^\]]+\]$", name), name
     for row in rows:

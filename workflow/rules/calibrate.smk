@@ -1,7 +1,7 @@
 rule calibrate:
     input:
-        samples=each_session("samples"),
-        segments=each_session("segments"),
+        samples=each_session("samples.parquet"),
+        segments=each_session("segments.parquet"),
         noise="results/{device}/noise.json",
     output:
         six_position="results/{device}/six_position.json",
@@ -19,7 +19,7 @@ rule calibrate:
         **asked(mem_mb=(500, 0), runtime=(5, 0)),
     params:
         device="{device}",
-        sessions=sessions,
+        kinds=kinds,
         gravity=setting("gravity"),
         settings=setting("calibrate"),
         code=code("calibrate.py"),

@@ -135,34 +135,17 @@ def setting(key):
     return described(lambda wildcards: device_of(wildcards)[key])
 
 
-def session_files(device, folder):
-    """Return kind and files of all sessions of a device by name, in its folder of results."""
-    return {
-        name: {
-            "kind": session["kind"],
-            "quality": f"{folder}/{name}/quality.json",
-            "samples": f"{folder}/{name}/samples.parquet",
-            "segments": f"{folder}/{name}/segments.parquet",
-            "allan_raw": f"{folder}/{name}/allan_raw.parquet",
-            "allan": f"{folder}/{name}/allan.parquet",
-            "views": f"{folder}/{name}/views.parquet",
-        }
-        for name, session in one_of(DEVICES, device, "device")["sessions"].items()
-    }
-
-
 @described
-def sessions(wildcards, input):
-    """Return kind and files of all sessions of a job's device, where they are: a storage moves them."""
-    return session_files(wildcards.device, Path(input.samples[0]).parents[1])
+def kinds(wildcards):
+    """Return the kind of each session of a job's device by name."""
+    return {name: session["kind"] for name, session in device_of(wildcards)["sessions"].items()}
 
 
-def each_session(column):
+def each_session(file):
     """Return a function that lists one file of each session of a job's device."""
-    folder = "results/{}".format
     return described(
         lambda wildcards: [
-            files[column]
-            for files in session_files(wildcards.device, folder(wildcards.device)).values()
+            f"results/{wildcards.device}/{name}/{file}"
+            for name in device_of(wildcards)["sessions"]
         ]
     )

@@ -32,7 +32,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             **asked(mem_mb=(600, 2500), runtime=(10, 10)),
         params:
             device="{device}",
-            sessions=sessions,
+            kinds=kinds,
             gravity=setting("gravity"),
             calibrate_settings=setting("calibrate"),
             settings=setting("diagnose"),

@@ -2,7 +2,10 @@ rule export:
     input:
         calibration="results/{device}/calibration.json",
         noise="results/{device}/noise.json",
-        quality=each_session("quality"),
+        # they may say that a stage failed
+        multi_position="results/{device}/multi_position.json",
+        diagnosis="results/{device}/diagnosis.json",
+        quality=each_session("quality.json"),
     output:
         exports=directory("results/{device}/exports"),
         # a folder has no checksum; its list tells what follows whether a file in it changed
@@ -20,6 +23,7 @@ rule export:
         **asked(mem_mb=(200, 0), runtime=(5, 0)),
     params:
         device="{device}",
+        kinds=kinds,
         label=setting("label"),
         code=code("export.py"),
     script:

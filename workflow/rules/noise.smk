@@ -26,7 +26,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             **asked(mem_mb=(500, 700), runtime=(5, 10)),
         params:
             device="{device}",
-            sessions=sessions,
+            kinds=kinds,
             settings=setting("noise"),
             code=code("noise.py"),
         script:

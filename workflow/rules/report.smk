@@ -4,11 +4,11 @@ PAGE = ("page.html.j2", "style.css", "sorting.js")
 
 rule report_device:
     input:
-        samples=each_session("samples"),
-        quality=each_session("quality"),
-        segments=each_session("segments"),
-        allan=each_session("allan"),
-        views=each_session("views"),
+        samples=each_session("samples.parquet"),
+        quality=each_session("quality.json"),
+        segments=each_session("segments.parquet"),
+        allan=each_session("allan.parquet"),
+        views=each_session("views.parquet"),
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
@@ -43,9 +43,11 @@ rule report_device:
     params:
         device="{device}",
         label=setting("label"),
-        sessions=sessions,
+        kinds=kinds,
         code=code("report_device.py"),
-        templates=templates("section.html.j2", "device.html.j2", *PAGE),
+        templates=templates(
+            "section.html.j2", "failures.html.j2", "failed.html.j2", "device.html.j2", *PAGE
+        ),
     script:
         "../../scripts/report_device.py"
 

@@ -23,7 +23,7 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             **asked(mem_mb=(500, 300), runtime=(5, 5), of=max),
         params:
             device="{device}",
-            sessions=sessions,
+            kinds=kinds,
             settings=setting("segment"),
             code=code("segment.py"),
         script:

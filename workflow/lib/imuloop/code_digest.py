@@ -2,19 +2,23 @@
 
 import ast
 import hashlib
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 _LIBRARY = Path(__file__).resolve().parent
+_DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 
 def code_digest(script, library=_LIBRARY):
-    """Return the SHA-256 of a script and of every module of the library that it reaches.
+    """Return the SHA-256 of a script and of all code of the library that it reaches.
 
     Hashed are the syntax trees without docstrings and positions: a comment, a docstring or the
-    layout changes nothing. Followed are all ``import`` statements, those inside functions too;
-    a module counts with the ``__init__`` of its packages, and a package whose ``__init__`` walks
-    its own folder (``pkgutil``) counts with every module in it.
+    layout changes nothing. Followed are all ``import`` statements, those inside functions too. Of a
+    module from which names are imported, those functions and classes count, what they name in the
+    module, and what stands outside of functions and classes. A module counts with the ``__init__``
+    of its packages, and a package whose ``__init__`` walks its own folder (``pkgutil``) counts with
+    every module in it.
 
     Parameters
     ----------
@@ -29,23 +33,47 @@ def code_digest(script, library=_LIBRARY):
         Hexadecimal digest.
     """
     library = Path(library)
-    tree, imports = _read(Path(script), "")
-    digest = hashlib.sha256(tree.encode())
-    reached, waiting = {}, list(imports)
+    own = _parts(Path(script), "")
+    digest = hashlib.sha256("\n".join(part.code for part in own).encode())
+    reached, waiting = {}, [each for part in own for each in part.imports]
     while waiting:
-        name = waiting.pop()
-        path = _module_path(library, name)
-        if path is None or name in reached:
+        module, name = waiting.pop()
+        if name and _module_path(library, f"{module}.{name}"):
+            # what is imported from a package is a module
+            waiting += [(module, ""), (f"{module}.{name}", None)]
+            continue
+        path = _module_path(library, module)
+        if path is None or (module, name) in reached:
             continue
         is_package = path.name == "__init__.py"
-        parent = name.rpartition(".")[0]
-        reached[name], imports = _read(path, name if is_package else parent)
-        waiting += [*imports, parent]
-        if is_package and "pkgutil" in imports:
-            waiting += [f"{name}.{module.stem}" for module in path.parent.glob("[!_]*.py")]
-    for name in sorted(reached):
-        digest.update(f"\n{name}\n{reached[name]}".encode())
+        parent = module.rpartition(".")[0]
+        parts = [
+            part
+            for part in _parts(path, module if is_package else parent)
+            if part.name in (None, name) or name is None
+        ]
+        reached[module, name] = parts
+        waiting += [(parent, ""), *(each for part in parts for each in part.imports)]
+        waiting += [(module, used) for part in parts for used in part.uses]
+        if is_package and "pkgutil" in {source for part in parts for source, _ in part.imports}:
+            waiting += [(f"{module}.{each.stem}", None) for each in path.parent.glob("[!_]*.py")]
+    code = {
+        (module, part.place): part.code for (module, _), parts in reached.items() for part in parts
+    }
+    for key in sorted(code):
+        digest.update(f"\n{key}\n{code[key]}".encode())
     return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A function or class of a module by its name, or what stands outside of them, name None."""
+
+    name: str | None
+    place: int
+    code: str
+    imports: tuple
+    uses: frozenset
 
 
 @cache
@@ -60,18 +88,33 @@ def _module_path(library, name):
 
 
 @cache
-def _read(path, package):
-    """Return a file's syntax tree as text, without docstrings, and the names it imports."""
-    words, imports = [], []
+def _parts(path, package):
+    """Return the parts of a file: their syntax trees as text, what they import, what they name."""
+    body = ast.parse(path.read_bytes(), filename=str(path)).body
+    defined = {node.name for node in body if isinstance(node, _DEFINITIONS)}
+    parts = []
+    for place, node in enumerate(body):
+        if place == 0 and _is_text(node):
+            continue
+        words, imports, names = _read(node, package)
+        name = node.name if isinstance(node, _DEFINITIONS) else None
+        parts.append(_Part(name, place, words, imports, frozenset(names & defined - {name})))
+    return tuple(parts)
+
+
+def _read(tree, package):
+    """Return a syntax tree as text without docstrings, the (module, name) it imports, its names."""
+    words, imports, names = [], [], set()
 
     def visit(node):
         words.append(type(node).__name__)
         if isinstance(node, ast.Import):
-            imports.extend(alias.name for alias in node.names)
+            imports.extend((alias.name, None) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            # what is imported from a package may be a module too
             module = _absolute(node, package)
-            imports.extend([module, *(f"{module}.{alias.name}" for alias in node.names)])
+            imports.extend((module, alias.name) for alias in node.names)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            names.add(node.id)
         for field in _said(type(node)):
             value = getattr(node, field)
             if isinstance(value, list):
@@ -85,8 +128,8 @@ def _read(path, package):
             else:
                 words.append(repr(value))
 
-    visit(ast.parse(path.read_bytes(), filename=str(path)))
-    return " ".join(words), tuple(imports)
+    visit(tree)
+    return " ".join(words), tuple(imports), names
 
 
 @cache

@@ -48,6 +48,12 @@ def tell(line):
     print(one_line(line), file=sys.__stderr__, flush=True)
 
 
+def tell_failures(device, failures):
+    """Say what went wrong in a stage of a device, which the report names first."""
+    for failure in failures:
+        tell(f"{device}: {failure}; the traceback is in {failure.log}")
+
+
 def teller(job, seconds=10.0, clock=time.monotonic):
     """Return ``progress(what, done, total)``, in bytes, that tells how far a job is.
 

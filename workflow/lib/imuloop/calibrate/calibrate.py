@@ -17,6 +17,7 @@ from imuloop.core.samples import (
     CHANNELS,
     TEMPERATURE,
     TIME,
+    Columns,
     read_columns,
     read_metadata,
 )
@@ -90,8 +91,13 @@ def read_recording(sessions, longest_rotation):
 
 
 def raw_units(sessions, kinds):
-    """Return the raw units (accelerometer, gyroscope) of the first session, by order of kinds."""
-    ordered = sorted(sessions.values(), key=lambda s: kinds.index(s["kind"]))
+    """Return the raw units (accelerometer, gyroscope) of the first session, by order of kinds.
+
+    One without rows comes last: of a log that was not read the units are not known.
+    """
+    ordered = sorted(
+        sessions.values(), key=lambda s: (not len(Columns(s["samples"])), kinds.index(s["kind"]))
+    )
     units = read_metadata(ordered[0]["samples"])["raw_units"]
     return tuple(
         RawUnit(units[q]["name"], units[q]["scale"], units[q]["offset"])
@@ -359,3 +365,20 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     six_calibration.to_json(six_path)
     multi_calibration.to_json(multi_path)
     return six_calibration, multi_calibration
+
+
+def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
+    """Write both calibrations as the data sheet has them, where there are none.
+
+    Parameters
+    ----------
+    device, gravity, sessions, six_path, multi_path
+        As of `calibrate_device`.
+    why : (str, dict or None)
+        Reason, and the content of the key ``failed``.
+    """
+    reason, failed = why
+    units = raw_units(sessions, ["multi_position", "six_position", "static"])
+    sensors = [SensorCalibration.nominal(unit, reason) for unit in units]
+    for path in (six_path, multi_path):
+        Calibration(device, gravity, *sensors).to_json(path, failed)

@@ -212,7 +212,7 @@ def log_lines(arguments):
     """Return what a log is: format, columns, rate, duration, faults."""
     path = arguments.file
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        samples, quality = log_samples(path, arguments, Path(folder), device="info")
+        samples, quality = log_samples(path, arguments, Path(folder))
         if samples == path:
             origin = read_metadata(path)
             first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"

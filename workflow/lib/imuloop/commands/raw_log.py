@@ -60,23 +60,51 @@ def add_arguments(command):
     group.add_argument("--format", help="default: from the file's name and first bytes")
 
 
-def log_samples(log, arguments, folder, *, kind="static", calibration=None, device="log"):
+def declared(arguments, calibration=None):
+    """Return what the arguments declare of a log, as of `ingest`, and the nominal scales.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        As `add_arguments` declares them.
+    calibration : Calibration, optional
+        Its raw units are taken where the arguments say nothing.
+    """
+    units = {
+        "acceleration": arguments.acceleration_unit,
+        "angular_rate": arguments.angular_rate_unit,
+        "time": arguments.time_unit,
+        "temperature": arguments.temperature_unit,
+    }
+    units, nominal = {q: unit for q, unit in units.items() if unit}, dict(arguments.counts)
+    if nominal:
+        units = dict.fromkeys(nominal, "count") | units
+    if calibration:
+        own = {q: getattr(calibration, sensor).raw_unit for q, sensor in SENSORS.items()}
+        # those in SI are what a log is in that says nothing, and increments do
+        units = {q: unit.name for q, unit in own.items() if unit.scale != 1} | units
+        given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
+        nominal = given | nominal
+    what = {
+        "format": arguments.format,
+        "columns": dict(arguments.columns),
+        "units": units,
+        "rate": arguments.rate,
+    }
+    return what, nominal
+
+
+def log_samples(log, arguments, folder, calibration=None):
     """Return the samples file of a log and its quality figures.
 
     Parameters
     ----------
     log : Path
         Samples as ingest wrote them, taken as they are, or a raw log.
-    arguments : Namespace
-        As `add_arguments` declares them.
+    arguments, calibration
+        As of `declared`.
     folder : Path
         Where ``samples.parquet`` and ``quality.json`` of a raw log go.
-    kind : str
-        Kind of session.
-    calibration : Calibration, optional
-        Its raw units are taken where the arguments say nothing.
-    device : str
-        Name of the device.
 
     Returns
     -------
@@ -93,35 +121,17 @@ def log_samples(log, arguments, folder, *, kind="static", calibration=None, devi
     if log.suffix == ".parquet" and log.is_file() and is_samples(log):
         beside = log.with_name("quality.json")
         return log, read_json(beside) if beside.is_file() else {}
-    units = {
-        "acceleration": arguments.acceleration_unit,
-        "angular_rate": arguments.angular_rate_unit,
-        "time": arguments.time_unit,
-        "temperature": arguments.temperature_unit,
-    }
-    units, nominal = {q: unit for q, unit in units.items() if unit}, dict(arguments.counts)
-    if nominal:
-        units = dict.fromkeys(nominal, "count") | units
-    if calibration:
-        device = calibration.device
-        own = {q: getattr(calibration, sensor).raw_unit for q, sensor in SENSORS.items()}
-        # those in SI are what a log is in that says nothing, and increments do
-        units = {q: unit.name for q, unit in own.items() if unit.scale != 1} | units
-        given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
-        nominal = given | nominal
+    what, nominal = declared(arguments, calibration)
     samples, quality = folder / "samples.parquet", folder / "quality.json"
     ingest(
-        device=device,
+        device=calibration.device if calibration else "log",
         session=log.name,
-        kind=kind,
+        kind="static",
         paths=[log],
         samples_path=samples,
         quality_path=quality,
-        format=arguments.format,
-        columns=dict(arguments.columns),
-        units=units,
         nominal=nominal,
-        rate=arguments.rate,
+        **what,
     )
     return samples, read_json(quality)
 

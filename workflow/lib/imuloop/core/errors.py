@@ -11,6 +11,10 @@ class Lacking(ImuloopError):
     """A log does not hold what was declared or is needed."""
 
 
+class MachineFault(ImuloopError):
+    """The machine lacks what a run needs, above all room on the disk: the run stops."""
+
+
 class RejectedLog(ImuloopError):
     """What is wrong lies in the data: the session is rejected, the run goes on."""
 

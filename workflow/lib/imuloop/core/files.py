@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import MachineFault
 
 _PARTIAL = ".partial"
 # no room on the disk, in the quota, in the limit of the process
@@ -35,7 +35,7 @@ def replaced(path):
 
     Raises
     ------
-    ImuloopError
+    MachineFault
         If the disk is full.
     """
     path = Path(path)
@@ -56,7 +56,7 @@ def replaced(path):
     except OSError as error:
         if error.errno not in _FULL:
             raise
-        raise ImuloopError(f"{path} cannot be written: {os.strerror(error.errno)}") from error
+        raise MachineFault(f"{path} cannot be written: {os.strerror(error.errno)}") from error
     finally:
         temporary.unlink(missing_ok=True)
         os.close(handle)

@@ -250,8 +250,8 @@ class Calibration:
         w = self.gyroscope.apply(w, Channels(t, other, f, temperature, past=pasts[1], step=step))
         return f, w
 
-    def to_json(self, path):
-        """Write the calibration as JSON."""
+    def to_json(self, path, failed=None):
+        """Write the calibration as JSON; `failed` is what went wrong where it is none."""
         content = {
             "format": FORMAT,
             "device": self.device,
@@ -259,7 +259,7 @@ class Calibration:
             "accelerometer": self.accelerometer.to_dict(),
             "gyroscope": self.gyroscope.to_dict(),
         }
-        write_json(path, content)
+        write_json(path, content | ({"failed": failed} if failed else {}))
 
     @classmethod
     def from_json(cls, path):

@@ -73,22 +73,21 @@ def validate_attitude(
     dict of str to ndarray
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
-    content = {"format": FORMAT, "device": device, "gains": {"k_P": K_P, "k_I": K_I}}
-    nothing = {name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()}
     if reason := turn_model.untestable(recording):
-        return content | {"status": "not_testable", "why": reason}, nothing
+        return no_attitude(device, reason)
     block = blocks(len(recording.poses), settings)
     keeps = [block != k for k in range(block.max() + 1)]
     if any(turn_model.undetermined(recording, keeps)):
         why = f"{len(block)} poses do not determine the model with a block of them held out"
-        return content | {"status": "not_testable", "why": why}, nothing
+        return no_attitude(device, why)
     models = [
         held_out_models(turn_model, recording, keep, effects, settings, tests, searches)
         for keep in keeps
     ]
     u = [_directions(m, recording) for m in models]
     table = _errors(recording, block, models, u, names)
-    content |= {
+    content = {
+        **_head(device),
         "status": "ok",
         "effects": [m.effects for m in models],
         "reference_deg": float(np.degrees(_reference_shift(u, block))),
@@ -101,6 +100,16 @@ def validate_attitude(
     floor = _rotation_floor(whole, recording, block)
     content["methods"]["rotation"]["floor_deg"] = float(np.degrees(floor))
     return content, table
+
+
+def no_attitude(device, why):
+    """Return what `validate_attitude` does where nothing can be validated, with the reason."""
+    nothing = {name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()}
+    return {**_head(device), "status": "not_testable", "why": why}, nothing
+
+
+def _head(device):
+    return {"format": FORMAT, "device": device, "gains": {"k_P": K_P, "k_I": K_I}}
 
 
 def _directions(models, recording):

@@ -10,7 +10,7 @@ from imuloop.calibrate.calibrate import best, read_recording, told, usable
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.diagnose.attitude import validate_attitude
+from imuloop.diagnose.attitude import no_attitude, validate_attitude
 from imuloop.diagnose.next_recording import next_recording
 from imuloop.diagnose.outlook import parameters
 from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates, pose_search
@@ -18,6 +18,7 @@ from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.static_correction import write_allan
 from imuloop.diagnose.static_data import read_static
 from imuloop.diagnose.static_record import diagnose_static, static_tests
+from imuloop.diagnose.verdict import NOTHING
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.tables import write_table
 
@@ -72,13 +73,8 @@ def diagnose_device(
         The diagnosis, and the calibration with the effects that were added.
     """
     model = NoiseModel.from_json(noise)
-    six, multi = Calibration.from_json(six_position), Calibration.from_json(multi_position)
+    multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
     recording = read_recording(sessions, calibrate_settings.longest_rotation)
-    base = replace(
-        multi,
-        accelerometer=best(multi.accelerometer, six.accelerometer),
-        gyroscope=best(multi.gyroscope, six.gyroscope),
-    )
     data = read_static(sessions)
     tests = settings.family * (
         static_tests(data, base, settings)
@@ -173,6 +169,55 @@ def diagnose_device(
         write_json(attitude_path, attitude)
         write_table(attitude_series_path, table)
     return diagnosis, final
+
+
+def write_undiagnosed(
+    *,
+    device,
+    sessions,
+    six_position,
+    multi_position,
+    diagnosis_path,
+    calibration_path,
+    attitude_path,
+    attitude_series_path,
+    why,
+):
+    """Write a diagnosis that tested nothing, with the calibration of the stage before it.
+
+    Parameters
+    ----------
+    device, sessions, six_position, multi_position, diagnosis_path, calibration_path, \
+    attitude_path, attitude_series_path
+        As of `diagnose_device`.
+    why : (str, dict or None)
+        Reason, and the content of the key ``failed``.
+    """
+    reason, failed = why
+    untested = {"verdict": "not_testable", "why": reason, **NOTHING}
+    content = {
+        "format": FORMAT,
+        "device": device,
+        "sensors": {s: {"poses": untested, "static_record": untested} for s in SENSORS},
+        "next_recording": {},
+    }
+    write_json(diagnosis_path, content | ({"failed": failed} if failed else {}))
+    calibrated(six_position, multi_position).to_json(calibration_path)
+    attitude, table = no_attitude(device, reason)
+    write_json(attitude_path, attitude)
+    write_table(attitude_series_path, table)
+    for session in sessions.values():
+        write_allan(session["allan_raw"], None, session["allan"])
+
+
+def calibrated(six_position, multi_position):
+    """Return the calibration that the stages before give: of each sensor what rests on most."""
+    six, multi = Calibration.from_json(six_position), Calibration.from_json(multi_position)
+    return replace(
+        multi,
+        accelerometer=best(multi.accelerometer, six.accelerometer),
+        gyroscope=best(multi.gyroscope, six.gyroscope),
+    )
 
 
 def near(sensor, calibration, known):

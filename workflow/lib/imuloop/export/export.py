@@ -104,7 +104,12 @@ def export_files(exported):
     return files
 
 
-def write_exports(folder, files):
+def no_files(device, reason):
+    """Return the one file of a device without calibration and noise, README.txt that says why."""
+    return {README: f"No file for other tools of {device}: {one_line(reason)}\n"}
+
+
+def write_exports(folder, files, failed=None):
     """Write the files into `folder` in one step, in the place of what it held before, and a list.
 
     The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name.
@@ -115,10 +120,12 @@ def write_exports(folder, files):
         ``results/<device>/exports``.
     files : dict of str to str
         Text by the file's name.
+    failed : dict, optional
+        What went wrong where there is nothing to write.
 
     Raises
     ------
-    ImuloopError
+    MachineFault
         If the disk is full.
     """
     folder = Path(folder)
@@ -141,7 +148,8 @@ def write_exports(folder, files):
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
-    write_json(folder.with_suffix(".json"), {"sha256": hashes})
+    content = {"sha256": hashes} | ({"failed": failed} if failed else {})
+    write_json(folder.with_suffix(".json"), content)
 
 
 def listed(path):

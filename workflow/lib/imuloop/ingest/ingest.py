@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
 from imuloop.core.units import TEMPERATURE, TIME, raw_unit
@@ -186,8 +186,10 @@ def ingest(
                 _write(temporary, (), log, counts, *own)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(str(path) for path in paths)
-        said = error if isinstance(error, ImuloopError) else error.strerror
-        raise ImuloopError(f"{device}/{session}: {names}: {said}") from error
+        kind, said = type(error), error
+        if isinstance(error, PermissionError):
+            kind, said = MachineFault, error.strerror
+        raise kind(f"{device}/{session}: {names}: {said}") from error
     notes = quality.warnings(figures, counts, log, rate=rate, units=raw_units)
     if timeline:
         before, after = counts.outside_marks.tolist()
@@ -195,31 +197,72 @@ def ingest(
         doubts += marks.warnings(timeline.told)
     summed = increments.figures(log, units, counts, usual, step, rate)
     doubts += increments.warnings(summed, figures, counts)
+    clock = clocks.figures(counts.clock, figures, "time" in log.found and rate, logged)
     write_json(
         quality_path,
         {
-            "format": 1,
-            "status": "rejected" if reasons else "ok",
-            "reasons": reasons,
+            **_quality(reasons, figures, counts, log),
             "warnings": doubts + counts.clock.warnings(logged, step) + notes,
-            **figures,
-            "clock": {
-                **clocks.figures(counts.clock, figures, "time" in log.found and rate, logged),
-                "pps": timeline and timeline.told,
-            },
+            "clock": {**clock, "pps": timeline and timeline.told},
             "increments": summed,
-            "duplicates": counts.duplicates,
-            "out_of_order": counts.out_of_order,
-            "non_finite": counts.non_finite,
-            "missing_values": counts.missing_values,
-            "bad_lines": log.bad_lines,
-            "rows_read": counts.read,
-            "outside_time_range": counts.outside,
-            "treatment": quality.TREATMENT,
-            "columns": log.found,
             **origin,
         },
     )
+
+
+def _quality(reasons, figures, counts, log):
+    """Return the content of quality.json but for what is told of clock, units and source."""
+    return {
+        "format": 1,
+        "status": "rejected" if reasons else "ok",
+        "reasons": reasons,
+        "warnings": [],
+        **figures,
+        "clock": None,
+        "increments": None,
+        "duplicates": counts.duplicates,
+        "out_of_order": counts.out_of_order,
+        "non_finite": counts.non_finite,
+        "missing_values": counts.missing_values,
+        "bad_lines": log.bad_lines,
+        "rows_read": counts.read,
+        "outside_time_range": counts.outside,
+        "treatment": quality.TREATMENT,
+        "columns": log.found,
+    }
+
+
+def write_nothing(*, device, session, kind, samples_path, quality_path, why):
+    """Write samples without rows and a quality that says why, for a log that could not be read.
+
+    Parameters
+    ----------
+    device, session, kind, samples_path, quality_path
+        As of `ingest`.
+    why : (str, dict or None)
+        Reason, and the content of the key ``failed``.
+    """
+    reason, failed = why
+    log = RawLog(batches=iter(()), temperature=False, found={})
+    si = {quantity: _SI[quantity] for quantity in ("acceleration", "angular_rate")}
+    origin = {
+        "device": device,
+        "session": session,
+        "kind": kind,
+        "log_format": None,
+        "source": {},
+        "sha256": {},
+        "units": dict(_SI),
+        "raw_units": {quantity: vars(raw_unit(quantity, unit)) for quantity, unit in si.items()},
+        "simulated": False,
+        "start": None,
+    }
+    empty = schema(False, origin).empty_table()
+    with replaced(samples_path) as temporary:
+        pq.write_table(empty, temporary)
+        figures = quality.measure(temporary)
+    content = _quality([reason], figures, Counts(), log)
+    write_json(quality_path, {**content, **origin, "failed": failed})
 
 
 def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):

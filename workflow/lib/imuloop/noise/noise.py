@@ -75,9 +75,36 @@ class NoiseResult:
             "notes": list(self.notes),
         }
 
-    def to_json(self, path):
-        """Write noise.json."""
-        write_json(path, self.to_dict())
+    def to_json(self, path, failed=None):
+        """Write noise.json; `failed` is what went wrong where there is nothing to write."""
+        write_json(path, self.to_dict() | ({"failed": failed} if failed else {}))
+
+
+def no_noise(device, sessions, reason):
+    """Return the NoiseResult that knows nothing, with the reason.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    sessions : iterable of str
+        Names of its sessions.
+    reason : str
+        Why there is none.
+    """
+    return NoiseResult(
+        model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
+        rate_hz=None,
+        curve_fit={},
+        spectrum={},
+        uncut=None,
+        repeatability=None,
+        statistics={},
+        sessions=(),
+        notes=(reason,),
+        allan={name: _empty() for name in sessions},
+        views={name: views.empty() for name in sessions},
+    )
 
 
 def estimate_noise(device, sessions, settings, uncut=True, threads=1):

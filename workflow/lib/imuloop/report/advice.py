@@ -72,18 +72,31 @@ def next_steps(device):
         static_record,
         heat_and_cool,
     )
+    if device.failures:
+        sources = (_failed, _rejected)
     found = sorted((step for source in sources for step in source(device)), key=lambda s: -s[0])
-    steps, last = [text for _, text in found[:MOST]], enough(device)
+    steps, last = [text for _, text in found[:MOST]], not device.failures and enough(device)
     if not steps:
         return [f"Nothing needed. {last}".strip()]
     return [*steps[: MOST - 1], last] if last else steps
 
 
+def _failed(device):
+    """Yield what to do about stages that failed."""
+    for _, failure in device.failures:
+        where = f", with {failure.log}" if failure.log else ""
+        yield (
+            1.0,
+            f"The stage {failure.stage} failed ({failure.why}): if the reason names nothing that "
+            f"you can mend in the log or its entry, report it as an error of the program{where}.",
+        )
+
+
 def _rejected(device):
     """Yield what to do about rejected sessions."""
     for s in device.sessions:
-        if s.rejected:
-            reasons = "; ".join(s.quality.get("reasons") or []) or "no reason given"
+        if s.rejected and not s.quality.get("failed") and not s.segmentation.get("failed"):
+            reasons = "; ".join(s.reasons) or "no reason given"
             yield (
                 1.0,
                 f"Record session {s.name} again, or correct its entry in the config: it was "

@@ -188,7 +188,12 @@ def write_comparison(path, summaries):
 
 def _row(summary):
     """Return a row of comparison.csv by its headers, the same for every device."""
-    row = {key: summary[key] for key in ("device", "label")}
+    row = {key: summary[key] for key in ("device", "label", "status")}
+    # a rejected session's reasons where nothing failed
+    why = [f"{f['stage']} failed: {f['why']}" for f in summary["failed"]] or [
+        f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]
+    ]
+    row["why"] = "; ".join(why)
     row["simulated"] = str(summary["simulated"]).lower()
     for sensor, units in FIGURE_UNITS.items():
         for part in PARTS:

@@ -43,7 +43,8 @@ def write_report(
     Parameters
     ----------
     sections, summaries : sequence of path-like
-        Section and summary of each device, in the order to show them.
+        Section and summary of each device, in the order to show them; devices in which a stage
+        failed come first.
     exports : sequence of path-like
         ``exports.json`` of each device, the list of other tools' files.
     template, style, script : path-like
@@ -54,7 +55,12 @@ def write_report(
     report_path, comparison_path : path-like
         HTML and CSV file to write.
     """
-    devices = [read_json(path) for path in summaries]
+    # what failed comes first, the rest in the order given
+    given = sorted(
+        zip(map(read_json, summaries), sections, exports, strict=True),
+        key=lambda each: each[0]["status"] != "failed",
+    )
+    devices, sections, exports = zip(*given, strict=True)
     rows = zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)
     many, comparison = len(devices) > TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:

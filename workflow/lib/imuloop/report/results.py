@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.samples import (
@@ -61,7 +62,13 @@ class Session:
     @property
     def rejected(self):
         """Whether the session could not be used."""
-        return self.quality.get("status") != "ok"
+        return self.quality.get("status") != "ok" or bool(self.segmentation.get("failed"))
+
+    @property
+    def reasons(self):
+        """Why the session could not be used."""
+        failed = self.segmentation.get("failed")
+        return (self.quality.get("reasons") or []) + ([str(Failure(**failed))] if failed else [])
 
     @cached_property
     def poses(self):
@@ -107,6 +114,8 @@ class Device:
         By method: ``six_position``, ``multi_position``, ``final``; only those that exist.
     noise, diagnosis : dict
         Content of noise.json and diagnosis.json; empty where there is none.
+    failures : tuple of (str or None, Failure)
+        What went wrong in its stages, and in which session.
     """
 
     name: str
@@ -116,6 +125,7 @@ class Device:
     calibrations: dict[str, Calibration]
     noise: dict
     diagnosis: dict
+    failures: tuple = ()
 
     @property
     def simulated(self):
@@ -186,6 +196,7 @@ def read_device(name, label, folder, sessions):
         },
         content["noise"],
         content["diagnosis"],
+        tuple(read_failures(folder, sessions)),
     )
 
 

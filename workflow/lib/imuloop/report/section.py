@@ -6,6 +6,7 @@ from pathlib import Path
 # the library of effects joins by being loaded
 import imuloop.diagnose.effects
 import imuloop.diagnose.static_terms  # noqa: F401
+from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import replaced, write_json
 from imuloop.export.export import listed
 from imuloop.report.advice import next_steps
@@ -26,7 +27,7 @@ from imuloop.report.noise_tables import coefficient_note, coefficient_table, unc
 from imuloop.report.page import render
 from imuloop.report.parameter_plot import correlation_matrices
 from imuloop.report.pose_plot import pose_picture
-from imuloop.report.results import SENSORS, read_device
+from imuloop.report.results import SENSORS, Device, read_device
 from imuloop.report.spectrum_plot import correlation_pictures, density_pictures
 from imuloop.report.summary import summarise
 from imuloop.report.svg import write_svg
@@ -54,10 +55,7 @@ def write_section(
         Where a CSV file for each figure goes; emptied first.
     """
     found = read_device(device, label, folder, sessions)
-    figures = Path(figures_folder)
-    if figures.exists():
-        shutil.rmtree(figures)
-    figures.mkdir(parents=True)
+    figures = emptied(figures_folder)
     values = content(found, figures)
     html = render(template, device=found, sensors=tuple(SENSORS), **values)
     # for snakemake --report
@@ -67,6 +65,31 @@ def write_section(
     write_json(summary_path, summarise(found, values["steps"]))
     with replaced(section_path) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")
+
+
+def write_failed(
+    *, device, label, folder, sessions, template, section_path, summary_path, figures_folder, failed
+):
+    """Write what `write_section` does, of a device whose part could not be made: why.
+
+    Parameters are those of `write_section`, and ``failed``, the content of a `Failure`.
+    """
+    failures = (*read_failures(folder, sessions), (None, Failure(**failed)))
+    found = Device(device, label, Path(folder), (), {}, {}, {}, failures)
+    emptied(figures_folder)
+    write_json(summary_path, summarise(found, next_steps(found)))
+    html = render(Path(template).with_name("failed.html.j2"), device=found)
+    with replaced(section_path) as temporary:
+        temporary.write_text(html, encoding="utf-8", newline="\n")
+
+
+def emptied(folder):
+    """Return a folder that is there and empty."""
+    folder = Path(folder)
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    return folder
 
 
 def content(device, figures):

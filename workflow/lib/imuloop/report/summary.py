@@ -1,5 +1,7 @@
 """A device's row of the comparison: verdicts, figures with unit and σ, rejected sessions."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from imuloop.report.allan_plot import curve
@@ -51,7 +53,8 @@ def summarise(device, steps=()):
         Content of summary.json: ``figures`` {name: {value, std, unit, axis, upper95}}, the
         largest of three axes; ``axes`` {name: {unit, value, std}} for all three, or for the six
         pairs of a misalignment; ``filter`` {name: {value, axis, limit}}, noise as a filter takes
-        it; ``allan`` {channel: {tau_s, adev}}; ``answers``, ``verdicts``, ``rejected``, ``logs``.
+        it; ``allan`` {channel: {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``verdicts``,
+        ``rejected``, ``logs``.
     """
     axes = _axes(device)
     return {
@@ -59,8 +62,10 @@ def summarise(device, steps=()):
         "device": device.name,
         "label": device.title,
         "simulated": device.simulated,
+        "status": status(device),
+        "failed": [{"session": name, **asdict(failure)} for name, failure in device.failures],
         "rejected": [
-            {"session": s.name, "kind": s.kind, "reasons": s.quality.get("reasons") or []}
+            {"session": s.name, "kind": s.kind, "reasons": s.reasons}
             for s in device.sessions
             if s.rejected
         ],
@@ -93,6 +98,13 @@ def summarise(device, steps=()):
             for file, digest in (s.source.get("sha256") or {}).items()
         ],
     }
+
+
+def status(device):
+    """Return ``failed`` where a stage did, ``rejected`` where no session is used, else ``ok``."""
+    if device.failures:
+        return "failed"
+    return "ok" if device.used else "rejected"
 
 
 def _axes(device):

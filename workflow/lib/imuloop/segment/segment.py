@@ -6,11 +6,12 @@ from itertools import pairwise
 import numpy as np
 
 from imuloop.core.rows import Rows
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.multiples import choose_multiples
 from imuloop.segment.poses import number_poses
+from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import activity, detect_rests, rest_level, slow
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import unbroken
@@ -106,6 +107,11 @@ def session_columns(samples, kind, settings, threads=1):
         "poses": int(poses.max(initial=-1)) + 1,
     }
     return segment_columns(start, end, kinds, poses, ranges, means, deviations), metadata
+
+
+def no_segments(kind):
+    """Return the segments of a session of a kind that has none, as `session_columns` does."""
+    return session_columns({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
 
 
 def _find_rests(rows, stretches, step, settings):

@@ -1,0 +1,319 @@
+"""The stages as calls, paths in and files out; what fails in one is a result of its device alone.
+
+A stage reads and writes below the device's folder, ``results/<device>``, by the names of the
+contract, and returns a list of what went wrong. That is written in the place of its results, with
+the reason; later stages then write that they have nothing to work on, with the same reason. Only
+what the machine lacks stops a run. Each stage loads its own library, so that a job's digest of code
+is that of its stage.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from imuloop.core.failure import attempt
+
+TEMPLATES = Path(__file__).parent / "templates"
+LOOKS = {"style": TEMPLATES / "style.css", "script": TEMPLATES / "sorting.js"}
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device as the stages take it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the device.
+    folder : Path
+        Its results.
+    kinds : Mapping of str to str
+        Kind of each session by its name.
+    label : str
+        Name in the report.
+    gravity : float
+        Local gravity, m/s^2.
+    nominal, full_scale : Mapping
+        As in the config.
+    segment, noise, calibrate, diagnose : Mapping
+        Settings of the stages that are not their defaults.
+    log : Path, optional
+        Where a traceback goes; None where the caller logs none.
+    threads : int
+        How many may work at once; changes nothing in a result.
+    """
+
+    name: str
+    folder: Path
+    kinds: Mapping
+    label: str = ""
+    gravity: float = 9.80665
+    nominal: Mapping = field(default_factory=dict)
+    full_scale: Mapping = field(default_factory=dict)
+    segment: Mapping = field(default_factory=dict)
+    noise: Mapping = field(default_factory=dict)
+    calibrate: Mapping = field(default_factory=dict)
+    diagnose: Mapping = field(default_factory=dict)
+    log: Path | None = None
+    threads: int = 1
+
+    def file(self, name):
+        """Return the path of one of the device's results."""
+        return Path(self.folder) / name
+
+    @property
+    def sessions(self):
+        """Kind and files of each session by its name."""
+        return {
+            name: {
+                "kind": kind,
+                "quality": self.file(f"{name}/quality.json"),
+                "samples": self.file(f"{name}/samples.parquet"),
+                "segments": self.file(f"{name}/segments.parquet"),
+                "allan_raw": self.file(f"{name}/allan_raw.parquet"),
+                "allan": self.file(f"{name}/allan.parquet"),
+                "views": self.file(f"{name}/views.parquet"),
+            }
+            for name, kind in self.kinds.items()
+        }
+
+
+def ingest(device, session, declared, paths, progress=None):
+    """Write samples and quality of one session.
+
+    Parameters
+    ----------
+    device : Device
+        Whose session.
+    session : str
+        Its name.
+    declared : Mapping
+        ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps``, as of
+        `imuloop.ingest.ingest.ingest`; what is not there is told from the log.
+    paths : sequence of path-like
+        Files of the log.
+    progress : callable, optional
+        As of `imuloop.ingest.ingest.ingest`.
+
+    Returns
+    -------
+    list of Failure
+        What went wrong.
+    """
+    from imuloop.ingest.ingest import ingest, write_nothing
+
+    files = device.sessions[session]
+    what = {
+        "device": device.name,
+        "session": session,
+        "kind": files["kind"],
+        "samples_path": files["samples"],
+        "quality_path": files["quality"],
+    }
+
+    def work():
+        ingest(
+            **what,
+            **declared,
+            paths=paths,
+            nominal=device.nominal,
+            full_scale=device.full_scale,
+            threads=device.threads,
+            progress=progress,
+        )
+
+    return attempt(device, "ingest", work, lambda *why: write_nothing(**what, why=why))
+
+
+def segment(device):
+    """Write the segments of each session."""
+    from imuloop.core.samples import Columns
+    from imuloop.core.segments import write_segments
+    from imuloop.segment.segment import no_segments, session_columns
+    from imuloop.segment.settings import SegmentSettings
+
+    settings, failures = SegmentSettings(**device.segment), []
+    for files in device.sessions.values():
+
+        def work(files=files):
+            samples = Columns(files["samples"])
+            found = session_columns(samples, files["kind"], settings, device.threads)
+            write_segments(files["segments"], *found)
+
+        def instead(reason, failed, files=files):
+            columns, metadata = no_segments(files["kind"])
+            write_segments(files["segments"], columns, metadata | {"failed": failed})
+
+        failures += attempt(device, "segment", work, instead)
+    return failures
+
+
+def noise(device):
+    """Write noise.json and the Allan curves and other views of each session, as logged."""
+    from imuloop.core.samples import Columns, read_columns
+    from imuloop.noise.noise import estimate_noise, no_noise
+    from imuloop.noise.records import Session
+    from imuloop.noise.settings import NoiseSettings
+    from imuloop.noise.tables import write_table
+
+    def write(result, failed=None):
+        result.to_json(device.file("noise.json"), failed)
+        for name, files in device.sessions.items():
+            write_table(files["allan_raw"], result.allan[name])
+            write_table(files["views"], result.views[name])
+
+    def work():
+        sessions = [
+            Session(name, each["kind"], Columns(each["samples"]), read_columns(each["segments"]))
+            for name, each in device.sessions.items()
+        ]
+        settings = NoiseSettings(**device.noise)
+        write(estimate_noise(device.name, sessions, settings, threads=device.threads))
+
+    def instead(reason, failed):
+        write(no_noise(device.name, device.kinds, reason), failed)
+
+    return attempt(device, "noise", work, instead)
+
+
+def calibrate(device):
+    """Write six_position.json and multi_position.json."""
+    from imuloop.calibrate.calibrate import calibrate_device, write_nominal
+    from imuloop.calibrate.settings import CalibrateSettings
+
+    what = {
+        "device": device.name,
+        "gravity": device.gravity,
+        "sessions": device.sessions,
+        "six_path": device.file("six_position.json"),
+        "multi_path": device.file("multi_position.json"),
+    }
+    given = device.file("noise.json")
+
+    def work():
+        calibrate_device(**what, noise=given, settings=CalibrateSettings(**device.calibrate))
+
+    def instead(*why):
+        write_nominal(**what, why=why)
+
+    return attempt(device, "calibrate", work, instead, [given])
+
+
+def diagnose(device):
+    """Write diagnosis.json, calibration.json, attitude.json and the Allan curves corrected."""
+    from imuloop.calibrate.settings import CalibrateSettings
+    from imuloop.diagnose.diagnose import diagnose_device, write_undiagnosed
+    from imuloop.diagnose.settings import DiagnoseSettings
+    from imuloop.noise.settings import NoiseSettings
+
+    given = {name: device.file(f"{name}.json") for name in ("six_position", "multi_position")}
+    what = {
+        "device": device.name,
+        "sessions": device.sessions,
+        **given,
+        "diagnosis_path": device.file("diagnosis.json"),
+        "calibration_path": device.file("calibration.json"),
+        "attitude_path": device.file("attitude.json"),
+        "attitude_series_path": device.file("attitude.parquet"),
+    }
+    noise_path = device.file("noise.json")
+
+    def work():
+        diagnose_device(
+            **what,
+            gravity=device.gravity,
+            noise=noise_path,
+            calibrate_settings=CalibrateSettings(**device.calibrate),
+            settings=DiagnoseSettings(**device.diagnose),
+            noise_settings=NoiseSettings(**device.noise),
+        )
+
+    def instead(*why):
+        write_undiagnosed(**what, why=why)
+
+    return attempt(device, "diagnose", work, instead, [noise_path, given["multi_position"]])
+
+
+def export(device):
+    """Write the folder of other tools' files and exports.json, the list of them."""
+    from imuloop.export.export import export_files, no_files, read_exported, write_exports
+
+    given = [device.file(f"{name}.json") for name in ("noise", "multi_position", "diagnosis")]
+    folder = device.file("exports")
+
+    def work():
+        calibration, noise_path = device.file("calibration.json"), device.file("noise.json")
+        qualities = [files["quality"] for files in device.sessions.values()]
+        label = device.label or device.name
+        write_exports(
+            folder,
+            export_files(read_exported(device.name, label, calibration, noise_path, qualities)),
+        )
+
+    def instead(reason, failed):
+        write_exports(folder, no_files(device.name, reason), failed)
+
+    return attempt(device, "export", work, instead, given)
+
+
+def report_device(device):
+    """Write a device's part of the report, its page, its figures and its row of the comparison."""
+    from imuloop.report.page import write_device
+    from imuloop.report.section import write_failed, write_section
+
+    paths = {
+        "section_path": device.file("section.html"),
+        "summary_path": device.file("summary.json"),
+        "figures_folder": device.file("figures"),
+        "template": TEMPLATES / "section.html.j2",
+    }
+    what = {"device": device.name, "label": device.label or device.name, **paths}
+
+    def write(write_parts, **more):
+        write_parts(**what, folder=device.folder, sessions=device.kinds, **more)
+        write_device(
+            device.file("report.html"),
+            paths["section_path"],
+            paths["summary_path"],
+            template=TEMPLATES / "device.html.j2",
+            **LOOKS,
+        )
+
+    return attempt(
+        device,
+        "report_device",
+        lambda: write(write_section),
+        lambda reason, failed: write(write_failed, failed=failed),
+    )
+
+
+def report(folders, provenance, report_path, comparison_path):
+    """Join the parts of devices to the report, and their figures to the comparison.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+        Results of each device.
+    provenance : dict
+        What made the report; see `imuloop.report.report.write_report`.
+    report_path, comparison_path : path-like
+        HTML and CSV file to write.
+    """
+    from imuloop.report.report import write_report
+
+    write_report(
+        sections=[folder / "section.html" for folder in folders],
+        summaries=[folder / "summary.json" for folder in folders],
+        exports=[folder / "exports.json" for folder in folders],
+        template=TEMPLATES / "report.html.j2",
+        **LOOKS,
+        provenance=provenance,
+        report_path=report_path,
+        comparison_path=comparison_path,
+    )
+
+
+def run(device):
+    """Do all stages of a device that follow ingest; return what went wrong, in order."""
+    stages = (segment, noise, calibrate, diagnose, export, report_device)
+    return [failure for stage in stages for failure in stage(device)]

@@ -1,0 +1,104 @@
+"""What goes wrong in a stage of a device: written in the place of its results, with the reason."""
+
+import errno
+import logging
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from imuloop.core.errors import MachineFault, one_line
+from imuloop.core.files import read_json
+from imuloop.core.samples import read_metadata
+
+# what the machine lacks, not the data: room, rights, handles, a disk that reads
+MACHINE = (
+    *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM),
+    *(errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EAGAIN),
+)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What went wrong in a stage.
+
+    Attributes
+    ----------
+    stage : str
+        Name of the stage.
+    why : str
+        What happened, in one line.
+    log : str or None
+        Where the traceback is.
+    """
+
+    stage: str
+    why: str
+    log: str | None
+
+    def __str__(self):
+        return f"{self.stage} failed: {self.why}"
+
+
+def attempt(device, stage, work, instead, before=()):
+    """Do the work of a stage; where it fails, or one before it did, write what stands instead.
+
+    Parameters
+    ----------
+    device : Device
+        Whose stage.
+    stage : str
+        Name of the stage.
+    work : callable
+        Writes the stage's results.
+    instead : callable
+        ``instead(reason, failed)`` writes results that say why there are none; ``failed`` is the
+        content of their key of that name, None where the failure is that of a stage before.
+    before : sequence of path-like
+        JSON results of the stages before, which may say that one failed.
+
+    Returns
+    -------
+    list of Failure
+        What went wrong here; empty where nothing did.
+
+    Raises
+    ------
+    MachineFault, MemoryError, OSError
+        If the machine lacks room, rights or memory.
+    """
+    for path in before:
+        if earlier := read_json(path).get("failed"):
+            instead(str(Failure(**earlier)), None)
+            return []
+    try:
+        work()
+    except (MachineFault, MemoryError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in MACHINE:
+            raise
+        logging.exception("%s: %s failed", device.name, stage)
+        log = device.log and str(device.log)
+        failure = Failure(stage, one_line(error) or type(error).__name__, log)
+        instead(str(failure), asdict(failure))
+        return [failure]
+    return []
+
+
+def read_failures(folder, sessions):
+    """Return what went wrong in the stages of a device: (session or None, Failure), in their order.
+
+    Parameters
+    ----------
+    folder : path-like
+        ``results/<device>``.
+    sessions : iterable of str
+        Names of its sessions.
+    """
+    folder, found = Path(folder), []
+    for name in sessions:
+        found.append((name, read_json(folder / name / "quality.json").get("failed")))
+        found.append((name, read_metadata(folder / name / "segments.parquet").get("failed")))
+    for name in ("noise", "multi_position", "diagnosis", "exports"):
+        path = folder / f"{name}.json"
+        found.append((None, read_json(path).get("failed") if path.exists() else None))
+    return [(name, Failure(**each)) for name, each in found if each]
