@@ -30,7 +30,7 @@ Records of {length:,.0f} s at 10 Hz, each with one hump or line of {limits:g} de
 over the nearest sum of Q, N, B and K. Named: that kind and no other, its frequency within 1/T, its
 correlation time within a factor of {factor:g}."""
 SPEED = """
-From `samples.parquet` to `noise.json` by the workflow's own `scripts/noise.py`, imports included,
+From `samples.parquet` to `noise.json` by the workflow's own stage, imports included,
 in a process of its own; the middle of the log is disturbed for {disturbed:g} s."""
 # of a check that was met, not met, not decided
 MET = {True: "yes", False: "**no**", None: "too few"}

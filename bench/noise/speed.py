@@ -7,14 +7,12 @@ estimates.
 import json
 import os
 import resource
-import runpy
 import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import asdict
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +21,7 @@ import pyarrow.parquet as pq
 from bench.noise.product import SETTINGS
 from bench.noise.records import Scenario, record
 from bench.study.tables import table
+from imuloop.chain import Device, noise
 from imuloop.core.samples import CHANNELS, Columns, schema
 from imuloop.core.segments import segment_table, write_segments
 
@@ -35,7 +34,6 @@ DISTURBED = 10.0
 ROW_GROUP = 1 << 17
 # of the requirement: s, bytes
 SECONDS, MEMORY = 60.0, 1.5e9
-SCRIPT = Path(__file__).parents[2] / "scripts/noise.py"
 
 
 def make(folder, rows, rate=RATE):
@@ -44,7 +42,8 @@ def make(folder, rows, rate=RATE):
     for seed, axis in enumerate(CHANNELS):
         axes.append(np.lib.format.open_memmap(folder / f"{axis}.npy", "w+", float, (rows,)))
         axes[-1][:] = record(NOISE, rows, rate, seed)
-    path = folder / "samples.parquet"
+    path = folder / "day/samples.parquet"
+    path.parent.mkdir()
     with pq.ParquetWriter(path, schema(False, {}), compression="zstd") as file:
         for first in range(0, rows, ROW_GROUP):
             last = min(first + ROW_GROUP, rows)
@@ -61,23 +60,15 @@ def make(folder, rows, rate=RATE):
         ["static", "disturbed", "static"],
         [0, -1, 0],
     )
-    write_segments(folder / "segments.parquet", segments, {})
+    write_segments(path.with_name("segments.parquet"), segments, {})
 
 
 def estimate(folder, threads=2):
-    """Run the workflow's own script on the session and print seconds, seconds of CPU and bytes."""
+    """Run the stage on the session and print seconds, seconds of CPU and bytes."""
     begin = time.perf_counter()
-    files = {name: str(folder / f"{name}.parquet") for name in ("samples", "segments")}
-    output = SimpleNamespace(
-        noise=folder / "noise.json",
-        allan=[folder / "allan.parquet"],
-        views=[folder / "views.parquet"],
-    )
-    params = SimpleNamespace(
-        device="a_day", sessions={"day": {"kind": "static", **files}}, settings=asdict(SETTINGS)
-    )
-    job = SimpleNamespace(params=params, output=output, log=[folder / "log"], threads=threads)
-    runpy.run_path(str(SCRIPT), init_globals={"snakemake": job})
+    device = Device("a_day", folder, {"day": "static"}, noise=asdict(SETTINGS), threads=threads)
+    if failures := noise(device):
+        raise RuntimeError(str(failures[0]))
     took = time.perf_counter() - begin
     used = resource.getrusage(resource.RUSAGE_SELF)
     # bytes on macOS, else kilobytes
@@ -99,7 +90,7 @@ def _child(*arguments):
         command,
         capture_output=True,
         text=True,
-        cwd=SCRIPT.parents[1],
+        cwd=Path(__file__).parents[2],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     if done.returncode:

@@ -145,7 +145,6 @@ def each_session(file):
     """Return a function that lists one file of each session of a job's device."""
     return described(
         lambda wildcards: [
-            f"results/{wildcards.device}/{name}/{file}"
-            for name in device_of(wildcards)["sessions"]
+            f"results/{wildcards.device}/{name}/{file}" for name in device_of(wildcards)["sessions"]
         ]
     )
