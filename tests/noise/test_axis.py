@@ -3,11 +3,14 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
+from imuloop.noise.intervals import axis_noise
 from imuloop.noise.layout import Layout
+from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import detection_limit
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.terms import Search, Terms
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
 
 SETTINGS = NoiseSettings()
@@ -95,6 +98,27 @@ def test_a_hump_is_found_with_its_time():
     assert all(len(f.gauss_markov) == 1 and not f.sinusoid for f in found)
     assert held([f.gauss_markov[0].q for f in found], 4e-3) >= 6
     assert held([f.gauss_markov[0].tc for f in found], 20.0) >= 6
+
+
+def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
+    rests = Layout(RATE, tuple(range(0, N, 1000)), (700,) * 30, tuple(range(30)))
+    basis = modes([rests])
+    for seed in range(6):
+        x = record(5000 + seed, K=4e-3)
+        values = [[x[i : i + 700] for i in rests.starts]]
+        noise = estimate_axis([rests], basis, values, SETTINGS).noise
+        assert all(process.tc.value < 70 / 5 for process in noise.gauss_markov)
+
+
+def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
+    x = record(1, K=1e-3)
+    likelihood = Likelihood(*BASIS.amplitudes([[x]]), BASIS.count, BASIS.ramp)
+    search = Search(BASIS, likelihood, SETTINGS.significance, SETTINGS.hump_significance)
+    (process,) = axis_noise(search, Terms(("N",), times=(1000.0,))).gauss_markov
+    # the walk alone tells the value, and nothing of the time
+    assert process.q.value == pytest.approx(1e-3, rel=0.3)
+    assert process.q.ci95[0] < 1e-5 and process.q.ci95[1] < 2e-3
+    assert process.tc.ci95[1] == pytest.approx(N * DT)
 
 
 def test_a_line_is_found_and_leaves_the_rest_as_it_was():

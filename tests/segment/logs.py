@@ -73,6 +73,13 @@ def xsens(recordings):
     return frame(f[:, 0], (f[:, 1:] - 32768) / 415, (w[:, 1:] - 32768) / 4768)
 
 
+def carlsson_array(recordings, experiment, chip):
+    """Return the log of one of eight chips of an array, experiment 1 or 5, by the data sheet."""
+    x = pd.read_parquet(recordings(f"exp_{experiment}.parquet"))
+    f, w = (x[[f"{s}{axis}{chip}" for axis in "xyz"]].to_numpy() for s in "ag")
+    return frame(x["t_us"].to_numpy() * 1e-6, f * 9.818 / 2048, np.deg2rad(w / 16.4))
+
+
 def mpu9150(recordings, board):
     """Return the log of board 0, 1 or 2."""
     x = np.loadtxt(recordings(f"imu{board}.log"))

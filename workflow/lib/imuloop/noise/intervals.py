@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from itertools import compress
-from math import exp, log, sqrt
+from math import exp, inf, log, sqrt
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
 from imuloop.noise.processes import NAMES
-from imuloop.noise.terms import replaced
 
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
 CLOSE, ALIKE = 1e-5, 1e-4
@@ -20,6 +19,10 @@ TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
 # but for models of less weight than this share
 FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
+# a term that raises the log-likelihood by less is not there: fits end within less of the maximum
+THERE = 1e-4
+# share of the spectrum where it is lowest that a term which is not there may have, as a root
+SMALL = 1e-3
 
 
 def axis_noise(search, terms):
@@ -63,9 +66,7 @@ def axis_noise(search, terms):
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
             coefficients[name] = _limit(profiles, 2 if name == "R" else 1)
-    wide = terms.plus("N").plus("B").plus("K")
-    top = search.fit(wide, True)
-    processes = tuple(_process(search, wide, top, i) for i in range(len(terms.times)))
+    processes = tuple(_process(search, terms, fit, i) for i in range(len(terms.times)))
     return AxisNoise(**coefficients, gauss_markov=processes)
 
 
@@ -85,7 +86,7 @@ def _models(search, terms, name):
 
 
 def _there(search, name, model):
-    return search.fit(model).theta[model.names.index(name)] > 0
+    return search.fit(model).value - search.fit(model.without(name)).value > THERE
 
 
 def _profile(search, name, model):
@@ -110,8 +111,7 @@ def _profile(search, name, model):
             return search.likelihood.fit(units, rest.ramp, x**2 * unit, start, True)
 
         expected = search.units(model) @ likeliest.theta
-        # where another term takes its place: small beside what is there
-        best = max(best, 1e-3 * np.sqrt(np.min(expected / unit)))
+        best = max(best, _small(unit, expected))
         size = np.sqrt(search.likelihood.error(unit, expected))
     weight = search.fit(model).value - len(model)
     known = {best: start}
@@ -126,32 +126,51 @@ def _profile(search, name, model):
 
 
 def _process(search, terms, fit, place):
-    """Return a Gauss-Markov process, q and tc profiled over each other."""
+    """Return a Gauss-Markov process, q and tc profiled over each other beside flicker and walk.
+
+    Where one of these takes its place, the interval of q goes down to zero, and that of tc is all
+    that can be tried.
+    """
     # loads for a quarter of a second, and few records show such a process
     from scipy.optimize import minimize_scalar
 
-    tc, rest = terms.times[place], terms.without(terms.times[place])
+    tc, rest = terms.times[place], terms.plus("N").without(terms.times[place])
     q = np.sqrt(2 * fit.theta[len(terms.names) + place] / tc)
-    units = search.units(rest)
+    for name in ("B", "K"):
+        rest = rest.plus(name) if name in search.candidates else rest
+    units, times = search.units(rest), search.modes.correlation_times
+    around = np.log(np.clip(tc * np.exp([-3.0, 3.0]), times[0], times[-1]))
 
-    def value(q, tc):
-        fixed = q**2 * tc / 2 * search.modes.gauss_markov(tc)
-        return search.likelihood.fit(units, rest.ramp, fixed, restricted=True).value
-
-    def of_q(x):
-        around = np.log(tc) + np.array([-3.0, 3.0])
-        found = minimize_scalar(lambda u: -value(x, np.exp(u)), bounds=around, method="bounded")
-        return max(-found.fun, value(x, tc))
+    def highest(value):
+        """Return the largest value over the correlation times, and where it is."""
+        found = minimize_scalar(lambda u: -value(np.exp(u)), bounds=around, method="bounded")
+        return max((value(x), float(x)) for x in (tc, np.exp(found.x)))
 
     def of_tc(x):
-        return search.fit(replaced(terms, place, x), True).value
+        return search.fit(rest.plus(x), True).value
 
+    def of_q(x):
+        def value(tc):
+            fixed = x**2 * tc / 2 * search.modes.gauss_markov(tc)
+            return search.likelihood.fit(units, rest.ramp, fixed, restricted=True).value
+
+        return highest(value)[0]
+
+    top, likeliest = highest(of_tc)
+    wide = rest.plus(likeliest)
+    theta, unit = search.fit(wide, True).theta, likeliest / 2 * search.modes.gauss_markov(likeliest)
+    expected = search.units(wide) @ theta
+    best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
+    near = max(best, np.sqrt(search.likelihood.error(unit, expected)))
     return GaussMarkov(
-        *(
-            _coefficient([_Profile(0.0, x, x, fit.value, of)], x)
-            for x, of in ((q, of_q), (tc, of_tc))
-        )
+        _coefficient([_Profile(0.0, best, near, top, of_q)], q),
+        _coefficient([_Profile(0.0, likeliest, tc, top, of_tc)], tc, times[0], times[-1]),
     )
+
+
+def _small(unit, expected):
+    """Return a coefficient that is small beside what is there, where another takes its place."""
+    return SMALL * np.sqrt(np.min(expected / unit))
 
 
 @dataclass(frozen=True)
@@ -180,16 +199,19 @@ class _Tail:
     ----------
     near : float
         Where to begin, by the heaviest model.
+    ends : tuple of two floats
+        Logarithms of the values between which it is known.
     points : list of (float, float)
         Logarithms of values and the deviates there, as far as they are known.
     """
 
-    def __init__(self, profiles):
+    def __init__(self, profiles, low, high):
         weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
         used = weight > NEGLIGIBLE * weight.sum()
         self.profiles, self.weight = list(compress(profiles, used)), weight[used]
         self.weight /= self.weight.sum()
         self.near = self.profiles[int(self.weight.argmax())].near
+        self.ends = (log(low) if low else -inf, log(high))
         self.points = []
 
     def at(self, u):
@@ -201,7 +223,7 @@ class _Tail:
         return deviate
 
     def crossing(self, near, area):
-        """Return where the tail area reaches a value, 0 where it is larger everywhere."""
+        """Return where the tail area reaches a value, the end if nowhere, 0 where there is none."""
         wanted = float(ndtri(area))
         if not self.points:
             self.at(log(near))
@@ -211,10 +233,11 @@ class _Tail:
             upper = min((p for p in self.points if p[1] > wanted), default=None)
             if lower and upper:
                 u = self._between(lower, upper, wanted)
-            elif step > FARTHEST:
-                return 0.0
             else:
                 u = lower[0] + step if lower else upper[0] - step
+                u = min(max(u, self.ends[0]), self.ends[1])
+                if step > FARTHEST or u in (lower or upper):
+                    return exp(u) if u in self.ends else 0.0
                 step *= GROWTH
             narrow = lower and upper and upper[0] - lower[0] < CLOSE
             if abs(self.at(u) - wanted) < ALIKE or narrow:
@@ -234,14 +257,14 @@ class _Tail:
         return u if inside else (lower[0] + upper[0]) / 2
 
 
-def _coefficient(profiles, value):
-    """Return a supported coefficient."""
-    value, tail = float(value), _Tail(profiles)
+def _coefficient(profiles, value, low=0.0, high=inf):
+    """Return a supported coefficient, its interval within `low` and `high`."""
+    value, tail = float(value), _Tail(profiles, low, high)
     low, high, upper = (tail.crossing(value or tail.near, p) for p in (0.025, 0.975, 0.95))
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)
 
 
 def _limit(profiles, sides):
     """Return the upper limit of a coefficient that is not supported."""
-    tail = _Tail(profiles)
+    tail = _Tail(profiles, 0.0, inf)
     return Coefficient(None, None, tail.crossing(tail.near, 1 - 0.05 / sides), False)

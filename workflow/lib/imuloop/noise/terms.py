@@ -9,7 +9,7 @@ import numpy as np
 from imuloop.noise.processes import NAMES
 
 # correlation times from so many samples, below which a filter does the same, to such a share of
-# the longest session
+# the longest time without a new level: over less a process is a walk, which short rests cannot tell
 SHORTEST, LONGEST = 10.0, 1 / 8
 # independent tests a decade of correlation times
 TESTS = 2.5
@@ -128,7 +128,7 @@ class Search:
     def times(self):
         """Correlation times that are tried, s."""
         times = self.modes.correlation_times
-        longest = LONGEST * self.modes.span
+        longest = LONGEST * self.modes.level
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
 
     @property

@@ -1,0 +1,52 @@
+"""Measured logs whose short rests drift as a walk would, which such rests cannot tell."""
+
+import numpy as np
+import pytest
+
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.noise.axis import estimate_axis
+from imuloop.noise.modes import modes
+from imuloop.noise.records import Session, record_of
+from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.segment import session_columns
+from imuloop.segment.settings import SegmentSettings
+from segment.logs import carlsson_array, xsens
+
+# each with the axis whose rests drift most
+CHIPS = [
+    *((1, 1, "ay"), (1, 3, "ay"), (1, 5, "ay"), (1, 6, "ax"), (1, 7, "ay"), (1, 8, "ax")),
+    *((5, 3, "ay"), (5, 5, "ay"), (5, 6, "ax")),
+]
+
+
+def estimated(samples, axis):
+    """Return the record of all rests and the noise of an axis."""
+    segments, _ = session_columns(samples, "multi_position", SegmentSettings())
+    record = record_of(Session("poses", "multi_position", samples, segments))
+    values = [record.cut(record.column(axis))]
+    basis = modes([record.layout])
+    return basis, estimate_axis([record.layout], basis, values, NoiseSettings()).noise
+
+
+def assert_no_walk_by_another_name(basis, noise):
+    """Assert that no process lasts longer than rests show, and that all intervals hold values."""
+    assert noise.N.identifiable and noise.N.ci95[0] < noise.N.value < noise.N.ci95[1]
+    for process in noise.gauss_markov:
+        assert process.tc.value < basis.level / 5
+        for c in (process.q, process.tc):
+            assert 0 <= c.ci95[0] <= c.value <= c.ci95[1] < np.inf
+
+
+@pytest.mark.parametrize(("experiment", "chip", "axis"), CHIPS)
+def test_rests_of_the_array_that_drift(recordings, experiment, chip, axis):
+    samples = carlsson_array(recordings, experiment, chip)
+    assert_no_walk_by_another_name(*estimated(samples, axis))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5, 6, 8])
+def test_half_a_count_of_dither(recordings, seed):
+    samples, rng = xsens(recordings), np.random.default_rng(seed)
+    for axes, counts in ((ACCELERATION, 415), (ANGULAR_RATE, 4768)):
+        x = np.rint(samples[list(axes)].to_numpy() * counts)
+        samples[list(axes)] = np.rint(x + rng.choice([-0.5, 0.5], x.shape)) / counts
+    assert_no_walk_by_another_name(*estimated(samples, "az"))
