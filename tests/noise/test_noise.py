@@ -1,4 +1,5 @@
 import json
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,8 @@ from imuloop.noise.allan import COLUMNS
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.segment import session_columns
+from imuloop.segment.settings import SegmentSettings
 
 SETTINGS = NoiseSettings()
 DENSITY = dict(zip(CHANNELS, (0.01, 0.02, 0.03, 1e-3, 2e-3, 3e-3), strict=True))
@@ -64,6 +67,62 @@ def test_a_knock_between_two_stretches_does_not_enter():
     result = estimate_noise("imu", [knocked], SETTINGS)
     assert result.model.axes["ax"].N.value == pytest.approx(0.01, rel=0.05)
     assert result.statistics["rest"]["ax"]["max"] < 0.5 + 5 * 0.01 * np.sqrt(50)
+
+
+def gapped(gaps, kind="static", rate=50.0):
+    """Return a session of 60 s, with gaps of so many seconds after so many."""
+    samples = session(length=3000, rate=rate).samples
+    t = samples["t"].to_numpy().copy()
+    for after, seconds in gaps:
+        t[round(after * rate) :] += seconds
+    samples["t"] = t
+    segments = session_columns(samples, kind, SegmentSettings())[0]
+    return Session("rest", kind, samples, segments)
+
+
+def coefficients(result):
+    return [getattr(axis, name).upper95 for axis in result.model.axes.values() for name in "QNBKR"]
+
+
+@pytest.mark.parametrize("kind", ["static", "multi_position"])
+def test_what_lies_between_two_runs_costs_nothing_and_changes_nothing(kind):
+    # an hour, a boot clock that meets GPS time, and that twice
+    jumps = ([(15, 3600.0)], [(15, 1.7e9)], [(15, 1.7e9), (40, 1.7e9)])
+    found, least = [], 0
+    for gaps in jumps:
+        given = gapped(gaps, kind)
+        tracemalloc.start()
+        found.append(estimate_noise("imu", [given], SETTINGS))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        least = least or peak
+        assert peak < 1.5 * least
+        assert sum("longer than all that was recorded" in note for note in found[-1].notes) == 1
+    assert coefficients(found[1]) == pytest.approx(coefficients(found[0]), rel=1e-6)
+
+
+def test_runs_are_sessions_of_their_own():
+    whole = gapped([(15, 1.7e9)])
+    parts = []
+    for name, rows in (("a", slice(0, 750)), ("b", slice(750, None))):
+        samples = whole.samples[rows].reset_index(drop=True)
+        segments = session_columns(samples, "static", SegmentSettings())[0]
+        parts.append(Session(name, "static", samples, segments))
+    one, two = (estimate_noise("imu", sessions, SETTINGS) for sessions in ([whole], parts))
+    assert coefficients(one) == pytest.approx(coefficients(two), rel=1e-5)
+
+
+def test_a_log_that_is_mostly_gaps_keeps_its_walk_and_is_not_searched_for_lines():
+    rng, rate = np.random.default_rng(2), 50.0
+    # ten seconds each five minutes: no gap is longer than all that was recorded
+    drift = np.cumsum(0.1 * rng.standard_normal(60)).repeat(500)
+    samples = session(length=30_000, rate=rate).samples
+    samples["t"] += 290.0 * (np.arange(30_000) // 500)
+    samples["ax"] += drift
+    segments = session_columns(samples, "static", SegmentSettings())[0]
+    result = estimate_noise("imu", [Session("rest", "static", samples, segments)], SETTINGS)
+    assert result.model.axes["ax"].K.value == pytest.approx(0.1 / np.sqrt(300), rel=0.3)
+    assert any("no lines are sought" in note for note in result.notes)
 
 
 def test_all_rests_stand_in_and_say_what_they_cannot_tell():

@@ -23,9 +23,9 @@ def estimated(samples, axis):
     """Return the record of all rests and the noise of an axis."""
     segments, _ = session_columns(samples, "multi_position", SegmentSettings())
     record = record_of(Session("poses", "multi_position", samples, segments))
-    values = [record.cut(record.column(axis))]
-    basis = modes([record.layout])
-    return basis, estimate_axis([record.layout], basis, values, NoiseSettings()).noise
+    values = record.runs(record.cut(record.column(axis)))
+    basis = modes(record.layouts)
+    return basis, estimate_axis(record.layouts, basis, values, NoiseSettings()).noise
 
 
 def assert_no_walk_by_another_name(basis, noise):

@@ -143,7 +143,7 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
             statistics[record.session.name] = {}
         whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
         added = _seconds(whole) - _seconds(records)
-        layouts = [record.layout for record in records]
+        layouts = [layout for record in records for layout in record.layouts]
         lengths = np.concatenate([record.lengths for record in records])
         rate = float(
             np.average([r.rate for r in records], weights=[sum(r.lengths) for r in records])
@@ -153,7 +153,7 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
         own = [_Curve(r.lengths, r.rate, settings) for r in records] if len(records) > 1 else []
         basis = modes(layouts)
         if added > 0.5 / rate:
-            whole_layouts = [record.layout for record in whole]
+            whole_layouts = [layout for record in whole for layout in record.layouts]
             whole_basis = modes(whole_layouts)
         for axis in CHANNELS:
             columns = [record.column(axis) for record in records]
@@ -163,9 +163,11 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
                 told = pool.submit(_told, axis, records, values, settings)
                 curve, fitted = curve.result()
                 start = np.square(fitted[:4]) if any(fitted[:4]) else None
-                found = _estimate(axis, layouts, basis, values, settings, notes, start)
+                runs = _runs(records, values)
+                found = _estimate(axis, layouts, basis, runs, settings, notes, start)
                 if added > 0.5 / rate:
                     every = [record.cut(x) for record, x in zip(whole, columns, strict=True)]
+                    every = _runs(whole, every)
                     other = _estimate(axis, whole_layouts, whole_basis, every, settings, [], start)
                     uncut_axes[axis] = asdict(other.noise)
                 told = told.result()
@@ -182,19 +184,19 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
                     each, variance = pooled, curve
                 tables[name].append(each.table(axis, variance, found.noise))
             # or two axes would be in memory at once
-            columns = values = every = None
+            columns = values = runs = every = None
         _note_walk(axes, lengths.max() / rate, notes)
     else:
         notes.append("no session holds a rest: no coefficient can be estimated")
         axes = dict.fromkeys(CHANNELS, AxisNoise())
-    runs = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
+    means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
         rate_hz=rate,
         curve_fit=curves,
         spectrum=spectra,
         uncut={"seconds": added, "axes": uncut_axes} if uncut_axes else None,
-        repeatability=repeatability(runs if static else {}),
+        repeatability=repeatability(means if static else {}),
         statistics=statistics,
         sessions=tuple(record.session.name for record in records),
         notes=tuple(notes),
@@ -228,9 +230,14 @@ def _told(axis, records, values, settings):
     for record, stretches in zip(records, values, strict=True):
         figures = summary(stretches, record.rate)
         finite = np.isfinite(figures["mean"])
-        pictures = [views.views(record.layout, stretches, axis, settings)] if finite else []
+        pictures = [views.views(record, stretches, axis, settings)] if finite else []
         told.append((figures, pictures))
     return told
+
+
+def _runs(records, values):
+    """Return the stretches of each run of each record."""
+    return [run for record, x in zip(records, values, strict=True) for run in record.runs(x)]
 
 
 def _estimate(axis, layouts, basis, values, settings, notes, start):

@@ -8,7 +8,7 @@ from math import log
 import numpy as np
 from scipy import fft, special
 
-from imuloop.noise.waves import CHUNK, levels, parts
+from imuloop.noise.waves import CHUNK, extent, levels, parts
 
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
@@ -20,6 +20,9 @@ FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 NODES = 33
 # frequencies are transformed by their remainder after this, see `_squares`
 REMAINDERS = 16
+# a session of which a smaller share was recorded is not searched: zeros in its gaps would be most
+# of the work, and each line many of equal height
+SPARSEST = 16
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
 
@@ -116,9 +119,17 @@ class Search:
         return max(self.density(frequency)[0], self.spectrum(np.array([frequency]))[0])
 
 
+def is_sparse(layout):
+    """Return whether less than 1/`SPARSEST` of a session was recorded."""
+    first, last = extent(layout)
+    return last + 1 - first > SPARSEST * sum(layout.lengths)
+
+
 @cache
 def band_of(layout):
-    """Return what is searched in a session, None where it is too short."""
+    """Return what is searched in a session, None where it is too short or too sparse."""
+    if is_sparse(layout):
+        return None
     starts, lengths = np.array(layout.starts), np.array(layout.lengths)
     n, samples = int(lengths.sum()), int((starts + lengths).max() - starts.min())
     # frequencies in units of rate/n, the distance of independent ones

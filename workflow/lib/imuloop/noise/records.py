@@ -1,12 +1,14 @@
 """Clean stretches of a device's sessions, which its noise is estimated from."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.core.segments import DISTURBED, STATIC
+from imuloop.core.segments import DISTURBED, GAP, STATIC
 from imuloop.noise.layout import Layout
+from imuloop.noise.periodogram import SPARSEST, is_sparse
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
@@ -50,26 +52,27 @@ class Record:
         Whose samples.
     slices : tuple of slice
         One a stretch.
-    layout : Layout
-        Where in time they lie.
+    layouts : tuple of Layout
+        Where in time they lie, one layout a run: a gap longer than all that was recorded ends a
+        run. What lies between is not known to be time at all.
     jitter : float
         Spread of the sampling interval, share of its mean.
     """
 
     session: Session
     slices: tuple[slice, ...]
-    layout: Layout
+    layouts: tuple[Layout, ...]
     jitter: float
 
     @property
     def rate(self):
         """Mean sampling rate, Hz."""
-        return self.layout.rate
+        return self.layouts[0].rate
 
     @property
     def lengths(self):
         """Samples of each stretch, shape (s,)."""
-        return np.array(self.layout.lengths)
+        return np.array([n for layout in self.layouts for n in layout.lengths])
 
     def column(self, name):
         """Return the values of a column, shape (n,)."""
@@ -78,6 +81,11 @@ class Record:
     def cut(self, x):
         """Return the values of each stretch, views of x, shape (n,)."""
         return [x[s] for s in self.slices]
+
+    def runs(self, stretches):
+        """Return the stretches of each run, of what `cut` gives."""
+        ends = np.cumsum([len(layout.lengths) for layout in self.layouts])
+        return [stretches[i:j] for i, j in pairwise([0, *ends.tolist()])]
 
 
 def record_of(session, disturbed=False):
@@ -95,6 +103,8 @@ def record_of(session, disturbed=False):
     """
     kind = np.asarray(session.segments["kind"])
     begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
+    seconds = ends - begins
+    jumps = begins[(kind == GAP) & (seconds > seconds[kind != GAP].sum())]
     used = np.flatnonzero((kind == STATIC) | (disturbed & (kind == DISTURBED)))
     used = used[np.argsort(begins[used], kind="stable")]
     start, end = begins[used], ends[used]
@@ -106,21 +116,28 @@ def record_of(session, disturbed=False):
         broken = np.diff(before, prepend=-1) > 0 if not disturbed else np.arange(len(used)) == 0
     level = np.cumsum(broken) - 1
     if disturbed:
-        first, last, level = _joined(first, last, level)
+        # stretches that follow each other without a gap are one
+        new = np.r_[True, start[1:] > end[:-1]]
+        first, last, level = first[new], last[np.r_[new[1:], True]], level[new]
     kept = last - first > 1
     first, last, level = first[kept], last[kept], level[kept]
     if not len(first):
         return None
     interval = (t[last - 1] - t[first]).sum() / (last - first - 1).sum()
-    rate = 1 / interval
-    layout = Layout(
-        float(rate),
-        tuple(np.rint((t[first] - t[0]) * rate).astype(int).tolist()),
-        tuple((last - first).tolist()),
-        tuple(level.tolist()),
-    )
+    rate, run = float(1 / interval), np.searchsorted(np.sort(jumps), t[first])
+    layouts = [
+        Layout(
+            rate,
+            tuple(np.rint((t[i] - t[i[0]]) * rate).astype(int).tolist()),
+            tuple(n.tolist()),
+            tuple(of.tolist()),
+        )
+        for i, n, of in (
+            (first[run == k], (last - first)[run == k], level[run == k]) for k in np.unique(run)
+        )
+    ]
     slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-    return Record(session, slices, layout, _jitter([t[s] for s in slices], interval))
+    return Record(session, slices, tuple(layouts), _jitter([t[s] for s in slices], interval))
 
 
 def _jitter(stretches, interval):
@@ -131,12 +148,6 @@ def _jitter(stretches, interval):
             beside = np.diff(t[i : i + PART + 1]) - interval
             total, steps = total + beside @ beside, steps + len(beside)
     return float(np.sqrt(total / steps) / interval)
-
-
-def _joined(first, last, level):
-    """Return stretches that follow each other without a gap as one."""
-    new = np.r_[True, first[1:] > last[:-1]]
-    return first[new], last[np.r_[new[1:], True]], level[new]
 
 
 def static_records(sessions, notes):
@@ -184,8 +195,17 @@ def one_rate(records, notes):
 
 
 def note_conditions(record, notes):
-    """Note jitter and temperature of a record."""
+    """Note gaps, jitter and temperature of a record."""
     name = record.session.name
+    if len(record.layouts) > 1:
+        notes.append(
+            f"session {name}: {len(record.layouts) - 1} gap(s) longer than all that was recorded; "
+            "noise is not followed across, each side is a record of its own"
+        )
+    if any(map(is_sparse, record.layouts)):
+        notes.append(
+            f"session {name}: gaps leave less than 1/{SPARSEST} of the time: no lines are sought"
+        )
     if record.jitter > JITTER:
         notes.append(
             f"session {name}: sampling interval scatters by {100 * record.jitter:.2g} %; the "

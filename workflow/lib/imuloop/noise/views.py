@@ -59,7 +59,7 @@ def views(layout, values, axis, settings):
 
     Parameters
     ----------
-    layout : Layout
+    layout : Layout or Record
         Rate and lengths of the clean stretches.
     values : sequence of array_like, shape (n_s,)
         Output of each stretch, finite, SI.
