@@ -27,7 +27,7 @@ def poses_at(directions):
     n = len(f)
     start = np.arange(n) * 10.0
     return Poses(
-        np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
+        np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
         np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
     )  # fmt: skip
 

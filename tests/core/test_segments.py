@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import CHANNELS, read_metadata
-from imuloop.core.segments import read_segments, segment_table, write_segments
+from imuloop.core.segments import read_segments, runs, segment_table, write_segments
 
 
 def samples(temperature):
@@ -36,3 +36,17 @@ def test_the_file_gives_back_the_table_and_what_was_chosen(tmp_path):
     write_segments(tmp_path / "s.parquet", table, {"multiples": [3, 10]})
     pd.testing.assert_frame_equal(read_segments(tmp_path / "s.parquet"), table, check_exact=True)
     assert read_metadata(tmp_path / "s.parquet") == {"multiples": [3, 10]}
+
+
+def test_a_gap_longer_than_all_that_was_recorded_ends_a_run():
+    start = np.array([0, 10, 30, 39, 45, 1e9, 1e9 + 5])
+    table = {
+        "start_s": start,
+        "end_s": np.append(start[1:], 1e9 + 10),
+        "kind": ["static", "gap", "motion", "gap", "disturbed", "static", "gap"],
+    }
+    assert runs(table).tolist() == [0] * 7
+    # 10 s + 9 s + 9 s + 5 s were recorded
+    table["kind"][4:] = ["gap", "static", "static"]
+    assert runs(table).tolist() == [0, 0, 0, 0, 1, 1, 1]
+    assert runs({name: [] for name in table}).tolist() == []

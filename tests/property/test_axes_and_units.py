@@ -45,7 +45,7 @@ def multi_position(f, error=ERROR):
     n = len(f)
     start = 10.0 * np.arange(n)
     poses = Poses(
-        np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
+        np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
         np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
     )  # fmt: skip
     fit, _ = fit_accelerometer(

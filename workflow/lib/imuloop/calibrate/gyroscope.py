@@ -172,7 +172,7 @@ class GyroscopeModel:
         m, k, _, p = self.rotation_design.shape
         if not p and not np.ndim(self.rotation_known):
             return None
-        estimated = (self.rotation_design.reshape(-1, p) @ x[12:]).reshape(m, k, 3)
+        estimated = (self.rotation_design.reshape(3 * m * k, p) @ x[12:]).reshape(m, k, 3)
         return np.moveaxis(estimated + self.rotation_known, -1, 0)
 
     @cached_property
@@ -314,7 +314,7 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
     # weights need the attitude along the rotations, effects the output: the first fit gives both
     for _ in range(3 if start is None and (effects or known) else 2):
         model = gyroscope_model(recording, force, x, effects, known, bias)
-        errors = rotation_covariance(model, x, poses.session, force.direction_covariance, noise)
+        errors = rotation_covariance(model, x, poses.run, force.direction_covariance, noise)
         covariance = residual_covariance(means, errors)
 
         base = x.copy()

@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def rotation_covariance(model, x, session, directions, noise):
+def rotation_covariance(model, x, run, directions, noise):
     """Return the covariance of the rotation errors that the noise model predicts.
 
     Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
@@ -16,8 +16,8 @@ def rotation_covariance(model, x, session, directions, noise):
         Model with m rotations and n poses.
     x : array_like, shape (12 + p,)
         Parameters.
-    session : array_like of int, shape (n,)
-        Session of each pose; noise of different sessions is independent.
+    run : array_like of int, shape (n,)
+        Run of each pose; noise of different runs is independent.
     directions : array_like, shape (3 n, 3 n)
         Covariance of the poses' directions, ordered pose by pose.
     noise : NoiseModel
@@ -38,11 +38,11 @@ def rotation_covariance(model, x, session, directions, noise):
     to_error = carried @ cross_matrix(start)
     length = rotations.end_s - rotations.start_s
     mean_attitude = path.mean / length[:, None, None]
-    of_session = session[rotations.first]
+    of_run = run[rotations.first]
     covariance = np.zeros((m, 2, m, 2))
     windows = np.column_stack([rotations.start_s, rotations.end_s])
-    for s in np.unique(of_session):
-        index = np.flatnonzero(of_session == s)
+    for each_run in np.unique(of_run):
+        index = np.flatnonzero(of_run == each_run)
         angles, own = noise.angle_covariance(windows[index]), np.zeros((len(index), 2) * 2)
         each = np.arange(len(index))
         for axis, name in enumerate(("gx", "gy", "gz")):

@@ -184,6 +184,7 @@ def _recorded(log, rests, moves, variance, rate):
     f, w = log.f[first], log.w[first]
     poses = Poses(
         session=np.zeros(n, dtype=int),
+        run=np.zeros(n, dtype=int),
         start_s=start,
         end_s=end,
         duration_s=end - start,

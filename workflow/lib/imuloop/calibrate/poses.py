@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
-from imuloop.core.segments import GAP, STATIC
+from imuloop.core.segments import GAP, STATIC, runs
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,9 @@ class Poses:
     ----------
     session : ndarray of int, shape (n,)
         Which session each pose belongs to.
+    run : ndarray of int, shape (n,)
+        Which run of which session (`imuloop.core.segments.runs`); no two sessions share a number.
+        Noise of different runs is independent.
     start_s, end_s : ndarray, shape (n,)
         First and last instant, s on the session's clock.
     duration_s : ndarray, shape (n,)
@@ -32,6 +35,7 @@ class Poses:
     """
 
     session: np.ndarray
+    run: np.ndarray
     start_s: np.ndarray
     end_s: np.ndarray
     duration_s: np.ndarray
@@ -56,7 +60,7 @@ class Poses:
     def mean_covariance(self, noise):
         """Return the covariance of the pose means that the noise model predicts.
 
-        Sessions are independent. An axis whose noise is not known gets the white part alone, the
+        Runs are independent. An axis whose noise is not known gets the white part alone, the
         variance within the pose over its samples.
 
         Parameters
@@ -82,8 +86,8 @@ class Poses:
         half = self.duration_s / 2
         windows = np.column_stack([self.mid_s - half, self.mid_s + half])
         whole = np.zeros((6, len(self), len(self)))
-        for session in np.unique(self.session):
-            own = np.flatnonzero(self.session == session)
+        for run in np.unique(self.run):
+            own = np.flatnonzero(self.run == run)
             whole[:, own[:, None], own] = noise.pose_mean_covariance(windows[own])
         for axis in range(6):
             if not np.any(whole[axis]):
@@ -173,9 +177,13 @@ def gather_poses(segments):
         return np.concatenate([np.zeros(0), *(np.asarray(table[name]) for table in segments)])
 
     number = column("pose").astype(int)
+    run = np.concatenate([np.zeros(0, int), *map(runs, segments)])
+    # counted on from session to session
+    run = np.cumsum((np.diff(run, prepend=0) != 0) | (np.diff(session, prepend=0) != 0))
     kinds = [np.asarray(table["kind"]) == STATIC for table in segments]
     held = np.concatenate([np.zeros(0, bool), *kinds]) & (number >= 0)
-    poses, pose = np.unique(np.column_stack([session, number])[held], axis=0, return_inverse=True)
+    rests = np.column_stack([session, run, number])[held]
+    poses, pose = np.unique(rests, axis=0, return_inverse=True)
     pose, n = pose.ravel(), column("n")[held]
     start, end = column("start_s")[held], column("end_s")[held]
     total = np.bincount(pose, n)
@@ -189,6 +197,7 @@ def gather_poses(segments):
     np.maximum.at(last, pose, end)
     return Poses(
         session=poses[:, 0],
+        run=poses[:, 1],
         start_s=first,
         end_s=last,
         duration_s=np.bincount(pose, end - start),

@@ -112,6 +112,22 @@ def _joined(parts):
     return mean, sqrt((deviations**2 + (means - mean) ** 2) @ n / n.sum())
 
 
+def runs(segments):
+    """Return the number of the run that each row lies in, shape (n,).
+
+    A gap longer than all that was recorded ends a run: a clock that was set, or a device that was
+    off. What lies between is not known to be time, and noise is not followed across.
+
+    Parameters
+    ----------
+    segments : DataFrame or dict
+        Rows in order of time.
+    """
+    start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
+    gap = np.asarray(segments["kind"]) == GAP
+    return np.cumsum(gap & (end - start > (end - start)[~gap].sum()))
+
+
 def write_segments(path, segments, metadata):
     """Write segments and what the segmentation chose as Parquet, in one step.
 

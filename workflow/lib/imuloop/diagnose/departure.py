@@ -208,7 +208,7 @@ def gyroscope_problem(calibration, recording, noise, force, change):
         model = gyroscope.gyroscope_model(recording, at, x, effects, known)
         residuals = model.residuals
         spread = gyroscope.rotation_covariance(
-            model, x, poses.session, at.direction_covariance + directions, noise
+            model, x, poses.run, at.direction_covariance + directions, noise
         )
     else:
         turns, spread = 0, np.zeros((0, 0))

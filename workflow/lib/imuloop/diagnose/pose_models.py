@@ -248,7 +248,7 @@ class GyroscopePoses:
             own = gyroscope.seen_only(model, x, keep, inside, seen.rotations)
             fitted = own, x
             errors = gyroscope.rotation_covariance(
-                own, x, seen.poses.session, part.direction_covariance, noise
+                own, x, seen.poses.run, part.direction_covariance, noise
             )
             return values, jacobian, gyroscope.residual_covariance(means, errors)
 
@@ -296,7 +296,7 @@ class GyroscopePoses:
         else:
             x, (model, force) = solution.fit.x, self._model(solution, recording)
         errors = gyroscope.rotation_covariance(
-            model, x, poses.session, force.direction_covariance, noise
+            model, x, poses.run, force.direction_covariance, noise
         )
         return gyroscope.residual_covariance(poses.mean_covariance(noise)[3:], errors)
 

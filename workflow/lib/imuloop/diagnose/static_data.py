@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from imuloop.core.samples import Columns, read_columns
-from imuloop.diagnose.static_means import RestLog, rests_to_use, static_record
+from imuloop.core.segments import STATIC, runs
+from imuloop.diagnose.static_means import RestLog, part_of, rests_to_use, static_record
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,7 @@ class StaticData:
     samples : dict of str to (Columns, DataFrame or dict)
         Its samples by column, SI, as logged.
     segments : dict of str to (dict or DataFrame)
-        The static segments used.
+        Its segments, as `rests_to_use` gives them.
     """
 
     kinds: dict
@@ -33,14 +36,15 @@ class StaticData:
         return self._logs[name]
 
     def records(self, sensor, calibration, mean_time):
-        """Return the StaticRecord of each session of a sensor, those without a mean left out."""
+        """Return the StaticRecord of each run of each session, those without a mean left out."""
         # the calibration is kept with its records: no other has its number meanwhile
         key = sensor, mean_time, id(calibration)
         if key not in self._records:
-            found = [
-                static_record(name, self.log(name), rests, calibration, sensor, mean_time)
-                for name, rests in self.segments.items()
-            ]
+            found = []
+            for name, table in self.segments.items():
+                record = static_record(name, self.log(name), table, calibration, sensor, mean_time)
+                run = runs(table)[np.asarray(table["kind"]) == STATIC][record.stretch]
+                found += [part_of(record, run == k) for k in np.unique(run)]
             self._records[key] = calibration, [r for r in found if len(r.windows)]
         return self._records[key][1]
 

@@ -360,15 +360,14 @@ def rests_to_use(kinds, segments):
     Returns
     -------
     dict of str to dict
-        ``start_s``, ``end_s`` and ``kind`` of the static segments of the sessions to use.
+        ``start_s``, ``end_s`` and ``kind`` of the segments of the sessions to use: of a static one
+        all, what lies between its rests included, else that rest.
     """
-    rests = {
-        name: rows(table, np.flatnonzero(np.asarray(table["kind"]) == STATIC))
-        for name, table in segments.items()
-    }
-    static = {n: r for n, r in rests.items() if kinds[n] == "static" and len(r["kind"])}
+    still = {n: np.flatnonzero(np.asarray(t["kind"]) == STATIC) for n, t in segments.items()}
+    static = [name for name, index in still.items() if kinds[name] == "static" and len(index)]
     if static:
-        return static
+        return {name: rows(segments[name], slice(None)) for name in static}
+    rests = {name: rows(table, still[name]) for name, table in segments.items()}
     longest = {}
     for name, r in rests.items():
         seconds = r["end_s"] - r["start_s"]

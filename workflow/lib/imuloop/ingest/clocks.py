@@ -20,7 +20,7 @@ MOST_FALLS = 10_000
 # largest stamp that is mended, and largest fall: their sums fit 64 bits
 _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
 
-# stamps come in bursts where the median step is less than this share of the mean step
+# stamps come in bursts where the median step is less than this share of the sensor's step
 _BURST = 0.5
 # no transfer holds samples back longer, s: a longer pause is of the sensor
 _LONGEST_PAUSE = 0.5
@@ -328,13 +328,13 @@ def line_step(counts, measured, rate=None):
     points = counts.points
     if counts.clock.resets or len(points.rows) < 10 * _PARTS:
         return None
-    mean = measured["duration_s"] / (measured["rows"] - 1)
-    if not measured["gaps"]["longer_than_s"] / GAP_STEPS < _BURST * mean:
-        return None
     rows, t = points.rows, points.t
     rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    # not of the mean step, which a single pause can make long
+    if not measured["gaps"]["longer_than_s"] / GAP_STEPS < _BURST * step:
+        return None
     parts = np.array_split(t - step * rows, _PARTS)
     levels = [np.median(part) for part in parts]
     scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.core.segments import DISTURBED, GAP, STATIC
+from imuloop.core.segments import DISTURBED, STATIC, runs
 from imuloop.noise.layout import Layout
 from imuloop.noise.periodogram import SPARSEST, is_sparse
 
@@ -53,8 +53,7 @@ class Record:
     slices : tuple of slice
         One a stretch.
     layouts : tuple of Layout
-        Where in time they lie, one layout a run: a gap longer than all that was recorded ends a
-        run. What lies between is not known to be time at all.
+        Where in time they lie, one a run (`imuloop.core.segments.runs`).
     jitter : float
         Spread of the sampling interval, share of its mean.
     """
@@ -103,11 +102,9 @@ def record_of(session, disturbed=False):
     """
     kind = np.asarray(session.segments["kind"])
     begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
-    seconds = ends - begins
-    jumps = begins[(kind == GAP) & (seconds > seconds[kind != GAP].sum())]
     used = np.flatnonzero((kind == STATIC) | (disturbed & (kind == DISTURBED)))
     used = used[np.argsort(begins[used], kind="stable")]
-    start, end = begins[used], ends[used]
+    start, end, run = begins[used], ends[used], runs(session.segments)[used]
     t = np.asarray(session.samples[TIME])
     first, last = np.searchsorted(t, start), np.searchsorted(t, end)
     broken = np.ones(len(used), dtype=bool)
@@ -118,13 +115,13 @@ def record_of(session, disturbed=False):
     if disturbed:
         # stretches that follow each other without a gap are one
         new = np.r_[True, start[1:] > end[:-1]]
-        first, last, level = first[new], last[np.r_[new[1:], True]], level[new]
+        first, last, level, run = first[new], last[np.r_[new[1:], True]], level[new], run[new]
     kept = last - first > 1
-    first, last, level = first[kept], last[kept], level[kept]
+    first, last, level, run = first[kept], last[kept], level[kept], run[kept]
     if not len(first):
         return None
     interval = (t[last - 1] - t[first]).sum() / (last - first - 1).sum()
-    rate, run = float(1 / interval), np.searchsorted(np.sort(jumps), t[first])
+    rate = float(1 / interval)
     layouts = [
         Layout(
             rate,
