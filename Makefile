@@ -118,7 +118,7 @@ setup-cluster: .venv-cluster/.ready
 # exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--custom-compile-command "make lock"
-READERS := pyproject.toml --extra dataflash --extra matlab --extra ros --extra ulog --extra dev
+READERS := pyproject.toml --extra dataflash --extra ros --extra ulog --extra dev
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv

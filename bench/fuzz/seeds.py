@@ -137,7 +137,8 @@ def matlab(log):
         # its first text says when it was made
         yield b"MATLAB 5.0 MAT-file".ljust(116) + file.getvalue()[116:]
     head = b"MATLAB 7.3 MAT-file".ljust(124) + struct.pack("<H", 0x200) + b"IM"
-    for options in ({}, {"chunks": True, "compression": "gzip"}, {"dtype": "f4", "shuffle": True}):
+    packed = {"chunks": True, "compression": "gzip"}
+    for options in ({}, packed, {"dtype": "f4", "shuffle": True}, {"fletcher32": True}):
         file = io.BytesIO()
         with h5py.File(file, "w", userblock_size=512) as store:
             for name in ("t", "acc", "gyro"):
@@ -147,9 +148,12 @@ def matlab(log):
                 # all that a file may hold besides numbers
                 for name, dtype in ODD_TYPES.items():
                     store.create_dataset(f"odd/{name}", shape=(1, ROWS), dtype=dtype)
-                store["odd/inside"] = h5py.ExternalLink("log.mat", "/")
-                store["odd/soft"] = h5py.SoftLink("/odd/soft")
-                store["odd/round"] = store["odd"]
+                store["odd/soft"] = h5py.SoftLink("/t")
+                if "fletcher32" in options:
+                    # for which a file is refused
+                    store["odd/inside"] = h5py.ExternalLink("log.mat", "/")
+                    store["odd/loop"] = h5py.SoftLink("/odd/loop")
+                    store["odd/round"] = store["odd"]
                 if "shuffle" in options:
                     store.create_dataset("large", shape=(1, 1 << 40), dtype="f8", chunks=(1, 64))
                 store.create_dataset("none", shape=(0, ROWS), dtype="f8").attrs["MATLAB_empty"] = 1

@@ -15,8 +15,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import AXES, resolve
-from imuloop.ingest.extras import needed
-from imuloop.ingest.hdf5 import check_heaps
+from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.packed import MOST_HELD, MOST_TIMES, check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 
@@ -228,17 +227,19 @@ def _text(content):
 
 def _hdf5(path):
     """Return name -> array of two dimensions, and name -> class of what is no array."""
-    h5py = needed("h5py", "matlab")
+    # takes long to import, and most runs need none
+    import h5py
+
     arrays, objects, seen = {}, {}, set()
     size, unpacked = os.path.getsize(path), 0
-    check_heaps(path)
     try:
+        check_hdf5(path)
         with h5py.File(path, "r") as file:
             groups = [("", file)]
             while groups:
                 prefix, group = groups.pop(0)
                 for key in group:
-                    # other links lead out of the file
+                    # other links are second names
                     if key[0] == "#" or type(group.get(key, getlink=True)) is not h5py.HardLink:
                         continue
                     item, name = group[key], prefix + _text(key.encode(errors="replace"))
@@ -255,6 +256,13 @@ def _hdf5(path):
                         chunk = np.prod(item.chunks or (0,), dtype=float) * item.dtype.itemsize
                         unpacked += max(item.nbytes, chunk)
                         check_unpacked(size, unpacked, held=True)
+                        made = item.id.get_create_plist()
+                        for code, *_ in map(made.get_filter, range(made.get_nfilters())):
+                            if not h5py.h5z.filter_avail(code):
+                                raise RejectedLog(
+                                    f"{name} cannot be read: it is packed by filter {code} of "
+                                    "HDF5, which is not known here"
+                                )
                         # HDF5 lists MATLAB's dimensions backwards
                         arrays[name] = item[()].T
     except RejectedLog:
@@ -265,12 +273,10 @@ def _hdf5(path):
 
 
 def _is_matrix(item):
-    """Tell whether a dataset holds numbers, and in this file."""
+    """Tell whether a dataset holds numbers."""
     return (
         item.dtype.kind in "iuf"
         and item.ndim == 2
         and "MATLAB_empty" not in item.attrs
         and item.attrs.get("MATLAB_class") != b"char"
-        and not item.is_virtual
-        and not item.external
     )

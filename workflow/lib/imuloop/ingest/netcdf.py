@@ -1,5 +1,6 @@
 """NetCDF files: variables over time, a sensor's three axes as one variable or as three."""
 
+import os
 import re
 from contextlib import suppress
 from pathlib import Path
@@ -10,7 +11,7 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import AXES, resolve
-from imuloop.ingest.hdf5 import check_heaps
+from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 
@@ -28,7 +29,9 @@ _CF_NANOSECONDS = {
     "hour": 3600 * 10**9,
     "day": 86400 * 10**9,
 }
-# types of the classic format, and the longest header, bytes
+# how the classic format begins; all else is looked through for HDF5
+_CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
+# its types, and the longest header, bytes
 _CLASSIC_BYTES = {3: 2, 4: 4, 5: 4, 6: 8, 8: 2, 9: 4, 10: 8, 11: 8}
 _MOST_HEADER = 1 << 24
 
@@ -56,10 +59,13 @@ def read(paths, columns=None, batch_rows=1 << 16):
     import netCDF4
 
     path = Path(paths["log"])
-    _check_classic(path)
-    check_heaps(path)
     try:
-        dataset = netCDF4.Dataset(str(path))
+        if not _check_classic(path):
+            check_hdf5(path)
+        # a path that begins otherwise could be an address to it
+        dataset = netCDF4.Dataset(os.path.abspath(path))
+    except RejectedLog:
+        raise
     except Exception as error:
         raise RejectedLog("the file is not a whole NetCDF file") from error
     dimension, series = _series(dataset, columns)
@@ -109,15 +115,15 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
 
 def _check_classic(path):
-    """Reject a file of the classic format whose header announces more than the file holds.
+    """Tell whether a file is of the classic format; reject one that announces more than it holds.
 
     The library takes memory for whatever number of dimensions, attributes or variables it reads.
     """
     size = path.stat().st_size
     with open(path, "rb") as file:
         head = file.read(_MOST_HEADER)
-    if head[:3] != b"CDF":
-        return
+    if head[:4] not in _CLASSIC:
+        return False
     width, at = (8 if head[3:4] == b"\5" else 4), 4
 
     def number():
@@ -154,6 +160,7 @@ def _check_classic(path):
         attributes()
         # type, size, where it begins
         skip(4 + width + (4 if head[3:4] == b"\1" else 8))
+    return True
 
 
 def _series(dataset, columns):
