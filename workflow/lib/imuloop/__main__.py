@@ -1,7 +1,6 @@
 """The command line: ``python -m imuloop COMMAND``, and ``imuloop COMMAND`` where installed."""
 
 import argparse
-import json
 import os
 import sys
 
@@ -28,8 +27,9 @@ def main(argv=None):
         # whoever reads the lines has enough of them
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ImuloopError, OSError, json.JSONDecodeError) as error:
-        print(f"imuloop: {one_line(error)}", file=sys.stderr)
+    except (ImuloopError, OSError) as error:
+        told = f"{error.filename}: {error.strerror}" if getattr(error, "filename", 0) else error
+        print(f"imuloop: {one_line(told)}", file=sys.stderr)
         return 1
 
 

@@ -8,6 +8,7 @@ from imuloop.calibrate import accelerometer, gyroscope, six_position
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.recording import Recording, record
+from imuloop.core.calibration_faults import sensor_fault
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
@@ -196,7 +197,7 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
         return SensorCalibration.nominal(unit, reason)
     means = poses.mean_covariance(noise)[:3]
     fit, _ = accelerometer.fit_accelerometer(Recording(poses), means, gravity)
-    return in_raw_units(
+    made = in_raw_units(
         unit,
         accelerometer.NAMES,
         fit.x,
@@ -204,6 +205,9 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
         method="multi_position",
         reduced_chi2=fit.reduced_chi2,
     )
+    if fault := sensor_fault(made, "accelerometer"):
+        return SensorCalibration.nominal(unit, f"the fit gives what no sensor has: {fault}")
+    return made
 
 
 def calibrate_gyroscope(recording, noise, force, unit, settings):
@@ -245,7 +249,7 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
     if held is not None:
         # the bias was not fitted: its error is that of the first rest's mean
         covariance[9:12, 9:12] = np.diag(poses.mean_covariance(noise)[3:, 0, 0])
-    return in_raw_units(
+    made = in_raw_units(
         unit,
         gyroscope.NAMES,
         fit.x,
@@ -253,6 +257,11 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
         method="multi_position",
         reduced_chi2=fit.reduced_chi2,
     )
+    if fault := sensor_fault(made, "gyroscope"):
+        return rest_bias(
+            poses, noise, unit, f"the fit gives what no sensor has: {fault}; bias only"
+        )
+    return made
 
 
 def rest_bias(poses, noise, unit, reason):
@@ -307,10 +316,10 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
     fit = six_position.fit_six_position(
         poses.f[known], faces[known], gravity, means[:, known].mean()
     )
-    return (
-        in_raw_units(units[0], accelerometer.NAMES, fit.x, fit.covariance, method="six_position"),
-        rest,
-    )
+    made = in_raw_units(units[0], accelerometer.NAMES, fit.x, fit.covariance, method="six_position")
+    if fault := sensor_fault(made, "accelerometer"):
+        made = SensorCalibration.nominal(units[0], f"the fit gives what no sensor has: {fault}")
+    return made, rest
 
 
 def best(*candidates):

@@ -1,6 +1,5 @@
 """``imuloop info``: what a file is, in a few lines with units."""
 
-import json
 import tempfile
 from pathlib import Path
 
@@ -67,10 +66,7 @@ def result_lines(path):
     ImuloopError
         If it is none of the project's.
     """
-    try:
-        content = read_json(path)
-    except json.JSONDecodeError as error:
-        raise ImuloopError(f"{path}: no JSON: {error}") from error
+    content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else ()
     try:
         if {"accelerometer", "gyroscope"} <= keys:
@@ -81,7 +77,7 @@ def result_lines(path):
             return diagnosis_lines(content)
         if {"status", "rows"} <= keys:
             return quality_lines(content)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ImuloopError(f"{path}: not a result of this version: {error!r}") from error
     raise ImuloopError(f"{path}: no result of imuloop: {', '.join(map(str, keys)) or 'no keys'}")
 
@@ -199,8 +195,10 @@ def quality_lines(content):
     if gaps["count"]:
         faults[0] += f" ({duration(gaps['total_s'])})"
     lines.append(f"faults: {', '.join(faults) or 'none'}")
-    for axis, (low, high) in (content.get("range") or {}).items():
-        lines.append(f"  {axis}  {low:.6g} to {high:.6g}")
+    for axis, span in (content.get("range") or {}).items():
+        # a rejected log has none
+        if span:
+            lines.append(f"  {axis}  {span[0]:.6g} to {span[1]:.6g}")
     warm = content.get("temperature_range")
     if warm:
         lines.append(f"  temperature  {warm[0]:.4g} to {warm[1]:.4g} degC")

@@ -1,5 +1,7 @@
 """Lines for a terminal: words and numbers that can be searched and copied."""
 
+from imuloop.core.errors import printable
+
 # signs of the report that a keyboard does not have
 _PLAIN = str.maketrans({"\u202f": " ", "−": "-"})
 
@@ -7,7 +9,7 @@ _PLAIN = str.maketrans({"\u202f": " ", "−": "-"})
 def say(*lines):
     """Print lines, with plain spaces and minus signs."""
     for line in lines:
-        print(str(line).translate(_PLAIN).rstrip())
+        print(printable(str(line).translate(_PLAIN)).rstrip())
 
 
 def aligned(rows, indent=2):

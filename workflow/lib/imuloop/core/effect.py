@@ -1,7 +1,7 @@
 """An effect: what the base model of bias, scale factor and misalignment lacks."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import ClassVar
 
 import numpy as np
@@ -106,6 +106,8 @@ class Effect:
         Whether it depends on the time since the start of the log, or on what was before.
     reach : float
         How far about a point the effect looks, s; what it remembers besides is in `Channels.past`.
+    bounds : dict of str to (float, float)
+        Least and largest value of a constant, where not any number will do.
     """
 
     name: ClassVar[str]
@@ -119,6 +121,7 @@ class Effect:
     limit: ClassVar[float] = np.inf
     timed: ClassVar[bool] = False
     reach: ClassVar[float] = 0.0
+    bounds: ClassVar[dict[str, tuple[float, float]]] = {}
 
     library: ClassVar[dict[str, type]] = {}
 
@@ -224,9 +227,27 @@ class FittedEffect:
         name = content["name"]
         try:
             effect = find_effect(name)(**content.get("constants", {}))
+            _check_constants(effect)
         except (TypeError, ValueError) as error:
             raise ImuloopError(f"effect {name}: its constants do not fit: {error}") from error
         if set(content["parameters"]) != set(effect.parameters):
             raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
         values = {key: float(content["parameters"][key]) for key in effect.parameters}
-        return cls(effect, values, dict(content.get("std", {})))
+        std = dict(content.get("std", {}))
+        if not set(std) <= set(values):
+            raise ImuloopError(f"effect {name}: std of what is no parameter of it")
+        if not np.isfinite([*values.values(), *std.values()]).all():
+            raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
+        return cls(effect, values, std)
+
+
+def _check_constants(effect):
+    """Raise ValueError for a constant of another type than its default, or out of its bounds."""
+    for each in fields(effect):
+        value = getattr(effect, each.name)
+        kinds = {float: (int, float)}.get(type(each.default), type(each.default))
+        if isinstance(value, bool) or not isinstance(value, kinds):
+            raise TypeError(f"{each.name} is {value!r}")
+        low, high = effect.bounds.get(each.name, (-np.inf, np.inf))
+        if isinstance(value, (int, float)) and not (low <= value <= high and abs(value) < np.inf):
+            raise ValueError(f"{each.name} is {value:g}, not from {low:g} to {high:g}")

@@ -19,9 +19,14 @@ class RejectedLog(ImuloopError):
     """What is wrong lies in the data: the session is rejected, the run goes on."""
 
 
+def printable(text):
+    """Return `text` without what a terminal would obey, its lines kept: it can come from a log."""
+    return "".join(c if c.isprintable() or c == "\n" else "?" for c in str(text))
+
+
 def one_line(text):
     """Return `text` on one line, without what a terminal would obey: it can come from a log."""
-    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+    return printable(" ".join(str(text).split()))
 
 
 def did_you_mean(name, known, cutoff=0.6):

@@ -91,6 +91,49 @@ def write_json(path, content):
         temporary.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
 
 
-def read_json(path):
-    """Return the content of a JSON file."""
-    return json.loads(Path(path).read_text())
+def read_json(path, most=None):
+    """Return the content of a JSON file.
+
+    Parameters
+    ----------
+    path : path-like
+        File to read.
+    most : int, optional
+        Largest size, bytes.
+
+    Raises
+    ------
+    ImuloopError
+        If it is no regular file, is larger, or is no JSON: no UTF-8, nested too deep, with a key
+        given twice or NaN.
+    FileNotFoundError
+        If it is not there.
+    """
+    path = Path(path)
+    size = path.stat().st_size
+    # a pipe would be waited for, a device read for ever
+    if not path.is_file():
+        raise ImuloopError(f"{path}: not a regular file")
+    if most and size > most:
+        raise ImuloopError(f"{path}: {size} bytes, more than the {most} of any such file")
+    try:
+        return json.loads(
+            path.read_text(encoding="utf-8"), object_pairs_hook=_object, parse_constant=_constant
+        )
+    except RecursionError as error:
+        raise ImuloopError(f"{path}: no JSON: nested too deep") from error
+    except ValueError as error:
+        raise ImuloopError(f"{path}: no JSON: {error}") from error
+
+
+def _object(pairs):
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"the key '{twice}' is given twice")
+    return content
+
+
+def _constant(name):
+    raise ValueError(f"{name} is no number")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.core.calibration_faults import MOST_BYTES, content_fault, sensor_fault
 from imuloop.core.effect import Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
@@ -117,7 +118,7 @@ class SensorCalibration:
             K=np.array(content["K"], dtype=float),
             b=np.array(content["b"], dtype=float),
             names=tuple(content["covariance"]["names"]),
-            covariance=np.array(content["covariance"]["matrix"], dtype=float),
+            covariance=_matrix(content["covariance"]["matrix"]),
             effects=tuple(FittedEffect.from_dict(effect) for effect in content["effects"]),
             method=content["method"],
             not_testable=content["not_testable"],
@@ -242,16 +243,40 @@ class Calibration:
             degC.
         pasts, step
             Of accelerometer and gyroscope, where the log comes in pieces: see `Channels`.
+
+        Raises
+        ------
+        ImuloopError
+            If a value is not finite, and all that were logged are.
         """
-        own, other = self.accelerometer.output(f), self.gyroscope.output(w)
-        f = self.accelerometer.apply(
-            f, Channels(t, own, other, temperature, past=pasts[0], step=step)
-        )
-        w = self.gyroscope.apply(w, Channels(t, other, f, temperature, past=pasts[1], step=step))
+        known = all(np.isfinite(values).all() for values in (f, w, t))
+        # what overflows is told below
+        with np.errstate(over="ignore", invalid="ignore"):
+            own, other = self.accelerometer.output(f), self.gyroscope.output(w)
+            f = self.accelerometer.apply(
+                f, Channels(t, own, other, temperature, past=pasts[0], step=step)
+            )
+            w = self.gyroscope.apply(
+                w, Channels(t, other, f, temperature, past=pasts[1], step=step)
+            )
+        for sensor, values in (("accelerometer", f), ("gyroscope", w)):
+            wrong = ~np.isfinite(values).all(axis=1)
+            if known and wrong.any():
+                raise ImuloopError(
+                    f"the {sensor}'s calibration makes values that are not finite of finite ones, "
+                    f"first at t = {t[np.argmax(wrong)]:.6g} s"
+                )
         return f, w
 
     def to_json(self, path, failed=None):
-        """Write the calibration as JSON; `failed` is what went wrong where it is none."""
+        """Write the calibration as JSON; `failed` is what went wrong where it is none.
+
+        Raises
+        ------
+        ImuloopError
+            If it is none that can be: see `imuloop.core.calibration_faults`.
+        """
+        self._refuse(path)
         content = {
             "format": FORMAT,
             "device": self.device,
@@ -268,23 +293,38 @@ class Calibration:
         Raises
         ------
         ImuloopError
-            If the file is of another format version, or no calibration.
+            If the file is of another format version, or no calibration: not as its schema has
+            it, or none that can be (see `imuloop.core.calibration_faults`).
         """
-        try:
-            content = read_json(path)
-        except ValueError as error:
-            raise ImuloopError(f"{path}: no JSON: {error}") from error
+        content = read_json(path, MOST_BYTES)
         found = content.get("format") if isinstance(content, dict) else None
         if found != FORMAT:
-            raise ImuloopError(f"{path}: format {found}, this version reads format {FORMAT}")
+            raise ImuloopError(
+                f"{path}: format {str(found)[:40]}, this version reads format {FORMAT}"
+            )
+        if fault := content_fault(content):
+            raise ImuloopError(f"{path}: {fault}")
         try:
-            return cls(
+            calibration = cls(
                 content["device"],
                 content["gravity"],
                 SensorCalibration.from_dict(content["accelerometer"]),
                 SensorCalibration.from_dict(content["gyroscope"]),
             )
-        except (KeyError, TypeError, ValueError) as error:
-            raise ImuloopError(f"{path}: not a calibration: {error!r}") from error
         except ImuloopError as error:
             raise ImuloopError(f"{path}: {error}") from error
+        calibration._refuse(path)
+        return calibration
+
+    def _refuse(self, path):
+        """Raise an error that names a file for a calibration that cannot be."""
+        for sensor in ("accelerometer", "gyroscope"):
+            if fault := sensor_fault(getattr(self, sensor), sensor):
+                raise ImuloopError(f"{path}: {sensor}: {fault}")
+
+
+def _matrix(rows):
+    """Return a square matrix of a JSON list, empty ones too."""
+    if any(len(row) != len(rows) for row in rows):
+        raise ImuloopError("covariance: the matrix is not square")
+    return np.array(rows, dtype=float).reshape(len(rows), len(rows))

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.stats import chi2, norm
 
 from imuloop.core.errors import ImuloopError
@@ -191,11 +191,19 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
             (("accelerometer", ACCELERATION), ("gyroscope", ANGULAR_RATE))
         )
     }
-    found = {
-        "accelerometer": _test(force, allowed["accelerometer"], poses, noise, ACCELERATION, level)
-    }
-    turn = gyroscope_problem(calibration, recording, noise, force, found["accelerometer"][1])
-    found["gyroscope"] = _test(turn, allowed["gyroscope"], poses, noise, ANGULAR_RATE, level)
+    found = {}
+    try:
+        found["accelerometer"] = _test(
+            force, allowed["accelerometer"], poses, noise, ACCELERATION, level
+        )
+        turn = gyroscope_problem(calibration, recording, noise, force, found["accelerometer"][1])
+        found["gyroscope"] = _test(turn, allowed["gyroscope"], poses, noise, ANGULAR_RATE, level)
+    except LinAlgError as error:
+        name = "gyroscope" if found else "accelerometer"
+        raise ImuloopError(
+            f"nothing can be tested: the calibration of the {name} is so far from the log, or its "
+            "errors are so large, that rounding leaves nothing of the noise"
+        ) from error
     sensors = _judged({name: result for name, (result, _) in found.items()}, level)
     if all(sensor.drifted is None for sensor in sensors.values()):
         why = "; ".join(f"{name}: {sensor.why}" for name, sensor in sensors.items())

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
-from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_degrees
+from imuloop.diagnose.effects.thermometer import CELSIUS, ROOM, span, temperature, whole_degrees
 
 # K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
 # c2/c1 = 1/50 per K, the median of twelve axes in two recordings (docs/effects.md)
@@ -36,6 +36,7 @@ class BiasTemperature(Effect):
     sensors = ("accelerometer", "gyroscope")
     equation = "e_i = Σ_k c_ki (θ - θ0)^k"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
+    bounds: ClassVar = {"order": (1, 3), "reference_temperature": CELSIUS}
     needs: ClassVar = ("temperature",)
 
     @property

@@ -51,6 +51,7 @@ class BiasTemperatureRate(Effect):
     parameters: ClassVar = per_axis({"r": "output per K/s"})
     equation = "e_i = r_i (θ - θ_lag)/τ"
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
+    bounds: ClassVar = {"tau": (1e-3, 1e7)}
     timed = True
     needs = ("temperature",)
 

@@ -40,6 +40,7 @@ class Reorientation(Effect):
     parameters: ClassVar = per_axis({"k": "1"})
     equation = "e_i = k_i (y_i,lag - y_i)"
     reference = "Zhou et al., Materials 10 (2017) 1077, viscoelastic die attach"
+    bounds: ClassVar = {"tau": (1e-3, 1e7)}
     timed = True
     records = ("poses",)
 

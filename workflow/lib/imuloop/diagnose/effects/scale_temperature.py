@@ -5,7 +5,13 @@ from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.diagnose.effects.axes import on_each_axis, per_axis
-from imuloop.diagnose.effects.thermometer import ROOM, span, temperature, whole_degrees
+from imuloop.diagnose.effects.thermometer import (
+    CELSIUS,
+    ROOM,
+    span,
+    temperature,
+    whole_degrees,
+)
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,7 @@ class ScaleTemperature(Effect):
     parameters: ClassVar = per_axis({"sT": "1 per K"})
     equation = "e_i = sT_i (θ - θ0) y_i"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
+    bounds: ClassVar = {"reference_temperature": CELSIUS}
     needs = ("temperature",)
     # ten times what data sheets of MEMS sensors state, some 300 ppm/K
     limit = 3e-3

@@ -43,6 +43,7 @@ class ThermalHysteresis(Effect):
     parameters: ClassVar = per_axis({"h": "output"})
     equation = "e_i = h_i (θ - play_w θ)/w"
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
+    bounds: ClassVar = {"half_width": (1e-3, 1e3)}
     needs = ("temperature",)
 
     @classmethod

@@ -7,6 +7,8 @@ from imuloop.core.memory import filled
 
 # degC, at which data sheets give bias and scale factor
 ROOM = 25.0
+# degC, between which a reference can lie
+CELSIUS = (-273.15, 1000.0)
 
 
 def temperature(channels):

@@ -46,6 +46,7 @@ class WarmUp(Effect):
     parameters: ClassVar = per_axis({"A": "output"})
     equation = "e_i = A_i exp(-t/τ)"
     reference = "IEEE Std 528-2001, warm-up time"
+    bounds: ClassVar = {"tau": (1e-3, 1e7)}
     timed = True
 
     @classmethod
