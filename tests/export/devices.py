@@ -39,14 +39,16 @@ def _axis(name):
 def _accelerometer():
     T = np.array([[1, 2e-3, -4e-3], [0, 1, 1.5e-3], [0, 0, 1]])
     scale = 0.0024 * np.array([1.01, 0.985, 1.003])
-    return SensorCalibration(COUNT, T, scale, 32768 + np.array([41.3, -12.7, 88.1]), method="multi")
+    return SensorCalibration(
+        COUNT, T, scale, 32768 + np.array([41.3, -12.7, 88.1]), method="multi_position"
+    )
 
 
 def _gyroscope(*effects):
     T = np.array([[1, 3e-3, -1e-3], [-6e-3, 1, 2.5e-3], [7e-3, -2e-3, 1]])
     K = DEGREE * np.array([1.02, 0.99, 1.004])
     return SensorCalibration(
-        DEGREES, T, K, np.array([0.31, -1.2, 0.07]), effects=effects, method="multi"
+        DEGREES, T, K, np.array([0.31, -1.2, 0.07]), effects=effects, method="multi_position"
     )
 
 
