@@ -266,3 +266,114 @@ def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
     made = Calibration.from_json(kept / "calibration.json")
     np.testing.assert_allclose(made.accelerometer.K, example_truth().accelerometer.K, atol=2e-3)
     assert {"noise.json", "diagnosis.json", "exports"} <= {path.name for path in kept.iterdir()}
+
+
+def under_another_name(path, way):
+    """Return another name of a file."""
+    other = path.with_name(f"other{path.suffix}")
+    if way == "link":
+        other.symlink_to(path)
+    elif way == "hard link":
+        other.hardlink_to(path)
+    elif way == "relative":
+        other = path.parent / "." / ".." / path.parent.name / path.name
+    else:
+        return path
+    return other
+
+
+WAYS = pytest.mark.parametrize("way", ["same", "link", "hard link", "relative"])
+
+
+@pytest.fixture
+def log(device, tmp_path):
+    """A raw log and its calibration in a folder of their own."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("1.csv", "calibration.json", "noise.json"):
+        (folder / name).write_bytes((device / name).read_bytes())
+    return folder / "1.csv"
+
+
+def refused(arguments, folder, capsys):
+    """Return the line with which a command that would destroy an input ends; all is as before."""
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    message = one_line_error(arguments, capsys)
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+    assert "is read" in message
+    return message
+
+
+@WAYS
+def test_apply_never_writes_onto_its_log(log, capsys, way):
+    command = ["apply", log.with_name("calibration.json"), log, "-o"]
+    refused([*command, under_another_name(log, way)], log.parent, capsys)
+
+
+@WAYS
+def test_apply_never_writes_onto_the_calibration(log, capsys, way):
+    made = log.with_name("made.csv")
+    log.with_name("calibration.json").rename(made)
+    refused(["apply", made, log, "-o", under_another_name(made, way)], log.parent, capsys)
+
+
+def test_apply_never_writes_into_the_folder_that_it_reads(log, capsys):
+    folder = log.parent / "imu0"
+    folder.mkdir()
+    log.rename(folder / "data.csv")
+    command = ["apply", log.with_name("calibration.json"), folder, "--format", "euroc", "-o"]
+    refused([*command, folder / "data.csv"], log.parent, capsys)
+
+
+@WAYS
+@pytest.mark.parametrize("name", ["1.csv", "calibration.json", "noise.json"])
+def test_check_never_writes_onto_what_it_reads(log, capsys, name, way):
+    command = ["check", log.with_name("calibration.json"), log, "--json"]
+    refused([*command, under_another_name(log.with_name(name), way)], log.parent, capsys)
+
+
+@WAYS
+def test_report_never_writes_onto_its_log(log, capsys, way):
+    refused(["report", log, "-o", under_another_name(log, way)], log.parent, capsys)
+
+
+def test_report_never_writes_its_tracebacks_onto_its_log(log, capsys):
+    log = log.rename(log.with_name("a.log"))
+    refused(["report", log, "-o", log.with_name("a")], log.parent, capsys)
+
+
+@pytest.mark.parametrize("place", ["", "figures", "exports", "multi_position_1"])
+@pytest.mark.parametrize("way", ["same", "link", "hard link", "linked folder"])
+def test_report_keeps_nothing_where_its_log_lies(log, tmp_path, capsys, place, way):
+    keep = tmp_path / "keep"
+    inside = keep / place / "comparison.csv"
+    if way == "linked folder":
+        keep.mkdir()
+        (keep / (place or "more")).symlink_to(log.parent)
+    else:
+        inside.parent.mkdir(parents=True)
+        if way == "same":
+            log = log.rename(inside)
+        else:
+            (inside.symlink_to if way == "link" else inside.hardlink_to)(log)
+    refused(["report", log, "-o", tmp_path / "r.html", "--keep", keep], tmp_path, capsys)
+
+
+@pytest.mark.parametrize("name", ["figures", "exports"])
+def test_report_empties_no_folder_of_others(log, tmp_path, capsys, name):
+    other = tmp_path / "keep" / name / "mine.csv"
+    other.parent.mkdir(parents=True)
+    other.write_text("mine")
+    command = ["report", log, "-o", tmp_path / "r.html", "--keep", tmp_path / "keep"]
+    assert f"{name} would be emptied" in one_line_error(command, capsys)
+    assert other.read_text() == "mine"
+
+
+def test_what_a_terminal_would_obey_is_not_printed(log, tmp_path, capsys):
+    hostile = tmp_path / "a\x1b[31m\r\x07.csv"
+    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
+    hostile.write_text(f"t,ax,ay,az,gx,gy,\x1b[31mgz\n{rows}\n")
+    columns = "angular_rate=gx,gy,\x1b[31mgz"
+    assert main(["info", str(hostile), "--columns", columns]) == 0
+    out = capsys.readouterr().out
+    assert "a?[31m" in out and all(line.isprintable() for line in out.splitlines())

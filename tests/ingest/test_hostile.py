@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from imuloop.config import source_path
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, one_line
 from imuloop.core.files import read_json, replaced, write_json
 from imuloop.ingest import ingest as stage
+from imuloop.ingest.sources import fetch
 
 # more than the libraries and a block of a log take, far less than the files below, MB
 MEMORY = 120
@@ -174,6 +175,30 @@ def test_names_in_a_header_that_a_terminal_would_obey(run, tmp_path, monkeypatch
     sys.excepthook(raised.type, raised.value, None)
     line = capsys.readouterr().err
     assert line.count("\n") == 1 and line[:-1].isprintable() and "?[31max" in line
+    log = (tmp_path / "job.log").read_text()
+    assert "Traceback" in log and "?[31max" in log
+    assert all(line.isprintable() for line in log.split("\n"))
+
+
+@pytest.mark.parametrize("name", ["../\x1b[31ma\r.csv", "\x1b]0;a\x07.zip", "a\x9b31m.csv"])
+def test_members_of_a_zip_that_a_terminal_would_obey(run, tmp_path, name):
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        archive.writestr(name, "t\n")
+    rejected(run(tmp_path / "log.zip"))
+
+
+def test_members_of_a_wheel_that_a_terminal_would_obey(tmp_path, monkeypatch, capsys):
+    def download(command, **_):
+        with zipfile.ZipFile(Path(command[-2], "a-1-py3-none-any.whl"), "w") as archive:
+            archive.writestr("lo\x1b[31mg.csv\n\x07", "t\n")
+        return subprocess.CompletedProcess(command, 0, stderr="")
+
+    monkeypatch.setattr(subprocess, "run", download)
+    source = {"wheel": "a==1", "member": "lo\x1b[31mg.csv", "sha256": "0" * 64}
+    with pytest.raises(ImuloopError) as raised:
+        fetch(source, tmp_path / "log.csv")
+    line = one_line(raised.value)
+    assert line.isprintable() and "did you mean 'lo?[31mg.csv" in line
 
 
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])

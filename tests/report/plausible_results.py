@@ -244,7 +244,7 @@ def _device(folder, device, sessions, rng):
     if device == "board":
         gain = {f"G{i}{j}": 1e-4 * rng.normal() for i in range(3) for j in range(3)}
         effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 2e-6))
-        faces = _fitted(UNIT_A, full + base, method="six_position", seed=3)
+        faces = _fitted(UNIT_A, upper + base, method="six_position", seed=3)
         six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, bias, method="static"))
         force = _fitted(UNIT_A, upper + base, seed=1)
         turn = _fitted(UNIT_G, full + base, seed=2)

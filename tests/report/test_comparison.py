@@ -15,6 +15,7 @@ from imuloop.report.comparison import (
     rate_cell,
     verdict_parts,
     verdict_rank,
+    write_comparison,
 )
 from imuloop.report.comparison_plot import (
     DASHES,
@@ -23,7 +24,7 @@ from imuloop.report.comparison_plot import (
     line_style,
 )
 from imuloop.report.summary import PAIRS
-from imuloop.report.svg import PALETTE
+from imuloop.report.svg import PALETTE, write_csv
 
 
 def _summary(label="A", **figures):
@@ -150,3 +151,24 @@ def test_every_parameter_has_a_picture_with_all_devices_that_have_it(summaries):
 def test_twenty_one_devices_have_lines_of_their_own():
     looks = {line_style(i) for i in range(len(PALETTE) * len(DASHES))}
     assert len(looks) == 21 and np.ptp([c for c, _ in looks]) == 6
+
+
+def test_a_label_that_a_spreadsheet_would_run(summaries, tmp_path):
+    hostile = [{**each, "label": '=HYPERLINK("a";1)'} for each in summaries.values()]
+    write_comparison(tmp_path / "comparison.csv", hostile)
+    below = []
+    with open(tmp_path / "comparison.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            assert row.pop("label") == '\'=HYPERLINK("a";1)'
+            assert not any(cell.startswith(("'", "=", "@", "+")) for cell in row.values())
+            below += [cell for cell in row.values() if cell.startswith("-")]
+    # numbers stay numbers, those below zero too
+    assert below and all(float(cell) < 0 for cell in below)
+
+
+def test_a_picture_s_numbers_with_a_text_that_a_spreadsheet_would_run(tmp_path):
+    columns = {"session": ["-poses", "rest"], "x": [-1.0, 2.0]}
+    assert write_csv(tmp_path, "a", columns).endswith("a.csv")
+    text = (tmp_path / "a.csv").read_text()
+    assert text == '"session","x"\n"\'-poses",-1\n"rest",2\n'
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

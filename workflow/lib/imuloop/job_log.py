@@ -6,8 +6,18 @@ import logging
 import sys
 import time
 
-from imuloop.core.errors import one_line
+from imuloop.core.errors import one_line, printable
 from imuloop.without_pandas import hide_pandas
+
+FORMAT = "%(asctime)s %(levelname)s %(message)s"
+
+
+class Printable(logging.Formatter):
+    """Lines, tracebacks too, without what a terminal would obey that shows the log."""
+
+    def format(self, record):
+        """Return the text of a record."""
+        return printable(super().format(record))
 
 
 def open_log(path, job):
@@ -29,9 +39,10 @@ def open_log(path, job):
         filename=path,
         filemode="w",
         level=logging.INFO,
-        format="%(asctime)s %(levelname)s %(message)s",
         force=True,
     )
+    for handler in logging.getLogger().handlers:
+        handler.setFormatter(Printable(FORMAT))
     logging.captureWarnings(True)
 
     def fail(kind, error, traceback):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from imuloop import Calibration
 from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
+from imuloop.core.files import refuse_overwriting
 
 EXAMPLE = """example:
   imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
@@ -28,6 +29,8 @@ def add(commands, **how):
 def run(arguments):
     """Write the calibrated samples of a log."""
     calibration, output = Calibration.from_json(arguments.calibration), arguments.output
+    beside = arguments.log.with_name("quality.json")
+    refuse_overwriting([output], [arguments.calibration, arguments.log, beside])
     output.parent.mkdir(parents=True, exist_ok=True)
     # beside the output, where there is room for something as large
     with tempfile.TemporaryDirectory(dir=output.parent, prefix=".imuloop-") as folder:

@@ -12,7 +12,7 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import write_json
+from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
 from imuloop.noise.records import Session
@@ -87,6 +87,10 @@ def run(arguments):
     from imuloop.diagnose.drift import check_drift
 
     calibration, log = Calibration.from_json(arguments.calibration), arguments.log
+    if arguments.json:
+        noise = arguments.noise or arguments.calibration.with_name("noise.json")
+        read = [arguments.calibration, log, noise, log.with_name("quality.json")]
+        refuse_overwriting([arguments.json], read)
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
         refuse_rejected(log, quality)

@@ -14,9 +14,10 @@ from imuloop.chain import Device
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, declared, is_samples
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json
+from imuloop.core.files import read_json, refuse_overwriting
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.job_log import Printable
 from imuloop.report.provenance import provenance
 
 KINDS = ("multi_position", "six_position", "static")
@@ -78,11 +79,24 @@ def run(arguments):
     for _, path in arguments.logs:
         if not path.exists():
             raise ImuloopError(f"{path}: there is no such file")
-    if arguments.keep:
-        make(arguments, arguments.keep)
+    keep, logs = arguments.keep, [path for _, path in arguments.logs]
+    refuse_overwriting([arguments.output, log_of(arguments), *([keep] if keep else [])], logs)
+    if keep:
+        for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
+            if (keep / name).exists() and not (keep / mark).exists():
+                raise ImuloopError(
+                    f"--keep {keep}: {keep / name} would be emptied, and is not of an earlier "
+                    "report: give another folder"
+                )
+        make(arguments, keep)
         return
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         make(arguments, Path(folder))
+
+
+def log_of(arguments):
+    """Return where tracebacks go."""
+    return arguments.output.with_name(f"{arguments.output.name}.log")
 
 
 def make(arguments, folder):
@@ -101,10 +115,11 @@ def make(arguments, folder):
         name = f"{kind}_{sum(k == kind for k in kinds.values()) + 1}"
         paths[name], kinds[name] = path, kind
     what, nominal = declared(arguments)
-    log = arguments.output.with_name(f"{arguments.output.name}.log")
+    log = log_of(arguments)
     # made only where there is a traceback to keep
     handler = logging.FileHandler(log, mode="w", delay=True)
     handler.setLevel(logging.ERROR)
+    handler.setFormatter(Printable())
     logging.getLogger().addHandler(handler)
     device = Device(
         "device",

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuloop.core.errors import MachineFault
+from imuloop.core.errors import ImuloopError, MachineFault
 
 _PARTIAL = ".partial"
 # no room on the disk, in the quota, in the limit of the process
@@ -68,6 +68,49 @@ def _remove_left_behind(path):
         with suppress(OSError), open(each, "rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             each.unlink()
+
+
+def refuse_overwriting(targets, sources):
+    """Refuse to write where something lies that is read, by whatever name: links, other case.
+
+    Parameters
+    ----------
+    targets : iterable of path-like
+        Files to write, or folders to write below.
+    sources : iterable of path-like
+        Files to read, or folders to read from.
+
+    Raises
+    ------
+    ImuloopError
+        If one is the other; it names both.
+    """
+    read = {which: each for source in sources for each, which in _files_at(source)}
+    for target in targets:
+        for each, which in _files_at(target):
+            if which in read:
+                raise ImuloopError(
+                    f"{target}: writing there would destroy {read[which]}, which is read: "
+                    "give another name"
+                    + (f" ({each} is the same file)" if str(each) != str(target) else "")
+                )
+
+
+def _files_at(path):
+    """Yield each file at a path, of a folder all below, with what tells files apart."""
+    found, seen = [Path(path)], set()
+    while found:
+        each = found.pop()
+        # what is not there, or may not be looked into, cannot be read either
+        with suppress(OSError):
+            state = each.stat()
+            which = state.st_dev, state.st_ino
+            if each.is_dir() and which not in seen:
+                # a link may lead back up
+                seen.add(which)
+                found += each.iterdir()
+            elif not each.is_dir():
+                yield each, which
 
 
 def plain(value):

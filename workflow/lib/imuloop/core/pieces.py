@@ -4,6 +4,8 @@ Effects that remember go on from piece to piece (`Channels.past`). What is known
 log is found in passes before: the next temperature after a gap, the median step of time.
 """
 
+import csv
+import io
 import json
 from contextlib import contextmanager
 from itertools import chain, pairwise
@@ -14,6 +16,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from imuloop.core.cells import text_cell, text_cells
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import replaced
 from imuloop.core.rows import ROWS, Rows, median_step
@@ -178,11 +181,14 @@ def _writer(path, ending, metadata):
 
     def write(table):
         if ending == ".csv":
+            options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
             if not opened:
                 opened.append(open(path, "wb"))
-                opened[0].write(f"{','.join(table.column_names)}\n".encode())
-            options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
-            pa.csv.write_csv(_without_nan(table), opened[0], options)
+                header = io.StringIO()
+                names = [text_cell(name) for name in table.column_names]
+                csv.writer(header, lineterminator="\n").writerow(names)
+                opened[0].write(header.getvalue().encode())
+            pa.csv.write_csv(text_cells(_without_nan(table)), opened[0], options)
         else:
             table = table.replace_schema_metadata({METADATA_KEY: metadata})
             if not opened:

@@ -3,6 +3,8 @@
 import csv
 from dataclasses import dataclass
 
+from imuloop.core.cells import text_cell
+from imuloop.core.errors import one_line
 from imuloop.report.answer import rank
 from imuloop.report.numbers import (
     DEGREE_PER_SECOND,
@@ -194,6 +196,7 @@ def _row(summary):
         f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]
     ]
     row["why"] = "; ".join(why)
+    row = {key: text_cell(one_line(text)) for key, text in row.items()}
     row["simulated"] = str(summary["simulated"]).lower()
     for sensor, units in FIGURE_UNITS.items():
         for part in PARTS:

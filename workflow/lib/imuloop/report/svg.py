@@ -8,6 +8,8 @@ import pyarrow as pa
 from markupsafe import Markup
 from pyarrow import csv
 
+from imuloop.core.cells import text_cells
+from imuloop.core.files import replaced
 from imuloop.report.axes import Axes
 from imuloop.report.paths import GRID, INK, PAGE, SHADE
 
@@ -149,7 +151,8 @@ def write_svg(folder, name, picture):
         text = text.replace(variable, colour)
     head = 'xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" style="background:#ffffff"'
     text = text.replace("<svg ", f"<svg {head} ", 1)
-    (folder / f"{name}.svg").write_text(text + "\n", encoding="utf-8", newline="\n")
+    with replaced(folder / f"{name}.svg") as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def write_csv(folder, name, columns):
@@ -165,5 +168,6 @@ def write_csv(folder, name, columns):
         A column each; what is None or not a number stays empty.
     """
     table = pa.table({k: pa.array(v, from_pandas=True) for k, v in columns.items()})
-    csv.write_csv(table, folder / f"{name}.csv", csv.WriteOptions(quoting_style="needed"))
+    with replaced(folder / f"{name}.csv") as temporary:
+        csv.write_csv(text_cells(table), temporary, csv.WriteOptions(quoting_style="needed"))
     return f"{folder.parent.name}/{folder.name}/{name}.csv"
