@@ -1,11 +1,13 @@
-"""The schema of the config describes every key, and has what the library has."""
+"""The schemas describe every key, and have what the library has."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
+import imuloop
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATURE, TIME
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -21,6 +23,9 @@ SETTINGS = {
 }
 
 
+SCHEMAS = Path(imuloop.__file__).parent / "schemas"
+
+
 @pytest.fixture
 def schema(repository):
     return yaml.safe_load((repository / "workflow/schemas/config.schema.yaml").read_text())
@@ -33,7 +38,11 @@ def walk(node):
             yield from walk(child)
 
 
-def test_schema_describes_every_key_and_gives_no_default(schema):
+@pytest.mark.parametrize("name", ["config", "calibration"])
+def test_schema_describes_every_key_and_gives_no_default(name):
+    """As the installed package has it."""
+    schema = yaml.safe_load((SCHEMAS / f"{name}.schema.yaml").read_text())
+    Draft202012Validator.check_schema(schema)
     definitions = schema["$defs"]
     for node in walk(schema):
         assert "default" not in node
@@ -71,3 +80,9 @@ def test_schema_has_the_units_and_formats_of_the_library(schema):
         "temperature": set(TEMPERATURE),
     }
     assert set(keys["format"]["enum"]) == set(FORMATS)
+
+
+def test_calibration_schema_has_the_units_of_the_library():
+    schema = yaml.safe_load((SCHEMAS / "calibration.schema.yaml").read_text())
+    units = schema["$defs"]["sensor"]["properties"]["raw_unit"]["enum"]
+    assert units == [*ACCELERATION, *ANGULAR_RATE, "count"]

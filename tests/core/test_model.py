@@ -109,3 +109,44 @@ def test_an_effect_that_does_not_fit_its_library_is_refused(change, message):
     content = {"name": "g_sensitivity", "parameters": {}} | change
     with pytest.raises(ImuloopError, match=message):
         FittedEffect.from_dict(content)
+
+
+def test_a_samples_file_is_not_written_onto_itself(tmp_path):
+    path = tmp_path / "samples.parquet"
+    log().to_parquet(path)
+    before = path.read_bytes()
+    made = Calibration("d", 9.8, SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "why"), sensor())
+    with pytest.raises(ImuloopError, match=r"samples\.parquet, which is read"):
+        made.apply_file(path, path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("way", ["apply", "apply_arrays"])
+def test_what_would_not_be_finite_is_told(way):
+    """The product is larger than any float; of what is not finite as logged nothing is asked."""
+    names = find_effect("g_sensitivity").parameters
+    effect = FittedEffect(find_effect("g_sensitivity")(), dict.fromkeys(names, 1e308), {})
+    nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
+    made, samples = Calibration("d", 9.81, nominal, sensor(effects=(effect,))), log()
+    f, w = samples[["ax", "ay", "az"]] * 100, samples[["gx", "gy", "gz"]]
+    samples[["ax", "ay", "az"]] = f
+    with pytest.raises(ImuloopError, match=r"gyroscope.* not finite .* t = 0 s"):
+        made.apply(samples) if way == "apply" else made.apply_arrays(f, w)
+    samples.loc[2, "gy"] = np.nan
+    same = Calibration("d", 9.81, nominal, sensor()).apply(samples)
+    assert same["gy"].isna().tolist() == [False, False, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"K": np.array([1.0, -1.0, 1.0])}, "accelerometer: K1 is -1"),
+        ({"b": np.array([np.nan, 0.0, 0.0])}, "accelerometer: b is not 3 finite numbers"),
+        ({"covariance": np.array([[np.nan]])}, "accelerometer: covariance: a variance"),
+    ],
+)
+def test_what_is_no_calibration_is_not_written(tmp_path, change, message):
+    force = replace(sensor(raw_unit=RawUnit("m/s^2", 1.0)), **change)
+    with pytest.raises(ImuloopError, match=message):
+        Calibration("d", 9.81, force, sensor()).to_json(tmp_path / "c.json")
+    assert not list(tmp_path.iterdir())

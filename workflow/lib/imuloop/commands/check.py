@@ -10,7 +10,12 @@ from imuloop import Calibration
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
+from imuloop.commands.raw_log import (
+    add_arguments,
+    local_gravity,
+    log_samples,
+    refuse_rejected,
+)
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
@@ -48,7 +53,10 @@ def add(commands, **how):
         "--noise", type=Path, help="noise.json; default: beside the calibration, else from the log"
     )
     command.add_argument(
-        "--gravity", type=float, metavar="M/S^2", help="where LOG was recorded; default: as before"
+        "--gravity",
+        type=local_gravity,
+        metavar="M/S^2",
+        help="where LOG was recorded; default: as before",
     )
     command.add_argument(
         "--turn-on",
@@ -68,7 +76,7 @@ def add(commands, **how):
 def two(text):
     """Return two numbers of an argument, none below zero."""
     values = tuple(float(value) for value in text.split(","))
-    if len(values) != 2 or min(values) < 0:
+    if len(values) != 2 or not all(0 <= value <= 1e3 for value in values):
         raise argparse.ArgumentTypeError(f"{text} is not ACCELERATION,ANGULAR_RATE")
     return values
 

@@ -27,9 +27,26 @@ def counts(text):
         scale, offset = map(float, f"{values},0".split(",")[:2])
     except ValueError:
         scale = 0.0
-    if quantity not in SENSORS or not scale:
+    # as in the config
+    if quantity not in SENSORS or not (1e-12 <= scale <= 1e5 and abs(offset) <= 1e12):
         raise argparse.ArgumentTypeError(f"{text} is not acceleration=SCALE,OFFSET (SI a count)")
     return quantity, {"scale": scale, "offset": offset}
+
+
+def between(low, high):
+    """Return what takes an argument that is a number in a range."""
+
+    def number(text):
+        value = float(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not from {low:g} to {high:g}")
+        return value
+
+    return number
+
+
+# of any body that a device rests on, m/s^2
+local_gravity = between(0.1, 100)
 
 
 def add_arguments(command):
@@ -56,7 +73,9 @@ def add_arguments(command):
         metavar="QUANTITY=SCALE,OFFSET",
         help="SI units a count and count of zero, for acceleration and angular_rate",
     )
-    group.add_argument("--rate", type=float, metavar="HZ", help="where the log has no time column")
+    group.add_argument(
+        "--rate", type=between(1e-6, 1e9), metavar="HZ", help="where the log has no time column"
+    )
     group.add_argument("--format", help="default: from the file's name and first bytes")
 
 

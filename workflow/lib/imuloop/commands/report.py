@@ -12,7 +12,7 @@ import imuloop
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, declared, is_samples
+from imuloop.commands.raw_log import add_arguments, declared, is_samples, local_gravity
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, refuse_overwriting
 from imuloop.core.gravity import normal_gravity
@@ -68,10 +68,12 @@ def log(text):
 
 def gravity(text):
     """Return gravity of an argument, m/s^2 as it is, or of latitude and height."""
+    if "," not in text:
+        return local_gravity(text)
     values = [float(value) for value in text.split(",")]
-    if len(values) > 2:
+    if len(values) > 2 or not abs(values[0]) <= 90 or not abs(values[1]) <= 1e5:
         raise argparse.ArgumentTypeError(f"{text} is not M/S^2 or LATITUDE,HEIGHT")
-    return values[0] if len(values) == 1 else normal_gravity(*values)
+    return normal_gravity(*values)
 
 
 def run(arguments):

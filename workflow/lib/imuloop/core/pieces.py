@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.cells import text_cell, text_cells
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import replaced
+from imuloop.core.files import refuse_overwriting, replaced
 from imuloop.core.rows import ROWS, Rows, median_step
 from imuloop.core.samples import (
     ACCELERATION,
@@ -54,11 +54,13 @@ def apply_file(calibration, source, target, rows=ROWS):
     Raises
     ------
     ImuloopError
-        If the source lacks a column or is calibrated already, or the target has another ending.
+        If the source lacks a column or is calibrated already, or the target is the source or has
+        another ending.
     """
     source, target = Path(source), Path(target)
     if target.suffix not in (".csv", ".parquet"):
         raise ImuloopError(f"{target}: give it the ending .csv or .parquet")
+    refuse_overwriting([target], [source])
     try:
         names = pq.read_schema(source).names
     except pa.ArrowInvalid as error:
