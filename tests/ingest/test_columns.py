@@ -118,3 +118,55 @@ def test_axes_by_index():
     names = "t accel[0] accel[1] accel[2] gyro[2] gyro[1] gyro[0]".split()
     assert resolve(names).acceleration == (1, 2, 3)
     assert resolve(names).angular_rate == (6, 5, 4)
+
+
+@pytest.mark.parametrize(
+    ("names", "quantity", "unit"),
+    [
+        ("t|ax [furlong]|ay [furlong]|az [furlong]|gx|gy|gz", "acceleration", "furlong"),
+        ("t|ax [cm s-2]|ay [cm s-2]|az [cm s-2]|gx|gy|gz", "acceleration", "cm/s^2"),
+        ("t|ax_cms2|ay_cms2|az_cms2|gx|gy|gz", "acceleration", "cm/s^2"),
+        ("t [min]|ax|ay|az|gx|gy|gz", "time", "min"),
+        ("time_min|ax|ay|az|gx|gy|gz", "time", "min"),
+        ("t|ax|ay|az|gx_rpm|gy_rpm|gz_rpm", "angular_rate", "rpm"),
+        ("t|ax|ay|az|gx|gy|gz|temp_f", "temperature", "degF"),
+    ],
+)
+def test_units_that_are_not_known_are_passed_on_as_written(names, quantity, unit):
+    assert resolve(names.split("|")).units == {quantity: unit}
+
+
+@pytest.mark.parametrize(
+    ("gyroscope", "unit"),
+    [
+        ("gx deg/s|gy deg/s|gz deg/s", "deg/s"),
+        ("gx_deg_s|gy_deg_s|gz_deg_s", "deg/s"),
+        ("gx / dps|gy / dps|gz / dps", "deg/s"),
+        ("rates[0] (mrad/s)|rates[1] (mrad/s)|rates[2] (mrad/s)", "mrad/s"),
+        ("gx (deg/s)|gy (rad/s)|gz (deg/s)", "deg/s and rad/s"),
+        ("gyro_x_deg|gyro_y_deg|gyro_z_deg", "deg/s"),
+        ("gyro_x_rad|gyro_y_rad|gyro_z_rad", "rad/s"),
+        ("gyro_x_raw|gyro_y_raw|gyro_z_raw", "count"),
+        ("gyro[0]|gyro[1]|gyro[2]", None),
+        ("gx []|gy []|gz []", None),
+    ],
+)
+def test_units_at_the_end_of_names(gyroscope, unit):
+    names = ["t", "ax", "ay", "az", *gyroscope.split("|")]
+    assert resolve(names, {"angular_rate": names[4:]}).units.get("angular_rate") == unit
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["t ax ay az gx gy gz ax", "t ax ay az gx gy gz AX", "t ax ay az gx gy gz a_x",
+     "t T ax ay az gx gy gz", "t ax ay az gx gy gz temp temp"],
+)  # fmt: skip
+def test_what_repeats_is_not_chosen_by_its_place(names):
+    with pytest.raises(ImuloopError, match=r"both look like acceleration|2 columns are named 't"):
+        resolve(names.split())
+
+
+def test_what_repeats_can_be_named_by_number():
+    names = "t ax ay az gx gy gz ax t".split()
+    found = resolve(names, {"acceleration": [7, 2, 3], "time": 8})
+    assert (found.acceleration, found.time) == ((7, 2, 3), 8)

@@ -244,8 +244,9 @@ def test_who_logs_the_rate_too_has_it_from_there():
     chosen = resolve(names, {"acceleration": ["dvx", "dvy", "dvz"]})
     assert chosen.units == {"acceleration": "m/s"}
     assert chosen.others == {"interval.acceleration": 13, "interval.angular_rate": 13}
-    # who writes deg beside a rate means deg/s, or forgot
-    assert resolve(["t", "ax", "ay", "az", "gx [deg]", "gy [deg]", "gz [deg]"]).units == {}
+    # who writes deg beside a rate means deg/s
+    beside = resolve(["t", "ax", "ay", "az", "gx [deg]", "gy [deg]", "gz [deg]"])
+    assert (beside.units, beside.increments) == ({"angular_rate": "deg/s"}, frozenset())
 
 
 def test_an_interval_in_another_unit_is_told(summed, run, tmp_path):

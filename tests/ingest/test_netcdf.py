@@ -138,11 +138,78 @@ def test_a_heap_without_end_is_not_read(run, write, monkeypatch, size):
 
 
 def test_units_that_are_no_date_are_told(run, write):
-    reason = "the stamps count from '0001-13-45', which is no date"
-    assert run(write(units="days since 0001-13-45")).quality["reasons"] == [reason]
+    for date in ("0001-13-45", "0001-01-01"):
+        reason = f"the stamps count from '{date}', which is no date of the years 1678 to 2261"
+        assert run(write(units=f"days since {date}")).quality["reasons"] == [reason]
 
 
 def test_a_file_that_is_none_is_rejected(run, tmp_path):
     path = tmp_path / "log.nc"
     path.write_text("no")
     assert run(path).quality["reasons"] == ["the file is not a whole NetCDF file"]
+
+
+def test_units_that_are_not_known(log, run, write):
+    path = write()
+    with netCDF4.Dataset(path, "a") as data:
+        data["acceleration"].units = "cm s-2"
+    with pytest.raises(
+        ImuloopError, match=r"units\.acceleration: the log says 'cm/s\^2', which is"
+    ):
+        run(path)
+    done = run(path, units={"acceleration": "m/s^2"})
+    np.testing.assert_array_equal(done.samples.ax, log.ax)
+
+
+@pytest.mark.parametrize("unit", ["minutes", "fortnights since 2021-09-20"])
+def test_a_unit_of_time_that_is_not_known(log, run, write, unit):
+    path = write(units=unit)
+    np.testing.assert_array_equal(run(path, units={"time": "s"}).samples.t, log.t)
+    with pytest.raises(ImuloopError, match=r"units\.time: the log says '(min'|fortnights since )"):
+        run(path)
+
+
+def test_three_variables_of_different_units(log, run, tmp_path):
+    path = tmp_path / "log.nc"
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("time", len(log))
+        for name in log.columns:
+            data.createVariable(name, "f8", ("time",))[:] = log[name].to_numpy()
+        data["gx"].units, data["gy"].units = "deg/s", "rad/s"
+    with pytest.raises(ImuloopError, match=r"units\.angular_rate: the log says 'deg/s and rad/s'"):
+        run(path)
+
+
+def test_stamps_that_count_from_long_ago(log, run, write):
+    """126 thousand days of 8.64e13 ns are more than 64 bits hold."""
+    log["t"] = 126_000 + np.arange(500) / 8_640_000
+    done = run(write(units="Days since 1678-01-01 00:00:00 UTC"))
+    np.testing.assert_allclose(done.samples.t, np.arange(500) / 100, atol=2e-6)
+    assert done.metadata["start"] == "2022-12-24T00:00:00Z"
+    log["t"] *= 1e9
+    [reason] = run(write(units="days since 1678-01-01")).quality["reasons"]
+    assert reason == "the stamps, days since 1678-01-01, lie outside of the years 1678 to 2261"
+
+
+def test_six_columns_in_one_variable_and_what_is_none(log, run, tmp_path):
+    path = tmp_path / "log.nc"
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("time", len(log))
+        data.createDimension("channel", 6)
+        data.createDimension("block", 2)
+        data.createVariable("time", "f8", ("time",))[:] = log.t.to_numpy()
+        data.createVariable("imu", "f8", ("time", "channel"))[:] = log.iloc[:, 1:].to_numpy()
+        data.createVariable("cube", "f4", ("time", "channel", "block"))
+        data.createVariable("note", str, ("time",))
+        data.createGroup("raw")
+    with pytest.raises(ImuloopError) as raised:
+        run(path)
+    assert "found (time, imu.0, imu.1, imu.2, imu.3, imu.4, imu.5)" in str(raised.value)
+    assert str(raised.value).endswith(
+        "; no numbers over time alone or in up to 64 columns: "
+        "cube (time x channel x block, float32), note (time, text), group raw"
+    )
+    columns = {
+        q: [f"imu.{i + k}" for i in range(3)] for q, k in (("acceleration", 0), ("angular_rate", 3))
+    }
+    np.testing.assert_array_equal(run(path, columns=columns).samples.gz, log.gz)

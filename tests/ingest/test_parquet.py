@@ -130,3 +130,24 @@ def test_types_that_no_cast_knows(log, run, tmp_path, column, words):
     log.to_parquet(path, index=False)
     with pytest.raises(ImuloopError, match=rf": column '{column}' holds list<.*>, not {words}$"):
         run(path)
+
+
+def test_a_name_that_repeats(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    columns = [pa.array(log[name]) for name in log.columns]
+    table = pa.Table.from_arrays([pa.array(-log.ax), *columns], names=["ax", *log.columns])
+    pq.write_table(table, path)
+    with pytest.raises(ImuloopError, match=r"both look like acceleration; .* number from 0 to 7"):
+        run(path)
+    for number, sign in ((0, -1), (2, 1)):
+        done = run(path, columns={"acceleration": [number, 3, 4]})
+        np.testing.assert_array_equal(done.samples.ax, sign * log.ax)
+        np.testing.assert_array_equal(done.samples.ay, log.ay)
+
+
+def test_dates_of_the_year_9999(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    far = np.datetime64("9999-01-01", "us") + (log.t * 1e6).astype(int).to_numpy()
+    log.assign(t=far).to_parquet(path, index=False)
+    [reason] = run(path).quality["reasons"]
+    assert "the dates, as 9999-01-01 00:00:00, lie outside of the years 1678 to 2261" in reason

@@ -10,6 +10,7 @@ from imuloop.ingest.stamps import (
     iso_nanoseconds,
     iso_text,
     parse_stamps,
+    stamp_array,
     stamp_values,
 )
 
@@ -53,6 +54,26 @@ def test_unix_time_counts_as_a_date_and_time_since_power_on_does_not():
     assert iso_text(MOMENT * 10**9) == "2024-02-29T23:59:59Z"
 
 
-def test_what_is_no_date():
-    with pytest.raises(ImuloopError, match="'yesterday' is no ISO 8601 stamp"):
-        iso_nanoseconds("yesterday")
+@pytest.mark.parametrize("text", ["yesterday", "now", "10:00", "NaT", ""])
+def test_what_is_no_date(text):
+    with pytest.raises(ImuloopError, match=f"'{text}' is no ISO 8601 stamp"):
+        iso_nanoseconds(text)
+
+
+def test_a_limit_of_any_year():
+    # 8029 years, 1947 of them leap years, from 1970 to 9999
+    assert iso_nanoseconds("9999-01-01") == (8029 * 365 + 1947) * 86400 * 10**9
+    assert iso_nanoseconds("2024-02-29T23:59:59.000000001") == MOMENT * 10**9 + 1
+
+
+@pytest.mark.parametrize("unit", ["us", "s"])
+def test_dates_that_nanoseconds_do_not_reach(unit):
+    text = ["2024-02-29T23:59:59", "9999-12-31T00:00:00", "0001-01-01T00:00:00"]
+    dated = pa.array(np.array(text, f"datetime64[{unit}]"))
+    for column in (parse_stamps(pa.array(text)), stamp_array(dated)):
+        values, readable, absolute = stamp_values(column)
+        assert readable.tolist() == [True, False, False] and absolute
+        assert values[0] == MOMENT * 10**9
+    for column in (parse_stamps(pa.array(text[1:])), stamp_array(dated[1:])):
+        values, readable, absolute = stamp_values(column)
+        assert not readable.any() and not values.any() and absolute

@@ -2,7 +2,9 @@
 
 import re
 from dataclasses import dataclass, field
+from itertools import islice, product
 
+from imuloop.core import units as known_units
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.units import INCREMENTS
 
@@ -41,9 +43,12 @@ _SHOWN = 60
 # words that say where, not what
 _PLACE = {"imu", "raw", "sensor", "field", "data"}
 
-# spellings that files use for the units of the contract, lower case without blanks, dots, carets
+# spellings that files use for the units of the contract, lower case without blanks, dots, carets;
+# units that are none of the contract's are told, never taken for one
 _SPELLINGS = {
     "time": {
+        "min": "min mins minute minutes",
+        "h": "h hr hrs hour hours",
         "s": "s sec secs second seconds",
         "ms": "ms msec millisecond milliseconds",
         "us": "us usec microsecond microseconds",
@@ -53,7 +58,9 @@ _SPELLINGS = {
         "m/s^2": "m/s^2 m/s2 m/s/s ms-2 ms2 mps2 m/sec2",
         "g": "g gs",
         "mg": "mg milli-g",
-        "count": "count counts lsb adc",
+        "count": "count counts lsb adc raw",
+        "cm/s^2": "cm/s^2 cm/s2 cms-2 cms2 gal",
+        "ft/s^2": "ft/s^2 ft/s2 fts-2 fts2",
         "m/s": "m/s m/sec mps ms-1",
         "mm/s": "mm/s mm/sec mmps mms-1",
     },
@@ -62,12 +69,25 @@ _SPELLINGS = {
         "deg/s": "deg/s deg/sec degree/s degrees/s degs-1 degs dps",
         "mrad/s": "mrad/s mrads-1 mrads",
         "deg/h": "deg/h deg/hr degree/h degrees/h",
-        "count": "count counts lsb adc",
+        "count": "count counts lsb adc raw",
+        "rpm": "rpm rev/min r/min",
         "rad": "rad radian radians",
         "mrad": "mrad milliradian milliradians",
         "deg": "deg degree degrees",
     },
-    "temperature": {"degC": "degc c celsius degreescelsius degreecelsius", "K": "k kelvin"},
+    "temperature": {
+        "degC": "degc c celsius degreescelsius degreecelsius",
+        "K": "k kelvin",
+        "degF": "degf f fahrenheit degreesfahrenheit degreefahrenheit",
+    },
+}
+# what can be declared where a log states a unit that is not known
+_REMEDIES = {
+    "time": (known_units.TIME, "or columns.time: null and a rate"),
+    "interval": (known_units.TIME, "or columns.interval: null"),
+    "temperature": (known_units.TEMPERATURE, "or columns.temperature: null"),
+    "acceleration": (known_units.ACCELERATION, "or count, with nominal.acceleration.scale"),
+    "angular_rate": (known_units.ANGULAR_RATE, "or count, with nominal.angular_rate.scale"),
 }
 _UNITS = {
     quantity: {word: unit for unit, words in spellings.items() for word in words.split()}
@@ -129,7 +149,8 @@ class Columns:
 def stated_unit(quantity, text, increments=False):
     """Return the contract's name of a unit as a file spells it, or None.
 
-    Who writes `deg` beside a rate means deg/s: a unit of increments counts only where `increments`.
+    Who writes `deg` beside a rate means deg/s: an angle counts as an increment only where
+    `increments`.
 
     Examples
     --------
@@ -139,7 +160,18 @@ def stated_unit(quantity, text, increments=False):
     plain = re.sub(r"[\s^*·._{}\\]", "", str(text).lower().replace("²", "2"))
     plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
     unit = _UNITS[quantity].get(plain)
-    return unit if (unit in INCREMENTS.get(quantity, ())) == increments else None
+    if unit in INCREMENTS.get(quantity, ()) and not increments:
+        return f"{unit}/s" if f"{unit}/s" in _UNITS[quantity] else None
+    return unit if increments == (unit in INCREMENTS.get(quantity, ())) else None
+
+
+def unknown_unit(quantity, text):
+    """Return the error of a log that states a unit that is not known."""
+    units, other = _REMEDIES[quantity]
+    return ImuloopError(
+        f"units.{quantity}: the log says '{text[:80]}', which is no unit that is read; declare "
+        f"the right one of {', '.join(units)}, {other}"
+    )
 
 
 def resolve(names, declared=None, headed=True):
@@ -171,12 +203,16 @@ def resolve(names, declared=None, headed=True):
         if quantity in declared:
             chosen[quantity] = _declared(quantity, declared[quantity], names, headed)
         elif len(guessed.get(quantity, ())) > 1 and quantity in ("acceleration", "angular_rate"):
-            both = " and ".join("/".join(names[i] for i in t) for t, _ in guessed[quantity][:2])
+            both = ["/".join(names[i] for i in t) for t, _ in guessed[quantity][:2]]
+            number = f", by number from 0 to {len(names) - 1}" if both[0] == both[1] else ""
             raise ImuloopError(
-                f"{both} both look like {quantity}; name one of them in columns.{quantity}"
+                f"{' and '.join(both)} both look like {quantity}; name one of them in "
+                f"columns.{quantity}{number}"
             )
         elif guessed.get(quantity):
             chosen[quantity], _ = guessed[quantity][0]
+            if quantity in _SINGLE:
+                _check_single(quantity, chosen[quantity], names)
         if not headed or chosen.get(quantity) is None:
             continue
         if quantity in _SENSORS:
@@ -188,11 +224,10 @@ def resolve(names, declared=None, headed=True):
             units[quantity] = unit or next(iter(INCREMENTS[quantity]))
     for quantity in ("acceleration", "angular_rate"):
         if chosen.get(quantity) is None:
-            listed = _listed(names) if headed else f"no header, {len(names)} columns"
             how = "by name" if headed else "by number from 0"
             raise ImuloopError(
-                f"no columns of {quantity} found ({listed}); name its x, y, z {how} in "
-                f"columns.{quantity}"
+                f"no columns of {quantity} found ({listed(names, headed)}); name its x, y, z "
+                f"{how} in columns.{quantity}"
             )
     intervals = _intervals(declared, names, headed, guessed, summed, chosen.get("time") is None)
     unit = intervals and headed and _unit_of("interval", next(iter(intervals.values())), names)
@@ -214,6 +249,8 @@ def _intervals(declared, names, headed, guessed, summed, untimed):
     if "interval" in declared or not (summed or untimed):
         return {}
     shared = [position for position, _ in guessed.get("interval", ())[:1]]
+    for position_ in shared:
+        _check_single("interval", position_, names)
     joined = ["_".join(_words(name)) for name in names]
     own = {q: joined.index(f"{s}_dt") for q, s in summed.items() if f"{s}_dt" in joined}
     if own and len(own) == len(summed):
@@ -254,14 +291,26 @@ def position(quantity, value, names, headed):
         )
     if value not in names:
         raise ImuloopError(
-            f"{key}: no column '{value}'; there are {_listed(names)}"
+            f"{key}: no column '{value}'; there are {listed(names)}"
             f"{did_you_mean(value, names, 0.5)}"
         )
     return names.index(value)
 
 
-def _listed(names):
-    """Return names as a message shows them: a file can have very many."""
+def _check_single(quantity, where, names):
+    """Raise where the name of a column that was found by it is another's too."""
+    count = [name.lower() for name in names].count(names[where].lower())
+    if count > 1:
+        raise ImuloopError(
+            f"{count} columns are named '{names[where]}'; name one by number, from 0 to "
+            f"{len(names) - 1}, in columns.{quantity}"
+        )
+
+
+def listed(names, headed=True):
+    """Return names as a message shows them: a file can have very many, or none."""
+    if not headed:
+        return f"no header, {len(names)} columns"
     shown = ", ".join(name[:80] for name in names[:_SHOWN])
     return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"
 
@@ -284,7 +333,8 @@ def guess(names, increments=False):
         for quantity, usual in _SENSORS.items():
             if axis and stem in usual[increments]:
                 key = stem, _without_axis(name, words, stem, axis)
-                sensors[quantity].setdefault(key, {}).setdefault(axis, position)
+                axes = sensors[quantity].setdefault(key, {a: [] for a in AXES})
+                axes[axis].append(position)
         for quantity, usual in _SINGLE.items():
             joined, shorter = "_".join(words), "_".join(words[:-1])
             if joined in usual:
@@ -293,9 +343,10 @@ def guess(names, increments=False):
                 single[quantity].append((usual.index(shorter), position, shorter))
     guess = {
         quantity: [
-            (tuple(axes[axis] for axis in AXES), stem)
+            (positions, stem)
             for (stem, _), axes in stems.items()
-            if len(axes) == 3
+            # of names that repeat two are enough to tell
+            for positions in islice(product(*(axes[axis] for axis in AXES)), 2)
         ]
         for quantity, stems in sensors.items()
     }
@@ -343,13 +394,26 @@ def _stem_and_axis(words):
 
 
 def _unit_of(quantity, where, names, increments=False):
-    """Return the unit that a column's name states: 'ax [g]', 'time_us'."""
-    name = names[where[0] if isinstance(where, tuple) else where]
-    bracket = re.search(r"[(\[{](.*?)[)\]}]\s*$", name)
-    if bracket:
-        return stated_unit(quantity, bracket.group(1), increments)
-    words = _words(name)
-    # one letter after the name is too little to go by, except for a time
-    if len(words) > 1 and (len(words[-1]) > 1 or quantity in ("time", "interval")):
-        return stated_unit(quantity, words[-1], increments)
+    """Return the unit that the names of columns state: 'ax [g]', 'time_us', 'gx deg/s'.
+
+    One that is not known is given as it is written, and several where they differ.
+    """
+    where = where if isinstance(where, tuple) else (where,)
+    units = dict.fromkeys(_unit_in(quantity, names[i], increments) for i in where)
+    return " and ".join(unit for unit in units if unit) or None
+
+
+def _unit_in(quantity, name, increments):
+    bracket = re.search(r"[(\[{]([^()\[\]{}]*)[)\]}]\s*\Z", name)
+    text = bracket[1].strip() if bracket else ""
+    if text and not text.isdigit() and text.lower() not in AXES:
+        return stated_unit(quantity, text, increments) or text
+    # the longest end of the name that is a unit
+    for separator in re.finditer(r"[\s_.,:-]+|\s/\s", name):
+        end = name[separator.end() :]
+        # one letter is too little to go by for a sensor: acc_x_g
+        if len(end) > 1 or quantity in _SINGLE:
+            unit = stated_unit(quantity, end, increments)
+            if unit:
+                return unit
     return None

@@ -11,12 +11,14 @@ from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
 from imuloop.ingest.clocks import Clock, Points, ahead
+from imuloop.ingest.columns import unknown_unit
 from imuloop.ingest.raw_log import STAMP
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
     is_iso,
     iso_nanoseconds,
+    no_stamps,
     stamp_values,
 )
 
@@ -127,11 +129,10 @@ def si_batches(
         rows = np.arange(counts.read, counts.read + batch.num_rows)
         counts.read += batch.num_rows
         if not readable.any() and origin is None:
+            if batch.num_rows and STAMP in batch.schema.names:
+                raise no_stamps(batch.column(STAMP), log.found.get("time"))
             if batch.num_rows:
-                raise ImuloopError(
-                    f"time column '{log.found.get('time')}' holds neither numbers nor ISO 8601 "
-                    "stamps; name the right one in columns.time"
-                )
+                raise RejectedLog("the log has no time column, and no interval that is a number")
             continue
         if STAMP in batch.schema.names:
             tick = None if absolute else NANOSECONDS[units["time"]]
@@ -262,7 +263,7 @@ def _clock(batch, log, units, rate, row):
     if STAMP not in batch.schema.names:
         if not rate:
             raise ImuloopError(
-                "the log has no time column that can be told by its name; "
+                f"the log has no time column that can be told by its name ({log.columns}); "
                 "name it in columns.time, or give rate in Hz"
             )
         stamps = np.arange(row, row + batch.num_rows, dtype=np.int64)
@@ -275,6 +276,8 @@ def _clock(batch, log, units, rate, row):
             f"units.time is ISO 8601, but column '{log.found.get('time')}' holds numbers; "
             f"use one of {', '.join(TIME_SCALES)}"
         )
+    if units["time"] not in TIME_SCALES:
+        raise unknown_unit("time", units["time"])
     return x, readable, False, TIME_SCALES[units["time"]]
 
 

@@ -7,12 +7,13 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import resolve
+from imuloop.ingest.columns import listed, resolve
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
@@ -92,6 +93,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         temperature=chosen.temperature is not None,
         found=chosen.found(layout.names),
         units=dict(chosen.units),
+        columns=listed(layout.names, layout.headed),
     )
     if layout.preamble:
         log.notes.append(f"{layout.preamble} line(s) before the table skipped")
@@ -219,8 +221,9 @@ def _numbers_or_text(text, layout, positions, stamps):
     with suppress(pa.ArrowInvalid):
         batch, bad_lines = _parsed(text, layout, positions, kinds)
         decimal = [batch[positions.index(i)] for i in stamps if kinds[i] == pa.float64()]
+        decimal = [x.to_numpy(zero_copy_only=False) for x in decimal]
         # stamps that are whole numbers but for the first line's have more digits than these hold
-        if all((x.to_numpy(zero_copy_only=False) % 1).any() for x in decimal):
+        if all((x[np.isfinite(x)] % 1).any() for x in decimal):
             return batch, bad_lines
     return _parsed(text, layout, positions, dict.fromkeys(positions, pa.string()))
 

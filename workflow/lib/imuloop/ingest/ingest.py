@@ -1,5 +1,6 @@
 """One raw log into canonical samples and its quality figures."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -12,10 +13,17 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
-from imuloop.core.units import TEMPERATURE, TIME, raw_unit
+from imuloop.core.units import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    INCREMENTS,
+    TEMPERATURE,
+    TIME,
+    raw_unit,
+)
 from imuloop.ingest import clocks, increments, quality
 from imuloop.ingest import pps as marks
-from imuloop.ingest.columns import stated_unit
+from imuloop.ingest.columns import stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.raw_log import RawLog, rechunked
@@ -27,6 +35,14 @@ ROW_GROUP = 1 << 17
 # a block of memory of so many bytes that is freed once makes the C library keep what is freed of
 # smaller ones, instead of fetching every page of every column anew: half the time of a large log
 _KEPT = 31 << 20
+# units that are read
+_KNOWN = {
+    "time": (*TIME,),
+    "interval": (*TIME,),
+    "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
+    "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
+    "temperature": (*TEMPERATURE,),
+}
 # units where neither the config nor the log says
 _SI = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 _SI["interval"] = "s"
@@ -108,6 +124,8 @@ def ingest(
     timeline = None
     try:
         for path in paths:
+            if any("\ud800" <= c <= "\udfff" for c in str(path)):
+                raise ImuloopError("its name is no UTF-8: rename it")
             if not (path.is_file() or path.is_dir()):
                 raise ImuloopError("there is no such file; see file: in the config")
         before = _state(paths)
@@ -185,7 +203,7 @@ def ingest(
             if reasons:
                 _write(temporary, (), log, counts, *own)
     except (ImuloopError, PermissionError) as error:
-        names = ", ".join(str(path) for path in paths)
+        names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
         kind, said = type(error), error
         if isinstance(error, PermissionError):
             kind, said = MachineFault, error.strerror
@@ -309,13 +327,17 @@ def used_units(log, declared):
     used, doubts, stated = {}, [], log.units
     for quantity, si in _SI.items():
         used[quantity] = declared.get(quantity) or stated.get(quantity) or si
+        # of time only where stamps are numbers: in ISO 8601 they need no unit
+        known = declared.get(quantity) or quantity == "time" or used[quantity] in _KNOWN[quantity]
+        if not known:
+            raise unknown_unit(quantity, used[quantity])
         if stated.get(quantity, used[quantity]) != used[quantity]:
             doubts.append(
                 f"units.{quantity} is {used[quantity]}, the log says {stated[quantity]}; "
                 f"{used[quantity]} used"
             )
     for quantity, known in (("time", TIME), ("temperature", TEMPERATURE), ("interval", TIME)):
-        if used[quantity] not in known and not (quantity == "time" and is_iso(used[quantity])):
+        if quantity in declared and used[quantity] not in known and not is_iso(used[quantity]):
             near = stated_unit(quantity, used[quantity])
             hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(known)}"
             raise ImuloopError(f"units.{quantity}: '{used[quantity]}' is not a unit; {hint}")

@@ -14,7 +14,7 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest import delimited
-from imuloop.ingest.columns import AXES, resolve
+from imuloop.ingest.columns import AXES, listed, resolve
 from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.packed import MOST_HELD, MOST_TIMES, check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
@@ -118,6 +118,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         temperature=chosen.temperature is not None,
         found=chosen.found(names),
         units=chosen.units,
+        columns=listed(names),
         notes=[f"left out: {unread[2:]}"] if unread else [],
     )
 

@@ -10,13 +10,15 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import AXES, resolve
+from imuloop.ingest.columns import AXES, listed, resolve
 from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
+from imuloop.ingest.stamps import YEARS
 
 ENDINGS = (".nc", ".nc4", ".cdf", ".netcdf")
 
+_SINCE = re.compile(r"\s*(\w+?)s?\s+since\s+(\d.*)", re.IGNORECASE)
 # nanoseconds in the units of CF times
 _CF_NANOSECONDS = {
     "nanosecond": 1,
@@ -31,7 +33,11 @@ _CF_NANOSECONDS = {
 }
 # how the classic format begins; all else is looked through for HDF5
 _CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
-# its types, and the longest header, bytes
+# what 64 bits hold
+_MOST_NANOSECONDS = 9.2e18
+# more columns than a matrix of samples has
+_WIDEST = 64
+# types of the classic format, and the longest header, bytes
 _CLASSIC_BYTES = {3: 2, 4: 4, 5: 4, 6: 8, 8: 2, 9: 4, 10: 8, 11: 8}
 _MOST_HEADER = 1 << 24
 
@@ -70,7 +76,12 @@ def read(paths, columns=None, batch_rows=1 << 16):
         raise RejectedLog("the file is not a whole NetCDF file") from error
     dimension, series = _series(dataset, columns)
     names = list(series)
-    chosen = resolve(names, _expanded(columns, dataset, names))
+    left_out = _left_out(dataset, dimension, series)
+    try:
+        chosen = resolve(names, _expanded(columns, dataset, names))
+    except ImuloopError as error:
+        dataset.close()
+        raise ImuloopError(f"{error}{left_out}") from error
     keys = [names[i] for i in chosen.positions()]
     used = [dataset[name] for name in {series[key][0] for key in keys}]
     # sizes that are announced, whatever is in the file
@@ -111,6 +122,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         temperature=chosen.temperature is not None,
         found=chosen.found(names),
         units=units,
+        columns=f"{listed(names)}{left_out}",
     )
 
 
@@ -174,14 +186,28 @@ def _series(dataset, columns):
     for variable in numeric:
         if variable.dimensions == (dimension,):
             series[variable.name] = (variable.name, None)
-        elif variable.ndim == 2 and dimension in variable.dimensions:
-            if min(variable.shape) == len(AXES):
-                for axis, letter in enumerate(AXES):
-                    series[f"{variable.name}.{letter}"] = (variable.name, axis)
+        elif variable.ndim == 2 and variable.dimensions.count(dimension) == 1:
+            width = variable.shape[1 - variable.dimensions.index(dimension)]
+            for axis in range(width if width <= _WIDEST else 0):
+                label = AXES[axis] if width == len(AXES) else axis
+                series[f"{variable.name}.{label}"] = (variable.name, axis)
     # the coordinate of the time dimension is the time, whatever its name
     if dimension in series and "time" not in (columns or {}):
         series = {("time" if k == dimension else k): v for k, v in series.items()}
     return dimension, series
+
+
+def _left_out(dataset, dimension, series):
+    """Return what a message says of the variables that are no series, and why."""
+    used = {name for name, _ in series.values()}
+    told = [
+        f"{v.name} ({' x '.join(v.dimensions) or 'one value'}, {getattr(v.dtype, 'name', 'text')})"
+        for v in dataset.variables.values()
+        if v.name not in used
+    ] + [f"group {name}" for name in dataset.groups]
+    if not told:
+        return ""
+    return f"; no numbers over {dimension} alone or in up to {_WIDEST} columns: {listed(told)}"
 
 
 def _expanded(columns, dataset, names):
@@ -202,8 +228,11 @@ def _expanded(columns, dataset, names):
 
 
 def _attribute_unit(dataset, series, chosen, quantity, found):
-    name = series[found[0] if isinstance(found, list) else found][0]
-    return chosen.stated(quantity, _units(dataset[name]))
+    names = {series[each][0] for each in (found if isinstance(found, list) else [found])}
+    texts = [_units(dataset[name]).strip() for name in sorted(names)]
+    texts = [text for text in texts if text and not (quantity == "time" and _since(text))]
+    stated = {chosen.stated(quantity, text) or text for text in texts}
+    return " and ".join(sorted(stated))
 
 
 def _units(variable):
@@ -211,6 +240,13 @@ def _units(variable):
     with suppress(Exception):
         return str(variable.units)
     return ""
+
+
+def _since(text):
+    """Return nanoseconds per unit and the date of `seconds since 2024-01-01`, or None."""
+    match = _SINCE.fullmatch(text)
+    step = match and _CF_NANOSECONDS.get(match[1].lower())
+    return (step, match[2].replace("UTC", "").strip()) if step else None
 
 
 def _values(variable, dimension, part):
@@ -235,24 +271,29 @@ def _float(values):
 def _stamps(values, variable):
     """Return stamps: dates where the variable says `seconds since ...`, else its numbers."""
     mask = np.ma.getmaskarray(values)
-    units = re.fullmatch(r"\s*(\w+?)s?\s+since\s+(.+)", _units(variable))
-    if not units or units[1] not in _CF_NANOSECONDS:
-        return pa.array(np.ma.getdata(values), mask=mask)
+    data = np.ma.getdata(values)
+    units = _since(_units(variable))
+    if not units:
+        return pa.array(data, mask=mask)
+    step, date = units
     # takes longer to import than all the rest, and few logs need it
     import pandas as pd
 
     try:
-        origin = pd.Timestamp(units[2].replace("UTC", "").strip())
+        origin = pd.Timestamp(date)
         origin = (origin.tz_localize("UTC") if origin.tz is None else origin).as_unit("ns").value
     except (ValueError, OverflowError) as error:
-        raise RejectedLog(f"the stamps count from '{units[2]}', which is no date") from error
-    step = _CF_NANOSECONDS[units[1]]
-    data = np.ma.getdata(values)
+        raise RejectedLog(
+            f"the stamps count from '{date}', which is no date of the years {YEARS}"
+        ) from error
+    away = np.abs(data.astype(float) * step + origin)
+    far = mask | ~(away < _MOST_NANOSECONDS)
+    if far.all() and np.isfinite(away[~mask]).any():
+        raise RejectedLog(f"the stamps, {_units(variable)}, lie outside of the years {YEARS}")
+    data = np.where(far, 0, data)
+    whole = np.floor(data)
+    # counted modulo 2^64, so that only the sum has to fit
+    since = whole.astype(np.int64) * step
     if data.dtype.kind == "f":
-        mask = mask | ~np.isfinite(data)
-        whole = np.floor(np.where(mask, 0.0, data))
-        part = np.where(mask, 0.0, data) - whole
-        since = whole.astype(np.int64) * step + np.rint(part * step).astype(np.int64)
-    else:
-        since = data.astype(np.int64) * step
-    return pa.array(since + origin, pa.timestamp("ns"), mask=mask)
+        since += np.rint((data - whole) * step).astype(np.int64)
+    return pa.array(since + origin, pa.timestamp("ns"), mask=far)

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE
-from imuloop.ingest.columns import resolve
+from imuloop.ingest.columns import listed, resolve
 from imuloop.ingest.delimited import doubles
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import stamp_array
@@ -43,26 +43,35 @@ def read(paths, columns=None, batch_rows=1 << 16):
         raise RejectedLog("the file is not a whole Parquet file") from error
     chosen = resolve(names, columns)
     metadata = _metadata(entries.get(METADATA_KEY, b"{}"))
-    wanted = [names[i] for i in chosen.positions()]
+    wanted = chosen.positions()
+    used = list(dict.fromkeys(names[i] for i in wanted))
+    # columns are read by name: of one that repeats all come, in the order of the file
+    given = [i for name in used for i, other in enumerate(names) if other == name]
 
     def whole_batches():
         try:
-            yield from file.iter_batches(batch_size=batch_rows, columns=list(dict.fromkeys(wanted)))
+            yield from file.iter_batches(batch_size=batch_rows, columns=used)
         except Exception as error:
             raise RejectedLog(f"the file cannot be read to its end: {error}") from error
 
     def batches():
         with file:
             for batch in whole_batches():
-                table = {name: batch.column(name) for name in batch.schema.names}
+                table = dict(zip(given, batch.columns, strict=True))
                 rest = iter(wanted[len(CHANNELS) :])
-                arrays = {n: _numbers(table[w], w) for n, w in zip(CHANNELS, wanted, strict=False)}
+                arrays = {
+                    channel: _numbers(table[i], names[i])
+                    for channel, i in zip(CHANNELS, wanted, strict=False)
+                }
                 if chosen.time is not None:
-                    arrays[STAMP] = _stamps(table, next(rest))
+                    i = next(rest)
+                    arrays[STAMP] = _stamps(table[i], names[i])
                 if chosen.temperature is not None:
-                    name = next(rest)
-                    arrays[TEMPERATURE] = _numbers(table[name], name)
-                arrays |= {name: _stamps(table, next(rest)) for name in chosen.others}
+                    i = next(rest)
+                    arrays[TEMPERATURE] = _numbers(table[i], names[i])
+                for name in chosen.others:
+                    i = next(rest)
+                    arrays[name] = _stamps(table[i], names[i])
                 yield pa.RecordBatch.from_pydict(arrays)
 
     return RawLog(
@@ -71,6 +80,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         found=chosen.found(names),
         units={**chosen.units, **metadata["units"]},
         simulated=metadata["simulated"],
+        columns=listed(names),
     )
 
 
@@ -94,8 +104,8 @@ def _numbers(column, name):
         raise ImuloopError(f"column '{name}' holds {column.type}, not numbers") from error
 
 
-def _stamps(table, name):
+def _stamps(column, name):
     try:
-        return stamp_array(table[name])
+        return stamp_array(column)
     except pa.ArrowException as error:
-        raise ImuloopError(f"column '{name}' holds {table[name].type}, not stamps") from error
+        raise ImuloopError(f"column '{name}' holds {column.type}, not stamps") from error

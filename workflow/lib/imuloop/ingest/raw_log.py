@@ -34,6 +34,8 @@ class RawLog:
         Bytes of the file read so far, 0 where the reader does not tell.
     interpolated : set of str
         Sensors that are interpolated onto the clock of the other.
+    columns : str
+        What columns the log has, for messages.
     threads : int
         How many the reader may use, set before the first batch is taken; changes no result.
     """
@@ -47,6 +49,7 @@ class RawLog:
     bad_lines: int = 0
     position: int = 0
     interpolated: set = field(default_factory=set)
+    columns: str = ""
     threads: int = 1
 
 

@@ -1,13 +1,19 @@
 """Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
 
+from datetime import datetime
+
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.units import TIME
 
 # whole nanoseconds per unit, so that absolute stamps stay exact
 NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
+# whole years that nanoseconds in 64 bits reach
+YEARS = "1678 to 2261"
+# what an Arrow type counts in a second
+_PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 # stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
 _UNIX = (946_684_800, 4_102_444_800)
 
@@ -46,14 +52,27 @@ def parse_stamps(text):
             )
         return pa.array(number.astype(float), pa.float64(), from_pandas=True)
     moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
-    return pa.array(moment.dt.as_unit("ns"), pa.timestamp("ns"), from_pandas=True)
+    return stamp_array(pa.array(moment, from_pandas=True))
 
 
 def stamp_array(column):
-    """Return a column of stamps of any type as int64, float64 or timestamp[ns]."""
+    """Return a column of stamps of any type as int64, float64 or timestamp[ns].
+
+    Dates that whole nanoseconds do not reach become null; where all are, they keep their unit.
+    """
     kind = column.type
     if pa.types.is_timestamp(kind):
-        return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
+        try:
+            return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
+        except pa.ArrowInvalid:
+            import pyarrow.compute as pc
+
+            most = (2**63 - 1) // (10**9 // _PER_SECOND[kind.unit])
+            ticks = column.cast(pa.int64())
+            within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
+            if not pc.any(within).as_py():
+                return column
+            return stamp_array(pc.if_else(within, column, pa.scalar(None, kind)))
     if kind in (pa.int64(), pa.float64()):
         return column
     if pa.types.is_integer(kind):
@@ -76,6 +95,8 @@ def stamp_values(column):
     """
     absolute = pa.types.is_timestamp(column.type)
     readable = np.ones(len(column), dtype=bool)
+    if absolute and column.type.unit != "ns":
+        return np.zeros(len(column), dtype=np.int64), ~readable, True
     if absolute:
         column = column.cast(pa.int64())
     if column.null_count:
@@ -87,16 +108,34 @@ def stamp_values(column):
     return values, readable, absolute
 
 
+def no_stamps(column, name):
+    """Return the error of a time column that holds no stamp: of the log, else of the config."""
+    if pa.types.is_timestamp(column.type) and column.null_count < len(column):
+        return RejectedLog(
+            f"time column '{name}': the dates, as {column.drop_null()[0]}, lie outside of the "
+            f"years {YEARS}"
+        )
+    if pa.types.is_floating(column.type) and np.isinf(column.to_numpy(zero_copy_only=False)).any():
+        return RejectedLog(f"time column '{name}': its numbers are too large to be stamps")
+    return ImuloopError(
+        f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "
+        "name the right one in columns.time"
+    )
+
+
 def iso_nanoseconds(value):
     """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
     import pandas as pd
 
     try:
+        # pandas alone takes "now" and "10:00" too
+        datetime.fromisoformat(str(value))
         moment = pd.Timestamp(str(value))
         moment = moment.tz_localize("UTC") if moment.tz is None else moment.tz_convert("UTC")
     except ValueError as error:
         raise ImuloopError(f"time_range: '{value}' is no ISO 8601 stamp") from error
-    return moment.as_unit("ns").value
+    # of any year: whole nanoseconds in 64 bits end in 2262
+    return moment.asm8.view("i8").item() * (10**9 // _PER_SECOND[moment.unit])
 
 
 def absolute_nanoseconds(stamp, unit, absolute):

@@ -8,7 +8,7 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
-from imuloop.ingest.columns import AXES, guess
+from imuloop.ingest.columns import AXES, guess, listed
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import NANOSECONDS
 
@@ -122,6 +122,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         temperature=TEMPERATURE in arrays,
         found=found,
         units=units,
+        columns=f"{clock.name}: {listed([*clock.fields])}",
         notes=notes,
         interpolated=interpolated,
     )
