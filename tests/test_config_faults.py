@@ -149,7 +149,8 @@ ONE_FAULT = {
             "kind: static, file: bare.csv, "
             "columns: {acceleration: [0, 1, 2], angular_rate: [3, 4, 5]}"
         ),
-        "devices.imu.sessions.a.rate: missing; bare.csv has no time column",
+        "devices.imu.sessions.a.rate: missing; bare.csv has no time column of a usual name "
+        "(no header, 6 columns); give it, or name the column in columns.time",
     ),
     "range order": (
         session(f"{SOUND}, time_range: [5, 1]"),
@@ -344,6 +345,75 @@ def test_a_file_that_is_no_config_is_told_in_one_line(tmp_path, monkeypatch, con
     else:
         assert fault.startswith(f"config.yaml: {line}")
         assert "\n" not in fault
+
+
+@pytest.mark.parametrize("number", ["1" * 400, "-" + "1" * 400, "1.0e+400"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rate: %s",
+        "time_range: [0, %s]",
+        "columns: {time: %s}",
+        "columns: {acceleration: [%s, 1, 2]}",
+        "nominal: {acceleration: {scale: %s}}",
+        "nominal: {acceleration: {scale: 1.0, offset: %s}}",
+        "gravity: %s",
+        "full_scale: {angular_rate: %s}",
+        "diagnose: {seed: %s}",
+        "label: %s",
+    ],
+)
+def test_numbers_that_no_double_holds(faults, text, number):
+    one = text % number
+    of_session = text.partition(":")[0] in ("rate", "time_range", "columns")
+    made = session(f"{SOUND}, {one}") if of_session else session(SOUND, f"{one},")
+    [line] = faults(made)
+    assert line.endswith(" is no finite number of double precision") and len(line) < 200
+    assert line.startswith("devices.imu.")
+    # JSON, as which Snakemake reads what it can
+    found = faults(
+        json.dumps({"devices": {"imu": {"sessions": {}}}, "mirror": 0.5}).replace("0.5", "1e999")
+    )
+    assert "mirror: inf is no finite number of double precision" in found
+
+
+def test_names_end_where_they_end(faults):
+    """A plain $ in a pattern fits before a newline at the end."""
+    a = "{kind: static, file: poses.csv}"
+    [line] = faults(f'devices: {{"imu\\n": {{sessions: {{a: {a}}}}}}}')
+    assert line.endswith("'imu\\n' is not a name (a letter, then up to 63 letters, digits, _ or -)")
+    [line] = faults(f'devices: {{imu: {{sessions: {{"a\\n": {a}}}}}}}')
+    assert "'a\\n' is not a name" in line
+    source = '{url: "https://h/a.csv%s", sha256: "%s"}'
+    [line] = faults(session(f"kind: static, file: {source % ('', SHA + chr(92) + 'n')}"))
+    assert "file.sha256: " in line and line.endswith("is not a SHA-256 (64 digits 0-9 a-f)")
+    [line] = faults(session(f"kind: static, file: {source % (chr(92) + 'n', SHA)}"))
+    assert line.endswith("file.url: 'https://h/a.csv\\n' is not a URL (https://…)")
+    source = '{wheel: "a==1%s", member: "b.csv%s", sha256: "' + SHA + '"}'
+    [line] = faults(session(f"kind: static, file: {source % (chr(92) + 'n', '')}"))
+    assert line.endswith("file.wheel: 'a==1\\n' is not a wheel (NAME==VERSION)")
+    [line] = faults(session(f"kind: static, file: {source % ('', chr(92) + 'n')}"))
+    assert line.endswith("file.member: 'b.csv\\n' is not a path inside the wheel")
+
+
+@pytest.mark.parametrize("key", ["label", "file", "column"])
+def test_text_that_is_no_unicode(faults, key):
+    half = '"x\\ud800.csv"'
+    label, file, column = (half if key == name else name for name in ("label", "file", "column"))
+    text = f"kind: static, file: {file if key == 'file' else 'poses.csv'}"
+    if key == "column":
+        text += f", columns: {{time: {column}}}"
+    found = faults(session(text, f"label: {label},"))
+    assert len(found) == 1
+    assert found[0].endswith("'x\\ud800.csv' holds half of a character, which is no Unicode")
+    [line] = faults(session('kind: static, file: "a\\0.csv"'))
+    assert line.endswith("file: 'a\\x00.csv' holds a zero byte")
+
+
+@pytest.mark.parametrize("limit", ["now", "today", "10:00", "NaT", ""])
+def test_a_limit_of_time_that_is_no_moment(faults, limit):
+    [line] = faults(session(f"{SOUND}, time_range: ['{limit}', null]"))
+    assert "time_range: not ISO 8601: " in line
 
 
 def test_what_libyaml_refuses_is_judged_as_snakemake_reads_it(faults):

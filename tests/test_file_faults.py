@@ -1,9 +1,12 @@
 """Faults of a session's files are told before the run."""
 
 import dataclasses
+import json
 import os
 import zipfile
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from entries import SOUND, session
@@ -120,9 +123,88 @@ def test_increments_need_an_interval(faults, tmp_path):
     assert faults(session("kind: static, file: own.csv")) == []
     assert faults(session("kind: static, file: sums.csv, rate: 100")) == []
     assert faults(session("kind: static, file: sums.csv")) == [
-        "devices.imu.sessions.a.rate: missing; sums.csv has no time column"
+        "devices.imu.sessions.a.rate: missing; sums.csv has no time column of a usual name "
+        f"({', '.join(names.split(','))}); give it, or name the column in columns.time"
     ]
     assert faults(session("kind: static, file: own.csv, columns: {interval: step}")) == [
         "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
         f"{', '.join(names.split(','))}, dt"
     ]
+
+
+def test_paths_are_what_is_written(faults, tmp_path):
+    """Snakemake puts wildcards in place of braces, in the paths of inputs too."""
+    names = ["log_{device}.csv", "log_{x}.csv", " log.csv", "log.csv\n"]
+    for name in names:
+        (tmp_path / name).write_bytes((tmp_path / "poses.csv").read_bytes())
+    for name in names[:2]:
+        line = (
+            f"devices.imu.sessions.a.file: {name}: in place of braces Snakemake puts the name of "
+        )
+        assert faults(session(f"kind: static, file: '{name}'")) == [f"{line}a device; rename it"]
+    for name in names[2:]:
+        [line] = faults(session(f"kind: static, file: {json.dumps(name)}"))
+        told = f"file: {name!r} has a blank at an end or what cannot be printed; rename it"
+        assert line.endswith(told)
+    [line] = faults(f"cache: 'c_{{x}}'\n{session(SOUND)}")
+    assert line.startswith("cache: c_{x}: in place of braces")
+    [line] = faults(session(f"{SOUND}, pps: {{file: '{names[0]}'}}"))
+    assert line.startswith(f"devices.imu.sessions.a.pps.file: {names[0]}: in place of braces")
+
+
+def test_names_in_a_folder_are_what_is_written(faults, tmp_path):
+    """Each file of a folder is an input of Snakemake's."""
+    (tmp_path / "imu0").mkdir()
+    (tmp_path / "imu0" / "data.csv").write_bytes((tmp_path / "poses.csv").read_bytes())
+    assert faults(session("kind: static, file: imu0")) == []
+    for name in (b"a\xff.csv", b"b_{device}.csv"):
+        path = os.path.join(os.fsencode(tmp_path / "imu0"), name)
+        open(path, "w").close()
+        [line] = faults(session("kind: static, file: imu0"))
+        assert line.startswith("devices.imu.sessions.a.file: in imu0, ")
+        assert {
+            "a": "'a\\udcff.csv' has a blank at an end or what cannot be printed",
+            "b": "braces",
+        }[chr(name[0])] in line
+        os.unlink(path)
+
+
+def test_a_result_is_no_log(faults, tmp_path):
+    """Snakemake would make it from itself."""
+    path = tmp_path / "results" / "imu" / "a"
+    path.mkdir(parents=True)
+    (path / "samples.csv").write_bytes((tmp_path / "poses.csv").read_bytes())
+    for name in ("results/imu/a/samples.csv", "./results/imu/a/samples.csv"):
+        [line] = faults(session(f"kind: static, file: {name}"))
+        assert line.endswith("is a result of this workflow; name the log that it came from")
+
+
+def test_a_fault_that_nobody_foresaw_stops_no_other_device(faults, monkeypatch):
+    def fails(paths, columns=None, batch_rows=0):
+        raise ZeroDivisionError
+
+    monkeypatch.setitem(FORMATS, "tsv", dataclasses.replace(FORMATS["tsv"], read=fails))
+    broken, other = f"{SOUND}, format: tsv", "kind: static, file: none.csv"
+    both = f"devices: {{a: {{sessions: {{x: {{{broken}}}}}}}, b: {{sessions: {{y: {{{other}}}}}}}}}"
+    assert faults(both) == ["devices.b.sessions.y.file: there is no file none.csv"]
+
+
+def test_stamps_that_are_too_large_are_for_the_job_to_reject(faults, tmp_path):
+    for name, stamp in (("year", "9999-12-31T23:59:{:05.2f}"), ("digits", "1" * 400 + "{:09.2f}")):
+        rows = [f"{stamp.format(i / 100)},0,0,9.8,0,0,0" for i in range(200)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,ax,ay,az,gx,gy,gz", *rows]))
+        assert faults(session(f"kind: static, file: {name}.csv")) == []
+
+
+def test_a_name_that_repeats_is_told(faults, tmp_path):
+    names = "t,ax,ay,az,gx,gy,gz,ax"
+    table = pa.Table.from_arrays([pa.array([0.0, 0.01])] * 8, names=names.split(","))
+    pq.write_table(table, tmp_path / "log.parquet")
+    (tmp_path / "log.csv").write_text(f"{names}\n" + "0,0,0,9.8,0,0,0,5\n" * 3)
+    for name in ("log.parquet", "log.csv"):
+        assert faults(session(f"kind: static, file: {name}")) == [
+            "devices.imu.sessions.a.file: ax/ay/az and ax/ay/az both look like acceleration; name "
+            "one of them in columns.acceleration, by number from 0 to 7"
+        ]
+        text = f"kind: static, file: {name}, columns: {{acceleration: [7, 2, 3]}}"
+        assert faults(session(text)) == []

@@ -79,7 +79,8 @@ rule report:
         "../envs/imuloop.yaml"
     threads: 1
     params:
-        command=COMMAND,
+        # a function, as braces in a name of a file are to stay
+        command=lambda wildcards: COMMAND,
         config=DEVICES,
         code=code("report.py"),
         templates=templates("report.html.j2", *PAGE),

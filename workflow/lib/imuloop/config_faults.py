@@ -1,5 +1,6 @@
 """What is wrong in a config: every fault at once, one a line, each naming its key."""
 
+import math
 import os
 from concurrent.futures import ProcessPoolExecutor
 from datetime import datetime
@@ -11,7 +12,7 @@ from jsonschema import Draft202012Validator
 
 from imuloop.config import merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
-from imuloop.file_faults import file_faults, marks_faults
+from imuloop.file_faults import file_faults, marks_faults, path_fault
 from imuloop.yaml_traps import by_libyaml, yaml_faults
 
 # of so many sessions the logs are looked at by two processes
@@ -82,6 +83,9 @@ def config_faults(config, files, schema, replicas, mirror=None):
         contents[name] = without_dates(by_libyaml(yaml.load, text)) or {}
         found += [(key, fault, name) for key, fault in yaml_faults(text)]
     trapped = {key for key, _, _ in found}
+    unusable = [(key, text) for key, text in _unusable(config) if key not in trapped]
+    found += [(key, text, _origin(contents, key)) for key, text in unusable]
+    trapped |= {key for key, _ in unusable}
     declared = _schema_faults(config, by_libyaml(yaml.load, Path(schema).read_text("utf-8")))
     wrong = {key for key, _ in declared} | trapped
     declared += _meaning_faults(config, wrong, replicas)
@@ -90,6 +94,28 @@ def config_faults(config, files, schema, replicas, mirror=None):
     if mirror and not Path(mirror).is_dir():
         lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
     return list(dict.fromkeys(lines))
+
+
+def _unusable(value, key=()):
+    """Yield (key, text) for each number and text of a config that is none to what comes after."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from _unusable(item, (*key, name))
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            yield from _unusable(item, (*key, i))
+    elif isinstance(value, str):
+        if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
+            yield key, f"{_shown(ascii(value))} holds half of a character, which is no Unicode"
+        elif "\0" in value:
+            yield key, f"{_shown(repr(value))} holds a zero byte"
+    elif isinstance(value, (int, float)):
+        try:
+            fits = math.isfinite(value)
+        except OverflowError:
+            fits = False
+        if not fits:
+            yield key, f"{_shown(repr(value))} is no finite number of double precision"
 
 
 def unreadable(path):
@@ -183,7 +209,7 @@ def _texts(error):
     """Yield (key, text) of one error of the validator."""
     key, value, rule = tuple(error.absolute_path), error.instance, error.validator
     title = error.schema.get("title", "")
-    shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:76]}…"
+    shown = _shown(repr(value))
     if rule == "additionalProperties":
         known = error.schema.get("properties", {})
         for name in (name for name in value if name not in known):
@@ -213,7 +239,11 @@ def _texts(error):
     elif rule in ("minItems", "maxItems"):
         yield key, f"{len(value)} entries, {error.validator_value} needed"
     else:
-        yield key, error.message
+        yield key, error.message.replace(repr(value), shown)
+
+
+def _shown(text):
+    return text if len(text) < 80 else f"{text[:76]}…"
 
 
 def _nearest_unit(name, known, cutoff):
@@ -228,6 +258,8 @@ def _meaning_faults(config, wrong, replicas):
     found, given = [], {}
     if ("mirror",) not in wrong and "mirror" in config and not os.path.isdir(config["mirror"]):
         found.append((("mirror",), f"there is no folder {config['mirror']}"))
+    if ("cache",) not in wrong and (text := path_fault(config.get("cache", ""))):
+        found.append((("cache",), text))
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return found
     for name, device in merged_devices(config).items():
@@ -279,7 +311,7 @@ def _session_faults(name, session, device, replicas, whole):
         if session.get("units", {}).get(quantity) == "count" and quantity not in nominal:
             whole = False
             yield ("units", quantity), f"'count' needs the device's nominal.{quantity}"
-    text = "time_range" in session and _time_range_fault(*session["time_range"])
+    text = "time_range" in session and _time_range_fault(session["time_range"])
     if text:
         yield ("time_range",), text
     unmarked = list(marks_faults(session.get("pps") or {}, replicas))
@@ -288,17 +320,17 @@ def _session_faults(name, session, device, replicas, whole):
         yield from file_faults(session, nominal, replicas, whole and not text, not unmarked)
 
 
-def _time_range_fault(start, end):
+def _time_range_fault(limits):
     """Return what is wrong with a time range, or None."""
+    try:
+        start, end = (datetime.fromisoformat(x) if isinstance(x, str) else x for x in limits)
+    except ValueError as error:
+        return f"not ISO 8601: {error}"
     if start is None or end is None:
         return None
-    if isinstance(start, str) != isinstance(end, str):
+    dates = [x for x in (start, end) if isinstance(x, datetime)]
+    if len(dates) == 1:
         return "start and end must both be seconds or both be ISO 8601"
-    if isinstance(start, str):
-        try:
-            start, end = datetime.fromisoformat(start), datetime.fromisoformat(end)
-        except ValueError as error:
-            return f"not ISO 8601: {error}"
-        if (start.tzinfo is None) != (end.tzinfo is None):
-            return "start and end must both name their time zone, or neither"
+    if dates and (start.tzinfo is None) != (end.tzinfo is None):
+        return "start and end must both name their time zone, or neither"
     return None if start < end else "the start is not before the end"

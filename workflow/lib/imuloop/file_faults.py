@@ -21,6 +21,23 @@ SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 CHECKED = 1 << 23
 
 
+def path_fault(path):
+    """Return why Snakemake cannot have a path as it is written, or None."""
+    if not path.isprintable() or path != path.strip():
+        return f"{path!a} has a blank at an end or what cannot be printed; rename it"
+    if re.search(r"\{.*\}", path):
+        return f"{path}: in place of braces Snakemake puts the name of a device; rename it"
+    return None
+
+
+def _folder_fault(path):
+    """Return why Snakemake cannot have a file of a folder, or None; each is an input."""
+    for name in sorted(os.listdir(path)):
+        if text := path_fault(name):
+            return f"in {path}, {text}"
+    return None
+
+
 def marks_faults(marks, replicas):
     """Yield what is wrong with 1PPS marks, as far as it can be seen without the log."""
     if not marks:
@@ -32,6 +49,9 @@ def marks_faults(marks, replicas):
         return
     source = sources(marks["file"])["log"]
     path = source.get("path")
+    if text := path_fault(path or file_name(source)):
+        yield ("pps", "file"), text
+        return
     if path is None or is_stored(path):
         return
     if not Path(path).is_file():
@@ -57,6 +77,13 @@ def file_faults(session, nominal, replicas, whole, marked):
     """Yield what is wrong with a session's file, as far as it can be seen before the run."""
     given = sources(session["file"])
     names = {role: source.get("path") or file_name(source) for role, source in given.items()}
+    for role, name in names.items():
+        if text := path_fault(name):
+            yield ("file", *(() if role == "log" else (role,))), text
+            return
+        if not is_stored(name) and Path(os.path.normpath(name)).parts[:1] == ("results",):
+            yield ("file",), f"{name} is a result of this workflow; name the log that it came from"
+            return
     try:
         _, log_format = find_format(session.get("format"), names)
     except ImuloopError as error:
@@ -76,7 +103,15 @@ def file_faults(session, nominal, replicas, whole, marked):
     if locked:
         yield ("file",), f"{locked[0]} cannot be read: permission denied"
     elif len(there) == len(given):
-        yield from _log_faults(session, nominal, log_format, names, whole and marked)
+        folders = [name for name in names.values() if Path(name).is_dir()]
+        if text := folders and _folder_fault(folders[0]):
+            yield ("file",), text
+            return
+        try:
+            yield from _log_faults(session, nominal, log_format, names, whole and marked)
+        except Exception:
+            # what nobody foresaw in one log stops no other: its own job fails with it and says so
+            return
 
 
 def _size(names):
@@ -122,7 +157,8 @@ def _log_faults(session, nominal, log_format, names, whole):
             del declared[quantity]
     timed = {"time", "interval"} & {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
-        yield ("rate",), f"missing; {names['log']} has no time column"
+        where = f"{names['log']} has no time column of a usual name ({log.columns})"
+        yield ("rate",), f"missing; {where}; give it, or name the column in columns.time"
     elif marks and "time" not in {*log.found, *wrong}:
         yield ("pps",), "the log has no time column, which is to be the local counter"
     elif "pps" in declared and "pps" not in log.found:
