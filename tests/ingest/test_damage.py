@@ -43,6 +43,7 @@ def test_a_header_in_another_encoding(long_log, run, tmp_path):
     path.write_bytes(header + long_log.to_csv(index=False, header=False).encode())
     done = run(path, columns={"time": 0})
     assert done.quality["rows"] == 20_000
+    assert done.metadata["units"]["angular_rate"] == "deg/s"
 
 
 @pytest.mark.parametrize("name", ["log.csv.gz", "log.parquet", "log.nc"])

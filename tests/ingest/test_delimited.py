@@ -95,12 +95,18 @@ def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size, 
     lines[300] = lines[300].rstrip("\n").ljust(size - 1, "0") + "\n"
     lines.append("0" * size)
     path.write_text("".join(lines))
-    done = run(path, batch_rows=batch_rows)
+    read = delimited.read({"log": path}, batch_rows=batch_rows)
+    samples = pa.Table.from_batches(read.batches).to_pandas().rename(columns={"stamp": "t"})
     whole = size <= 1 << 16
-    assert done.quality["bad_lines"] == (1 if whole else 2)
+    assert read.bad_lines == (1 if whole else 2)
+    assert read.lost_bytes == (size if whole else 2 * size)
+    assert read.text_bytes == path.stat().st_size - len(lines[0])
     kept = log if whole else log.drop(index=299).reset_index(drop=True)
-    np.testing.assert_allclose(done.samples.gz, kept.gz, rtol=1e-4)
-    assert same(done.samples, kept.drop(columns="gz"))
+    np.testing.assert_allclose(samples.gz, kept.gz, rtol=1e-4)
+    assert same(samples, kept.drop(columns="gz"))
+    # most of the file is lost
+    [reason] = run(path, batch_rows=batch_rows).quality["reasons"]
+    assert "of the log's bytes are in" in reason
 
 
 @pytest.mark.parametrize("separator", [" ", ","])
@@ -295,3 +301,104 @@ def test_layout_of_a_file_longer_than_what_is_looked_at(log, tmp_path):
     pd.concat([log] * 10).to_csv(path, index=False, sep="\t")
     layout = find_layout(path)
     assert (layout.separator, layout.headed, layout.names) == ("\t", True, list(log.columns))
+
+
+@pytest.mark.parametrize("share", [0.04, 0.06, 0.5])
+@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
+def test_a_long_line_counts_by_what_was_in_it(log, run, tmp_path, share, batch_rows):
+    """Line ends were lost: one line, though a part of the log is in it."""
+    log = pd.concat([log] * 80, ignore_index=True)
+    log["t"] = np.arange(len(log)) / 100
+    lines = log.to_csv(index=False).splitlines(keepends=True)
+    lost = round(share * len(lines))
+    lines[100 : 100 + lost] = [line.rstrip("\n") for line in lines[100 : 100 + lost]]
+    path = tmp_path / "log.csv"
+    path.write_text("".join(lines))
+    quality = run(path, batch_rows=batch_rows).quality
+    assert quality["bad_lines"] == 1
+    if share == 0.04:
+        assert quality["status"] == "ok"
+    else:
+        [reason] = quality["reasons"]
+        number, _, rest = reason.partition("%")
+        assert abs(float(number) - 100 * share) < 1
+        assert rest == " of the log's bytes are in 1 lines that are no row; at most 5% may be lost"
+
+
+ORDERS = {
+    "swapped": "t,ay,ax,az,gx,gy,gz",
+    "comment": "# t, gx, gy, gz, ax, ay, az",
+    "other unit": "t,ax [g],ay [g],az [g],gx,gy,gz",
+    "more": "t,temp,ax,ay,az,gx,gy,gz",
+}
+
+
+@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
+@pytest.mark.parametrize("kind", ORDERS)
+def test_a_second_header_of_other_columns(log, run, tmp_path, kind, batch_rows):
+    lines = log.to_csv(index=False).splitlines()
+    lines.insert(490, ORDERS[kind])
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines))
+    [reason] = run(path, batch_rows=batch_rows).quality["reasons"]
+    named = ", ".join(each.strip(" #") for each in ORDERS[kind].split(","))
+    assert reason == (
+        f"a second header in the log names other columns ({named}) than the first "
+        "(t, ax, ay, az, gx, gy, gz): make a log of each part"
+    )
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_a_second_header_by_names_of_its_own(log, run, tmp_path, separator):
+    names = ["time", "fx", "fy", "fz", "p", "q", "r"]
+    log.columns = names
+    lines = log.to_csv(index=False, sep=separator).splitlines()
+    path = tmp_path / "log.csv"
+    columns = {"acceleration": names[1:4], "angular_rate": names[4:]}
+    for second, status in ((names, "ok"), ([*names[:4], "q", "p", "r"], "rejected")):
+        path.write_text("\n".join([*lines[:300], separator.join(second), *lines[300:]]))
+        quality = run(path, columns=columns).quality
+        assert quality["status"] == status
+        assert quality["non_finite"] == (status == "ok")
+
+
+def test_text_that_is_no_header_costs_its_line(log, run, tmp_path):
+    lines = log.to_csv(index=False).splitlines()
+    lines[200:200] = ["start,of,a,new,part,of,it", "battery low", "mag_x,mag_y,mag_z", "#t 5"]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines))
+    quality = run(path).quality
+    assert (quality["status"], quality["rows"]) == ("ok", len(log))
+    assert quality["bad_lines"] + quality["non_finite"] == 4
+
+
+@pytest.mark.parametrize("brackets", ["{}", "[{}]"])
+def test_a_row_of_units_below_the_header(log, run, tmp_path, brackets):
+    units = [brackets.format(u) for u in ("ms", "g", "g", "g", "deg/s", "deg/s", "deg/s")]
+    log["t"] = 10 * np.arange(500)
+    lines = log.to_csv(index=False).splitlines()
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([lines[0], ",".join(units), *lines[1:]]))
+    done = run(path)
+    expected = {"time": "ms", "acceleration": "g", "angular_rate": "deg/s"}
+    assert done.metadata["units"] == expected
+    assert (len(done.samples), done.quality["non_finite"]) == (500, 0)
+    path.write_text("\n".join([lines[0], ",".join([*units[:4], *["rpm"] * 3]), *lines[1:]]))
+    with pytest.raises(ImuloopError, match=r"units\.angular_rate: the log says 'rpm'"):
+        run(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"\x89HDF\r\n\x1a\n" + bytes(500), "the file is HDF5: format netcdf or matlab reads"),
+        (b"\x1f\x8b\x08" + bytes(500), "the file is packed by gzip: name it .csv.gz"),
+        (b"PK\x03\x04" + bytes(500), "the file is a zip or a spreadsheet: save its table as CSV"),
+        (b"\x01\0\x05\xff\0\0\0?" * 99, "the file is binary, no text: format: names what"),
+    ],
+)
+def test_what_is_binary_is_not_called_utf_16(run, tmp_path, content, reason):
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    [told] = run(path, format="csv").quality["reasons"]
+    assert told.startswith(reason)

@@ -4,6 +4,7 @@ import io
 import zipfile
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from imuloop.core.errors import ImuloopError
@@ -261,6 +262,36 @@ def test_damaged_rows_are_counted(log, run, write):
     assert done.quality["bad_lines"] == 2
     assert done.quality["non_finite"] == 1
     np.testing.assert_array_equal(done.samples.gx, log.gx.drop([2, 4, 6]))
+
+
+def test_a_long_line_counts_by_what_was_in_it(log, run, write):
+    log = pd.concat([log] * 40, ignore_index=True)
+    log["t"] = np.arange(len(log)) / 100
+    members = phyphox(log)
+    lines = members["Accelerometer.csv"].splitlines(keepends=True)
+    lines[100:9000] = [line.rstrip("\n") for line in lines[100:9000]]
+    members["Accelerometer.csv"] = "".join(lines)
+    [reason] = run(write(members)).quality["reasons"]
+    assert "of the log's bytes are in 1 lines that are no row" in reason
+
+
+@pytest.mark.parametrize("name", ["Accelerometer.csv", "Gyroscope.csv"])
+def test_a_second_header_of_other_columns(log, refused, write, name):
+    members = phyphox(log)
+    lines = members[name].splitlines()
+    time, x, y, z = lines[0].split(",")
+    lines.insert(300, ",".join([time, y, x, z]))
+    members[name] = "\n".join(lines)
+    assert refused(members).startswith("a second header in the log names other columns (")
+
+
+def test_a_unit_that_is_not_known(log, run, write):
+    members = phyphox(log)
+    head, _, rest = members["Accelerometer.csv"].partition("\n")
+    members["Accelerometer.csv"] = f"{head.replace('m/s^2', 'furlong')}\n{rest}"
+    assert "furlong" in members["Accelerometer.csv"]
+    with pytest.raises(ImuloopError, match=r"units\.acceleration: the log says 'furlong'"):
+        run(write(members))
 
 
 def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):

@@ -219,7 +219,7 @@ def resolve(names, declared=None, headed=True):
             for where, stem in increments[quantity]:
                 if where == chosen[quantity]:
                     summed[quantity] = stem
-        unit = _unit_of(quantity, chosen[quantity], names, quantity in summed)
+        unit = unit_of(quantity, chosen[quantity], names, quantity in summed)
         if unit or quantity in summed:
             units[quantity] = unit or next(iter(INCREMENTS[quantity]))
     for quantity in ("acceleration", "angular_rate"):
@@ -230,7 +230,7 @@ def resolve(names, declared=None, headed=True):
                 f"{how} in columns.{quantity}"
             )
     intervals = _intervals(declared, names, headed, guessed, summed, chosen.get("time") is None)
-    unit = intervals and headed and _unit_of("interval", next(iter(intervals.values())), names)
+    unit = intervals and headed and unit_of("interval", next(iter(intervals.values())), names)
     if unit:
         units["interval"] = unit
     others = {f"interval.{quantity}": position for quantity, position in intervals.items()}
@@ -393,7 +393,7 @@ def _stem_and_axis(words):
     return "", None
 
 
-def _unit_of(quantity, where, names, increments=False):
+def unit_of(quantity, where, names, increments=False):
     """Return the unit that the names of columns state: 'ax [g]', 'time_us', 'gx deg/s'.
 
     One that is not known is given as it is written, and several where they differ.

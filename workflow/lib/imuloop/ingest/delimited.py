@@ -5,7 +5,7 @@ import os
 import re
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
@@ -13,7 +13,7 @@ import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import listed, resolve
+from imuloop.ingest.columns import guess, listed, resolve, stated_unit, unit_of
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
@@ -26,8 +26,24 @@ _HEAD = 1 << 16
 _BLANKS = " "
 _SEPARATORS = (",", "\t", ";", _BLANKS)
 _COMMENT = re.compile(r"\s*(#|%|//)")
+_COMMENTED = re.compile(r"\A\s*(#|%|//)+\s*")
+# columns of a sensor
+_AXES = 3
 _MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
+# a line that may be a header
+_WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
+# how files begin that are no text, and what to do about them
+_BINARY = {
+    b"\x89HDF": "HDF5: format netcdf or matlab reads it where it is written as these are",
+    b"\x1f\x8b": "packed by gzip: name it .csv.gz",
+    b"BZh": "packed by bzip2: name it .csv.bz2",
+    b"\x28\xb5\x2f\xfd": "packed by zstd: name it .csv.zst",
+    b"PK\x03\x04": "a zip or a spreadsheet: save its table as CSV",
+    b"\xd0\xcf\x11\xe0": "a spreadsheet: save its table as CSV",
+    b"\x93NUMPY": "an array of NumPy: save it as CSV, Parquet or NetCDF",
+    b"ARROW1": "an Arrow file: save it as Parquet",
+}
 # what the csv module takes otherwise than as a part of a field
 _QUOTED = re.compile(r'["\r\n\0]')
 # rows by which a separator is judged, at least
@@ -56,6 +72,8 @@ class Layout:
         Whether numbers have a decimal comma.
     preamble : int
         Lines before the header or the first row.
+    units : list of str
+        Units of the columns where a row below the header names them, else empty.
     """
 
     separator: str
@@ -64,6 +82,7 @@ class Layout:
     start: int
     decimal_comma: bool
     preamble: int
+    units: list[str] = field(default_factory=list)
 
 
 def read(paths, columns=None, batch_rows=1 << 16):
@@ -92,7 +111,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         batches=iter(()),
         temperature=chosen.temperature is not None,
         found=chosen.found(layout.names),
-        units=dict(chosen.units),
+        units={**chosen.units, **_units_below(layout, chosen)},
         columns=listed(layout.names, layout.headed),
     )
     if layout.preamble:
@@ -102,7 +121,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     stamps = exact if chosen.time is None else [chosen.time, *exact]
 
     def parse(text):
-        table, bad_lines = _numbers_or_text(text, layout, chosen.positions(), stamps)
+        table, *bad = _numbers_or_text(text, layout, chosen.positions(), stamps)
         arrays = {name: numbers(table[i]) for i, name in enumerate(CHANNELS)}
         rest = iter(range(len(CHANNELS), table.num_columns))
         if chosen.time is not None:
@@ -110,7 +129,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         if chosen.temperature is not None:
             arrays[TEMPERATURE] = numbers(table[next(rest)])
         arrays |= {name: stamp_array(table[next(rest)]) for name in chosen.others}
-        return pa.RecordBatch.from_pydict(arrays), bad_lines
+        return pa.RecordBatch.from_pydict(arrays), *bad
 
     def batches():
         yield from _batches(path, layout, parse, batch_rows, log, log.threads)
@@ -134,7 +153,7 @@ def find_layout(path, least=3):
     lines = head.split(b"\n")
     if len(head) == _HEAD:
         lines.pop()
-    texts = [line.decode("utf-8", "replace").removeprefix("\ufeff").rstrip("\r") for line in lines]
+    texts = [_decoded(line).removeprefix("\ufeff").rstrip("\r") for line in lines]
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
@@ -159,21 +178,55 @@ def find_layout(path, least=3):
         # a header written as a comment, right before the rows
         comments = [t for t in texts[:first] if _COMMENT.match(t)]
         if comments:
-            header = _fields(re.sub(r"^\s*(#|%|//)+\s*", "", comments[-1]), best)
+            header = _fields(_COMMENTED.sub("", comments[-1]), best)
             if len(header) == width and not any(_is_number(text) for text in header):
                 names, headed = header, True
+    units = []
+    if headed and (below := [i for i in rows if i >= first]):
+        fields = _fields(texts[below[0]], best)
+        if len(fields) == width and _are_units(fields):
+            units, first = fields, below[0] + 1
     start = sum(len(line) + 1 for line in lines[:first])
     sample = [texts[i] for i in rows if i >= first]
     decimal_comma = not any("." in text for text in sample) and any(
         "," in field for text in sample for field in _fields(text, best)
     )
-    return Layout(best, [n.strip() for n in names], headed, start, decimal_comma, preamble)
+    names = [name.strip() for name in names]
+    return Layout(best, names, headed, start, decimal_comma, preamble, units)
+
+
+def _decoded(line):
+    """Return a line as text; a degree or a square in a header may be of an older encoding."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
+def _are_units(fields):
+    """Tell whether a row below a header names units."""
+    told = [field.strip("[](){} ") for field in fields]
+    known = any(stated_unit(q, text) for q in ("acceleration", "angular_rate") for text in told)
+    return known and not any(map(_is_number, fields))
+
+
+def _units_below(layout, chosen):
+    """Return the units that a row below the header names."""
+    names = [f"[{text.strip('[](){} ')}]" for text in layout.units]
+    where = {q: getattr(chosen, q) for q in ("time", "acceleration", "angular_rate", "temperature")}
+    told = {
+        quantity: unit_of(quantity, position, names, quantity in chosen.increments)
+        for quantity, position in where.items()
+        if names and position is not None
+    }
+    return {quantity: unit for quantity, unit in told.items() if unit}
 
 
 def text_batches(path, layout, positions, batch_rows, log):
     """Give the columns at `positions` as text, batch by batch, counting bad lines in `log`."""
 
     def parse(text):
+        _check_headers(text, layout, positions)
         return _parsed(text, layout, positions, dict.fromkeys(positions, pa.string()))
 
     return _batches(path, layout, parse, batch_rows, log)
@@ -185,9 +238,9 @@ def _batches(source, layout, parse, batch_rows, log, threads=1):
     file = pa.PythonFile(source, mode="r") if path is None else pa.OSFile(path)
 
     def work(piece):
-        text, bad_lines, position = piece
-        batch, more = parse(text)
-        return batch, bad_lines + more, position
+        text, bad_lines, lost, *read = piece
+        batch, more, bytes_ = parse(text)
+        return batch, bad_lines + more, lost + bytes_, *read
 
     with file, pa.input_stream(file, compression=path and _packing(path)) as stream:
         try:
@@ -195,8 +248,10 @@ def _batches(source, layout, parse, batch_rows, log, threads=1):
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, _LONGEST_LINE)
             pieces = _pieces(stream, path and file, size, layout.separator == _BLANKS)
-            for batch, bad_lines, position in in_order(work, pieces, threads):
+            for batch, bad_lines, lost, taken, position in in_order(work, pieces, threads):
                 log.bad_lines += bad_lines
+                log.lost_bytes += lost
+                log.text_bytes += taken
                 log.position = position
                 for begin in range(0, batch.num_rows, batch_rows):
                     yield batch.slice(begin, batch_rows)
@@ -213,19 +268,41 @@ def _packing(path):
 
 
 def _numbers_or_text(text, layout, positions, stamps):
-    """Return columns of a text as numbers, all as text where that is not exact, and bad lines."""
+    """Return columns of a text as numbers, all as text where that is not exact, and what is bad."""
     kinds = dict.fromkeys(positions, pa.float64())
     fields = text[: text.find(b"\n")].split(_delimiter(layout).encode())
     for i in stamps:
         kinds[i] = _kind(fields[i].strip() if i < len(fields) else b"")
     with suppress(pa.ArrowInvalid):
-        batch, bad_lines = _parsed(text, layout, positions, kinds)
+        batch, bad_lines, lost = _parsed(text, layout, positions, kinds)
         decimal = [batch[positions.index(i)] for i in stamps if kinds[i] == pa.float64()]
         decimal = [x.to_numpy(zero_copy_only=False) for x in decimal]
         # stamps that are whole numbers but for the first line's have more digits than these hold
         if all((x[np.isfinite(x)] % 1).any() for x in decimal):
-            return batch, bad_lines
+            if bad_lines:
+                _check_headers(text, layout, positions)
+            return batch, bad_lines, lost
+    _check_headers(text, layout, positions)
     return _parsed(text, layout, positions, dict.fromkeys(positions, pa.string()))
+
+
+def _check_headers(text, layout, positions):
+    """Reject a text in which another header names other columns: other rows follow it."""
+    separator = _BLANKS if layout.separator == _BLANKS else _delimiter(layout)
+    for line in _WORDS.findall(text) if layout.headed else ():
+        names = _fields(_COMMENTED.sub("", _decoded(line).rstrip("\r")), separator)
+        if names == layout.names or len(names) < _AXES or any(map(_is_number, names)):
+            continue
+        named = guess(names)
+        if not (named["acceleration"] or named["angular_rate"]):
+            # by names of its own
+            if len({*names} & {*layout.names}) < max(_AXES, len(names) / 2):
+                continue
+        if [names[i] for i in positions if i < len(names)] != [layout.names[i] for i in positions]:
+            raise RejectedLog(
+                f"a second header in the log names other columns ({listed(names)}) than the first "
+                f"({listed(layout.names)}): make a log of each part"
+            )
 
 
 def _kind(stamp):
@@ -244,12 +321,13 @@ def _delimiter(layout):
 
 
 def _parsed(text, layout, positions, kinds):
-    """Return the columns of a text, of the kinds given, and how many lines are no row."""
-    bad_lines = 0
+    """Return the columns of a text, of the kinds given, how many lines are no row, their bytes."""
+    bad_lines = lost = 0
 
     def bad(row):
-        nonlocal bad_lines
+        nonlocal bad_lines, lost
         bad_lines += 1
+        lost += _weight(row.text.encode())
         return "skip"
 
     names = [str(i) for i in positions]
@@ -279,7 +357,8 @@ def _parsed(text, layout, positions, kinds):
         columns = [
             pc.replace_substring(c, ",", ".") if c.type == pa.string() else c for c in columns
         ]
-    return pa.RecordBatch.from_arrays(columns, names=[str(i) for i in range(len(names))]), bad_lines
+    batch = pa.RecordBatch.from_arrays(columns, names=[str(i) for i in range(len(names))])
+    return batch, bad_lines, lost
 
 
 def doubles(column):
@@ -310,6 +389,9 @@ def _no_text(head):
     for mark in ("utf-32", "utf-16"):
         if head.startswith(("\ufeff".encode(f"{mark}-le"), "\ufeff".encode(f"{mark}-be"))):
             return f"the text is {mark.upper()}: save it as UTF-8 (iconv -f {mark} -t utf-8)"
+    for signature, what in _BINARY.items():
+        if head.startswith(signature):
+            return f"the file is {what}"
     start = head[:256]
     if start and not start.strip(b"\0"):
         return "the file begins with zeros: no table"
@@ -317,7 +399,9 @@ def _no_text(head):
         return f"the first line is longer than {_LONGEST_LINE >> 10} kB: no table"
     # every second byte, or three of four
     if start.count(0) > 0.4 * len(start):
-        return "the text looks like UTF-16 or UTF-32: save it as UTF-8"
+        if start.replace(b"\0", b"").decode("latin-1").replace("\n", "").isprintable():
+            return "the text looks like UTF-16 or UTF-32: save it as UTF-8"
+        return "the file is binary, no text: format: names what it is, see docs/formats.md"
     return None
 
 
@@ -368,7 +452,13 @@ def _numeric(row):
 
 
 # bytes that no number has, so that damaged ones spoil their own row alone
-_ASCII = bytes(i if 0 < i < 128 else ord("?") for i in range(256))
+_ZERO = b"\x01"
+_ASCII = bytes(i if 0 < i < 128 else ord("?") if i else ord(_ZERO) for i in range(256))
+
+
+def _weight(line):
+    """Return how many bytes of a line were written: what is zero never was."""
+    return len(line) - line.count(_ZERO)
 
 
 def _pieces(stream, file, size, squeeze):
@@ -381,12 +471,14 @@ def _pieces(stream, file, size, squeeze):
     ------
     text : bytes
         Whole lines, at least one.
-    bad_lines : int
-        Lines left out.
+    bad_lines, lost : int
+        Lines left out, and bytes in them.
+    taken : int
+        Bytes of the text read, zeros left out.
     position : int
         Bytes of the file read so far.
     """
-    rest, taken, bad_lines, ended = b"", 0, 0, False
+    rest, taken, written, bad_lines, lost, ended = b"", 0, 0, 0, 0, False
     while not ended:
         piece = stream.read(size)
         taken += len(piece)
@@ -395,6 +487,7 @@ def _pieces(stream, file, size, squeeze):
         ended = not piece
         if not piece.isascii() or b"\0" in piece:
             piece = piece.translate(_ASCII)
+        written += _weight(piece)
         text, begin, kept = rest + piece, 0, []
         # from the last line end within reach to the next one
         while len(text) - begin > _LONGEST_LINE:
@@ -403,26 +496,31 @@ def _pieces(stream, file, size, squeeze):
                 kept.append(text[begin:end])
             elif end := text.find(b"\n", begin) + 1:
                 bad_lines += 1
+                lost += _weight(text[begin:end])
             else:
                 break
             begin = end
         last = len(text) if ended else text.rfind(b"\n", begin) + 1 or begin
         if last - begin > _LONGEST_LINE:
             bad_lines += 1
+            lost += _weight(text[begin:last])
         else:
             kept.append(text[begin:last])
         # enough of a line to tell that it is too long
         rest = text[last : last + _LONGEST_LINE + 1]
+        lost += _weight(text[last + _LONGEST_LINE + 1 :])
         lines = b"".join(kept)
         if b'"' in lines:
             rows = lines.splitlines(keepends=True)
             whole = [row for row in rows if row.count(b'"') % 2 == 0]
             bad_lines += len(rows) - len(whole)
+            lost += _weight(lines)
             lines = b"".join(whole)
+            lost -= _weight(lines)
         if squeeze:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
             # no comma: that may be decimal
             lines = re.sub(rb"[ \t]+", b"\t", lines)
         if lines or bad_lines:
-            yield lines or b"\n", bad_lines, file.tell() if file else taken
-            bad_lines = 0
+            yield lines or b"\n", bad_lines, lost, written, file.tell() if file else taken
+            bad_lines = lost = written = 0

@@ -199,7 +199,8 @@ def ingest(
                 figures = measure()
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
-            reasons = reasons or quality.reasons(figures, counts, log.bad_lines)
+            lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
+            reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
             if reasons:
                 _write(temporary, (), log, counts, *own)
     except (ImuloopError, PermissionError) as error:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.ingest.columns import AXES, guess, stated_unit
+from imuloop.ingest.columns import AXES, guess, stated_unit, unit_of
 from imuloop.ingest.delimited import find_layout
 from imuloop.ingest.series import read_series
 from imuloop.ingest.stamps import iso_text
@@ -71,12 +71,15 @@ _IOS_UNITS = {
 
 @dataclass(frozen=True)
 class _Table:
-    """A table on one clock; `sensors` maps sensors, lower case, to their columns x, y, z."""
+    """A table on one clock; `sensors` maps sensors, lower case, to their columns x, y, z.
+
+    `count` is what was left out, of `imuloop.ingest.series.read_series`.
+    """
 
     app: _App
     stream: Stream
     sensors: dict
-    bad_lines: int = 0
+    count: object = None
 
 
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
@@ -138,7 +141,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     used = {log.found[quantity][0] for quantity in ("acceleration", "angular_rate")}
     for table in tables:
         if any(f"{table.stream.name}.{field}" in used for field in table.stream.fields):
-            log.bad_lines += table.bad_lines
+            log.lose(table.count)
     return log
 
 
@@ -213,13 +216,18 @@ def _table(name, opened, batch_rows, most):
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(layout.names)]) if i != time}
     positions = [time, *others.values()]
-    stamps, values, bad, unstamped = read_series(opened(), layout, positions, batch_rows, most)
+    stamps, values, count, unstamped = read_series(opened(), layout, positions, batch_rows, most)
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit, "acceleration": "m/s^2", "angular_rate": "rad/s"}
     for quantity in ("acceleration", "angular_rate"):
-        told = [stated_unit(quantity, _AXIS.fullmatch(axes[0])[3]) for axes in sensors.values()]
-        units[quantity] = next(filter(None, told), units[quantity])
-    return _Table(app, Stream(name, stamps, fields, units), sensors, bad + unstamped)
+        told = [unit_of(quantity, (0, 1, 2), axes) for axes in sensors.values()]
+        known = [unit for unit in told if unit and stated_unit(quantity, unit)]
+        own = [
+            unit for name, unit in zip(sensors, told, strict=True) if name in getattr(app, quantity)
+        ]
+        units[quantity] = next(filter(None, [*own, *known]), units[quantity])
+    count.bad_lines += unstamped
+    return _Table(app, Stream(name, stamps, fields, units), sensors, count)
 
 
 def _sensors(file, names):

@@ -197,7 +197,7 @@ def _smallest_step(x):
     return float(steps[steps > 1e-12 * np.abs(x[[0, -1]]).max()].min(initial=np.inf))
 
 
-def reasons(figures, counts, bad_lines):
+def reasons(figures, counts, bad_lines, lost_share=0.0):
     """Return why a log cannot be used, one text a reason; empty if it can.
 
     Parameters
@@ -208,6 +208,8 @@ def reasons(figures, counts, bad_lines):
         What became of the rows.
     bad_lines : int
         Lines that are no row.
+    lost_share : float
+        Share of a text's bytes that is in such lines: one can hold half of a log.
     """
     found = []
     lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines
@@ -226,6 +228,11 @@ def reasons(figures, counts, bad_lines):
         listed = ", ".join(f"{count} {what}" for count, what in parts if count)
         found.append(
             f"{lost} of {inside} rows ({lost / inside:.1%}) cannot be used: {listed}; "
+            f"at most {MOST_DROPPED:.0%} may be lost"
+        )
+    elif lost_share > MOST_DROPPED:
+        found.append(
+            f"{lost_share:.1%} of the log's bytes are in {bad_lines} lines that are no row; "
             f"at most {MOST_DROPPED:.0%} may be lost"
         )
     rate = figures["rate_hz"]

@@ -30,6 +30,8 @@ class RawLog:
         What a user should know of how the file was read.
     bad_lines : int
         Lines that are no row of the table.
+    lost_bytes, text_bytes : int
+        Bytes in these lines, and in all of a text; holes of zeros are in neither.
     position : int
         Bytes of the file read so far, 0 where the reader does not tell.
     interpolated : set of str
@@ -47,10 +49,18 @@ class RawLog:
     simulated: bool = False
     notes: list[str] = field(default_factory=list)
     bad_lines: int = 0
+    lost_bytes: int = 0
+    text_bytes: int = 0
     position: int = 0
     interpolated: set = field(default_factory=set)
     columns: str = ""
     threads: int = 1
+
+    def lose(self, count):
+        """Add the bad lines and the bytes of a part of the log that was counted by itself."""
+        self.bad_lines += count.bad_lines
+        self.lost_bytes += count.lost_bytes
+        self.text_bytes += count.text_bytes
 
 
 def rechunked(batches, rows):

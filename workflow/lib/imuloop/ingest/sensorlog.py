@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.columns import AXES
+from imuloop.ingest.columns import AXES, unit_of
 from imuloop.ingest.delimited import find_layout
 from imuloop.ingest.series import read_series
 from imuloop.ingest.streams import Stream, raw_log
@@ -49,13 +49,13 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     path = paths["log"]
     layout, columns = find_layout(path), dict(columns or {})
     bare = [re.sub(r"\s*\(.*\)$", "", name).lower() for name in layout.names]
-    streams, notes, bad_lines = {}, [], 0
+    streams, notes, lost = {}, [], None
     for name, (time, sensor) in _SENSORS.items():
         wanted = [time, *(sensor + axis for axis in AXES)]
         if not set(wanted) <= set(bare) or (name == "motion" and "gyro" in streams):
             continue
         positions = [bare.index(each) for each in wanted]
-        stamps, values, bad, unstamped = read_series(path, layout, positions, batch_rows, most)
+        stamps, values, count, unstamped = read_series(path, layout, positions, batch_rows, most)
         fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
         if not fresh.any():
             continue
@@ -66,9 +66,11 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
             layout.names[i]: sign * x[fresh] for i, x in zip(positions[1:], values, strict=True)
         }
         units = {"time": "s", "acceleration": "g", "angular_rate": "rad/s"}
+        quantity = "acceleration" if name == "accelerometer" else "angular_rate"
+        units[quantity] = unit_of(quantity, (*positions[1:],), layout.names) or units[quantity]
         streams[name] = Stream(name, stamps[fresh], fields, units)
         if name == "accelerometer":
-            bad_lines = bad
+            lost = count
     if "accelerometer" not in streams or len(streams) < 2:
         raise RejectedLog(
             "the file holds no accelerometer and gyroscope as SensorLog names them: "
@@ -82,5 +84,5 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
             columns[quantity] = [f"{stream.name}.{name}" for name in stream.fields]
     log = raw_log(list(streams.values()), columns, batch_rows)
     log.notes[:0] = notes
-    log.bad_lines = bad_lines
+    log.lose(lost)
     return log

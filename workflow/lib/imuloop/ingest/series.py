@@ -9,7 +9,7 @@ from imuloop.ingest.stamps import parse_stamps, stamp_values
 
 
 def read_series(source, layout, positions, batch_rows, most):
-    """Return the stamps in the first of the columns, the numbers in the others, and two counts.
+    """Return the stamps in the first of the columns, the numbers in the others, what is left out.
 
     Parameters
     ----------
@@ -28,10 +28,12 @@ def read_series(source, layout, positions, batch_rows, most):
     -------
     stamps : ndarray, shape (n,)
     values : list of ndarray, shape (n,)
-    bad_lines, unstamped : int
-        Lines that are no row, and rows without a stamp; both are left out.
+    count : namespace
+        ``bad_lines``, ``lost_bytes`` and ``text_bytes``, as in `RawLog`.
+    unstamped : int
+        Rows without a stamp, left out.
     """
-    count = SimpleNamespace(bad_lines=0)
+    count = SimpleNamespace(bad_lines=0, lost_bytes=0, text_bytes=0)
     stamps, values, unstamped, held = [], [], 0, 0
     for text in text_batches(source, layout, positions, batch_rows, count):
         x, readable, dates = stamp_values(parse_stamps(text[0]))
@@ -44,6 +46,6 @@ def read_series(source, layout, positions, batch_rows, most):
         if 0 <= most < held:
             break
     if not stamps:
-        return np.empty(0), [np.empty(0)] * (len(positions) - 1), count.bad_lines, unstamped
+        return np.empty(0), [np.empty(0)] * (len(positions) - 1), count, unstamped
     joined = [np.concatenate(column) for column in zip(*values, strict=True)]
-    return np.concatenate(stamps), joined, count.bad_lines, unstamped
+    return np.concatenate(stamps), joined, count, unstamped
