@@ -416,6 +416,37 @@ def test_a_limit_of_time_that_is_no_moment(faults, limit):
     assert "time_range: not ISO 8601: " in line
 
 
+@pytest.mark.parametrize("name", ["true", "False", "null", "~"])
+def test_a_name_that_yaml_takes_for_none(faults, name):
+    lines = faults(f"devices: {{{name}: {{sessions: {{a: {{{SOUND}}}}}}}}}")
+    assert f"devices.{name}: '{name}' is no text to YAML; write it in quotes" in lines
+
+
+def test_what_cannot_be_shown_or_is_no_folder(faults, tmp_path):
+    [line] = faults(session(SOUND, 'label: "a\\e[31m\\u202e",'))
+    assert line == ("devices.imu.label: 'a\\x1b[31m\\u202e' holds what cannot be printed")
+    assert faults(session(SOUND, 'label: "Müller’s “IMU” 5 × ☂",')) == []
+    assert faults(f"cache: poses.csv\n{session(SOUND)}") == [
+        "cache: poses.csv is a file, not a folder"
+    ]
+    assert faults(session(f"{SOUND}, format: ")) == [
+        "devices.imu.sessions.a.format: nothing is given"
+    ]
+
+
+def test_a_column_is_taken_once(faults):
+    for columns, line in (
+        ("acceleration: [1, ax, 3]", "acceleration: column 1, 'ax', is already in "
+         "columns.acceleration; name another"),
+        ("angular_rate: [ax, gy, gz]", "angular_rate: column 1, 'ax', is already in "
+         "columns.acceleration; name another"),
+        ("temperature: t", "temperature: column 0, 't', is already in columns.time; name another"),
+    ):  # fmt: skip
+        assert faults(session(f"{SOUND}, columns: {{{columns}}}")) == [
+            f"devices.imu.sessions.a.columns.{line}"
+        ]
+
+
 def test_what_libyaml_refuses_is_judged_as_snakemake_reads_it(faults):
     written = '"\\uD800"'
     with pytest.raises(yaml.YAMLError):

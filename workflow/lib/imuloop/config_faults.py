@@ -109,6 +109,8 @@ def _unusable(value, key=()):
             yield key, f"{_shown(ascii(value))} holds half of a character, which is no Unicode"
         elif "\0" in value:
             yield key, f"{_shown(repr(value))} holds a zero byte"
+        elif key[-1:] == ("label",) and not value.isprintable():
+            yield key, f"{_shown(ascii(value))} holds what cannot be printed"
     elif isinstance(value, (int, float)):
         try:
             fits = math.isfinite(value)
@@ -218,6 +220,8 @@ def _texts(error):
         for name in error.validator_value:
             if name not in value:
                 yield (*key, name), f"missing; {key[-1] if key else 'the config'} needs it"
+    elif rule == "enum" and value is None:
+        yield key, "nothing is given"
     elif rule == "enum":
         near = _nearest_unit if title == "unit" else nearest
         hint = near(str(value), error.validator_value, 0.4)
@@ -258,8 +262,11 @@ def _meaning_faults(config, wrong, replicas):
     found, given = [], {}
     if ("mirror",) not in wrong and "mirror" in config and not os.path.isdir(config["mirror"]):
         found.append((("mirror",), f"there is no folder {config['mirror']}"))
-    if ("cache",) not in wrong and (text := path_fault(config.get("cache", ""))):
+    cache = config.get("cache", "") if ("cache",) not in wrong else ""
+    if text := path_fault(cache):
         found.append((("cache",), text))
+    elif os.path.exists(cache) and not os.path.isdir(cache):
+        found.append((("cache",), f"{cache} is a file, not a folder"))
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return found
     for name, device in merged_devices(config).items():

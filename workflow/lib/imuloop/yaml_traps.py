@@ -14,6 +14,8 @@ _TRAPS = (
     (r"[-+]?0[0-9_]+", "tag:yaml.org,2002:int"),
     (r"(?i)[-+]?\.(nan|inf)", "tag:yaml.org,2002:float"),
 )
+# a name that is none, beside those that are traps
+_NO_NAME = r"(?i)tag:yaml\.org,2002:(bool (true|false)|null .*)"
 
 
 def by_libyaml(function, text):
@@ -52,6 +54,8 @@ def _faults(node, key, traps):
                     f"given twice (again in line {line}); only one would count",
                 )
             seen.add(name.value)
+            if traps and re.fullmatch(_NO_NAME, f"{name.tag} {name.value}"):
+                yield (*key, name.value), f"'{name.value}' is no text to YAML; write it in quotes"
             yield from _faults(name, (*key, name.value), traps)
             yield from _faults(value, (*key, name.value), traps)
     elif isinstance(node, yaml.SequenceNode):

@@ -236,7 +236,21 @@ def resolve(names, declared=None, headed=True):
     others = {f"interval.{quantity}": position for quantity, position in intervals.items()}
     for name, value in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
+    _check_each_once(chosen, names)
     return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
+
+
+def _check_each_once(chosen, names):
+    """Raise where a column is taken twice, by name and by number or for two quantities."""
+    taken = {}
+    for quantity, where in chosen.items():
+        for i in where if isinstance(where, tuple) else (where,):
+            if i is not None and i in taken:
+                raise ImuloopError(
+                    f"columns.{quantity}: column {i}, '{names[i]}', is already in "
+                    f"columns.{taken[i]}; name another"
+                )
+            taken[i] = quantity
 
 
 def _intervals(declared, names, headed, guessed, summed, untimed):

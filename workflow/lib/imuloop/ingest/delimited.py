@@ -452,13 +452,13 @@ def _numeric(row):
 
 
 # bytes that no number has, so that damaged ones spoil their own row alone
-_ZERO = b"\x01"
-_ASCII = bytes(i if 0 < i < 128 else ord("?") if i else ord(_ZERO) for i in range(256))
+_EMPTY = b"\x01"
+_ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for i in range(256))
 
 
 def _weight(line):
-    """Return how many bytes of a line were written: what is zero never was."""
-    return len(line) - line.count(_ZERO)
+    """Return how many bytes of a line can hold anything: no zeros, erased memory or blanks."""
+    return len(line) - line.count(_EMPTY) - line.count(b" ")
 
 
 def _pieces(stream, file, size, squeeze):
@@ -474,7 +474,7 @@ def _pieces(stream, file, size, squeeze):
     bad_lines, lost : int
         Lines left out, and bytes in them.
     taken : int
-        Bytes of the text read, zeros left out.
+        Bytes of the text read, empty ones left out.
     position : int
         Bytes of the file read so far.
     """

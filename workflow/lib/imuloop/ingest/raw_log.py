@@ -31,7 +31,7 @@ class RawLog:
     bad_lines : int
         Lines that are no row of the table.
     lost_bytes, text_bytes : int
-        Bytes in these lines, and in all of a text; holes of zeros are in neither.
+        Bytes in these lines, and in all of a text; blanks and unwritten memory are in neither.
     position : int
         Bytes of the file read so far, 0 where the reader does not tell.
     interpolated : set of str
