@@ -222,3 +222,17 @@ def test_a_log_without_time_names_its_columns(log, path, run):
         ImuloopError, match=r"no time column .* \(ax, ay, az, gx, gy, gz\); name it"
     ):
         run(path)
+
+
+@pytest.mark.parametrize("sentinel", [-(2**63), 2**63 - 1])
+@pytest.mark.parametrize("row", [0, 250])
+def test_a_stamp_that_stands_for_none(log, path, run, sentinel, row):
+    """Differences from it are more than 64 bits hold."""
+    log["t"] = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(500)
+    log.loc[row, "t"] = sentinel
+    log.to_csv(path, index=False)
+    done = run(path, units={"time": "ns"})
+    assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 1)
+    first = 1 if row == 0 else 0
+    kept = np.delete(np.arange(500), row) - first
+    np.testing.assert_array_equal(done.samples.t, kept * 10_000_000 * 1e-9)

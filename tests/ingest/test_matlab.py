@@ -339,3 +339,16 @@ def test_no_other_file_is_followed(run, arrays, path, tmp_path):
         file.create_group("group")["itself"] = file["/"]
     reason = "a link leads out of the file ('acc' in the file): refused"
     assert run(path).quality["reasons"] == [reason]
+
+
+def test_stamps_of_64_bits_without_sign(log, run, tmp_path):
+    column = {name: log[name].to_numpy()[:, None] for name in log.columns}
+    path = tmp_path / "log.mat"
+    for origin in (2**40, 2**63):
+        column["t"] = np.uint64(origin) + 10 * np.arange(500, dtype=np.uint64)[:, None]
+        savemat(path, column)
+        quality = run(path, units={"time": "ms"}).quality
+        if origin == 2**40:
+            assert quality["status"] == "ok"
+        else:
+            assert quality["reasons"] == ["stamps of 2^63 and more are not read"]

@@ -150,4 +150,19 @@ def test_dates_of_the_year_9999(log, run, tmp_path):
     far = np.datetime64("9999-01-01", "us") + (log.t * 1e6).astype(int).to_numpy()
     log.assign(t=far).to_parquet(path, index=False)
     [reason] = run(path).quality["reasons"]
-    assert "the dates, as 9999-01-01 00:00:00, lie outside of the years 1678 to 2261" in reason
+    assert "the dates, as 9999-01-01 00:00:00, lie outside of the years 1824 to 2115" in reason
+
+
+def test_numbers_and_stamps_of_other_types(log, run, tmp_path):
+    path = tmp_path / "log.parquet"
+    columns = {name: pa.array(log[name]) for name in log.columns}
+    columns["t"] = pa.array([f"{t:.2f}" for t in log.t]).dictionary_encode()
+    # more than 53 bits
+    columns["gx"] = pa.array(2**60 + 1 + np.arange(500))
+    pq.write_table(pa.table(columns), path)
+    done = run(path)
+    np.testing.assert_array_equal(done.samples.t, log.t)
+    np.testing.assert_array_equal(done.samples.gx, (2**60 + 1 + np.arange(500)).astype(float))
+    columns["t"] = pa.array(np.uint64(2**63) + np.arange(500, dtype=np.uint64))
+    pq.write_table(pa.table(columns), path)
+    assert run(path).quality["reasons"] == ["stamps of 2^63 and more are not read"]

@@ -365,7 +365,8 @@ def doubles(column):
     """Return a column as float64; what is missing becomes NaN."""
     # nothing to do where nothing is missing: arrow's functions take long to import
     if column.type != pa.float64():
-        column = column.cast(pa.float64())
+        # whole numbers of more than 53 bits are rounded
+        column = column.cast(pa.float64(), safe=False)
     return column.fill_null(float("nan")) if column.null_count else column
 
 

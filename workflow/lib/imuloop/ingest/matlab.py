@@ -18,6 +18,7 @@ from imuloop.ingest.columns import AXES, listed, resolve
 from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.packed import MOST_HELD, MOST_TIMES, check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
+from imuloop.ingest.stamps import stamp_array
 
 ENDINGS = (".mat",)
 
@@ -103,7 +104,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     table = dict(zip(CHANNELS, held, strict=True))
     if chosen.time is not None:
         stamps = series[names[chosen.time]]
-        table[STAMP] = stamps.astype(float if stamps.dtype.kind == "f" else np.int64)
+        table[STAMP] = stamp_array(pa.array(stamps))
     if chosen.temperature is not None:
         table[TEMPERATURE] = series[names[chosen.temperature]].astype(float)
     table |= {name: series[names[i]].astype(float) for name, i in chosen.others.items()}

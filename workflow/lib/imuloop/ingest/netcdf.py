@@ -14,7 +14,7 @@ from imuloop.ingest.columns import AXES, listed, resolve
 from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
-from imuloop.ingest.stamps import YEARS
+from imuloop.ingest.stamps import MOST, YEARS, stamp_array
 
 ENDINGS = (".nc", ".nc4", ".cdf", ".netcdf")
 
@@ -33,8 +33,6 @@ _CF_NANOSECONDS = {
 }
 # how the classic format begins; all else is looked through for HDF5
 _CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")
-# what 64 bits hold
-_MOST_NANOSECONDS = 9.2e18
 # more columns than a matrix of samples has
 _WIDEST = 64
 # types of the classic format, and the longest header, bytes
@@ -274,7 +272,7 @@ def _stamps(values, variable):
     data = np.ma.getdata(values)
     units = _since(_units(variable))
     if not units:
-        return pa.array(data, mask=mask)
+        return stamp_array(pa.array(data, mask=mask))
     step, date = units
     # takes longer to import than all the rest, and few logs need it
     import pandas as pd
@@ -287,7 +285,7 @@ def _stamps(values, variable):
             f"the stamps count from '{date}', which is no date of the years {YEARS}"
         ) from error
     away = np.abs(data.astype(float) * step + origin)
-    far = mask | ~(away < _MOST_NANOSECONDS)
+    far = mask | ~(away < MOST)
     if far.all() and np.isfinite(away[~mask]).any():
         raise RejectedLog(f"the stamps, {_units(variable)}, lie outside of the years {YEARS}")
     data = np.where(far, 0, data)

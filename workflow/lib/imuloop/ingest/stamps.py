@@ -10,8 +10,9 @@ from imuloop.core.units import TIME
 
 # whole nanoseconds per unit, so that absolute stamps stay exact
 NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
-# whole years that nanoseconds in 64 bits reach
-YEARS = "1678 to 2261"
+# stamps are below: their differences fit 64 bits; and the whole years of such ns
+MOST = 1 << 62
+YEARS = "1824 to 2115"
 # what an Arrow type counts in a second
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 # stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
@@ -61,13 +62,15 @@ def stamp_array(column):
     Dates that whole nanoseconds do not reach become null; where all are, they keep their unit.
     """
     kind = column.type
+    if pa.types.is_dictionary(kind):
+        return stamp_array(column.dictionary_decode())
     if pa.types.is_timestamp(kind):
         try:
             return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
         except pa.ArrowInvalid:
             import pyarrow.compute as pc
 
-            most = (2**63 - 1) // (10**9 // _PER_SECOND[kind.unit])
+            most = MOST // (10**9 // _PER_SECOND[kind.unit])
             ticks = column.cast(pa.int64())
             within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
             if not pc.any(within).as_py():
@@ -76,7 +79,10 @@ def stamp_array(column):
     if kind in (pa.int64(), pa.float64()):
         return column
     if pa.types.is_integer(kind):
-        return column.cast(pa.int64())
+        try:
+            return column.cast(pa.int64())
+        except pa.ArrowInvalid as error:
+            raise RejectedLog("stamps of 2^63 and more are not read") from error
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
         return parse_stamps(column)
     return column.cast(pa.float64())
@@ -104,7 +110,10 @@ def stamp_values(column):
     values = column.to_numpy(zero_copy_only=False)
     if values.dtype.kind == "f":
         readable = readable & np.isfinite(values)
-        values = np.where(readable, values, 0.0)
+    elif len(values) and not -MOST < values.min() <= values.max() < MOST:
+        readable = readable & (values > -MOST) & (values < MOST)
+    if not readable.all():
+        values = np.where(readable, values, values.dtype.type(0))
     return values, readable, absolute
 
 
@@ -115,7 +124,8 @@ def no_stamps(column, name):
             f"time column '{name}': the dates, as {column.drop_null()[0]}, lie outside of the "
             f"years {YEARS}"
         )
-    if pa.types.is_floating(column.type) and np.isinf(column.to_numpy(zero_copy_only=False)).any():
+    numbers = column.drop_null().to_numpy(zero_copy_only=False)
+    if numbers.dtype.kind in "if" and len(numbers) and not np.isnan(numbers).all():
         return RejectedLog(f"time column '{name}': its numbers are too large to be stamps")
     return ImuloopError(
         f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "
