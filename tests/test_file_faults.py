@@ -208,3 +208,10 @@ def test_a_name_that_repeats_is_told(faults, tmp_path):
         ]
         text = f"kind: static, file: {name}, columns: {{acceleration: [7, 2, 3]}}"
         assert faults(session(text)) == []
+
+
+def test_one_file_for_both_sensors(faults):
+    text = "kind: static, file: {acceleration: bare.csv, angular_rate: bare.csv}"
+    assert faults(session(text)) == [
+        "devices.imu.sessions.a.file: bare.csv is given for both sensors; each has its own file"
+    ]

@@ -324,3 +324,24 @@ def test_mutated_logs_give_one_line_at_most(run, single, write):
             except ImuloopError as error:
                 assert "\n" not in str(error)
             assert time.monotonic() - begin < 10
+
+
+@pytest.mark.parametrize("kind", [binary, text])
+def test_a_message_that_is_defined_twice(run, single, write, kind):
+    """Its fields are in another order from there on."""
+    codes, names = IMU
+    other = codes, names.replace("Gyr", "?").replace("Acc", "Gyr").replace("?", "Acc")
+    rows = imu(single)
+    for split, rejected in ((250, True), (498, False)):
+        if kind is binary:
+            content = binary(("IMU", IMU, rows[:split]), ("IMU", other, rows[split:]))
+        else:
+            parts = text(("IMU", IMU, rows[:split])), text(("IMU", other, rows[split:]))
+            content = b"".join(parts)
+        quality = run(write(content)).quality
+        if rejected:
+            line = "IMU is defined twice, with other fields: the log is of two kinds"
+            assert quality["reasons"] == [line]
+        else:
+            # so few are damage
+            assert (quality["status"], quality["bad_lines"], quality["rows"]) == ("ok", 2, 498)

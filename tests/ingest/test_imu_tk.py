@@ -75,3 +75,32 @@ def test_declared_columns_and_other_widths_are_refused(log, run, pair):
         run(*pair)
     with pytest.raises(ImuloopError, match="imu_tk is read from acceleration and angular_rate"):
         run(pair[0], format="imu_tk")
+
+
+def test_units_of_a_header(log, run, pair):
+    plain = [path.read_text() for path in pair]
+    for heads, told in (
+        (("t[ms] x[g] y[g] z[g]\n", "t[ms] x[dps] y[dps] z[dps]\n"), None),
+        (
+            ("t x[furlong] y[furlong] z[furlong]\n", ""),
+            r"units\.acceleration: the log says 'furlong'",
+        ),
+    ):
+        for path, head, rows in zip(pair, heads, plain, strict=True):
+            path.write_text(head + rows)
+        if told:
+            with pytest.raises(ImuloopError, match=told):
+                run(*pair)
+            continue
+        units = run(*pair).metadata["units"]
+        assert units == {"time": "ms", "acceleration": "g", "angular_rate": "deg/s"}
+    pair[0].write_text("t[ms] x y z\n" + plain[0])
+    assert run(*pair).quality["reasons"] == ["the two files state different units of time"]
+
+
+def test_a_bad_line_is_no_lost_step(run, pair):
+    for path in pair:
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join([*lines[:200], "reset", *lines[200:]]))
+    quality = run(*pair).quality
+    assert (quality["status"], quality["bad_lines"], quality["warnings"]) == ("ok", 2, [])

@@ -294,6 +294,20 @@ def test_a_unit_that_is_not_known(log, run, write):
         run(write(members))
 
 
+def test_names_that_a_terminal_would_obey(log, run, write):
+    members = phyphox(log)
+    for name, other in (("Gyroscope", "Gyro\x07scope"), ("Accelerometer", "\x1b[2JAcc")):
+        members[f"{other}.csv"] = members.pop(f"{name}.csv")
+    done = run(write(members))
+    check(done, log)
+    assert all(name.isprintable() for names in done.quality["columns"].values() for name in names)
+
+
+def test_one_stream_for_both_sensors(log, run, write):
+    with pytest.raises(ImuloopError, match=r"columns: Gyroscope\.Gyroscope x .* is named twice"):
+        run(write(phyphox(log)), columns={"acceleration": "Gyroscope"})
+
+
 def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
     members = phyphox(log)
     twice = {**members, "Second.csv": members["Gyroscope.csv"]}

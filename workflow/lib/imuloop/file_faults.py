@@ -84,6 +84,9 @@ def file_faults(session, nominal, replicas, whole, marked):
         if not is_stored(name) and Path(os.path.normpath(name)).parts[:1] == ("results",):
             yield ("file",), f"{name} is a result of this workflow; name the log that it came from"
             return
+    if len({*names.values()}) < len(names):
+        yield ("file",), f"{names['acceleration']} is given for both sensors; each has its own file"
+        return
     try:
         _, log_format = find_format(session.get("format"), names)
     except ImuloopError as error:

@@ -65,7 +65,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     if _HEAD not in head and b"FMT," not in head:
         raise RejectedLog("the file is no DataFlash log")
     messages, bad, damage = (_binary if _HEAD in head else _text)(library, data, wanted)
-    streams = []
+    streams, messages, others = [], *_defined_once(messages)
+    bad += others
     for name, fields in messages:
         parts = _streams(name, fields)
         rows = sum(len(part.stamps) for part in parts)
@@ -85,6 +86,29 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     ]
     raw.bad_lines = bad
     return raw
+
+
+def _defined_once(messages):
+    """Return the messages, of each name the definition of most rows, and the rows of the others.
+
+    Few rows of another definition are damage.
+    """
+    found, others = {}, 0
+    for name, fields in sorted(messages, key=lambda message: -_rows(message[1])):
+        if name not in found:
+            found[name] = fields
+            continue
+        if _rows(fields) >= _LEAST_SHARE * (_rows(found[name]) + _rows(fields)) > 0:
+            raise RejectedLog(
+                f"{name} is defined twice, with other fields: the log is of two kinds"
+            )
+        others += _rows(fields)
+    # in the order of the log
+    return [(name, found[name]) for name in dict.fromkeys(n for n, _ in messages)], others
+
+
+def _rows(fields):
+    return len(next(iter(fields.values()), ()))
 
 
 def _binary(library, data, wanted):

@@ -6,6 +6,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.ingest.columns import unit_of
 from imuloop.ingest.delimited import find_layout, numbers, text_batches
 from imuloop.ingest.raw_log import STAMP, RawLog, rechunked
 from imuloop.ingest.stamps import parse_stamps, stamp_values
@@ -21,7 +22,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     paths : dict
         ``{"acceleration": path, "angular_rate": path}``.
     columns : None
-        The format has fixed columns: time and three axes.
+        The format has fixed columns, time and three axes; a header can only state their units.
     batch_rows : int
         Rows held at once, about.
 
@@ -34,9 +35,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
     """
     if columns:
         raise ImuloopError("imu_tk files have fixed columns t x y z; leave columns out")
-    log = RawLog(
-        batches=iter(()), temperature=False, found={name: ["0", "1", "2", "3"] for name in FILES}
-    )
+    found = {"time": "0", **{name: ["1", "2", "3"] for name in FILES}}
+    log = RawLog(batches=iter(()), temperature=False, found=found)
     layouts = {}
     for name in FILES:
         layouts[name] = find_layout(paths[name])
@@ -45,6 +45,11 @@ def read(paths, columns=None, batch_rows=1 << 16):
                 f"{paths[name]}: an imu_tk file has four columns t x y z, "
                 f"this one has {len(layouts[name].names)}"
             )
+        for quantity, where in (("time", 0), (name, (1, 2, 3))):
+            unit = unit_of(quantity, where, layouts[name].names)
+            if log.units.setdefault(quantity, unit) != unit:
+                raise RejectedLog(f"the two files state different units of {quantity}")
+    log.units = {quantity: unit for quantity, unit in log.units.items() if unit}
     streams = [
         rechunked(text_batches(paths[name], layouts[name], range(4), batch_rows, log), batch_rows)
         for name in FILES

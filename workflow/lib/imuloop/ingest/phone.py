@@ -19,7 +19,7 @@ from imuloop.ingest.columns import AXES, guess, stated_unit, unit_of
 from imuloop.ingest.delimited import find_layout
 from imuloop.ingest.series import read_series
 from imuloop.ingest.stamps import iso_text
-from imuloop.ingest.streams import Stream, raw_log
+from imuloop.ingest.streams import Stream, printable, raw_log
 from imuloop.ingest.zipped import DamagedZip, Member, checked, find_members, small_table
 
 ENDINGS = (".zip",)
@@ -208,13 +208,14 @@ def _table(name, opened, batch_rows, most):
     except RejectedLog:
         # notes of the user, a header without rows
         return None
-    lower = [each.lower() for each in layout.names]
+    name, names = printable(name), [printable(each) for each in layout.names]
+    lower = [each.lower() for each in names]
     app = next((app for app in _APPS if {*app.marks} <= {*lower}), None)
-    sensors = _sensors(name, layout.names)
-    if app is None or not (sensors or guess(layout.names)["temperature"]):
+    sensors = _sensors(name, names)
+    if app is None or not (sensors or guess(names)["temperature"]):
         return None
     time = lower.index(app.marks[0])
-    others = {each: i for i, each in reversed([*enumerate(layout.names)]) if i != time}
+    others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
     positions = [time, *others.values()]
     stamps, values, count, unstamped = read_series(opened(), layout, positions, batch_rows, most)
     fields = dict(zip(others, values, strict=True))

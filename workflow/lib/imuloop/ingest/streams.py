@@ -81,6 +81,9 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         # one that holds both sensors goes before those of one alone
         together = [c for c in found if c[0].name in shared]
         chosen[quantity] = _only(quantity, together or found, streams)
+    taken = [f"{stream.name}.{field}" for stream, fields in chosen.values() for field in fields]
+    if twice := [name for name in taken if taken.count(name) > 1]:
+        raise ImuloopError(f"columns: {twice[0]} is named twice; each axis is a column of its own")
     for stream, _ in chosen.values():
         if not len(stream.stamps):
             raise RejectedLog(f"{stream.name} has no rows")
@@ -142,14 +145,15 @@ def stream_names(columns):
 
 def _signed(stream):
     """Return the stream with stamps that can be subtracted, and names that fit in a line."""
-    fields = {_printable(name): x for name, x in stream.fields.items()}
-    stream = replace(stream, name=_printable(stream.name), fields=fields)
+    fields = {printable(name): x for name, x in stream.fields.items()}
+    stream = replace(stream, name=printable(stream.name), fields=fields)
     if np.asarray(stream.stamps).dtype.kind in "iu":
         return replace(stream, stamps=np.asarray(stream.stamps).astype(np.int64))
     return replace(stream, stamps=np.asarray(stream.stamps, dtype=float))
 
 
-def _printable(text):
+def printable(text):
+    """Return a name of a file without what a terminal would obey."""
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
