@@ -17,6 +17,7 @@ device = Device(
     {params.session: declared.pop("kind")},
     nominal=params.nominal,
     full_scale=params.full_scale,
+    gravity=params.gravity,
     log=snakemake.log[0],
     threads=snakemake.threads,
 )

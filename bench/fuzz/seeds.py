@@ -206,6 +206,8 @@ def sensor_logger(log):
             ("GyroscopeUncalibrated", SIX[3:]),
         ):
             table = log[axes].set_axis(["x", "y", "z"], axis=1)
+            # what is left without gravity
+            table *= 0.001 if name == "Accelerometer" else 1
             table.insert(0, "time", stamps)
             table.insert(1, "seconds_elapsed", log.t)
             archive.writestr(
@@ -224,7 +226,8 @@ def sensorlog(log):
     ):
         table[f"{sensor}Timestamp_sinceReboot(s)"] = log.t
         for letter, axis in zip("XYZ", axes, strict=True):
-            table[f"{column}{letter}({unit})"] = log[axis]
+            # its G is standard gravity
+            table[f"{column}{letter}({unit})"] = log[axis] / (9.80665 if unit == "G" else 1)
     return table.to_csv(index=False).encode()
 
 

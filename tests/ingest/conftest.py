@@ -67,7 +67,7 @@ def run(tmp_path):
     def call(*paths, **declared):
         target = tmp_path / "out" / "samples.parquet"
         ingest(
-            **{"device": "imu", "session": "poses", "kind": "static", **declared},
+            **{"device": "imu", "session": "poses", "kind": "multi_position", **declared},
             paths=paths,
             samples_path=target,
             quality_path=tmp_path / "out" / "quality.json",

@@ -236,15 +236,7 @@ KEPT = {
     "temperature in counts": (scaled([TEMPERATURE], 340, -12420), "counts, or failed reads"),
     "temperature in K": (scaled([TEMPERATURE], 1, 273.15), "it looks like K"),
     "temperature dead": (put((0,), [TEMPERATURE], 21.0), "temperature is 21 degC throughout"),
-    "acceleration in g": (
-        scaled(ACCELERATION, 1 / STANDARD_GRAVITY),
-        "taken as m/s^2, it looks like g",
-    ),
     "gravity taken out": (scaled(ACCELERATION, 0.01), "has gravity been taken out"),
-    "rate in deg/s": (
-        scaled(ANGULAR_RATE, 1 / DEGREE),
-        {"static": "the angular rate is 1.2", "multi_position": "it looks like deg/s"},
-    ),
     "rate in counts": (scaled(ANGULAR_RATE, 1e4), "too much for a turn by hand"),
     "stamps in ms": (scaled(["t"], 1e3), "0.1 Hz is unusual for an IMU: see units.time"),
     "a gap": (moved(0.5, 0.7), "1 gaps, 0.71 s together"),
@@ -252,6 +244,14 @@ KEPT = {
 FULL_SCALE = {"acceleration": 9.0, "angular_rate": 30.0}
 # fault, what is declared, text in warnings or reasons, and the figure that counts it
 OTHER = {
+    "acceleration in g": (
+        *(scaled(ACCELERATION, 1 / STANDARD_GRAVITY), {}),
+        "taken as m/s^2, it looks like g",
+    ),
+    "acceleration in mg": (
+        *(scaled(ACCELERATION, 1e3 / STANDARD_GRAVITY), {}),
+        "taken as m/s^2, it looks like mg",
+    ),
     "at full scale": (clip("az", 0.9), {"full_scale": FULL_SCALE}, "at the end of the full scale:"),
     "missing values": (put((0.5, 20), ["gy"], np.nan), {}, "non_finite"),
     "infinite values": (put((0.5, 20), ["az"], np.inf), {}, "non_finite"),
@@ -260,12 +260,47 @@ OTHER = {
     "not read": (put((0,), ACCELERATION, 0.5), {}, "the acceleration never changes"),
     "stamps in us": (scaled(["t"], 1e6), {}, "a million times smaller"),
 }
-# shown by turns alone; at rest, a bias in the wrong unit is as good as another
+# shown by turns alone; at rest, a bias in the wrong unit is as good as another. What is declared,
+# the status, and the text in reasons or warnings
 TURNS_ALONE = {
     "deg/s that are rad/s": (
         *(scaled(CHANNELS, 1.0), {"units": {"angular_rate": "deg/s"}}),
-        "taken as deg/s, it looks like rad/s",
+        *("rejected", "taken as deg/s, it looks like rad/s"),
     ),
+    "rad/s that are deg/s": (
+        *(scaled(ANGULAR_RATE, 1 / DEGREE), {}),
+        *("rejected", "taken as rad/s, it looks like deg/s"),
+    ),
+    **{
+        f"{n} times the rate": (
+            *(scaled(ANGULAR_RATE, n), {}),
+            *("rejected", f"full scale was 1/{n} of the one that the logger's scale is for"),
+        )
+        for n in (2, 4)
+    },
+    "a quarter of the rate": (
+        *(scaled(ANGULAR_RATE, 1 / 4), {}),
+        *("rejected", "full scale was 4 times the one that the logger's scale is for"),
+    ),
+    "a rate of stamps that is half": (
+        *(scaled(["t"], 2), {}),
+        *("rejected", "or the log's rate is off by as much"),
+    ),
+    "counts at the wrong full scale": (
+        scaled(ANGULAR_RATE, 1e3),
+        {"units": {"angular_rate": "count"}, "nominal": {"angular_rate": {"scale": 2e-3}}},
+        *("rejected", "full scale was 1/2 of the one that nominal.angular_rate.scale is for"),
+    ),
+    "counts in deg/s": (
+        scaled(ANGULAR_RATE, 1e3),
+        {"units": {"angular_rate": "count"}, "nominal": {"angular_rate": {"scale": 1e-3 / DEGREE}}},
+        *("rejected", "nominal.angular_rate.scale is in rad/s per count, and looks like deg/s"),
+    ),
+    "a rate that is 14 % too large": (
+        *(scaled(ANGULAR_RATE, 1.14), {}),
+        *("ok", "times as far as gravity turns in its axes, over 8 moves"),
+    ),
+    "a rate that is 8 % too large": (scaled(ANGULAR_RATE, 1.08), {}, "ok", None),
 }
 
 
@@ -331,11 +366,13 @@ def test_a_fault_of_rows_stamps_or_units_is_counted_or_named(logs, neighbours, k
 
 @pytest.mark.parametrize("name", TURNS_ALONE)
 def test_a_fault_that_turns_alone_show(logs, neighbours, name):
-    change, declared, text = TURNS_ALONE[name]
+    change, declared, status, text = TURNS_ALONE[name]
     log = logs["multi_position"].copy()
     change(log)
     found = taken(neighbours.folder / "faulty", log, "multi_position", **declared)[1]
-    assert any(text in line for line in found["warnings"]), found
+    assert found["status"] == status
+    lines = found["reasons" if status == "rejected" else "warnings"]
+    assert len(lines) == (text is not None) and (text or "") in "".join(lines), found
     neighbours.assert_unchanged()
 
 

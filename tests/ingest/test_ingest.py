@@ -26,7 +26,7 @@ def test_provenance(path, run):
     assert done.metadata == {
         "device": "imu",
         "session": "poses",
-        "kind": "static",
+        "kind": "multi_position",
         "log_format": "csv",
         "source": source,
         "sha256": {"log.csv": hashlib.sha256(path.read_bytes()).hexdigest()},

@@ -98,19 +98,36 @@ def test_quantisation_step(log, measured):
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor", "hint"),
+    ("unit", "factor", "status", "hint"),
     [
-        ("m/s^2", 1 / 9.80665, "taken as m/s^2, it looks like g"),
-        ("m/s^2", 1e3 / 9.80665, "taken as m/s^2, it looks like mg"),
-        ("g", 1, "taken as g, it looks like m/s^2"),
-        ("m/s^2", 400, "see units.acceleration"),
-        ("m/s^2", 0.01, "has gravity been taken out"),
+        ("m/s^2", 1 / 9.80665, "rejected", "taken as m/s^2, it looks like g"),
+        ("m/s^2", 1e3 / 9.80665, "rejected", "taken as m/s^2, it looks like mg"),
+        ("g", 1, "rejected", "taken as g, it looks like m/s^2"),
+        # a bias and scale of some per cent besides
+        ("m/s^2", 1.06 / 9.80665, "rejected", "taken as m/s^2, it looks like g"),
+        ("m/s^2", 2, "rejected", "full scale was 1/2 of the one that the logger's scale is for"),
+        ("m/s^2", 1 / 4, "rejected", "full scale was 4 times the one"),
+        ("m/s^2", 400, "ok", "see units.acceleration"),
+        ("m/s^2", 1.4, "ok", "see units.acceleration"),
+        ("m/s^2", 0.01, "ok", "has gravity been taken out"),
     ],
 )
-def test_the_wrong_unit_of_acceleration_is_told(log, measured, unit, factor, hint):
+def test_the_wrong_unit_of_acceleration_is_told(log, measured, unit, factor, status, hint):
     log[["ax", "ay", "az"]] *= factor
-    found = measured(units={"acceleration": unit})
-    assert hint in found["warnings"][0]
+    found = measured(units={"acceleration": unit}, gravity=9.818)
+    assert found["status"] == status
+    assert hint in found["reasons" if status == "rejected" else "warnings"][0]
+    assert "gravity 9.818" in (found["reasons"] + found["warnings"])[0]
+
+
+@pytest.mark.parametrize("kind", ["static", "multi_position"])
+def test_a_scale_of_some_per_cent_is_honest(log, measured, kind):
+    for factor in (0.85, 0.93, 1.06, 1.15):
+        scaled = log.copy()
+        scaled[["ax", "ay", "az"]] *= factor
+        log[:] = scaled
+        assert measured(kind=kind)["warnings"] == []
+        log[["ax", "ay", "az"]] /= factor
 
 
 def test_an_impossible_turn_is_told(log, measured):

@@ -8,6 +8,13 @@ from imuloop.core.units import STANDARD_GRAVITY
 from ingest.tables import ACCELERATION, RATE, check, table
 
 
+@pytest.fixture
+def log(log):
+    """The log with its acceleration in g, as the app has it."""
+    log[ACCELERATION] = (log[ACCELERATION] / STANDARD_GRAVITY).round(6)
+    return log
+
+
 def sensorlog(log, rate="gyroRotation", unit="(rad/s)"):
     """Return the text of a SensorLog CSV: iOS signs, a row each 10 ms, stamps since the boot."""
     names = [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]

@@ -20,7 +20,7 @@ def test_every_listed_face_is_a_pose_and_turns_are_not(measured, recordings):
     table = pd.read_parquet(measured.session("ferraris", "faces")["segments"])
     static = table[table["kind"] == "static"]
     for name, section in sections.items():
-        start, end = section["start"] / 204.8, section["end"] / 204.8
+        start, end = section["start"] / 102.4, section["end"] / 102.4
         overlap = np.minimum(static["end_s"], end) - np.maximum(static["start_s"], start)
         if name.endswith("rot"):
             # the middle third of a turn moves for certain

@@ -97,7 +97,7 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
     ("device", "keys", "first"),
     [
         ("posed", {"label": "Other"}, "export"),
-        ("posed", {"gravity": 9.81}, "calibrate"),
+        ("posed", {"gravity": 9.81}, "ingest"),
         ("resting", {"noise": {"points_per_decade": 5}}, "noise"),
     ],
     ids=["label", "gravity", "noise"],

@@ -41,6 +41,7 @@ rule ingest:
         declared=session_of,
         nominal=setting("nominal"),
         full_scale=setting("full_scale"),
+        gravity=setting("gravity"),
         code=code("ingest.py"),
     script:
         "../../scripts/ingest.py"

@@ -118,6 +118,7 @@ def ingest(device, session, declared, paths, progress=None):
             paths=paths,
             nominal=device.nominal,
             full_scale=device.full_scale,
+            gravity=device.gravity,
             threads=device.threads,
             progress=progress,
         )

@@ -145,7 +145,8 @@ def log_samples(log, arguments, folder, calibration=None):
     ingest(
         device=calibration.device if calibration else "log",
         session=log.name,
-        kind="static",
+        # what was done with the device is not known
+        kind=None,
         paths=[log],
         samples_path=samples,
         quality_path=quality,

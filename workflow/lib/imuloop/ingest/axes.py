@@ -58,7 +58,7 @@ class Axes:
         n = len(x["ax"]) // width
         if n < 2:
             return
-        force = np.array([_means(x[name][: n * width], self.rows) for name in ACCELERATION])
+        force = np.array([means(x[name][: n * width], self.rows) for name in ACCELERATION])
         size = np.sqrt((force**2).sum(axis=0))
         self.gravity = self.gravity or np.median(size)
         calm = (np.abs(size / self.gravity - 1) < MOST_SHAKEN).reshape(n, -1).all(axis=1)
@@ -72,7 +72,7 @@ class Axes:
         self.rests.add(np.array([r[rests].mean(axis=1) for r in rate]).T)
         # both windows of a step, one after the other
         both = np.array([np.concatenate([r[turns], r[turns + 1]], axis=1) for r in rate])
-        both = _means(both, self.rows)
+        both = means(both, self.rows)
         rise = (np.arange(self.fine) + 0.5) / self.fine * self.dt
         weighted = np.concatenate([u[:, turns], u[:, turns + 1]], axis=2)
         weighted *= np.concatenate([rise, rise[::-1]])
@@ -85,10 +85,12 @@ class Axes:
         Returns
         -------
         dict or None
-            `agreement` of the axes as logged, of the best mapping `best`, `steps` in favour and
-            against, and `mapping`: for each axis of the acceleration the angular rate's axis that
-            fits, as 1, 2, 3 with its sign and 0 where the turns leave it open; None where the
-            axes as logged fit. None in all where the device hardly turns.
+            `agreement` of the axes as logged, of the best mapping `best`, and how far that turns
+            gravity beside how far it turns, `ratio`, None where they have nothing in common;
+            `steps` in favour and against, and `steps_used` in all; `mapping`: for each axis of the
+            acceleration the angular rate's axis that fits, as 1, 2, 3 with its sign and 0 where
+            the turns leave it open; None where the axes as logged fit. None in all where the
+            device hardly turns.
         """
         steps = self.steps.rows()
         if len(steps) < LEAST_STEPS:
@@ -110,10 +112,14 @@ class Axes:
         best = int(np.argmax(agreement))
         lead = cosine[best] - cosine[0]
         favour, against = int((lead > 0.2).sum()), int((lead < -0.2).sum())
+        power, common = (told[best] ** 2).sum(), (told[best] * change).sum()
+        ratio = np.divide(power, common)
         found = {
             "agreement": float(agreement[0]),
             "best": float(agreement[best]),
+            "ratio": float(ratio) if common > 0 and np.isfinite(ratio) else None,
             "steps": [favour, against],
+            "steps_used": len(steps),
             "mapping": None,
         }
         possible = agreement > agreement[best] - NEAR
@@ -158,6 +164,6 @@ def _some(at, n):
     return at[:: max(len(at) // n, 1)]
 
 
-def _means(x, rows):
+def means(x, rows):
     """Return means of blocks of a few rows: sums of strides, numpy is slow on short axes."""
     return sum(x[..., i::rows] for i in range(rows)) / rows

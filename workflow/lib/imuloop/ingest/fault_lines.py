@@ -7,27 +7,22 @@ from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.ingest.faults import SENSORS
 from imuloop.ingest.rest_means import EARTH_PART, EARTH_RATE
 from imuloop.ingest.rests import HIGH, LACKING_SHARE
-from imuloop.ingest.turns import PLAUSIBLE_RATIO
 
 # what a thermometer beside an IMU can show, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
 # a temperature may well stay the same for so long, s
 CONSTANT_TEMPERATURE = 60.0
-# no sensor at rest shows more; no hand turns faster than this on average, rad/s
-PLAUSIBLE_REST, PLAUSIBLE_TURN = 1.0, 10.0
 # rates that an IMU's log has, Hz; others are read but told
 USUAL_RATE = (0.5, 4e4)
 
 
-def warnings(figures, units):
+def warnings(figures):
     """Return one line for each kind of fault found: where, how much, and what to do.
 
     Parameters
     ----------
     figures : dict
         Quality figures, `faults` among them.
-    units : dict
-        Raw unit of each sensor, `RawUnit`.
     """
     found, rate = figures["faults"], figures["rate_hz"]
     if not found:
@@ -92,7 +87,10 @@ def warnings(figures, units):
             f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
             f"resampled): {listed} of the noise below; log the sensor's own output"
         )
-    lines += _temperature(figures) + _units(figures, found, units) + _axes(found)
+    lines += _temperature(figures)
+    if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
+        lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
+    lines += _axes(found)
     return lines + _mean_at_rest(found["mean_at_rest"])
 
 
@@ -116,43 +114,6 @@ def _temperature(figures):
             "effect of temperature"
         ]
     return []
-
-
-def _units(figures, found, units):
-    """Tell units of angular rate and time that rest, motion and rate deny."""
-    lines, rate, unit = [], figures["rate_hz"], units["angular_rate"]
-    if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
-        lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
-    rest, ratio = found["rate_at_rest"], found["turn_ratio"]
-    turn = figures["mean_angular_rate"]
-    # what is stuck or padded turns nothing, whatever its unit
-    live = not found["zero_rows"]["angular_rate"] and not any(
-        found["stuck"][name]["stretches"] or name in figures["constant"] for name in ANGULAR_RATE
-    )
-    if turn > PLAUSIBLE_TURN:
-        lines.append(
-            f"the mean angular rate is {turn:.4g} rad/s, too much for a turn by hand: "
-            "see units.angular_rate"
-        )
-    elif live and ratio and not PLAUSIBLE_RATIO[0] <= ratio <= PLAUSIBLE_RATIO[1]:
-        hint = "see units.angular_rate, nominal.angular_rate and units.time"
-        fits = [
-            name
-            for name, scale in ANGULAR_RATE_UNITS.items()
-            if unit.name != "count" and 0.5 <= ratio * scale / unit.scale <= 5
-        ]
-        if fits:
-            hint = f"taken as {unit.name}, it looks like {fits[0]}; or see units.time"
-        lines.append(
-            f"the angular rate turns the device {ratio:.3g} times as far as gravity turns in its "
-            f"axes: {hint}"
-        )
-    elif rest and rest > PLAUSIBLE_REST:
-        lines.append(
-            f"the angular rate is {rest:.4g} rad/s in the quietest stretches, too much for a bias: "
-            "see units.angular_rate and nominal.angular_rate"
-        )
-    return lines
 
 
 def _mean_at_rest(found):

@@ -19,11 +19,11 @@ from imuloop.core.samples import (
     TIME,
 )
 from imuloop.ingest import rests
-from imuloop.ingest.axes import Axes
+from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
-from imuloop.ingest.turns import Turns
+from imuloop.ingest.stops import Stops
 
 SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 # Hz; no sensor is as fast
@@ -38,6 +38,11 @@ SPIKE_FACTOR, REACH = 20.0, 8
 LEAST_CLIPPED, CUT_TAIL, STEEP, LEVELS = 20, 60, 4, 4
 # an axis is a copy where this share of its changes is the other's, of at least so many
 COPIED_SHARE, LEAST_CHANGES = 0.99, 50
+# a sample at the end of 16 bits is clipped, one alone may have come there by itself
+RAILS, LEAST_RAIL = (32767, 32768), 2
+# an integer that wraps around jumps by this share of the range at least, while neighbouring samples
+# differ by less than that
+WRAPPED, FLAT = 0.9, 0.05
 
 
 # a damaged file may hold 1e306, which a sum of squares does not
@@ -66,16 +71,17 @@ def measure(file, figures, threads=1, progress=None):
         return {}
     names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
     steps = figures["quantisation_step"]
-    zeros = _zeros(file)
+    units = _units(file)
+    zeros = _zeros(units)
     runs = {name: Runs(steps[name]) for name in CHANNELS}
     held = {sensor: np.zeros(LENGTHS + 1, dtype=int) for sensor in SENSORS}
     zero_rows = dict.fromkeys(SENSORS, 0)
-    spikes = dict.fromkeys(names, 0)
+    spikes, wraps = dict.fromkeys(names, 0), dict.fromkeys(CHANNELS, 0)
     limits = {name: np.zeros((2, LEVELS + 1), dtype=int) for name in CHANNELS}
     pairs = {pair: np.zeros(2, dtype=int) for pair in combinations(names, 2)}
     spectra = {name: [] for name in CHANNELS}
     rate = figures["rate_hz"]
-    quiet, means, turns, way = [], RestMeans(rate), Turns(rate), Axes(rate)
+    quiet, means, still, way = [], RestMeans(rate), Stops(rate), Axes(rate)
 
     def groups():
         """Give the rows of each group, less padding, and the last ones before them."""
@@ -83,7 +89,6 @@ def measure(file, figures, threads=1, progress=None):
         for group in range(file.num_row_groups):
             table = file.read_row_group(group, columns=names)
             x = {name: table[name].to_numpy() for name in names}
-            turns.add(x)
             way.add(x)
             padded = {sensor: _all_at(x, SENSORS[sensor], zeros[sensor]) for sensor in SENSORS}
             # a gyroscope at rest may well show three zeros; an accelerometer never does
@@ -93,6 +98,7 @@ def measure(file, figures, threads=1, progress=None):
                 if padded[sensor].any():
                     x |= {name: np.where(padded[sensor], np.nan, x[name]) for name in axes}
             means.add(x)
+            still.add(x)
             for name in CHANNELS:
                 runs[name].add(x[name], row)
             yield x, before
@@ -114,18 +120,23 @@ def measure(file, figures, threads=1, progress=None):
         ]
         ends = [_at_limits(x[name], figures["range"][name], steps[name]) for name in CHANNELS]
         alone = [_spikes(np.concatenate((before[n], x[n])), steps[n] or 0.0) for n in names]
+        # the last three rows before make windows of four that end in these rows
+        jumps = [
+            _wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n]) for n in CHANNELS
+        ]
         blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
         bands = [rests.bands(blocks[name]) for name in CHANNELS]
         rates = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
         spread = sum(blocks[name].var(axis=1) for name in ACCELERATION)
         rest = np.array([spread, np.sqrt((rates**2).sum(axis=0))])
-        return common, lengths, ends, alone, bands, rest
+        return common, lengths, ends, alone, jumps, bands, rest
 
-    for common, lengths, ends, alone, bands, rest in in_order(counted, groups(), threads):
+    for common, lengths, ends, alone, jumps, bands, rest in in_order(counted, groups(), threads):
         pairs |= {pair: pairs[pair] + n for pair, n in zip(pairs, common, strict=True)}
         held |= {sensor: held[sensor] + n for sensor, n in zip(held, lengths, strict=True)}
         limits |= {name: limits[name] + n for name, n in zip(limits, ends, strict=True)}
         spikes |= {name: spikes[name] + n for name, n in zip(spikes, alone, strict=True)}
+        wraps |= {name: wraps[name] + n for name, n in zip(wraps, jumps, strict=True)}
         for name, found in zip(CHANNELS, bands, strict=True):
             spectra[name].append(found)
         quiet.append(rest)
@@ -145,8 +156,10 @@ def measure(file, figures, threads=1, progress=None):
               for i, name in enumerate(ANGULAR_RATE)]  # fmt: skip
     clipped = {}
     for name in CHANNELS:
+        ends = figures["range"][name]
+        railed = [_at_rail(value, units.get(name), steps[name]) for value in ends]
         clipped[name] = _clipped(
-            limits[name], figures["range"][name], stuck[name], spikes[name], runs[name], rate
+            limits[name], ends, railed, stuck[name], spikes[name], runs[name], rate
         )
         if name in silent:
             clipped[name] = {"values": [], "rows": 0}
@@ -156,10 +169,13 @@ def measure(file, figures, threads=1, progress=None):
         for name in ANGULAR_RATE:
             stuck[name] = [run for run in stuck[name] if run[:2] != (length, start)]
     held = {sensor: rows_a_value(lengths) for sensor, lengths in held.items()}
+    axes = way.fit()
+    fits = axes and axes["best"] > AGREEMENT
     return {
         "zero_rows": zero_rows,
         "stuck": {name: _stuck_figures(stuck[name], rate, file) for name in CHANNELS},
         "spikes": spikes,
+        "wraps": wraps,
         "clipped_at": clipped,
         "rows_a_value": held,
         "copies": [
@@ -173,19 +189,32 @@ def measure(file, figures, threads=1, progress=None):
         },
         "rate_at_rest": rests.rate_at_rest(quiet),
         "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
-        "turn_ratio": turns.ratio(),
-        "axes": way.fit(),
+        "axes": axes,
+        "rests": _rests(still.figures(fits and axes["ratio"]), file),
     }
 
 
-def _zeros(file):
-    """Return what a logged zero is in SI, a value an axis."""
+def _rests(found, file):
+    """Return what the stops tell, with times in place of rows."""
+    if found:
+        found["jump_s"] = _time_of(file, found.pop("jump_row"))
+        if found["levels"]:
+            found["levels"]["from_s"] = _time_of(file, found["levels"].pop("row"))
+    return found
+
+
+def _units(file):
+    """Return the raw unit of each channel, where the file says it."""
     metadata = json.loads((file.schema_arrow.metadata or {}).get(METADATA_KEY, b"{}"))
     units = metadata.get("raw_units", {})
+    return {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}
+
+
+def _zeros(units):
+    """Return what a logged zero is in SI, a value an axis."""
     return {
-        sensor: [(0.0 - units[sensor]["offset"]) * units[sensor]["scale"] if sensor in units else 0]
-        * 3
-        for sensor in SENSORS
+        sensor: [(0.0 - units[n]["offset"]) * units[n]["scale"] if n in units else 0 for n in axes]
+        for sensor, axes in SENSORS.items()
     }
 
 
@@ -238,10 +267,32 @@ def _at_limits(x, limits, step):
     return found
 
 
-def _clipped(counts, limits, stuck, spikes, runs, rate):
+def _at_rail(value, unit, step):
+    """Tell whether a value is the end of an integer of 16 bits, signed or from the offset on."""
+    raw = [value / step] if step else []
+    if unit and unit["name"] == "count":
+        from_end = value / unit["scale"] + unit["offset"]
+        raw = [from_end, from_end - RAILS[1]] if unit["offset"] else [from_end]
+    return any(abs(round(abs(each), 1) - rail) < 0.5 for each in raw for rail in RAILS)
+
+
+def _wraps(x, low, high):
+    """Return how often a value jumps from one end of its range to the other and stays there.
+
+    A value that swings from end to end is not as flat before and after, one that is clipped is
+    flatter: it does not change at all.
+    """
+    step = np.abs(np.diff(x))
+    span = high - low
+    before, jump, after = step[:-2], step[1:-1], step[2:]
+    found = (jump >= WRAPPED * span) & (before < FLAT * span) & (after < FLAT * span)
+    return int((found & (before + after > 0)).sum())
+
+
+def _clipped(counts, limits, railed, stuck, spikes, runs, rate):
     """Return the extreme values that an axis keeps to, and for how many rows in all."""
     values, rows = [], 0
-    for (at, *near), value in zip(counts, limits, strict=True):
+    for (at, *near), value, rail in zip(counts, limits, railed, strict=True):
         here = [run[0] for run in stuck if run[2] == value]
         # one long stretch is a stuck value
         if len(here) == 1 and here[0] >= max(rate, 0.9 * at):
@@ -249,7 +300,8 @@ def _clipped(counts, limits, stuck, spikes, runs, rate):
         wide = runs.wide >= 0.5 * runs.varied
         cut = at**2 >= CUT_TAIL * near[0] if wide else at >= STEEP * max(near)
         enough = at >= LEAST_CLIPPED and spikes < at / 2
-        if limits[0] < limits[1] and enough and cut and runs.fine:
+        cut = enough and cut and runs.fine
+        if limits[0] < limits[1] and (cut or (rail and at >= LEAST_RAIL)):
             values.append(value)
             rows += int(at)
     return {"values": values, "rows": rows}

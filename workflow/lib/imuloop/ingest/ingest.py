@@ -17,6 +17,7 @@ from imuloop.core.units import (
     ACCELERATION,
     ANGULAR_RATE,
     INCREMENTS,
+    STANDARD_GRAVITY,
     TEMPERATURE,
     TIME,
     raw_unit,
@@ -26,6 +27,7 @@ from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
+from imuloop.ingest.plausible import judged
 from imuloop.ingest.raw_log import RawLog, rechunked
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.stamps import is_iso, iso_text
@@ -65,6 +67,7 @@ def ingest(
     pps=None,
     nominal=None,
     full_scale=None,
+    gravity=STANDARD_GRAVITY,
     batch_rows=1 << 16,
     threads=1,
     progress=None,
@@ -76,8 +79,10 @@ def ingest(
 
     Parameters
     ----------
-    device, session, kind : str
-        Names, and what was done with the device.
+    device, session : str
+        Names.
+    kind : str or None
+        What was done with the device, where that is known.
     paths : list of path-like
         Files of the log, or its folder, in the order of `sources`.
     samples_path, quality_path : path-like
@@ -99,6 +104,8 @@ def ingest(
         Quantity to ``scale`` and ``offset`` of raw counts.
     full_scale : dict, optional
         ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
+    gravity : float
+        Local gravity, m/s^2.
     batch_rows : int
         Rows read at once, about; changes nothing in the result.
     threads : int
@@ -199,17 +206,20 @@ def ingest(
                 figures = measure()
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
+            wrong, doubted = judged(figures, raw_units, gravity, kind)
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
-            reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
+            reasons = (
+                reasons or quality.reasons(figures, counts, log.bad_lines, lost_share) or wrong
+            )
             if reasons:
                 _write(temporary, (), log, counts, *own)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
-        kind, said = type(error), error
+        fault, said = type(error), error
         if isinstance(error, PermissionError):
-            kind, said = MachineFault, error.strerror
-        raise kind(f"{device}/{session}: {names}: {said}") from error
-    notes = quality.warnings(figures, counts, log, rate=rate, units=raw_units)
+            fault, said = MachineFault, error.strerror
+        raise fault(f"{device}/{session}: {names}: {said}") from error
+    notes = quality.warnings(figures, counts, log, rate=rate) + doubted
     if timeline:
         before, after = counts.outside_marks.tolist()
         timeline.told.update(before=before, after=after)

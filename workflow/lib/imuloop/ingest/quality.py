@@ -12,8 +12,6 @@ from imuloop.core.samples import (
     TEMPERATURE,
     TIME,
 )
-from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
-from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.in_order import in_order
 
@@ -28,8 +26,6 @@ LEAST_DURATION = 2.0
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
-# the mean magnitude of specific force of a log made by hand or at rest, m/s^2
-PLAUSIBLE_FORCE = (0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY)
 
 TREATMENT = (
     "Rows whose stamp or one of the six axes is missing or not finite, rows whose stamp repeats "
@@ -147,7 +143,11 @@ def _channel_figures(file, tables, full_scale, threads):
     limits = {name: full_scale.get(sensor) for sensor, axes in sensors.items() for name in axes}
     clipped = {name: None if limit is None else 0 for name, limit in limits.items()}
     magnitude = dict.fromkeys(sensors, 0.0)
+    # rows, mean and sum of squares about it of the force's magnitude, so far
+    force = (0, 0.0, 0.0)
 
+    # a damaged file may hold 1e306
+    @np.errstate(over="ignore", invalid="ignore")
     def figures(table):
         x = {name: table[name].to_numpy() for name in names}
         finite = {name: np.sort(x[name][np.isfinite(x[name])]) for name in names}
@@ -159,17 +159,25 @@ def _channel_figures(file, tables, full_scale, threads):
             if limit is not None
         }
         sizes = {
-            sensor: float(np.sqrt(sum(x[name] ** 2 for name in axes)).sum())
-            for sensor, axes in sensors.items()
+            sensor: np.sqrt(sum(x[name] ** 2 for name in axes)) for sensor, axes in sensors.items()
         }
-        return ends, steps, at_limit, sizes
+        size = sizes["acceleration"]
+        varied = len(size), size.mean(), size.var() * len(size)
+        return (
+            ends,
+            steps,
+            at_limit,
+            {sensor: float(s.sum()) for sensor, s in sizes.items()},
+            varied,
+        )
 
-    for ends, steps, at_limit, sizes in in_order(figures, tables, threads):
+    for ends, steps, at_limit, sizes, varied in in_order(figures, tables, threads):
         for name, (least, most) in ends.items():
             low[name], high[name] = min(low[name], least), max(high[name], most)
             step[name] = min(step[name], steps[name])
         clipped |= {name: clipped[name] + n for name, n in at_limit.items()}
         magnitude |= {sensor: magnitude[sensor] + size for sensor, size in sizes.items()}
+        force = _pooled(force, varied)
     rows = file.metadata.num_rows
     return {
         "clipped": clipped,
@@ -180,11 +188,22 @@ def _channel_figures(file, tables, full_scale, threads):
         },
         "quantisation_step": {name: step[name] if step[name] < np.inf else None for name in names},
         "mean_specific_force": magnitude["acceleration"] / rows if rows else None,
+        "specific_force_std": float(np.sqrt(force[2] / rows))
+        if rows and np.isfinite(force[2])
+        else None,
         "mean_angular_rate": magnitude["angular_rate"] / rows if rows else None,
         "temperature_range": [low[TEMPERATURE], high[TEMPERATURE]]
         if TEMPERATURE in names
         else None,
     }
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _pooled(one, other):
+    """Return number, mean and sum of squares about it of two parts together (Chan's update)."""
+    n = one[0] + other[0]
+    away = other[1] - one[1]
+    return n, one[1] + away * other[0] / n, one[2] + other[2] + away**2 * one[0] * other[0] / n
 
 
 def _smallest_step(x):
@@ -258,7 +277,7 @@ def _time_hint(rate):
     return f"; a unit of time {' or '.join(fits)} would fit, see units.time" if fits else ""
 
 
-def warnings(figures, counts, log, *, rate, units):
+def warnings(figures, counts, log, *, rate):
     """Return what a user should look at, though the log can be used.
 
     Parameters
@@ -271,16 +290,10 @@ def warnings(figures, counts, log, *, rate, units):
         The log, read to its end.
     rate : float or None
         Declared rate, Hz.
-    units : dict
-        Raw unit of each sensor, `RawUnit`.
     """
     found = list(log.notes)
     if not figures["rows"]:
         return found
-    force = figures["mean_specific_force"]
-    if not PLAUSIBLE_FORCE[0] <= force <= PLAUSIBLE_FORCE[1]:
-        hint = _force_hint(force, units["acceleration"])
-        found.append(f"the mean specific force is {force:.4g} m/s^2{hint}")
     dead = [name for name in figures["constant"] if name in CHANNELS]
     if dead:
         found.append(f"never changing: {', '.join(dead)}")
@@ -300,17 +313,4 @@ def warnings(figures, counts, log, *, rate, units):
     missing = counts.missing_values.get(TEMPERATURE)
     if missing:
         found.append(f"{missing} temperatures are missing")
-    return found + fault_lines.warnings(figures, units)
-
-
-def _force_hint(force, unit):
-    """Say in which unit the acceleration seems to be logged."""
-    gravity = f", gravity {STANDARD_GRAVITY:.4g}"
-    low, high = PLAUSIBLE_FORCE
-    if unit.name != "count":
-        for name, scale in ACCELERATION_UNITS.items():
-            if low <= force / unit.scale * scale <= high:
-                return f"{gravity}: taken as {unit.name}, it looks like {name}"
-    if force < 0.3 * STANDARD_GRAVITY:
-        return f"{gravity}: has gravity been taken out of the log?"
-    return f"{gravity}: see units.acceleration and nominal.acceleration"
+    return found + fault_lines.warnings(figures)

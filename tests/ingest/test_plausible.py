@@ -1,0 +1,333 @@
+"""What is declared wrongly and shown by gravity, and the honest logs that nothing is said of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from scipy.signal import butter, lfilter
+
+from imuloop.core.files import read_json
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, read_samples
+from imuloop.core.units import DEGREE
+from imuloop.ingest.faults import _wraps
+from imuloop.ingest.ingest import ingest
+from imuloop.ingest.stops import Kept
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
+
+COUNTS = {"acceleration": "count", "angular_rate": "count"}
+XSENS = {
+    "kind": "multi_position",
+    "units": COUNTS,
+    "nominal": {
+        "acceleration": {"scale": 0.00240964, "offset": 32768},
+        "angular_rate": {"scale": 0.000209732, "offset": 32768},
+    },
+}
+MPU9150 = {
+    "kind": "multi_position",
+    "columns": {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]},
+    "rate": 100,
+}
+ADIS16405 = {
+    "kind": "static",
+    "units": {"acceleration": "g", "angular_rate": "deg/s"},
+    "rate": 100,
+}
+
+
+def array(chip, **changed):
+    """What is declared of a chip of the array."""
+    columns = {"time": "t_us", "acceleration": [f"a{x}{chip}" for x in "xyz"]}
+    columns["angular_rate"] = [f"g{x}{chip}" for x in "xyz"]
+    nominal = {
+        "acceleration": {"scale": 0.0047884},
+        "angular_rate": {"scale": 0.001064225},
+    }
+    units = {"time": "us", **COUNTS}
+    return {
+        "kind": "multi_position",
+        "columns": columns,
+        "units": units,
+        "nominal": nominal,
+    } | changed
+
+
+@pytest.fixture
+def taken(tmp_path):
+    """Ingest a table or files, give quality.json."""
+
+    def call(*log, **declared):
+        if isinstance(log[0], pd.DataFrame):
+            table = pa.Table.from_pandas(log[0], preserve_index=False)
+            pq.write_table(table, tmp_path / "log.parquet")
+            log = [tmp_path / "log.parquet"]
+        ingest(
+            **{"device": "imu", "session": "s", "kind": "multi_position", **declared},
+            paths=log,
+            samples_path=tmp_path / "samples.parquet",
+            quality_path=tmp_path / "quality.json",
+        )
+        return read_json(tmp_path / "quality.json")
+
+    return call
+
+
+def simulated(session, seed=5, truth=None, **changed):
+    truth = truth or example_truth()
+    plan = replace(truth.sessions[session], **changed)
+    return simulate_session(replace(truth, sessions={session: plan}), session, seed)
+
+
+# the gyroscope's scale, of what it is, and the words on the cause
+SCALES = {
+    2.0: "full scale was 1/2 of the one that",
+    4.0: "full scale was 1/4 of the one that",
+    0.5: "full scale was 2 times the one that",
+    0.25: "full scale was 4 times the one that",
+    1 / DEGREE: "looks like deg/s",
+}
+
+
+def scaled(declared, factor, quantity="angular_rate"):
+    """What is declared with the scale of counts changed."""
+    own = declared["nominal"][quantity]
+    nominal = declared["nominal"] | {quantity: own | {"scale": own["scale"] * factor}}
+    return declared | {"nominal": nominal}
+
+
+@pytest.mark.parametrize("factor", SCALES)
+def test_a_full_scale_or_unit_of_a_measured_gyroscope(recordings, taken, factor):
+    paths = [recordings("xsens_acc.mat"), recordings("xsens_gyro.mat")]
+    found = taken(*paths, **scaled(XSENS, factor))
+    assert found["status"] == "rejected"
+    assert len(found["reasons"]) == 1 and SCALES[factor] in found["reasons"][0]
+    found = taken(recordings("exp_1.parquet"), **scaled(array(4), factor), gravity=9.818)
+    assert found["status"] == "rejected"
+    assert SCALES[factor] in found["reasons"][0]
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (1.15, True), (0.85, True)])
+def test_some_per_cent_of_a_measured_gyroscope_are_told(recordings, taken, factor, told):
+    paths = [recordings("xsens_acc.mat"), recordings("xsens_gyro.mat")]
+    found = taken(*paths, **scaled(XSENS, factor))
+    assert found["status"] == "ok"
+    assert ["its scale is off by as much" in line for line in found["warnings"]] == [True] * told
+
+
+def test_measured_turns_agree_with_gravity(recordings, taken):
+    logs = [((recordings("xsens_acc.mat"), recordings("xsens_gyro.mat")), XSENS)]
+    logs += [((recordings(f"imu{i}.log"),), MPU9150) for i in range(3)]
+    logs += [
+        ((recordings(f"exp_{i}.parquet"),), array(chip)) for i in (1, 5) for chip in range(1, 9)
+    ]
+    for paths, declared in logs:
+        found = taken(*paths, **declared)
+        ratio = found["faults"]["rests"]["turn_ratio"]
+        assert found["status"] == "ok"
+        assert ratio["value"] == pytest.approx(1, abs=0.02)
+        assert ratio["moves"] >= 19
+        # over rests, so none is told of the shaking that follows
+        assert not any("specific force" in line for line in found["warnings"])
+
+
+def test_the_published_rate_of_a_session_is_half(recordings, taken):
+    path = recordings("example_ferraris_session.csv")
+    declared = {"kind": "six_position", "units": {"angular_rate": "deg/s"}}
+    found = taken(path, **declared, rate=204.8)
+    assert found["status"] == "rejected"
+    assert "the log's rate is off by as much" in found["reasons"][0]
+    assert taken(path, **declared, rate=102.4)["reasons"] == []
+
+
+def test_specific_force_at_rest_against_the_local_gravity(recordings, taken):
+    found = taken(
+        recordings("exp_1.parquet"), **scaled(array(2), 1.4, "acceleration"), gravity=9.818
+    )
+    [line] = [line for line in found["warnings"] if "specific force" in line]
+    # 1.4 times the magnitude at rest, not 1.4 times the 13.44 m/s^2 of the shaking
+    assert "at rest is 13.8" in line and "gravity 9.818" in line
+    found = taken(recordings("exp_1.parquet"), **scaled(array(2), 1 / 9.80665, "acceleration"))
+    assert "looks like g per count" in found["reasons"][0]
+
+
+@pytest.mark.parametrize("first", range(0, 8, 4))
+def test_healthy_logs_have_no_line(repository, taken, first):
+    replica = read_truth(repository / "data/replicas/iphone_6.yaml")
+    shaken = {"vibration": Vibration(0.5, (0.05, 0.8), (12, 45)), "turns_about_vertical": 8}
+    moved = (Disturbance("knock", 50, 4.0), Disturbance("tilt", 120, 2.0))
+    for truth in (example_truth(), replica):
+        for seed in range(first, first + 4):
+            for session, kind, changed in (
+                ("multi_position", "multi_position", {"poses": 12}),
+                ("multi_position", "multi_position", {"poses": 12, **shaken}),
+                ("six_position", "six_position", {}),
+                ("static", "static", {"duration_s": 300.0, "disturbances": moved}),
+            ):
+                found = taken(simulated(session, 900 + seed, truth, **changed), kind=kind)
+                assert (found["reasons"], found["warnings"]) == ([], [])
+
+
+def flight(seed, seconds=120, rate=200.0, tilt=4.0):
+    """A drone in hover: thrust along z whatever its attitude, which sways by some degrees."""
+    rng = np.random.default_rng(seed)
+    n = round(seconds * rate)
+    slow = lfilter(*butter(2, [0.1 / rate, 2 / rate], "band"), rng.normal(size=(n, 3)), axis=0)
+    angle = slow / slow.std() * tilt * DEGREE
+    log = pd.DataFrame({"t": np.arange(n) / rate})
+    shake = lfilter(*butter(2, 0.3, "high"), rng.normal(size=(n, 6)), axis=0)
+    log[list(ACCELERATION)] = [0, 0, 9.8] + 0.8 * shake[:, :3] + 0.2 * angle
+    log[list(ANGULAR_RATE)] = np.gradient(angle, 1 / rate, axis=0) + 0.05 * shake[:, 3:]
+    return log
+
+
+def tilting(seed, degrees, seconds=1200.0, rate=20.0, over=600.0):
+    """A device at rest on something that tilts slowly, with a fair gyroscope."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    start = (seconds - over) / 2
+    angle = degrees * DEGREE * np.clip((t - start) / over, 0, 1)
+    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
+    log["ay"], log["az"] = 9.8 * np.sin(angle), 9.8 * np.cos(angle)
+    log["gx"] = np.gradient(angle, 1 / rate)
+    log[list(CHANNELS)] += rng.normal(size=(len(t), 6)) * ([5e-3] * 3 + [1e-3] * 3)
+    return log
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_moves_is_not_static(taken, seed):
+    found = taken(simulated("multi_position", seed, poses=9), kind="static")
+    assert found["status"] == "rejected"
+    assert "it looks like a multi_position session of 10 attitudes" in found["reasons"][0]
+    found = taken(flight(seed), kind="static")
+    assert "turns to and fro, as in flight" in found["reasons"][0]
+    found = taken(tilting(seed, 30.0), kind="static")
+    assert "slowly, and farther than a drift of the bias" in found["reasons"][0]
+    # the same logs as what they are
+    assert taken(flight(seed), kind="multi_position")["reasons"] == []
+
+
+def test_measured_motion_is_not_static(recordings, taken):
+    found = taken(recordings("imu1.log"), **MPU9150 | {"kind": "static"})
+    assert "session of 22 attitudes" in found["reasons"][0]
+    columns = {"acceleration": "imu_acc", "angular_rate": "imu_gyr"}
+    for name in ("03_undisturbed_slow_rotation_C", "07_undisturbed_fast_rotation_B"):
+        found = taken(recordings(f"{name}.mat"), kind="static", columns=columns, rate=285.714)
+        assert "of the time only" in found["reasons"][0]
+
+
+def test_measured_rest_is_static(recordings, taken):
+    for i in (1, 2):
+        found = taken(recordings(f"adis_16405_imu{i}.parquet"), **ADIS16405)
+        assert (found["reasons"], found["warnings"]) == ([], [])
+        assert found["faults"]["rests"]["share"] > 0.999
+    # over 92 K the bias drifts by 21 mg, and the norm by 6 %
+    found = taken(recordings("imu_raw_data.csv"), kind="static", units={"time": "us"})
+    assert (found["reasons"], found["warnings"]) == ([], [])
+
+
+def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        log = tilting(seed, 0.0)
+        # 60 mg and 0.1 deg/s over a ramp, on axes at random
+        course = np.sin(np.pi * np.linspace(0, 1, len(log)))[:, None]
+        log[list(ACCELERATION)] += course * rng.normal(size=3) * 0.6
+        log[list(ANGULAR_RATE)] += course * rng.normal(size=3) * 0.1 * DEGREE
+        found = taken(log, kind="static")
+        assert (found["reasons"], found["warnings"]) == ([], [])
+
+
+def test_a_level_that_changes_amid_the_log_is_told(taken):
+    for kind, changed in (("multi_position", {"poses": 16}), ("static", {"duration_s": 300.0})):
+        for seed in range(3):
+            log = simulated(kind, seed, **changed)
+            half = slice(len(log) // 2, None)
+            for name, change in (
+                ("scale", lambda x: x * 0.5),
+                ("bias", lambda x: x + np.array([5.0, 0.0, 0.0])),
+            ):
+                other = log.copy()
+                other.loc[half, list(ACCELERATION)] = change(log.loc[half, list(ACCELERATION)])
+                found = taken(other, kind=kind)
+                assert found["status"] == "ok", (kind, name)
+                line = found["warnings"][0]
+                assert "scale or bias changed amid the log" in line, (kind, name)
+                at = float(line.split(" s ")[0].split()[-1])
+                # to the next rest
+                assert at == pytest.approx(log.t.iloc[half.start], abs=8.0)
+
+
+def test_an_integer_that_wraps_around_is_named(recordings, taken, tmp_path):
+    log = np.loadtxt(recordings("xsens_acc.mat"))
+    per_count = XSENS["nominal"]["acceleration"]["scale"]
+    for limit in (5.0, 7.0, 8.5):
+        wide = limit / per_count
+        wrapped = np.column_stack(
+            [log[:, 0], (log[:, 1:] - 32768 + wide) % (2 * wide) - wide + 32768]
+        )
+        np.savetxt(tmp_path / "wrapped_acc.mat", wrapped, fmt="%.6f")
+        found = taken(tmp_path / "wrapped_acc.mat", recordings("xsens_gyro.mat"), **XSENS)
+        assert found["status"] == "rejected"
+        [reason] = found["reasons"]
+        assert "an integer that wraps around" in reason and "ax" in reason
+
+
+def test_swings_from_end_to_end_are_no_wrap():
+    t = np.arange(10_000) / 100
+    # near half the rate, and clipped
+    for swing in (np.sin(2 * np.pi * 49.0 * t), np.sign(np.sin(2 * np.pi * 0.5 * t))):
+        assert _wraps(swing, -1.0, 1.0) == 0
+    assert _wraps((7 * t + 5) % 10 - 5, -5.0, 5.0) == 70
+
+
+@pytest.mark.parametrize("offset", [0, 32768])
+def test_a_few_samples_at_the_end_of_sixteen_bits_are_clipped(taken, offset):
+    log = simulated("multi_position", 3, poses=6)
+    nominal = {"angular_rate": {"scale": 1e-4, "offset": offset}}
+    log[list(ANGULAR_RATE)] = (log[list(ANGULAR_RATE)] / 1e-4).round()
+    fastest = log.gx.abs().nlargest(18).index
+    log.loc[fastest, "gx"] = np.where(log.gx[fastest] > 0, 32767, -32768)
+    log[list(ANGULAR_RATE)] += offset
+    found = taken(log, units={"angular_rate": "count"}, nominal=nominal)
+    [line] = found["warnings"]
+    assert line.startswith("clipped at a repeated extreme value: gx 18 samples")
+    # the same values in SI: told by the step
+    log[list(ANGULAR_RATE)] = (log[list(ANGULAR_RATE)] - offset) * 1e-4
+    assert "gx 18 samples" in taken(log)["warnings"][0]
+
+
+def test_a_computed_gravity_is_named(taken):
+    log = simulated("multi_position", 4, poses=8)
+    assert taken(log)["warnings"] == []
+    force = log[list(ACCELERATION)].to_numpy()
+    log[list(ACCELERATION)] = (9.81 * force / np.linalg.norm(force, axis=1)[:, None]).round(5)
+    [line] = taken(log)["warnings"]
+    assert "however the device turns: a gravity that was computed" in line
+
+
+def test_faults_beyond_all_bounds_are_numbers_or_null(taken):
+    for value in (1e12, 3.4e38, 1e200):
+        log = simulated("multi_position", 1, poses=6)
+        log.loc[3000, "ax"] = value
+        log.loc[5000, "gy"] = value
+        rests = taken(log)["faults"]["rests"]
+        assert np.isfinite([*rests["force"], rests["turned"], rests["jump_m_s2"]]).all()
+
+
+def test_things_of_a_long_log_are_thinned_evenly():
+    kept = Kept(8)
+    for n in range(1000):
+        kept.add(n)
+    assert 8 <= len(kept.items) <= 16
+    assert set(np.diff(kept.items)) == {kept.stride}
+
+
+def test_rejected_samples_are_empty(taken, tmp_path):
+    log = simulated("multi_position", 2, poses=6)
+    log[list(ANGULAR_RATE)] *= 2
+    assert taken(log)["status"] == "rejected"
+    assert len(read_samples(tmp_path / "samples.parquet")) == 0

@@ -1,0 +1,302 @@
+"""What a log holds while it is held still: specific force, attitudes, and the moves between.
+
+A *window* is half a second; a *stop* a few neighbouring windows that are quiet and hold one
+attitude; a *move* what lies between two stops. Over a move the gyroscope has to turn gravity from
+where the one stop has it to where the other has it: with the rate r as logged, its bias b and a
+scale k that is one in a good log,
+
+    u₂ = ∏ exp(-[(r - b) dt / k]×) u₁.
+
+Where a move begins and ends the device rests, so no acceleration of the hand enters.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from imuloop.core.rotation import exponential, matrix, prefix_product
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.ingest.axes import Thinned, means
+
+# windows of so long (s), of averages over at least so long
+WINDOW, FINE = 0.5, 0.04
+# a quiet window varies at most so many times as much as the quietest twentieth of a row group
+QUIET = 10.0
+# gravity's direction in two windows of a stop differs by less, rad; a stop holds so many at most
+STILL, LONGEST_STOP = 0.02, 10
+# a move turns gravity by at least so much, rad, and lasts no longer, s
+LEAST_TURN, LONGEST_MOVE = 0.35, 20.0
+# of a log at most twice so many stops, moves and windows are kept, evenly spread
+KEPT_STOPS, KEPT_MOVES, KEPT_WINDOWS = 4096, 64, 4096
+# the scale is looked for within this factor of what the turns inside the moves say
+NEAR = np.geomspace(0.7, 1.4, 15)
+# a move whose best scale leaves more of gravity's turn than this share says nothing
+MOST_LEFT = 0.25
+# moves needed to give a scale
+LEAST_MOVES = 3
+# standard deviation of a normal distribution, of its median absolute deviation; and of a median,
+# of that of a mean
+MAD, MEDIAN = 1.4826, 1.2533
+# attitudes differ by more than this, rad
+APART = 0.17
+# windows between two stops at most, and how much farther the force moves, of gravity, than what
+# the angular rate turns it, to be a jump
+NEXT, UNTURNED = 3, 5.0
+# a level of rest, of two: stops of each; of one sphere the residual, of gravity, and its share left
+LEAST_STOPS, ONE_LEVEL, TWO_LEVELS = 4, 0.05, 1 / 3
+# the bias of an accelerometer, of gravity, as its standard deviation over all devices
+BIAS = 0.2
+
+
+class Stops:
+    """Stops and moves of a log, added row group by row group."""
+
+    def __init__(self, rate):
+        self.rows = max(round(FINE * rate), 1)
+        self.fine = max(round(WINDOW * rate / self.rows), 4)
+        self.dt = self.rows / rate
+        # per stop: first row, windows, force, rate; per window: change of the mean rate to the next
+        # one and of the fine means, squared
+        self.stops, self.changes = Thinned(KEPT_STOPS), Thinned(KEPT_WINDOWS)
+        self.moves = Kept(KEPT_MOVES)
+        # largest change of the force without a turn, m/s^2, its row, and the angle that the rate
+        # turns meanwhile, rad
+        self.jump = (0.0, 0, 0.0)
+        self.row = self.windows = self.still = 0
+
+    # a damaged file may hold 1e306
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def add(self, x):
+        """Take in a row group."""
+        first, width = self.row, self.rows * self.fine
+        self.row += len(x["ax"])
+        n = len(x["ax"]) // width
+        if n < 2:
+            return
+        force, rate = (
+            np.array([means(x[name][: n * width], self.rows) for name in axes]).reshape(3, n, -1)
+            for axes in (ACCELERATION, ANGULAR_RATE)
+        )
+        centre, turning = force.mean(axis=2), rate.mean(axis=2)
+        spread = ((force - centre[:, :, None]) ** 2).sum(axis=(0, 2))
+        size = np.sqrt((centre**2).sum(axis=0))
+        known = np.isfinite(spread) & np.isfinite(turning.sum(axis=0)) & (size > 0)
+        self.windows += int(known.sum())
+        if not known.any():
+            return
+        self.changes.add(_changes(rate, turning)[known[:-1] & known[1:]])
+        # what rounding leaves of a force that does not change is as quiet as nothing
+        floor = 1e-20 * (size[known] ** 2).min()
+        quiet = known & (spread <= QUIET * max(np.quantile(spread[known], 0.05), floor))
+        u = centre / np.where(known, size, 1.0)
+        same = np.sqrt((np.diff(u, axis=1) ** 2).sum(axis=0)) < STILL
+        together = quiet[1:] & quiet[:-1] & same
+        # edges of runs of windows of one attitude; a window alone is no stop
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], together, [0]])))
+        runs = edges.reshape(-1, 2) + np.array([0, 1])
+        self.still += int(np.diff(runs, axis=1).sum())
+        stops = np.array(
+            [
+                [first + a * width, b - a, *centre[:, a:b].mean(1), *turning[:, a:b].mean(1)]
+                for start, end in runs
+                for a in range(start, end, LONGEST_STOP)
+                for b in [min(a + LONGEST_STOP, end)]
+            ]
+        ).reshape(-1, 8)
+        self.stops.add(stops)
+        self._jumps(stops, turning, first, width)
+        half = self.fine // 2
+        for (_, a), (b, _) in pairwise(runs):
+            before, after = u[:, a - 1], u[:, b]
+            angle = np.arccos(np.clip(before @ after, -1.0, 1.0))
+            if angle > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
+                bias = (turning[:, a - 1] + turning[:, b]) / 2
+                steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
+                self.moves.add((before, after, (steps.T - bias) * self.dt))
+
+    def _jumps(self, stops, turning, first, width):
+        """Keep the largest change of the force from a stop to the next that nothing turned."""
+        start = ((stops[:, 0] - first) / width).astype(int)
+        end = start + stops[:, 1].astype(int)
+        for k in np.flatnonzero(start[1:] - end[:-1] <= NEXT):
+            change = np.sqrt(((stops[k + 1, 2:5] - stops[k, 2:5]) ** 2).sum())
+            bias = (stops[k, 5:] + stops[k + 1, 5:]) / 2
+            rates = turning[:, end[k] - 1 : start[k + 1] + 1] - bias[:, None]
+            angle = np.sqrt((rates**2).sum(axis=0)).sum() * self.fine * self.dt
+            size = np.sqrt((stops[k, 2:5] ** 2).sum())
+            if change > max(self.jump[0], UNTURNED * angle * size):
+                self.jump = (float(change), int(stops[k + 1, 0]), float(angle))
+
+    def figures(self, guess=None):
+        """Return what the stops tell, None without any.
+
+        Parameters
+        ----------
+        guess : float or None
+            Scale of the angular rate, as turns inside the moves have it; one if None.
+
+        Returns
+        -------
+        dict or None
+            `share` of the windows that are at rest; `force`, 5 %, 50 % and 95 % quantile of the
+            specific force, m/s^2; `attitudes`, their number, and how far gravity `turned` from
+            where it is most of the time, at most, and from a stop to the `next`, at most, rad;
+            `turn_ratio`, see `scale`; `jump_m_s2`, the largest change of the force that no turn
+            goes with, at `jump_row`, 0 where there is none; `levels`, see `_levels`; `change`, the
+            median change of the angular rate from window to window, rad/s, and `change_share`, its
+            square beside that which white noise alone gives it.
+        """
+        stops = self.stops.rows()
+        if not len(stops):
+            return None
+        force, weight = stops[:, 2:5], stops[:, 1]
+        size = np.sqrt((force**2).sum(axis=1))
+        order = np.argsort(size)
+        share = np.cumsum(weight[order]) / weight.sum()
+        u = force / size[:, None]
+        usual = np.median(u, axis=0)
+        usual = u[np.argmin(((u - usual) ** 2).sum(axis=1))]
+        apart = 2 * np.arcsin(np.minimum(np.sqrt(((u - usual) ** 2).sum(axis=1)) / 2, 1))
+        steps = np.sqrt((np.diff(u, axis=0) ** 2).sum(axis=1))
+        changes = np.median(self.changes.rows(), axis=0) if self.changes.held else [0.0, 0.0]
+        turn_ratio = self.scale(guess)
+        jump, row, angle = self.jump
+        # a scale that is too small makes turns look as if there were none
+        scale = turn_ratio["value"] if turn_ratio else guess or 1.0
+        jump = jump if jump > UNTURNED * angle / scale * size.max() else 0.0
+        return {
+            "share": self.still / self.windows,
+            "force": [float(size[order][np.searchsorted(share, q)]) for q in (0.05, 0.5, 0.95)],
+            "attitudes": _attitudes(u),
+            "turned": float(apart.max()),
+            "next": float(steps.max(initial=0.0)),
+            "turn_ratio": turn_ratio,
+            "jump_m_s2": jump,
+            "jump_row": row,
+            "levels": _levels(stops),
+            "change": float(np.sqrt(changes[0])),
+            "change_share": float(changes[0] / changes[1]) if changes[1] > 0 else None,
+        }
+
+    def scale(self, guess=None):
+        """Return how far the angular rate turns the device over the moves, beside gravity.
+
+        Parameters
+        ----------
+        guess : float or None
+            The scale to look near to; one if None.
+
+        Returns
+        -------
+        dict or None
+            `value`, the median of the moves, its standard error `std`, and `moves`, their number.
+            None where too few moves can be explained by any scale.
+        """
+        near = NEAR * (guess or 1.0)
+        found = [_scale(*move, near) for move in self.moves.items]
+        found = np.log([k for k in found if k])
+        if len(found) < max(LEAST_MOVES, len(self.moves.items) / 2):
+            return None
+        middle = np.median(found)
+        value = float(np.exp(middle))
+        spread = MAD * np.median(np.abs(found - middle))
+        std = float(value * MEDIAN * spread / np.sqrt(len(found)))
+        return {"value": value, "std": std, "moves": len(found)}
+
+
+def _scale(before, after, steps, near):
+    """Return the scale that turns gravity over a move from before to after; None if none does."""
+    turn = prefix_product(exponential(steps / near[:, None, None]))[:, -1]
+    left = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2
+    i = int(np.argmin(left))
+    turned = np.arccos(np.clip(before @ after, -1.0, 1.0))
+    if not 0 < i < len(near) - 1 or not left[i] < (MOST_LEFT * turned) ** 2:
+        return None
+    # the square of the angle left is a parabola about the least
+    below, at, above = left[i - 1 : i + 2]
+    bend = below - 2 * at + above
+    away = 0.5 * (below - above) / bend if bend > 0 else 0.0
+    return near[i] * (near[1] / near[0]) ** away
+
+
+def _changes(rate, turning):
+    """Return the change of the mean rate to the next window, squared, and what white noise gives.
+
+    White noise gives the mean of n independent values a variance of theirs over n, and twice that
+    to a difference; theirs is half the mean square of the difference of neighbours.
+    """
+    step = (np.diff(turning, axis=1) ** 2).sum(axis=0)
+    white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
+    return np.column_stack([step, white[1:]])
+
+
+def _attitudes(u):
+    """Return how many of the directions differ by more than `APART`."""
+    held = u[:1]
+    for each in u[1:]:
+        if (held @ each).max() < np.cos(APART):
+            held = np.concatenate([held, each[None]])
+    return len(held)
+
+
+def _levels(stops):
+    """Return where the specific force at rest goes from one level to another.
+
+    All forces at rest lie on a sphere about the bias, |f|² = 2 b·f + c, with radius
+    √(c + b²): scale and misalignment of the axes make a few per cent of it an ellipsoid. Two
+    spheres, one before and one after a row, have to leave a third of what one leaves.
+
+    Returns
+    -------
+    dict or None
+        `row` of the first stop of the second level, `before` and `after`, the radii, m/s^2. None
+        where one sphere is as good.
+    """
+    n, force = len(stops), stops[:, 2:5]
+    if n < 2 * LEAST_STOPS:
+        return None
+    unit = np.median(np.sqrt((force**2).sum(axis=1)))
+    f = force / unit
+    design = np.column_stack([2 * f, np.ones(n)])
+    square = (f**2).sum(axis=1)
+    # normal equations of the first stops, and of the last ones
+    normal = np.cumsum(design[:, :, None] * design[:, None, :], axis=0)
+    right = np.cumsum(design * square[:, None], axis=0)
+    power = np.cumsum(square**2)
+    # the bias is about zero: a norm that differs by a hundredth weighs as one of the stops
+    prior = np.diag([(0.02 / BIAS) ** 2] * 3 + [0.0])
+
+    def fit(normal, right, power):
+        solution = np.linalg.solve(normal + prior + 1e-9 * np.eye(4), right[..., None])[..., 0]
+        fitted = 2 * right - np.einsum("nij,nj->ni", normal, solution)
+        return solution, np.maximum(power - (fitted * solution).sum(axis=1), 0.0)
+
+    one = fit(normal[-1:], right[-1:], power[-1:])[1][0]
+    # the square of a norm differs twice as much as the norm
+    if np.sqrt(one / n) / 2 < ONE_LEVEL:
+        return None
+    at = np.arange(LEAST_STOPS - 1, n - LEAST_STOPS)
+    first, before = fit(normal[at], right[at], power[at])
+    second, after = fit(normal[-1] - normal[at], right[-1] - right[at], power[-1] - power[at])
+    best = int(np.argmin(before + after))
+    if before[best] + after[best] > TWO_LEVELS**2 * one:
+        return None
+    radii = [
+        float(unit * np.sqrt(max(s[3] + s[:3] @ s[:3], 0.0))) for s in (first[best], second[best])
+    ]
+    return {"row": int(stops[at[best] + 1, 0]), "before": radii[0], "after": radii[1]}
+
+
+class Kept:
+    """Things evenly spread over all that were added, at most twice `kept`."""
+
+    def __init__(self, kept):
+        self.kept, self.stride, self.seen, self.items = kept, 1, 0, []
+
+    def add(self, item):
+        """Take in one."""
+        if self.seen % self.stride == 0:
+            self.items.append(item)
+        self.seen += 1
+        if len(self.items) > 2 * self.kept:
+            self.items, self.stride = self.items[::2], 2 * self.stride
