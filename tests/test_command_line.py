@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from imuloop.__main__ import main
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import SensorCalibration
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.ingest.ingest import ingest
 from imuloop.simulate.simulate import simulate_session
@@ -384,3 +385,30 @@ def test_what_a_terminal_would_obey_is_not_printed(log, tmp_path, capsys):
     assert main(["info", str(hostile), "--columns", columns]) == 0
     out = capsys.readouterr().out
     assert "a?[31m" in out and all(line.isprintable() for line in out.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "cause"),
+    [
+        (ACCELERATION, 1 / 9.80665, "taken as m/s^2, it looks like g"),
+        (ANGULAR_RATE, 180 / np.pi, "taken as rad/s, it looks like deg/s"),
+        (ANGULAR_RATE, 2.0, "the sensor's full scale was 1/2 of the one that"),
+    ],
+)
+def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys, columns, factor, cause):
+    log = pd.read_csv(device / "1.csv")
+    log[list(columns)] *= factor
+    log.to_csv(tmp_path / "log.csv", index=False)
+    page = tmp_path / "report.html"
+    assert main(["report", str(tmp_path / "log.csv"), "-o", str(page)]) == 0
+    first, last = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"{tmp_path / 'log.csv'}: rejected: ") and cause in first
+    assert last == f"wrote {page}"
+    text = unescape(page.read_text())
+    assert (
+        text.index("Rejected sessions") < text.index(cause) < text.index("Which device is better")
+    )
+    assert "Nothing needed" not in text
+    [advice] = re.findall(r"What would help most</h4>\s*<p>(.*?)</p>", text)
+    assert advice.startswith("Correct what is declared of session multi_position_1 and run again")
+    assert cause in advice

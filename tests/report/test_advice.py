@@ -175,6 +175,17 @@ def test_a_rejected_session_is_named_and_no_other_asked_for(plain_samples):
     assert not any("Record a multi_position session" in step for step in steps)
 
 
+def test_nothing_is_advised_before_a_wrong_declaration_is_mended(plain_samples):
+    reason = "the specific force at rest is 1 m/s^2: taken as m/s^2, it looks like g"
+    wrong = session("late", "static", status="rejected", reasons=[reason])
+    wrong.quality["misdeclared"] = True
+    good = device(plain_samples)
+    for each in (good, device(plain_samples, diagnosis=diagnosis(weight=5.0))):
+        steps = next_steps(replace(each, sessions=(*each.sessions, wrong)))
+        words = "Correct what is declared of session late and run again, before anything else"
+        assert steps == [f"{words}: {reason}."]
+
+
 def warm(path, course):
     t = np.linspace(0, 7200, 500)
     pq.write_table(pa.table({"t": t, "temperature": 20 + 15 * course(t / 7200)}), path)

@@ -208,9 +208,9 @@ def ingest(
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
-            reasons = (
-                reasons or quality.reasons(figures, counts, log.bad_lines, lost_share) or wrong
-            )
+            reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
+            misdeclared = bool(wrong and not reasons)
+            reasons = reasons or wrong
             if reasons:
                 _write(temporary, (), log, counts, *own)
     except (ImuloopError, PermissionError) as error:
@@ -231,6 +231,7 @@ def ingest(
         quality_path,
         {
             **_quality(reasons, figures, counts, log),
+            "misdeclared": misdeclared,
             "warnings": doubts + counts.clock.warnings(logged, step) + notes,
             "clock": {**clock, "pps": timeline and timeline.told},
             "increments": summed,
@@ -245,6 +246,8 @@ def _quality(reasons, figures, counts, log):
         "format": 1,
         "status": "rejected" if reasons else "ok",
         "reasons": reasons,
+        # whether the entry, not the log, is what the reasons are about
+        "misdeclared": False,
         "warnings": [],
         **figures,
         "clock": None,

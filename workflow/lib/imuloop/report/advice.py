@@ -72,10 +72,12 @@ def next_steps(device):
         static_record,
         heat_and_cool,
     )
-    if device.failures:
+    # what is wrong with a log or its entry makes every other number doubtful
+    mend = device.failures or any(s.quality.get("misdeclared") for s in device.sessions)
+    if mend:
         sources = (_failed, _rejected)
     found = sorted((step for source in sources for step in source(device)), key=lambda s: -s[0])
-    steps, last = [text for _, text in found[:MOST]], not device.failures and enough(device)
+    steps, last = [text for _, text in found[:MOST]], not mend and enough(device)
     if not steps:
         return [f"Nothing needed. {last}".strip()]
     return [*steps[: MOST - 1], last] if last else steps
@@ -96,12 +98,19 @@ def _rejected(device):
     """Yield what to do about rejected sessions."""
     for s in device.sessions:
         if s.rejected and not s.quality.get("failed") and not s.segmentation.get("failed"):
-            reasons = "; ".join(s.reasons) or "no reason given"
-            yield (
-                1.0,
-                f"Record session {s.name} again, or correct its entry in the config: it was "
-                f"rejected ({reasons.rstrip('.')}).",
-            )
+            reasons = ("; ".join(s.reasons) or "no reason given").rstrip(".")
+            if s.quality.get("misdeclared"):
+                yield (
+                    1.0,
+                    f"Correct what is declared of session {s.name} and run again, before anything "
+                    f"else: {reasons}.",
+                )
+            else:
+                yield (
+                    1.0,
+                    f"Record session {s.name} again, or correct its entry in the config: it was "
+                    f"rejected ({reasons}).",
+                )
 
 
 def _unexplained(device):

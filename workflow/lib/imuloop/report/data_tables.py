@@ -89,6 +89,7 @@ def _faults(found):
     )
     held = {sensor: n for sensor, n in found.get("rows_a_value", {}).items() if n > 1}
     shares = [share for share in near.values() if share is not None]
+    rests = found.get("rests") or {}
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
         "Stuck at one value, rows": text_of({k: v["rows"] for k, v in stuck.items()}),
@@ -101,8 +102,12 @@ def _faults(found):
         "Mean angular rate at rest, power as a share of its noise's": number(
             (found.get("mean_at_rest") or {}).get("noise_share")
         ),
+        "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
         "Turns by angular rate and by gravity alike, 1 at best": number(
             (found.get("axes") or {}).get("agreement")
+        ),
+        "Turns by angular rate per turns of gravity, rest to rest": number(
+            (rests.get("turn_ratio") or {}).get("value")
         ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
