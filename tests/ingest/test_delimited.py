@@ -6,6 +6,8 @@ import pyarrow as pa
 import pytest
 
 from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
 from imuloop.ingest.delimited import find_layout
 
@@ -387,6 +389,8 @@ def test_text_that_is_no_header_costs_its_line(log, run, tmp_path):
 def test_a_row_of_units_below_the_header(log, run, tmp_path, brackets):
     units = [brackets.format(u) for u in ("ms", "g", "g", "g", "deg/s", "deg/s", "deg/s")]
     log["t"] = 10 * np.arange(500)
+    log[list(ACCELERATION)] /= STANDARD_GRAVITY
+    log[list(ANGULAR_RATE)] = np.degrees(log[list(ANGULAR_RATE)])
     lines = log.to_csv(index=False).splitlines()
     path = tmp_path / "log.csv"
     path.write_text("\n".join([lines[0], ",".join(units), *lines[1:]]))

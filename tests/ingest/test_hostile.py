@@ -340,7 +340,7 @@ def test_a_full_disk_leaves_the_old_results_and_one_line(log, tmp_path):
         """,
     )
     assert said == (
-        "ImuloopError imu/poses: big.csv: out/samples.parquet cannot be written: File too large\n"
+        "MachineFault imu/poses: big.csv: out/samples.parquet cannot be written: File too large\n"
     )
 
 
