@@ -5,7 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, replaced, write_json
+from imuloop.core.samples import Columns, read_columns, read_metadata, read_samples
+from imuloop.core.segments import read_segments
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -27,3 +30,13 @@ def test_floats_come_back_to_the_last_bit(tmp_path):
     values = np.random.default_rng(0).normal(size=100)
     write_json(tmp_path / "r.json", values)
     np.testing.assert_array_equal(read_json(tmp_path / "r.json"), values)
+
+
+def test_a_result_that_is_not_whole_is_named(tmp_path):
+    path = tmp_path / "r.parquet"
+    path.write_bytes(b"PAR1 and then nothing")
+    for read in (read_samples, read_columns, read_metadata, read_segments, Columns):
+        with pytest.raises(
+            ImuloopError, match=r"r\.parquet: no whole Parquet file; if it is a res"
+        ):
+            read(path)

@@ -130,6 +130,30 @@ def test_a_changed_log_reruns_what_comes_from_it(folder, checkout):
     assert planned(checkout, folder) == jobs("posed", "segment", "faces") | REPORT
 
 
+def test_a_log_that_an_older_file_replaced_is_read_again(folder, checkout):
+    """Of the same size, with an older time, it cannot be told without reading all of it."""
+    log = folder / "faces.csv"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[:-1]))
+    os.utime(log, (0, 0))
+    assert planned(checkout, folder) == jobs("posed", "segment", "faces") | REPORT
+
+
+@pytest.mark.parametrize("name", ["rest/quality.json", "rest/samples.parquet"])
+def test_a_result_that_was_cut_is_named(folder, checkout, name):
+    path = folder / "results/resting" / name
+    path.write_bytes(path.read_bytes()[:-100])
+    done = snakemake(checkout, folder)
+    told = done.stdout + done.stderr
+    assert re.search(rf"results/resting/{name}: no (JSON|whole Parquet file)", told)
+    assert "Traceback" not in told
+    shutil.rmtree(folder / "results/resting")
+    (folder / "results/report.html").unlink()
+    done = snakemake(checkout, folder)
+    assert done.returncode == 0 and f"{name}: no" not in done.stdout + done.stderr
+    assert '"failed": []' in (folder / "results/resting/summary.json").read_text()
+
+
 def test_an_edited_module_reruns_the_stages_that_reach_it(folder, checkout):
     module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):

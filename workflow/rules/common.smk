@@ -14,6 +14,7 @@ from imuloop.code_digest import code_digest
 from imuloop.config import fetched, is_stored, resolve, source_path
 from imuloop.config_faults import as_given, config_faults
 from imuloop.core.errors import ImuloopError, nearest
+from imuloop.file_faults import SIMULATED
 from imuloop.without_pandas import hide_pandas
 from snakemake import sourcecache
 
@@ -128,6 +129,19 @@ def files_inside(wildcards):
     """Return the files in a session's folder: where one changes, the folder's own time stays."""
     folders = [Path(path) for path in source_files(wildcards) if Path(path).is_dir()]
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
+
+
+@described
+def log_bytes(wildcards):
+    """Return the size of a session's logs: one that an older file replaced is read again.
+
+    What the workflow makes or fetches is not there at first, and counts by its content or hash.
+    """
+    sources = session_of(wildcards)["sources"].values()
+    given = [s["path"] for s in sources if "path" in s and not is_stored(s["path"])]
+    files = [Path(path) for path in given if not SIMULATED.fullmatch(os.path.normpath(path))]
+    inside = [Path(path) for path in files_inside(wildcards)]
+    return [path.stat().st_size for path in [*files, *inside] if path.is_file()]
 
 
 def setting(key):

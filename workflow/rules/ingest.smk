@@ -39,6 +39,7 @@ rule ingest:
         device="{device}",
         session="{session}",
         declared=session_of,
+        log_bytes=log_bytes,
         nominal=setting("nominal"),
         full_scale=setting("full_scale"),
         gravity=setting("gravity"),

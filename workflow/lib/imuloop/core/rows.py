@@ -3,9 +3,8 @@
 from collections import OrderedDict
 
 import numpy as np
-import pyarrow.parquet as pq
 
-from imuloop.core.samples import TIME, Columns, values
+from imuloop.core.samples import TIME, Columns, parquet_file, values
 
 # rows of a piece: 8 columns of it are 8 MB
 ROWS = 1 << 17
@@ -32,7 +31,7 @@ class Rows:
     def __init__(self, samples):
         self._table, self._file = samples, None
         if isinstance(samples, Columns):
-            self._file = pq.ParquetFile(samples.path, pre_buffer=False)
+            self._file = parquet_file(samples.path, pre_buffer=False)
             metadata = self._file.metadata
             rows = [metadata.row_group(g).num_rows for g in range(metadata.num_row_groups)]
             self._edges = np.cumsum([0, *rows])

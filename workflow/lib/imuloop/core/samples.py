@@ -65,15 +65,27 @@ def check_columns(names):
         )
 
 
+def parquet_file(path, **options):
+    """Return an open Parquet file; the error of one that is not whole names it."""
+    try:
+        return pq.ParquetFile(path, **options)
+    except pa.ArrowInvalid as error:
+        raise ImuloopError(
+            f"{path}: no whole Parquet file; if it is a result, delete the device's folder and "
+            "results/report.html, and run again"
+        ) from error
+
+
 def read_samples(path, columns=None):
     """Return samples of a Parquet file as a DataFrame, all columns or only those named."""
-    return pq.read_table(path, columns=columns and list(columns)).to_pandas()
+    with parquet_file(path) as file:
+        return file.read(columns and list(columns)).to_pandas()
 
 
 def read_columns(path, columns=None):
     """Return columns of a Parquet file, all or only those named, as a dict of arrays."""
     # a data set's machinery and a second thread cost more than a session's file
-    with pq.ParquetFile(path) as file:
+    with parquet_file(path) as file:
         table = file.read(columns and list(columns), use_threads=False)
     return {name: values(table[name]) for name in table.column_names}
 
@@ -106,7 +118,8 @@ class Columns:
 
     def __init__(self, path):
         self.path = path
-        metadata = pq.read_metadata(path)
+        with parquet_file(path) as file:
+            metadata = file.metadata
         self.names = tuple(metadata.schema.names)
         self.rows = metadata.num_rows
 
@@ -115,7 +128,7 @@ class Columns:
         if name not in self.names:
             raise KeyError(name)
         column, first = np.empty(self.rows), 0
-        with pq.ParquetFile(self.path) as file:
+        with parquet_file(self.path) as file:
             # batches, or threads, would keep a file's worth of memory
             for group in range(file.num_row_groups):
                 part = values(file.read_row_group(group, [name], use_threads=False).column(0))
@@ -133,5 +146,6 @@ class Columns:
 
 def read_metadata(path):
     """Return the project's metadata of a Parquet file; empty if it has none."""
-    entries = pq.read_schema(path).metadata or {}
+    with parquet_file(path) as file:
+        entries = file.schema_arrow.metadata or {}
     return json.loads(entries.get(METADATA_KEY, b"{}"))

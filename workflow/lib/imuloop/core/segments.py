@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.files import replaced
 from imuloop.core.rows import Rows
-from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE, TIME, parquet_file
 
 STATIC = "static"
 MOTION = "motion"
@@ -149,4 +149,5 @@ def write_segments(path, segments, metadata):
 
 def read_segments(path):
     """Return the segments of a Parquet file."""
-    return pq.read_table(path).to_pandas()
+    with parquet_file(path) as file:
+        return file.read().to_pandas()
