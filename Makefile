@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz kill large setup setup-cluster lock clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz kill large setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -100,19 +100,23 @@ large: setup
 setup: $(READY)
 
 NEW_ENOUGH := 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
-$(READY): requirements.lock
+# pip and setuptools first, pinned: a package that is no wheel is built with them, with nothing fetched
+PINNED := pip install --quiet --require-hashes
+$(READY): requirements-build.lock requirements.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	$(PYTHON) -m venv --clear .venv
-	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
+	$(BIN)/$(PINNED) --no-build-isolation -r requirements.lock
 	touch $@
 
 # .venv with Snakemake's plugins for SLURM and S3, an environment of its own: each call loads them
 setup-cluster: .venv-cluster/.ready
 
-.venv-cluster/.ready: requirements-cluster.lock
+.venv-cluster/.ready: requirements-build.lock requirements-cluster.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	$(PYTHON) -m venv --clear .venv-cluster
-	.venv-cluster/bin/pip install --quiet --no-deps --no-compile --require-hashes -r $<
+	.venv-cluster/bin/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
+	.venv-cluster/bin/$(PINNED) --no-deps --no-compile --no-build-isolation -r requirements-cluster.lock
 	touch $@
 
 # exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml
@@ -122,11 +126,16 @@ READERS := pyproject.toml --extra dataflash --extra ros --extra ulog --extra dev
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv
+	printf 'pip\nsetuptools\n' | $(COMPILE) - -o requirements-build.lock
 	$(COMPILE) $(READERS) -o requirements.lock
 	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
 	$(COMPILE) $(READERS) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
 	echo snakemake-executor-plugin-kubernetes | \
 		$(COMPILE) - -c requirements-cluster.lock -o .ci/kubernetes.lock
+
+# docs/licences.md, of what is installed; after `make lock`
+licences: setup
+	$(BIN)/python docs/licences.py
 
 # results and logs only; downloads in data/cache and .venv stay
 clean:

@@ -336,3 +336,29 @@ def test_the_attitudes_that_are_drawn_leave_no_wide_hole():
     up = np.concatenate([made["FACES"], made["EDGES"], made["CORNERS"]]).astype(float)
     assert np.degrees(largest_hole(up / np.linalg.norm(up, axis=1)[:, None])[1]) < WIDE_HOLE
     assert len(up) == 26
+
+
+def test_licences_are_those_of_what_is_installed():
+    made = runpy.run_path(str(REPOSITORY / "docs/licences.py"))
+    document = (REPOSITORY / "docs/licences.md").read_text()
+    locks = [(REPOSITORY / name).read_text() for name in made["LOCKS"]]
+    head, found = made["parsed"](document)
+    assert {row[:2] for row in found} == {pin for text in locks for pin in made["pins"](text)}
+    assert not [row for row in found if row[2] == made["NOT_STATED"]]
+    assert head + made["table"](made["rows"](locks, found)) == document, "make licences"
+
+
+@pytest.mark.parametrize("name", ["build", "cluster", ""])
+def test_every_package_of_a_lock_has_a_hash(name):
+    text = (REPOSITORY / f"requirements{name and '-'}{name}.lock").read_text()
+    packages = re.split(r"^(?=[a-z0-9])", text, flags=re.M)[1:]
+    assert packages and all("==" in each and "--hash=sha256:" in each for each in packages)
+
+
+def test_nothing_is_built_with_what_is_not_pinned():
+    """Each set-up installs the pinned pip and setuptools first, and fetches none to build with."""
+    for line in re.findall(r".*(?:PINNED\)|pip install).*", (REPOSITORY / "Makefile").read_text()):
+        if "-r requirements" in line:
+            assert "--only-binary :all:" in line or "--no-build-isolation" in line
+    pins = (REPOSITORY / "requirements-build.lock").read_text()
+    assert re.findall(r"^(\w+)==", pins, re.M) == ["pip", "setuptools"]
