@@ -14,7 +14,8 @@ from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import activity, detect_rests, rest_level, slow
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.stretches import unbroken
+from imuloop.segment.stretches import unbroken, without
+from imuloop.segment.tilt import tilts
 
 # a calibration this much less certain, by its expected error, is too dear for steady rests
 DEAREST = 2.0
@@ -26,8 +27,8 @@ def segment_session(samples, kind, settings):
     Every instant from the first sample to one step after the last belongs to exactly one row.
     Rests of a six-position or multi-position session come from the static detector with the
     multiples whose poses calibrate best, less what turns slowly or trembles in the hand; those of
-    a static session are what the disturbance detector leaves. A gap lasts from one step after the
-    last sample before it to the next sample.
+    a static session are what the disturbance detector and slow tilts leave. A gap lasts from one
+    step after the last sample before it to the next sample.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def segment_session(samples, kind, settings):
     metadata : dict
         Level of rest and how it was found, the multiples and the table they were chosen from,
         number of rests dropped as too short, `unsteady`: what turned or trembled (`_losses`), gaps
-        and, of a static session, the scales searched.
+        and, of a static session, the scales searched and the number of slow tilts.
     """
     # takes as long to import as the work on a short session
     import pandas as pd
@@ -72,6 +73,12 @@ def session_columns(samples, kind, settings, threads=1):
     stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
         rests, metadata = undisturbed(rows, stretches, step, settings, threads)
+        tilted = tilts(rows, rests, step)
+        metadata["slow_tilts"] = len(tilted)
+        if len(tilted):
+            rests = without(rests, tilted)
+            shortest = settings.shortest_static_s - step / 2
+            rests = rests[np.diff(rests, axis=1).ravel() * step >= shortest]
         between = DISTURBED
     else:
         rests, metadata = _find_rests(rows, stretches, step, settings)
