@@ -9,6 +9,7 @@ import pytest
 
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
+from imuloop.report.answer import answers
 from imuloop.report.bias_plot import temperatures
 from imuloop.report.diagnosis_parts import diagnosis_parts
 from imuloop.report.diagnosis_tables import effect_tables
@@ -17,7 +18,7 @@ from imuloop.report.numbers import joined, p_text, percent
 from imuloop.report.ranking import constants_text, ranked, ranking_table, telling_apart
 from imuloop.report.results import read_device
 from imuloop.report.static_tables import _largest_difference, orientations
-from imuloop.report.verdict import brief, leading, sentence
+from imuloop.report.verdict import brief, leading, sentence, too_quiet
 from report.plausible_results import write_results
 
 G = STANDARD_GRAVITY
@@ -229,3 +230,26 @@ def test_a_static_record_shows_what_the_correction_changed(devices, tmp_path):
     left = parts["Gyroscope, static record"]
     assert "62\u202f%" in left.left[0].caption and "rate of change" in left.sentence
     assert "several rates" in left.next_step
+
+
+def test_a_residual_far_below_its_noise_is_no_good_news():
+    def block(n, chi2):
+        residual = {"unit": "m/s^2", "n": n, "floor": 1e-3, "before": 3e-6, "after": 3e-6}
+        residual |= {"chi2_before": chi2, "chi2_after": chi2}
+        return {"verdict": "consistent", "residuals": {"gravity_norm": residual}}
+
+    said = sentence("accelerometer", block(13, 6e-6))
+    assert "far below 1" in said and "p <\u202f10⁻¹⁰" in said and "corrected or filtered" in said
+    assert too_quiet(block(13, 6e-6))[2] < 1e-9
+    [(_, verdict, words), _] = answers({"sensors": {"accelerometer": {"poses": block(13, 6e-6)}}})
+    assert verdict == "consistent" and words.startswith("far quieter than its own noise allows")
+    # luck of few poses, and a floor that upper limits raise
+    for n, chi2 in ((9, 1e-3), (11, 0.02), (38, 0.4), (38, 0.08)):
+        assert too_quiet(block(n, chi2)) is None
+        assert "corrected" not in sentence("accelerometer", block(n, chi2))
+    # of poses whose noise is as the floor has it, at most one in a thousand by chance
+    rng = np.random.default_rng(5)
+    for n in (10, 12, 20, 40):
+        dof = n - 9
+        drawn = rng.chisquare(dof, 4000) / dof
+        assert sum(too_quiet(block(n, chi2)) is not None for chi2 in drawn) <= 12

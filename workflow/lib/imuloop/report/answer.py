@@ -2,7 +2,7 @@
 
 from imuloop.report.numbers import joined, number, with_unit
 from imuloop.report.results import SENSORS
-from imuloop.report.verdict import PARTS, block_of, reason_of, verdict_of
+from imuloop.report.verdict import PARTS, block_of, reason_of, too_quiet, verdict_of
 
 # verdicts from the best news to none
 ORDER = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
@@ -42,6 +42,8 @@ def answers(diagnosis):
 
 def _words(block):
     """Return what a tested block says."""
+    if too_quiet(block):
+        return "far quieter than its own noise allows: corrected or filtered before it was logged"
     effects = joined([e["name"].replace("_", " ") for e in block.get("effects") or []])
     return {
         "consistent": "good to its noise",

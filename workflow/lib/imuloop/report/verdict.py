@@ -6,6 +6,7 @@ from imuloop.report.numbers import (
     joined,
     missing,
     number,
+    p_text,
     percent,
     with_unit,
 )
@@ -45,6 +46,9 @@ SLOW_NOISE = (
 )
 # probability of naming one of them by chance, and the share of the residual that is worth naming
 BY_CHANCE, WORTH_NAMING = 0.05, 0.05
+# a reduced χ² below this, less likely than that with the noise as it is, is no luck: a floor that
+# upper limits of slow noise raise comes to half. Parameters that a fit may take from n residuals
+FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
@@ -127,6 +131,35 @@ def misfit(block):
     return f" Reduced χ² of the {words} is {number(chi2)}; noise alone gives 1."
 
 
+def too_quiet(block):
+    """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
+    for name, r in (block.get("residuals") or {}).items():
+        chi2 = r.get("chi2_before")
+        if missing(chi2) or chi2 >= FAR_BELOW:
+            continue
+        # loads for half a second, and few residuals are as small
+        from scipy.special import chdtr
+
+        dof = max((r.get("n") or 0) - MOST_PARAMETERS, 1)
+        p = float(chdtr(dof, dof * chi2))
+        if p < UNLIKELY:
+            return name, chi2, p
+    return None
+
+
+def quiet_text(block):
+    """Return that a residual is far below its noise, as a sentence; empty where none is."""
+    found = too_quiet(block)
+    if not found:
+        return ""
+    name, chi2, p = found
+    return (
+        f" Reduced χ² of the {RESIDUAL_WORDS.get(name, name)} is {number(chi2)}, far below 1, "
+        f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected or "
+        "filtered before they were logged, and say little of the sensor."
+    )
+
+
 def effects_text(block):
     """Return the names of the effects that were added, as in a sentence."""
     return joined([e["name"] for e in block.get("effects") or []])
@@ -199,10 +232,11 @@ def sentence(sensor, block):
         if probe
         else ""
     )
-    return {
+    said = {
         "consistent": f"consistent with its model and noise: {moved}.",
         "explained": f"explained by {effects}: {moved}.",
         "partly_explained": f"partly explained by {effects}, something is still missing: "
         f"{moved}{left}",
         "unexplained": f"unexplained, {tried}: {moved}{left}",
     }.get(verdict, f"{verdict}: {moved}.")
+    return said + quiet_text(block)
