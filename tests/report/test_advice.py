@@ -186,6 +186,20 @@ def test_nothing_is_advised_before_a_wrong_declaration_is_mended(plain_samples):
         assert steps == [f"{words}: {reason}."]
 
 
+def test_short_rests_are_advised_with_what_settings_bring(plain_samples):
+    content = diagnosis()
+    brief = session("brief", "multi_position", poses(fibonacci_lattice(12)), path=plain_samples)
+    found = {"window_s": 0.5, "shortest_rest_s": 0.25, "attitudes": 60, "now": 12}
+    brief = replace(brief, segmentation={"shorter": found})
+    [step] = [
+        s
+        for s in next_steps(device(plain_samples, sessions=(brief,), diagnosis=content))
+        if "too short" in s
+    ]
+    assert "session brief" in step and "12 attitudes are left" in step
+    assert "segment: {window_s: 0.5, shortest_rest_s: 0.25} there are 60" in step
+
+
 def warm(path, course):
     t = np.linspace(0, 7200, 500)
     pq.write_table(pa.table({"t": t, "temperature": 20 + 15 * course(t / 7200)}), path)

@@ -65,6 +65,7 @@ def next_steps(device):
         _rejected,
         first_session,
         _unexplained,
+        _short_rests,
         best_recording,
         hole,
         turns_needed,
@@ -111,6 +112,21 @@ def _rejected(device):
                     f"Record session {s.name} again, or correct its entry in the config: it was "
                     f"rejected ({reasons}).",
                 )
+
+
+def _short_rests(device):
+    """Yield what would keep rests that are too short: settings, or longer rests."""
+    for s in device.used:
+        found = s.segmentation.get("shorter")
+        if found:
+            now, then = found["now"], found["attitudes"]
+            yield (
+                1 - now / then,
+                f"Most rests of session {s.name} are too short: {now} attitudes are left. With "
+                f"segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
+                f"{found['shortest_rest_s']:g}}} there are {then}; better, hold each for 4 s or "
+                "more.",
+            )
 
 
 def _unexplained(device):

@@ -9,7 +9,7 @@ from imuloop.core.rows import Rows
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
 from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.multiples import choose_multiples
+from imuloop.segment.multiples import attitudes, choose_multiples
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import activity, detect_rests, rest_level, slow
@@ -17,6 +17,12 @@ from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import unbroken, without
 from imuloop.segment.tilt import tilts
 
+# rests that are dropped as too short, at least so many and this share of those kept, make it worth
+# to look what shorter settings would bring: parts of window_s and shortest_rest_s
+LEAST_SHORT, SHORT_SHARE = 5, 0.25
+SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
+# attitudes that are worth another setting, and a part of the most that is as good
+WORTHWHILE, ALMOST = 1.2, 0.95
 # a calibration this much less certain, by its expected error, is too dear for steady rests
 DEAREST = 2.0
 
@@ -45,8 +51,9 @@ def segment_session(samples, kind, settings):
         As `imuloop.core.segments.segment_table` gives it.
     metadata : dict
         Level of rest and how it was found, the multiples and the table they were chosen from,
-        number of rests dropped as too short, `unsteady`: what turned or trembled (`_losses`), gaps
-        and, of a static session, the scales searched and the number of slow tilts.
+        number of rests dropped as too short, what `shorter` settings would bring, `unsteady`: what
+        turned or trembled (`_losses`), gaps and, of a static session, the scales searched and the
+        number of slow tilts.
     """
     # takes as long to import as the work on a short session
     import pandas as pd
@@ -122,6 +129,44 @@ def no_segments(kind):
 
 
 def _find_rests(rows, stretches, step, settings):
+    """Return the rests of a session, the metadata, and what shorter settings would bring."""
+    rests, metadata = _detected(rows, stretches, step, settings)
+    metadata["shorter"] = None
+    short = metadata["short_rests"]
+    if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
+        metadata["shorter"] = _shorter(rows, stretches, step, settings, rests)
+    return rests, metadata
+
+
+def _shorter(rows, stretches, step, settings, rests):
+    """Return the settings that find most attitudes in short rests, the longest that do.
+
+    Returns
+    -------
+    dict or None
+        `window_s` and `shortest_rest_s`, the number of `attitudes` with them and `now`; None where
+        none brings a fifth more.
+    """
+    f = rows.read(ACCELERATION, 0, len(rows))
+    total = np.concatenate([np.zeros((3, 1)), np.cumsum(f, axis=1)], axis=1)
+
+    def count(rests):
+        return len(attitudes(total, rests, settings.same_attitude)) if len(rests) else 0
+
+    tried = []
+    for window, shortest in SHORTER:
+        window, shortest = window * settings.window_s, shortest * settings.shortest_rest_s
+        other = replace(settings, window_s=window, shortest_rest_s=shortest)
+        found = count(_detected(rows, stretches, step, other)[0])
+        tried.append({"window_s": window, "shortest_rest_s": shortest, "attitudes": found})
+    now, most = count(rests), max(each["attitudes"] for each in tried)
+    if most < WORTHWHILE * max(now, 1):
+        return None
+    best = next(each for each in tried if each["attitudes"] >= ALMOST * most)
+    return best | {"now": now}
+
+
+def _detected(rows, stretches, step, settings):
     window = max(2, round(settings.window_s / step))
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     moving = activity(f, w, stretches, window)
