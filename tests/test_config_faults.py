@@ -180,6 +180,10 @@ ONE_FAULT = {
         session("kind: static, file: counts.csv", "nominal: {acceleration: {offset: 1}},"),
         "devices.imu.nominal.acceleration.scale: missing; acceleration needs it",
     ),
+    "a scale that no count has": (
+        session(SOUND, "nominal: {acceleration: {scale: 1.0e+300}},"),
+        "devices.imu.nominal.acceleration.scale: 1e+300 is greater than the maximum of 100000.0",
+    ),
     "range kinds": (
         session(f"{SOUND}, time_range: [5, 2021-09-20T10:00]"),
         "devices.imu.sessions.a.time_range: start and end must both be seconds or both be ISO 8601",

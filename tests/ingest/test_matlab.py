@@ -111,8 +111,10 @@ def test_counts_of_every_type(run, arrays, path, save, kind):
     low, high = np.iinfo(kind).min, np.iinfo(kind).max
     counts = rng.integers(max(low, -(2**53)), min(high, 2**53), (500, 3), kind)
     save(path, arrays | {"acc": counts})
-    done = run(path, units={"acceleration": "count"}, nominal={"acceleration": {"scale": 1}})
-    np.testing.assert_array_equal(done.samples[["ax", "ay", "az"]], counts)
+    # a power of two, which no count loses a bit by
+    scale = 2.0**-32
+    done = run(path, units={"acceleration": "count"}, nominal={"acceleration": {"scale": scale}})
+    np.testing.assert_array_equal(done.samples[["ax", "ay", "az"]], counts * scale)
 
 
 @EVERY

@@ -204,3 +204,49 @@ def test_missing_temperatures_stay_missing(log, run, tmp_path):
     assert done.samples.temperature.notna().sum() == 50
     assert done.quality["constant"] == ["temperature"]
     assert done.quality["temperature_range"] == [25.0, 25.0]
+
+
+@pytest.mark.parametrize("size", [1e12, -3.4e38, 1e200, 1e306])
+@pytest.mark.parametrize("channel", ["ax", "gy"])
+def test_a_value_that_no_sensor_gives_is_dropped_and_counted(log, measured, channel, size):
+    log.loc[[100, 250], channel] = size
+    found = measured()
+    assert (found["status"], found["rows"], found["non_finite"]) == ("ok", 498, 2)
+    assert found["impossible_values"][channel] == 2
+    assert found["missing_values"][channel] == 0
+    assert max(map(abs, found["range"][channel])) < 10.0
+    [gaps, warning] = found["warnings"]
+    assert gaps.startswith("2 gaps")
+    assert f"beyond ± 1e+10 in SI, which no sensor gives: {channel} 2;" in warning
+
+
+def test_more_of_them_than_may_be_lost_are_the_reason(log, measured):
+    log[["ax", "ay", "az"]] *= 1e12
+    found = measured()
+    assert found["status"] == "rejected"
+    assert "500 with missing or non-finite values (beyond ± 1e+10" in found["reasons"][0]
+    assert "ax 500, ay 500, az 500; see units and nominal" in found["reasons"][0]
+
+
+def test_a_temperature_that_is_none_stays_missing(log, run, tmp_path):
+    log["temp"] = 25.0 + log.t
+    log.loc[7, "temp"] = 1e300
+    log.to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    assert done.quality["rows"] == 500
+    assert done.quality["impossible_values"]["temperature"] == 1
+    assert np.flatnonzero(done.samples.temperature.isna()).tolist() == [7]
+    assert done.quality["temperature_range"] == pytest.approx([25.0, 29.99])
+    log["temp"] = 1e300
+    log.to_csv(tmp_path / "log.csv", index=False)
+    assert run(tmp_path / "log.csv").quality["temperature_range"] is None
+
+
+@pytest.mark.parametrize("channels", [["ax", "ay", "az"], ["gx", "gy", "gz"], ["gz"]])
+def test_changes_that_no_sensor_resolves_are_none(log, run, tmp_path, channels):
+    log[channels] *= 1e-200
+    log.to_parquet(tmp_path / "log.parquet", index=False)
+    done = run(tmp_path / "log.parquet")
+    assert done.quality["status"] == "rejected"
+    assert len(done.quality["reasons"]) == len(channels)
+    assert "in the whole log, which no sensor resolves" in done.quality["reasons"][0]

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.core.samples import CHANNELS, LOGGED_TIME, TEMPERATURE, TIME
+from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
@@ -22,6 +22,10 @@ from imuloop.ingest.stamps import (
     stamp_values,
 )
 
+# what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
+# widest accelerometers at 2e6 m/s^2
+BEYOND = 1e10
+
 
 @dataclass
 class Counts:
@@ -34,7 +38,8 @@ class Counts:
     outside : int
         Rows outside of the time range.
     non_finite : int
-        Rows dropped because the stamp or one of the six axes is missing or no finite number.
+        Rows dropped because the stamp or one of the six axes is missing, no finite number or
+        `BEYOND` every sensor.
     duplicates : int
         Rows dropped because their stamp repeats the one before.
     out_of_order : int
@@ -49,6 +54,8 @@ class Counts:
         Rows that became samples.
     missing_values : dict
         Channel to number of values missing or not finite.
+    impossible_values : dict
+        Channel to number of values `BEYOND` every sensor, which count as missing.
     start_ns : int or None
         Moment of the first sample, ns since 1970; None where the stamps are no dates.
     time_unit : str or None
@@ -71,6 +78,7 @@ class Counts:
     intervals_ns: int = 0
     kept: int = 0
     missing_values: dict = field(default_factory=dict)
+    impossible_values: dict = field(default_factory=dict)
     start_ns: int | None = None
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
@@ -117,6 +125,7 @@ def si_batches(
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     counts.missing_values.update(dict.fromkeys(channels, 0))
+    counts.impossible_values.update(dict.fromkeys(channels, 0))
     factors = increments.factors(units)
     for quantity in factors.keys() & log.interpolated:
         raise ImuloopError(
@@ -169,7 +178,10 @@ def si_batches(
             steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
             intervals = increments.intervals(batch, units, steps)
             raw |= increments.rates(raw, units, intervals)
-        finite = readable & np.all([np.isfinite(raw[name]) for name in CHANNELS], axis=0)
+        values = {name: _si(name, raw[name], units, raw_units) for name in channels}
+        beyond = {name: np.abs(values[name]) > BEYOND for name in channels}
+        usable = {name: np.isfinite(raw[name]) & ~beyond[name] for name in channels}
+        finite = readable & np.all([usable[name] for name in CHANNELS], axis=0)
         fits = inside & finite & (x > before)
         keep = fits & ~starts
         counts.without_interval += int((fits & starts).sum())
@@ -182,7 +194,9 @@ def si_batches(
         counts.out_of_order += int((inside & finite & (x < before)).sum())
         counts.kept += int(keep.sum())
         for name in channels:
-            counts.missing_values[name] += int((inside & ~np.isfinite(raw[name])).sum())
+            missing = ~np.isfinite(raw[name])
+            counts.missing_values[name] += int((inside & missing).sum())
+            counts.impossible_values[name] += int((inside & beyond[name] & ~missing).sum())
         if not keep.any():
             continue
         if zero is None:
@@ -196,12 +210,19 @@ def si_batches(
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:
             counts.points.add(rows[keep], samples[TIME])
-        for i, name in enumerate(CHANNELS):
-            unit = raw_units["acceleration" if i < 3 else "angular_rate"]
-            samples[name] = unit.to_si(raw[name][keep])
+        samples |= {name: values[name][keep] for name in CHANNELS}
         if log.temperature:
-            samples[TEMPERATURE] = raw[TEMPERATURE][keep] - ZERO_OFFSETS[units["temperature"]]
+            samples[TEMPERATURE] = np.where(usable[TEMPERATURE], values[TEMPERATURE], np.nan)[keep]
         yield pa.RecordBatch.from_pydict(samples)
+
+
+# a count of 1e306 has no value in SI
+@np.errstate(over="ignore")
+def _si(name, raw, units, raw_units):
+    """Return values of a channel in SI."""
+    if name == TEMPERATURE:
+        return raw - ZERO_OFFSETS[units["temperature"]]
+    return raw_units["acceleration" if name in ACCELERATION else "angular_rate"].to_si(raw)
 
 
 def _moment(stamp, units, absolute, timeline):

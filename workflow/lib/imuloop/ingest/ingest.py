@@ -256,6 +256,7 @@ def _quality(reasons, figures, counts, log):
         "out_of_order": counts.out_of_order,
         "non_finite": counts.non_finite,
         "missing_values": counts.missing_values,
+        "impossible_values": counts.impossible_values,
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,

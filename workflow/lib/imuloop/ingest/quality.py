@@ -13,6 +13,7 @@ from imuloop.core.samples import (
     TIME,
 )
 from imuloop.ingest import fault_lines, faults
+from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.in_order import in_order
 
 # at most so many gaps are listed; all are counted
@@ -22,16 +23,19 @@ CLIPPED_SHARE = 0.98
 # a log with fewer samples, or shorter, holds no rest worth a mean
 LEAST_ROWS = 100
 LEAST_DURATION = 2.0
+# a channel that changes by less in a whole log is none: a thousandth of the best sensors' noise, SI
+LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1e-12)
 # a log that loses a larger share of its rows to faults is not to be trusted
 MOST_DROPPED = 0.05
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
 
 TREATMENT = (
-    "Rows whose stamp or one of the six axes is missing or not finite, rows whose stamp repeats "
-    "or lies before an earlier one, and lines that are no row are dropped and counted; nothing is "
-    "filled or clipped, and nothing interpolated but sensors with clocks of their own, which is "
-    "told. A temperature that is missing stays missing. A step longer than "
+    "Rows whose stamp or one of the six axes is missing, not finite or beyond what any sensor "
+    f"gives (± {BEYOND:g} in SI), rows whose stamp repeats or lies before an earlier one, and "
+    "lines that are no row are dropped and counted; nothing is filled or clipped, and nothing "
+    "interpolated but sensors with clocks of their own, which is told. A temperature that is "
+    "missing, or beyond the same, stays missing. A step longer than "
     f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
     f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
     "rejected. Zeros on all axes, stuck, clipped, held or copied values and spikes are counted and "
@@ -193,7 +197,7 @@ def _channel_figures(file, tables, full_scale, threads):
         else None,
         "mean_angular_rate": magnitude["angular_rate"] / rows if rows else None,
         "temperature_range": [low[TEMPERATURE], high[TEMPERATURE]]
-        if TEMPERATURE in names
+        if TEMPERATURE in names and low[TEMPERATURE] <= high[TEMPERATURE]
         else None,
     }
 
@@ -239,7 +243,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
         return ["the log has no rows"]
     if lost > MOST_DROPPED * inside:
         parts = (
-            (counts.non_finite, "with missing or non-finite values"),
+            (counts.non_finite, "with missing or non-finite values" + _impossible(counts)),
             (counts.duplicates, "with a repeated stamp"),
             (counts.out_of_order, "with a stamp before an earlier one"),
             (bad_lines, "lines that are no row"),
@@ -266,7 +270,22 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
         )
     if figures["rows"] and set(ACCELERATION) <= set(figures["constant"]):
         found.append("the acceleration never changes: the sensor was not read")
+    for name, least in LEAST_CHANGE.items():
+        low, high = figures["range"][name] or (0.0, 0.0)
+        if 0 < high - low < least:
+            quantity = "acceleration" if name in ACCELERATION else "angular_rate"
+            found.append(
+                f"{name} changes by {high - low:.3g} in the whole log, which no sensor resolves: "
+                f"see units.{quantity} and nominal.{quantity}"
+            )
     return found
+
+
+def _impossible(counts):
+    """Name the channels with values that no sensor gives, and how many; empty without."""
+    found = [f"{name} {count}" for name, count in counts.impossible_values.items() if count]
+    beyond = f"beyond ± {BEYOND:g} in SI, which no sensor gives: {', '.join(found)}"
+    return f" ({beyond}; see units and nominal)" if found else ""
 
 
 def _time_hint(rate):
@@ -310,6 +329,8 @@ def warnings(figures, counts, log, *, rate):
         )
     if log.bad_lines and "time" not in log.found:
         found.append("lines that are no row shorten a log without stamps by one step each")
+    if impossible := _impossible(counts):
+        found.append(f"counted as missing{impossible}")
     missing = counts.missing_values.get(TEMPERATURE)
     if missing:
         found.append(f"{missing} temperatures are missing")
