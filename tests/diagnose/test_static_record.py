@@ -215,3 +215,21 @@ def test_too_short_and_silent_records_say_why():
     assert content["gyroscope"]["why"] == "an axis never changes"
     assert content["accelerometer"]["verdict"] == "consistent"
     assert static_tests(made, calibration(), DiagnoseSettings()) > 10
+
+
+def test_a_part_that_is_lost_to_a_move_leaves_the_other_sensor_its_own_windows():
+    """The last five means, tilted and too few for a record, are the gyroscope's alone."""
+    moved = SECONDS - 330
+    # the output (-0.4, -0.7, 9.3) m/s^2 and what is as long
+    lower = np.sqrt(0.4**2 + 9.3**2 - 0.6**2) - 9.3
+
+    def tilt(t):
+        return np.outer(t > moved, [1.0, 0, lower, 0, 0, 0])
+
+    made = data(a=log(5, extra=tilt))
+    ends = {"start_s": [0.0, moved + 20], "end_s": [moved - 20, SECONDS], "kind": ["static"] * 2}
+    made.segments["a"] = pd.DataFrame(ends)
+    result = diagnosed(made)
+    n = {s: result.content[s]["residuals"]["bias"]["n"] for s in SENSORS}
+    assert n["gyroscope"] - n["accelerometer"] == 5
+    assert result.content["gyroscope"]["verdict"] == "consistent"

@@ -93,8 +93,13 @@ def diagnose_static(data, calibration, noise, settings, noise_settings, tests=No
             continue
         fine = data.records(sensor, calibration, 0.0)
         findings[sensor] = find(sensor, records, fine, settings, tests, shared)
-        # both sensors have the same windows, unless the accelerometer was moved
-        shared = findings[sensor].model.noise if len(records) == len(whole) else None
+        # both sensors have the same windows, unless the accelerometer was moved: a part of a record
+        # that is too short is left out, so as many records may be left
+        alike = len(records) == len(whole) and all(
+            np.array_equal(own.windows, all_.windows)
+            for own, all_ in zip(records, whole, strict=True)
+        )
+        shared = findings[sensor].model.noise if alike else None
     found = {sensor: finding.effects for sensor, finding in findings.items()}
     allan, floor = {}, noise
     if any(found.values()):
