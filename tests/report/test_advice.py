@@ -258,3 +258,9 @@ def test_parameters_and_their_errors_in_words():
     assert parameter_words("gyroscope", "g_sensitivity.G00") == "the gyroscope's g_sensitivity G00"
     assert sigma_words("1", 3.1e-4, 1.4e-4) == "310 to 140\u202fppm"
     assert sigma_words("rad", 4e-4) == "0.40\u202fmrad"
+
+
+def test_a_limit_of_zero_asks_for_no_record(plain_samples):
+    zero = noise(B=coefficient(None, 0.0), K=coefficient(None, 0.0))
+    (step,) = next_steps(device(plain_samples, noise=zero))
+    assert step.startswith("Nothing needed.")

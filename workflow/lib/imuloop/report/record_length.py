@@ -68,7 +68,8 @@ def static_record(device):
                 continue
             limited.append(f"{name} of {channel}")
             target = min(upper, size)
-            if 1 - target / upper < WORTH:
+            # a limit may be zero
+            if target >= (1 - WORTH) * upper:
                 continue
             # loads for a second, and few devices need it
             from imuloop.noise.needed import needed_seconds
