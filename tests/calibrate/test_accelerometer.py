@@ -5,13 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibrate.devices import ACCELERATION_UNIT, known_noise
 from imuloop.calibrate.accelerometer import (
     AccelerometerModel,
     fit_accelerometer,
+    lost_accelerometer,
     untestable_accelerometer,
 )
+from imuloop.calibrate.calibrate import calibrate_accelerometer, direction_unknown
 from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.simulate.truth import example_truth
 
 G = 9.80665
 TRUTH = np.array([0.01, -0.02, 0.015, 1.01, 0.98, 1.003, 0.1, -0.2, 0.3])
@@ -110,3 +115,28 @@ def test_poses_that_determine_too_little_are_refused_with_the_reason(directions,
 
 def test_well_spread_poses_are_accepted():
     assert untestable_accelerometer(poses_at(spread(12)), G, 100.0) is None
+
+
+def test_poses_that_lie_on_no_ellipsoid_are_refused():
+    poses = poses_at(spread())
+    changed = replace(poses, f=poses.f + 5.0 * (np.arange(30) > 15)[:, None])
+    for made, reason in ((poses, None), (changed, "lies on no ellipsoid")):
+        fit, _ = fit_accelerometer(Recording(made), white(30), G)
+        found = lost_accelerometer(fit, G, 100.0)
+        assert (reason is None and found is None) or reason in found
+        # in another unit the same
+        other, _ = fit_accelerometer(Recording(replace(made, f=made.f / 9.8)), white(30) / 96, G)
+        assert (lost_accelerometer(other, G, 100.0) is None) == (reason is None)
+
+
+def test_contradicting_poses_calibrate_nothing():
+    noise = known_noise(example_truth())
+    poses = poses_at(spread())
+    poses = replace(poses, f=poses.f + 5.0 * (np.arange(30) > 15)[:, None])
+    found = calibrate_accelerometer(poses, noise, G, ACCELERATION_UNIT, CalibrateSettings())
+    assert found.method == "nominal" and "lies on no ellipsoid" in found.not_testable
+    # their direction of gravity is no better
+    assert found.not_testable in direction_unknown(poses, found, G, CalibrateSettings())
+    few = poses.select(np.arange(30) < 4)
+    unknown = calibrate_accelerometer(few, noise, G, ACCELERATION_UNIT, CalibrateSettings())
+    assert direction_unknown(few, unknown, G, CalibrateSettings()) is None

@@ -218,3 +218,11 @@ def test_too_few_poses_are_not_testable():
     assert content["status"] == "not_testable"
     assert "poses" in content["why"]
     assert not len(table["error_deg"])
+
+
+def test_a_gyroscope_that_was_not_fitted_is_not_testable():
+    truth = example_truth()
+    made, turn = recording(truth, 2), models(truth)[1]
+    nothing = {"accelerometer": (), "gyroscope": ()}
+    content, _ = validate_attitude("d", turn, made, None, nothing, ["turns"], SETTINGS, 20)
+    assert content["status"] == "not_testable" and "no calibration" in content["why"]

@@ -45,3 +45,24 @@ def test_a_start_that_leads_nowhere_gives_none():
         return np.array([1.0, 2.0, x[0] ** 2 + 1]), np.array([[0.0], [0], [2 * x[0]]]), np.eye(3)
 
     assert refit(evaluate, np.ones(3, bool), np.array([0.3])) is None
+
+
+def test_steps_that_grow_lead_nowhere():
+    calls = []
+
+    def evaluate(x):
+        calls.append(x)
+        # the root of arctan, from where Newton's steps diverge
+        return np.arctan(x) * 1e3, np.diag(1e3 / (1 + x**2)), np.eye(1)
+
+    assert refit(evaluate, np.ones(1, bool), np.array([1.5])) is None
+    assert len(calls) == 2
+    assert refit(evaluate, np.ones(1, bool), np.array([0.5])) is not None
+
+
+@pytest.mark.parametrize("covariance", [-np.eye(2), np.full((2, 2), np.nan)])
+def test_weights_that_are_none_lead_nowhere(covariance):
+    def evaluate(x):
+        return np.array([x[0], 1.0]), np.ones((2, 1)), covariance
+
+    assert refit(evaluate, np.ones(2, bool), np.zeros(1)) is None

@@ -210,3 +210,26 @@ def test_the_interval_of_a_ratio_holds_the_ratio():
     noisy = HeldOut(held.fold, before, rng.normal(size=(400, 3)))
     low, high = ratio_interval(noisy, DiagnoseSettings())
     assert low < 1 < high
+
+
+def test_an_effect_that_is_known_from_elsewhere_is_taken_off(sensitive):
+    truth, made = sensitive
+    turn = models(truth)[1]
+    plain, known = (m.fit(made).fit for m in (turn, replace(turn, known=truth.gyroscope.effects)))
+    assert known.reduced_chi2 == pytest.approx(1, abs=0.3)
+    assert plain.reduced_chi2 > 2 * known.reduced_chi2
+
+
+def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):
+    truth, made = sensitive
+    force = models(truth)[0]
+    covariance = AccelerometerPoses.covariance
+
+    def indefinite(self, solution, recording):
+        return -covariance(self, solution, recording)
+
+    monkeypatch.setattr(AccelerometerPoses, "covariance", indefinite)
+    monkeypatch.setattr(AccelerometerPoses, "at_limits", lambda self: self)
+    content, solution, _ = diagnose_poses(force, made, DiagnoseSettings())
+    assert content["verdict"] == "not_testable" and solution is None
+    assert "not positive definite" in content["why"]

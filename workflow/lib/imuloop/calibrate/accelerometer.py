@@ -10,6 +10,8 @@ from imuloop.core.effect import effect_design
 # parameters of the base model
 NAMES = ("T01", "T02", "T12", "K0", "K1", "K2", "b0", "b1", "b2")
 _UPPER = ((0, 0, 1), (1, 2, 2))
+# the axes of an accelerometer, cheap ones and three glued to a cube too, are less off square, rad
+SLANT = 0.3
 
 
 @dataclass(frozen=True)
@@ -164,9 +166,8 @@ def untestable_accelerometer(poses, gravity, largest_condition):
     if len(poses) < needed:
         return f"{len(poses)} poses found, at least {needed} needed for 9 parameters and a check"
     model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
-    condition = condition_number(
-        model.residuals(model.start())[1], np.repeat([1.0, 1.0, gravity], 3)
-    )
+    x = model.start()
+    condition = _condition(model.residuals(x)[1], x, gravity)
     if condition > largest_condition:
         return (
             f"the attitudes of {len(poses)} poses do not determine 9 parameters: condition number "
@@ -174,3 +175,41 @@ def untestable_accelerometer(poses, gravity, largest_condition):
             f"axis up and down and in between"
         )
     return None
+
+
+def lost_accelerometer(fit, gravity, largest_condition):
+    """Return why a fit is none, or None if it is one.
+
+    Gravity's norm is also met where K tends to zero and K b to a vector as long as gravity. What
+    lies on no ellipsoid is drawn there, and there the poses determine nothing; or to axes that no
+    accelerometer has.
+
+    Parameters
+    ----------
+    fit : Fit
+        From `fit_accelerometer`.
+    gravity, largest_condition : float
+        As of `untestable_accelerometer`.
+    """
+    condition = _condition(fit.jacobian, fit.x, gravity)
+    slant = np.max(np.abs(fit.x[:3]))
+    if not condition <= largest_condition:
+        leads = (
+            f"where they determine nothing, condition number {condition:.3g}, at most "
+            f"{largest_condition:g} allowed"
+        )
+    elif slant > SLANT or np.min(fit.x[3:6]) <= 0:
+        leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
+    else:
+        return None
+    return (
+        f"specific force at {len(fit.jacobian)} poses lies on no ellipsoid of an accelerometer: "
+        f"the fit leads to {leads}; was a pose clipped or wrapped around, did scale or offset "
+        f"change midway?"
+    )
+
+
+def _condition(jacobian, x, gravity):
+    """Return the condition number of the nine parameters at x, each by its natural size."""
+    K = np.abs(x[3:6])
+    return condition_number(jacobian[:, :9], np.concatenate([np.ones(3), K, gravity / K]))

@@ -197,6 +197,8 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
         return SensorCalibration.nominal(unit, reason)
     means = poses.mean_covariance(noise)[:3]
     fit, _ = accelerometer.fit_accelerometer(Recording(poses), means, gravity)
+    if reason := accelerometer.lost_accelerometer(fit, gravity, settings.largest_condition):
+        return SensorCalibration.nominal(unit, reason)
     made = in_raw_units(
         unit,
         accelerometer.NAMES,
@@ -208,6 +210,30 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     if fault := sensor_fault(made, "accelerometer"):
         return SensorCalibration.nominal(unit, f"the fit gives what no sensor has: {fault}")
     return made
+
+
+def direction_unknown(poses, force, gravity, settings):
+    """Return why the direction of gravity at the poses is not known, or None if it is.
+
+    Poses that are too few to calibrate an accelerometer say nothing against it as it is; those that
+    are enough, and yet calibrate none, do.
+
+    Parameters
+    ----------
+    poses : Poses
+        Poses.
+    force : SensorCalibration
+        The best of the accelerometer.
+    gravity : float
+        m/s^2.
+    settings : CalibrateSettings
+        Settings.
+    """
+    if force.method != "nominal" or accelerometer.untestable_accelerometer(
+        poses, gravity, settings.largest_condition
+    ):
+        return None
+    return f"direction of gravity not known: {force.not_testable}"
 
 
 def calibrate_gyroscope(recording, noise, force, unit, settings):
@@ -243,6 +269,9 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
         return rest_bias(poses, noise, unit, reason)
     held = poses.w[0] if settings.gyroscope_bias == "initial_rest" else None
     fit, model, _ = gyroscope.fit_gyroscope(recording, force, noise, bias=held)
+    turns = len(recording.rotations)
+    if reason := gyroscope.lost_gyroscope(fit, turns, settings.largest_condition):
+        return rest_bias(poses, noise, unit, reason)
     free = model.free()
     covariance = np.zeros((len(fit.x), len(fit.x)))
     covariance[np.ix_(free, free)] = fit.scaled_covariance
@@ -359,7 +388,11 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     six_sensors = calibrate_six_position(six, model, gravity, units, settings)
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
-    turn = calibrate_gyroscope(multi, model, best(force, six_sensors[0]), units[1], settings)
+    known = best(force, six_sensors[0])
+    if reason := direction_unknown(multi.poses, known, gravity, settings):
+        turn = rest_bias(multi.poses, model, units[1], reason)
+    else:
+        turn = calibrate_gyroscope(multi, model, known, units[1], settings)
     if not len(multi.poses) and len(static):
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)

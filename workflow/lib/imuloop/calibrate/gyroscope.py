@@ -393,3 +393,27 @@ def undetermined(jacobian, largest_condition):
             f"turn about each axis, both ways, by 90 degrees and more"
         )
     return None
+
+
+def lost_gyroscope(fit, rotations, largest_condition):
+    """Return why a fit is none, or None if it is one: where it ends nothing is determined.
+
+    Parameters
+    ----------
+    fit : Fit
+        From `fit_gyroscope`.
+    rotations : int
+        Number of rotations, whose rows are the last.
+    largest_condition : float
+        Condition number beyond which parameters are called undetermined.
+    """
+    sizes = np.concatenate([np.ones(6), np.abs(fit.x[6:9])])
+    condition = condition_number(fit.jacobian[len(fit.jacobian) - 2 * rotations :, :9], sizes)
+    if condition <= largest_condition:
+        return None
+    return (
+        f"no misalignment and scale factor carries gravity through {rotations} rotations: the fit "
+        f"leads to where they determine nothing, condition number {condition:.3g}, at most "
+        f"{largest_condition:g} allowed; was the angular rate clipped or wrapped around, did scale "
+        f"or axes change midway?"
+    )

@@ -114,9 +114,11 @@ def condition_number(jacobian, scales):
     Returns
     -------
     float
-        Largest over smallest singular value; infinite where the rank is deficient.
+        Largest over smallest singular value; infinite where the rank is deficient or the design
+        is not finite.
     """
-    if jacobian.shape[0] < jacobian.shape[1]:
+    design = np.asarray(jacobian) * scales
+    if design.shape[0] < design.shape[1] or not np.isfinite(design).all():
         return np.inf
-    values = np.linalg.svd(np.asarray(jacobian) * scales, compute_uv=False)
+    values = np.linalg.svd(design, compute_uv=False)
     return float(values[0] / values[-1]) if values[-1] > 0 else np.inf

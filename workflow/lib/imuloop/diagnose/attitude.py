@@ -73,7 +73,10 @@ def validate_attitude(
     dict of str to ndarray
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
-    if reason := turn_model.untestable(recording):
+    reason = turn_model.untestable(recording)
+    if reason is None and whole is None:
+        reason = "the poses determine no calibration of the gyroscope"
+    if reason:
         return no_attitude(device, reason)
     block = blocks(len(recording.poses), settings)
     keeps = [block != k for k in range(block.max() + 1)]

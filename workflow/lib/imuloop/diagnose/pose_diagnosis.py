@@ -76,6 +76,8 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None, who
     _, others = pose_candidates(model.sensor, recording)
     known = {type(effect.effect) for effect in model.known}
     whole = whole or pose_search(model, recording, settings, tests)
+    if reason := whole.lost():
+        return {"verdict": "not_testable", "why": reason, **NOTHING}, None, []
     available = whole.available
     fold_models = fold_models or [model] * min(settings.folds, len(recording.poses))
     searches = folds(fold_models, recording, available, settings, whole.tests, whole)
@@ -90,6 +92,12 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None, who
     before = [s.errors() for s in searches]
     after = [s.errors(c) for s, c in zip(searches, chosen, strict=True)]
     held = held_out(before, after)
+    if effects and all(size(h.after) >= size(h.before) for h in held.values()):
+        # what each part chooses for itself predicts it no better: nothing that helps was found
+        ratios = [ratio_interval(h, settings) for h in held.values()]
+        failed |= {type(effect): min(ratios) for effect in effects}
+        effects, entries, final, chosen = (), [], base, [()] * len(searches)
+        held = held_out(before, before)
     variance = floor_variance(base, searches)
 
     share = settings.significance / KINDS

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.calibrate import direction_unknown
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, FittedEffect
@@ -61,6 +62,12 @@ class AccelerometerPoses:
         return accelerometer.untestable_accelerometer(
             recording.poses, self.gravity, self.settings.largest_condition
         ) or recording.poses.unknown_noise(self.noise, ACCELERATION)
+
+    def lost(self, solution):
+        """Return why a fit is none, or None if it is one."""
+        return accelerometer.lost_accelerometer(
+            solution.fit, self.gravity, self.settings.largest_condition
+        )
 
     def undetermined(self, recording, keeps):
         """Return for each mask of poses whether these alone determine no calibration."""
@@ -190,11 +197,25 @@ class GyroscopePoses:
             return "no multi_position session with a pose"
         if self.fallback is None and (reason := self.force.untestable(recording)):
             return f"direction of gravity not known: {reason}"
+        if self.fallback is not None and (
+            reason := direction_unknown(
+                recording.poses, self.fallback, self.force.gravity, self.force.settings
+            )
+        ):
+            return reason
         if reason := recording.poses.unknown_noise(self.force.noise, ANGULAR_RATE):
             return reason
         force = calibrated_force(self._force(recording), recording, self.force.noise)
         return gyroscope.untestable_gyroscope(
             recording, force, self.force.settings.largest_condition
+        )
+
+    def lost(self, solution):
+        """Return why a fit is none, or None if it is one."""
+        _, components, at = solution.parts["rotation"]
+        rotations = len(solution.values[at]) // components
+        return gyroscope.lost_gyroscope(
+            solution.fit, rotations, self.force.settings.largest_condition
         )
 
     def fit(self, recording, effects=(), start=None):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
 from imuloop.calibrate.least_squares import Fit
 
@@ -40,7 +40,8 @@ def refit(evaluate: Callable, seen, x):
     """Return the Refit from a start nearby, None if that leads nowhere.
 
     Steps of generalised least squares, weights and effects taken at each new point. The last step
-    is so small that residuals follow it along their derivative.
+    is so small that residuals follow it along their derivative. Near the solution each step is
+    shorter than the one before; where one is not, the start was not near.
 
     Parameters
     ----------
@@ -52,21 +53,32 @@ def refit(evaluate: Callable, seen, x):
     x : ndarray, shape (p,)
         Start.
     """
+    before = np.inf
     for _ in range(STEPS):
         values, jacobian, covariance = evaluate(x)
-        root = cholesky(covariance, lower=True)
         stack = np.column_stack([jacobian, values])[seen]
-        white = solve_triangular(root, stack, lower=True)
-        size = np.linalg.norm(white[:, :-1], axis=0)
-        if not size.all():
+        if not (np.isfinite(stack).all() and np.isfinite(covariance).all()):
             return None
-        design = white[:, :-1] / size
-        parameters = np.linalg.inv(design.T @ design)
+        try:
+            white = solve_triangular(cholesky(covariance, lower=True), stack, lower=True)
+            size = np.linalg.norm(white[:, :-1], axis=0)
+            if not size.all():
+                return None
+            design = white[:, :-1] / size
+            parameters = np.linalg.inv(design.T @ design)
+        except LinAlgError:
+            return None
         # in units of one over the column's length
         step = -parameters @ (design.T @ white[:, -1])
+        variance = np.diag(parameters)
+        # rounding leaves a matrix that is nearly singular indefinite
+        reach = np.max(np.abs(step) / np.sqrt(variance)) if np.all(variance > 0) else np.inf
+        if reach >= before:
+            return None
+        before = reach
         left = white[:, -1] + design @ step
         x = x + step / size
-        if np.all(np.abs(step) < CLOSE * np.sqrt(np.diag(parameters))):
+        if reach < CLOSE:
             parameters = parameters / np.outer(size, size)
             dof = len(left) - len(x)
             fit = Fit(x, parameters, float(left @ left), dof, jacobian[seen])

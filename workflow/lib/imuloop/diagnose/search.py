@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
@@ -178,6 +178,19 @@ class Search:
 
         return Step(solution, linear, seen, at_limits)
 
+    def lost(self, effects=()):
+        """Return why the fit with some effects is none, or None if it is one."""
+        try:
+            step = self.step(effects)
+            # each of its weights is a covariance, which rounding may leave indefinite
+            step.trials  # noqa: B018
+        except LinAlgError:
+            return (
+                "the residuals cannot be weighted: their covariance is not positive definite; is "
+                "the noise of a channel far larger than that of the others?"
+            )
+        return self.model.lost(step.solution)
+
     def threshold(self, effects):
         """Return the largest p-value that passes beside some effects: Holm's steps."""
         return self.settings.significance / max(1, self.tests - len(effects))
@@ -195,8 +208,8 @@ class Search:
     def greedy(self):
         """Return the effects to add, the best first, and those that passed the test alone.
 
-        An effect is added if it passes the test and lowers the error of poses that are held out
-        of the ones seen here, each part predicted by the others.
+        An effect is added if it passes the test, lowers the error of poses that are held out of the
+        ones seen here, each part predicted by the others, and the fit with it is one.
 
         Returns
         -------
@@ -208,7 +221,7 @@ class Search:
         effects, failed = (), {}
         while best := self.best(effects, failed) or self.best_pair(effects, failed):
             ratio = self.gate(effects, best)
-            if ratio[1] < 1:
+            if ratio[1] < 1 and not self.lost(effects + best.effects):
                 effects += best.effects
             else:
                 classes = tuple(map(type, best.effects))
@@ -274,7 +287,8 @@ class Search:
         effects = ()
         for cls in classes:
             trial = self.step(effects).trials.get(cls)
-            effects += (trial.effect,) if trial else ()
+            if trial and not self.lost((*effects, trial.effect)):
+                effects += (trial.effect,)
         return effects
 
     def errors(self, effects=()):
@@ -337,10 +351,11 @@ def folds(models, recording, available, settings, tests, whole=None):
     keeps = [part != k for k in range(len(models))]
     if any(models[0].undetermined(recording, keeps)):
         return None
-    return [
+    searches = [
         Search(model, recording, keep, available, settings, tests, whole)
         for model, keep in zip(models, keeps, strict=True)
     ]
+    return None if any(search.lost() for search in searches) else searches
 
 
 def held_out(before, after):
