@@ -14,8 +14,11 @@ from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import session_columns
 from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.logger import lose, stamp_late
 
 SETTINGS = NoiseSettings()
+# square of K over N, 1/s^2
+WALK = 2e-3
 DENSITY = dict(zip(CHANNELS, (0.01, 0.02, 0.03, 1e-3, 2e-3, 3e-3), strict=True))
 
 
@@ -58,6 +61,53 @@ def test_table_covers_the_model_and_has_the_contract_columns():
     truth = table["axis"].map(DENSITY) / np.sqrt(table["tau_s"])
     inside = (table["ci_low"] <= truth) & (truth <= table["ci_high"])
     assert inside.mean() > 0.85
+
+
+def hours(seed):
+    """Return 2,000 s at 50 Hz of white noise and walk, and 10 Hz in gx as high as its noise."""
+    n = 100_000
+    made = session(length=n, seed=seed)
+    rng = np.random.default_rng([seed, 1])
+    for axis, density in DENSITY.items():
+        steps = rng.standard_normal(n) * density * np.sqrt(WALK / 50)
+        made.samples[axis] += np.cumsum(steps)
+    made.samples["gx"] += 1e-3 * np.sin(2 * np.pi * 10 * made.samples["t"])
+    return made
+
+
+def test_coefficients_hold_where_samples_are_missing():
+    inside, walks, rng = [], [], np.random.default_rng(9)
+    for seed, lengths in ((31, [1]), (32, [1]), (33, [2, 3, 4, 5])):
+        whole = hours(seed)
+        samples = lose(whole.samples, 0.01, rng, lengths)
+        end = whole.samples["t"].max() + 0.02
+        segments = segment_table(samples, [0], [end], ["static"], [0])
+        result = estimate_noise("imu", [Session("rest", "static", samples, segments)], SETTINGS)
+        for axis, density in DENSITY.items():
+            noise = result.model.axes[axis]
+            # of 100,000 samples N is known to 0.3 %
+            assert noise.N.value == pytest.approx(density, rel=0.012)
+            inside.append(noise.N.ci95[0] <= density <= noise.N.ci95[1])
+            assert noise.K.identifiable
+            walks.append(noise.K.ci95[0] <= density * np.sqrt(WALK) <= noise.K.ci95[1])
+        (line,) = result.model.axes["gx"].sinusoid
+        assert line.frequency.ci95[0] <= 10 <= line.frequency.ci95[1]
+        assert line.amplitude.value == pytest.approx(1e-3, rel=0.05)
+        # gaps of a few end no stretch of the curve
+        assert result.allan["rest"]["tau_s"].max() > 300
+        assert "of the samples are missing, a few at a time" in result.notes[0]
+    assert np.mean(inside) >= 0.8
+    assert np.mean(walks) >= 0.8
+
+
+def test_the_rate_is_that_of_the_samples_that_are_there():
+    whole = session(length=20_000, seed=3)
+    rng = np.random.default_rng(4)
+    late = lose(stamp_late(whole.samples, 0.003, rng), 0.02, rng)
+    late = late[late["t"].diff().fillna(1) > 0].reset_index(drop=True)
+    segments = segment_table(late, [late["t"][0]], [500.0], ["static"], [0])
+    result = estimate_noise("imu", [Session("rest", "static", late, segments)], SETTINGS)
+    assert result.rate_hz == pytest.approx(50, rel=0.005)
 
 
 def test_a_knock_between_two_stretches_does_not_enter():

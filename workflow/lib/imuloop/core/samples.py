@@ -27,9 +27,26 @@ TEMPERATURE = "temperature"
 LOGGED_TIME = "t_logged"
 # a step of time longer than this many median steps is a gap: one sample lost makes it two
 GAP_STEPS = 1.5
+# over a gap of fewer, samples before and after it belong together; a clock that starts again goes
+# on after ten
+LONG_GAP_STEPS = 9.5
 
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
+
+
+def lost_samples(steps, usual):
+    """Return how many samples are missing in steps of time; a step below `GAP_STEPS` lacks none.
+
+    Parameters
+    ----------
+    steps : ndarray
+        s.
+    usual : float
+        Usual step, s.
+    """
+    wide = steps > GAP_STEPS * usual
+    return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
 
 
 def schema(temperature, metadata, rebuilt=False):

@@ -141,7 +141,8 @@ def _slow_line(layouts, values, search):
     among many, too narrow for any term to follow.
     """
     basis, level = search.modes, search.hump_level
-    slow = means(layouts, values, basis.m)
+    closed = [layout.close_up(x) for layout, x in zip(layouts, values, strict=True)]
+    slow = means([layout.closed_up() for layout in layouts], closed, basis.m)
     line = find_line(*slow, np.ones_like, level)
     if line is None:
         return None

@@ -1,6 +1,12 @@
 """Where in time the clean stretches of a session lie."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from imuloop.core.samples import LONG_GAP_STEPS
 
 
 @dataclass(frozen=True)
@@ -24,3 +30,34 @@ class Layout:
     starts: tuple[int, ...]
     lengths: tuple[int, ...]
     levels: tuple[int, ...]
+
+    @cached_property
+    def _first(self):
+        """First of the stretches that gaps of a few samples part."""
+        starts, levels = np.array(self.starts), np.array(self.levels)
+        ends = starts + self.lengths
+        new = (starts[1:] - ends[:-1] + 1 > LONG_GAP_STEPS) | (levels[1:] != levels[:-1])
+        return np.flatnonzero(np.append(True, new))
+
+    def closed_up(self):
+        """Return the layout with gaps of a few samples closed up.
+
+        White noise stays white and flicker flicker. What a walk or a ramp does within the gaps
+        falls to the samples that are there, so that they seem larger by up to the share that is
+        missing. A line does not stay one.
+        """
+        if len(self._first) == len(self.starts):
+            return self
+        return replace(
+            self,
+            starts=tuple(np.array(self.starts)[self._first].tolist()),
+            lengths=tuple(np.add.reduceat(self.lengths, self._first).tolist()),
+            levels=tuple(np.array(self.levels)[self._first].tolist()),
+        )
+
+    def close_up(self, stretches):
+        """Return the values of stretches, one array each, as `closed_up` has them."""
+        if len(self._first) == len(self.starts):
+            return stretches
+        edges = [*self._first.tolist(), len(stretches)]
+        return [np.concatenate(stretches[i:j]) for i, j in pairwise(edges)]

@@ -112,7 +112,7 @@ class Modes:
     the blocks, an exact decimation, in the basis of their contrasts that diagonalises the walk;
     white noise is diagonal in any orthonormal basis. For an unbroken session that is again the
     cosine transform. Contrasts are free of the level of each session and of each stretch between
-    two disturbances, while gaps keep their place in time.
+    two disturbances, while gaps keep their place in time; those of a few samples are closed up.
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
     of each mode is exact for every process.
@@ -148,6 +148,7 @@ class Modes:
     count: np.ndarray
     units: np.ndarray
     ramp: np.ndarray
+    _layouts: tuple
     _pieces: tuple
     _bins: np.ndarray
 
@@ -166,6 +167,8 @@ class Modes:
         fast : ndarray, shape (r - s,)
             SI squared; the straight line of each piece is taken out before.
         """
+        each = zip(self._layouts, values, strict=True)
+        values = [layout.close_up(stretches) for layout, stretches in each]
         slow, squares = [], np.zeros(self.m - 1)
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
         for piece in self._pieces:
@@ -235,6 +238,7 @@ def modes(layouts):
     -------
     Modes
     """
+    given, layouts = tuple(layouts), [layout.closed_up() for layout in layouts]
     dt = 1 / np.average([x.rate for x in layouts], weights=[sum(x.lengths) for x in layouts])
     m = _block_length([n for layout in layouts for n in layout.lengths])
     pieces = [p for number, layout in enumerate(layouts) for p in _pieces(number, layout, m)]
@@ -262,6 +266,7 @@ def modes(layouts):
         count=count,
         units=np.concatenate(units),
         ramp=np.concatenate(ramp),
+        _layouts=given,
         _pieces=tuple(pieces),
         _bins=bins,
     )

@@ -158,9 +158,11 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
         for axis in CHANNELS:
             columns = [record.column(axis) for record in records]
             values = [record.cut(x) for record, x in zip(records, columns, strict=True)]
+            # curves and views take a few missing samples for none
+            closed = [r.close_up(x) for r, x in zip(records, values, strict=True)]
             with ThreadPoolExecutor(threads) as pool:
-                curve = pool.submit(pooled.fitted, [x for each in values for x in each])
-                told = pool.submit(_told, axis, records, values, settings)
+                curve = pool.submit(pooled.fitted, [x for each in closed for x in each])
+                told = pool.submit(_told, axis, records, closed, settings)
                 curve, fitted = curve.result()
                 start = np.square(fitted[:4]) if any(fitted[:4]) else None
                 runs = _runs(records, values)
@@ -179,12 +181,12 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
                 statistics[name][axis] = figures
                 pictures[name] += of_axis
                 if own:
-                    each, variance = own[i], allan_variance(values[i], own[i].factors)
+                    each, variance = own[i], allan_variance(closed[i], own[i].factors)
                 else:
                     each, variance = pooled, curve
                 tables[name].append(each.table(axis, variance, found.noise))
             # or two axes would be in memory at once
-            columns = values = runs = every = None
+            columns = values = closed = runs = every = None
         _note_walk(axes, lengths.max() / rate, notes)
     else:
         notes.append("no session holds a rest: no coefficient can be estimated")

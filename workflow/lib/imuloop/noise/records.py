@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.core.samples import TEMPERATURE, TIME, lost_samples
 from imuloop.core.segments import DISTURBED, STATIC, runs
 from imuloop.noise.layout import Layout
 from imuloop.noise.periodogram import SPARSEST, is_sparse
@@ -16,6 +16,8 @@ RATE_TOLERANCE = 0.01
 PART = 1 << 20
 # spread of the sampling interval that is worth a note, share of its mean
 JITTER = 0.05
+# share of missing samples that is worth a note
+LOST = 1e-3
 # range of temperature that is worth a note, K
 TEMPERATURE_RANGE = 2.0
 
@@ -56,12 +58,15 @@ class Record:
         Where in time they lie, one a run (`imuloop.core.segments.runs`).
     jitter : float
         Spread of the sampling interval, share of its mean.
+    lost : float
+        Samples missing in gaps of a few, share of those there.
     """
 
     session: Session
     slices: tuple[slice, ...]
     layouts: tuple[Layout, ...]
     jitter: float
+    lost: float
 
     @property
     def rate(self):
@@ -70,8 +75,8 @@ class Record:
 
     @property
     def lengths(self):
-        """Samples of each stretch, shape (s,)."""
-        return np.array([n for layout in self.layouts for n in layout.lengths])
+        """Samples of each stretch, gaps of a few samples closed up, shape (s,)."""
+        return np.array([n for layout in self.layouts for n in layout.closed_up().lengths])
 
     def column(self, name):
         """Return the values of a column, shape (n,)."""
@@ -86,12 +91,17 @@ class Record:
         ends = np.cumsum([len(layout.lengths) for layout in self.layouts])
         return [stretches[i:j] for i, j in pairwise([0, *ends.tolist()])]
 
+    def close_up(self, stretches):
+        """Return the stretches that `cut` gives with gaps of a few samples closed up."""
+        each = zip(self.layouts, self.runs(stretches), strict=True)
+        return [x for layout, run in each for x in layout.close_up(run)]
+
 
 def record_of(session, disturbed=False):
     """Return the Record of all rests of a session with two samples or more; None without any.
 
     A stretch of a static session has the level of the one before it, unless a disturbance lies
-    between; the rests of other sessions have levels of their own.
+    between; the rests of other sessions have levels of their own. A lost sample ends a stretch.
 
     Parameters
     ----------
@@ -120,21 +130,48 @@ def record_of(session, disturbed=False):
     first, last, level, run = first[kept], last[kept], level[kept], run[kept]
     if not len(first):
         return None
-    interval = (t[last - 1] - t[first]).sum() / (last - first - 1).sum()
+    seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
+    first, last, of, lost, slots = _parted(t, first, last)
+    level, run, interval = level[of], run[of], seconds / slots
     rate = float(1 / interval)
-    layouts = [
-        Layout(
-            rate,
-            tuple(np.rint((t[i] - t[i[0]]) * rate).astype(int).tolist()),
-            tuple(n.tolist()),
-            tuple(of.tolist()),
-        )
-        for i, n, of in (
-            (first[run == k], (last - first)[run == k], level[run == k]) for k in np.unique(run)
-        )
-    ]
+    layouts = []
+    for k in np.unique(run):
+        i, n = first[run == k], (last - first)[run == k]
+        start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(n) - n
+        # stamps that scatter must not lay one stretch over another
+        start = before + np.maximum.accumulate(start - before)
+        of_run = tuple(level[run == k].tolist())
+        layouts.append(Layout(rate, tuple(start.tolist()), tuple(n.tolist()), of_run))
     slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-    return Record(session, slices, tuple(layouts), _jitter([t[s] for s in slices], interval))
+    jitter = _jitter([t[s] for s in slices], interval)
+    return Record(session, slices, tuple(layouts), jitter, float(lost / count))
+
+
+def _parted(t, first, last):
+    """Return stretches parted where samples are missing.
+
+    Returns
+    -------
+    first, last, of : ndarray of int, shape (s,)
+        Samples of each, and the stretch it is part of.
+    lost, slots : int
+        Samples missing, and steps of the clock in all stretches.
+    """
+    longest = np.argmax(last - first)
+    usual = np.median(np.diff(t[first[longest] : last[longest]][: PART + 1]))
+    cuts, lost, slots = [], 0, 0
+    for i, j in zip(first, last, strict=True):
+        for begin in range(i, j - 1, PART):
+            steps = np.diff(t[begin : min(begin + PART + 1, j)])
+            missing = lost_samples(steps, usual)
+            cuts.append(begin + 1 + np.flatnonzero(missing))
+            lost += int(missing.sum())
+            # a late stamp that looks like a loss is made good by the short step after it
+            slots += int(np.rint(steps / usual).sum()) if len(cuts[-1]) else len(steps)
+    edges = np.sort(np.concatenate([first, *cuts]))
+    of = np.searchsorted(first, edges, side="right") - 1
+    ends = np.minimum(np.append(edges[1:], last[-1]), last[of])
+    return edges, ends, of, lost, slots
 
 
 def _jitter(stretches, interval):
@@ -166,7 +203,7 @@ def all_rests(sessions, notes):
     records = [record_of(s) for s in sessions if s.kind != "static" and len(s.samples)]
     records = [record for record in records if record is not None]
     if records:
-        count = sum(len(record.slices) for record in records)
+        count = sum(len(record.lengths) for record in records)
         seconds = max(record.lengths.max() / record.rate for record in records)
         notes.append(
             f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
@@ -207,6 +244,11 @@ def note_conditions(record, notes):
         notes.append(
             f"session {name}: sampling interval scatters by {100 * record.jitter:.2g} %; the "
             "estimate takes the mean rate"
+        )
+    if record.lost > LOST:
+        notes.append(
+            f"session {name}: {100 * record.lost:.2g} % of the samples are missing, a few at a "
+            "time; the gaps are closed up, so that K, R and correlation times may be off by as much"
         )
     if TEMPERATURE in record.session.samples:
         stretches = record.cut(record.column(TEMPERATURE))

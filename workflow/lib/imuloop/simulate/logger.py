@@ -1,0 +1,31 @@
+"""What a logger does to a log: it loses samples and stamps them late."""
+
+import numpy as np
+
+from imuloop.core.samples import TIME
+
+
+def lose(log, share, rng, lengths=(1,)):
+    """Return a log without some of its samples, lost anywhere; the first and last one stay.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Samples.
+    share : float
+        Of the samples that are lost, 1; less where losses fall together.
+    rng : Generator
+        Source of chance.
+    lengths : sequence of int
+        Samples lost in a row, one or the other.
+    """
+    keep = np.ones(len(log), dtype=bool)
+    for at in rng.integers(0, len(log), round(share * len(log) / np.mean(lengths))):
+        keep[at : at + rng.choice(lengths)] = False
+    keep[[0, -1]] = True
+    return log[keep].reset_index(drop=True)
+
+
+def stamp_late(log, std, rng):
+    """Return a log whose stamps are off by normal errors of a standard deviation, s."""
+    return log.assign(**{TIME: log[TIME] + rng.normal(0, std, len(log))})
