@@ -274,6 +274,57 @@ def test_the_rate_of_bursts_is_that_of_the_sensor(log, run, tmp_path):
     assert done.quality["rate_hz"] == pytest.approx(204.8, rel=5e-6)
 
 
+@pytest.fixture
+def turning(log):
+    """The log over 200 s, turned to and fro; stamps are made by the test."""
+    table = pd.DataFrame({name: np.resize(log[name], 20_000) for name in log})
+    rng = np.random.default_rng(11)
+    for name in ("gx", "gy", "gz"):
+        table[name] = rng.normal(0, 0.005, len(table))
+    return table
+
+
+def turned(table, t):
+    """Return the rows as sampled at t."""
+    turn = {name: table[name] + 2 * np.sin((k + 2) * t) for k, name in enumerate(("gx", "gz"))}
+    return table.assign(**turn)
+
+
+@pytest.mark.parametrize("std", [0.0005, 0.002, 0.005])
+def test_stamps_that_scatter_are_rebuilt(turning, run, tmp_path, std):
+    even = np.arange(20_000) / 100
+    stamps = even + np.random.default_rng(12).normal(0, std, 20_000)
+    table = turned(turning, even).assign(t=stamps)
+    table.to_parquet(tmp_path / "log.parquet", index=False)
+    done = run(tmp_path / "log.parquet")
+    assert done.quality["status"] == "ok"
+    assert done.quality["clock"]["rebuilt"]
+    # rows count in their order, whatever their stamps; a few that run far ahead are missing
+    assert done.quality["out_of_order"] == 0
+    assert len(done.samples) + done.quality["clock"]["strays"] == 20_000
+    assert done.quality["rate_hz"] == pytest.approx(100, rel=1e-5)
+    assert np.abs(done.samples.t_logged - done.samples.t).max() < 9 * std
+    assert "scatter about a regular clock" in done.quality["warnings"][0]
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_stamps_that_scatter_stay_where_a_sample_is_lost(turning, run, tmp_path, lost):
+    even = np.arange(20_000) / 100
+    stamps = even + np.random.default_rng(13).normal(0, 0.002, 20_000)
+    table = turned(turning, even).assign(t=stamps).drop(index=[1_500, 9_000, 18_000][:lost])
+    table.to_parquet(tmp_path / "log.parquet", index=False)
+    assert not run(tmp_path / "log.parquet").quality["clock"]["rebuilt"]
+
+
+def test_stamps_at_which_the_sensor_was_sampled_stay(turning, run, tmp_path):
+    stamps = np.arange(20_000) / 100 + np.random.default_rng(14).normal(0, 0.002, 20_000)
+    table = turned(turning, stamps).assign(t=stamps)
+    table.to_parquet(tmp_path / "log.parquet", index=False)
+    done = run(tmp_path / "log.parquet")
+    assert not done.quality["clock"]["rebuilt"]
+    assert "t_logged" not in done.samples
+
+
 @pytest.mark.parametrize("declared", [{}, {"rate": 500}])
 def test_rows_lost_or_a_sensor_that_pauses_are_not_rebuilt(quality, declared):
     stamps = bursts(500)

@@ -4,8 +4,10 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
+import pyarrow.parquet as pq
 
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME
+from imuloop.core.stamps import Scatter
 
 # rows after a fall of the stamps that tell what it is
 AHEAD = 100
@@ -24,6 +26,13 @@ _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
 _BURST = 0.5
 # no transfer holds samples back longer, s: a longer pause is of the sensor
 _LONGEST_PAUSE = 0.5
+# stamps scatter where nine in ten of them take this share of a step, or more
+_SCATTER = 0.12
+# relative difference of the median step from the mean of stamps that scatter: more is a loss
+_EVEN = 0.05
+# a level of stamps that scatter is known to this share of a step, so that one lost sample shows
+_KNOWN = 0.05
+_FEWEST = 16
 # points of a line, at most
 _POINTS = 1 << 18
 # parts of a log whose stamps must lie on one line
@@ -242,10 +251,18 @@ class Clock:
         if logged:
             median = logged["gaps"]["longer_than_s"] / GAP_STEPS
             mean = logged["duration_s"] / (logged["rows"] - 1)
+            if median < _BURST * step:
+                how = (
+                    f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
+                )
+            else:
+                how = (
+                    f"scatter about a regular clock ({logged['gaps']['count']} steps look like "
+                    "gaps, no sample is lost)"
+                )
             found.append(
-                f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean "
-                f"{mean * 1e3:.3g} ms): t is rebuilt from the row number at "
-                f"{1 / step:.6g} Hz; where the sensor itself pauses, declare its rate"
+                f"the stamps {how}: t is rebuilt from the row number at {1 / step:.6g} Hz; where "
+                "the sensor itself pauses, declare its rate"
             )
         if self.rollovers:
             found.append(
@@ -305,9 +322,28 @@ class Points:
             self._count += len(self._parts[-1][0])
 
 
+def follows_stamps(path, step):
+    """Tell whether samples were taken when they are stamped, not evenly and stamped late.
+
+    Parameters
+    ----------
+    path : path-like
+        Samples as stamped.
+    step : float
+        Seconds from row to row.
+    """
+    scatter = Scatter(step)
+    with pq.ParquetFile(path) as file:
+        for group in range(file.num_row_groups):
+            table = file.read_row_group(group, columns=[TIME, *ANGULAR_RATE])
+            t, *w = (table[name].to_numpy() for name in (TIME, *ANGULAR_RATE))
+            scatter.add(t, w)
+    return scatter.followed
+
+
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def line_step(counts, measured, rate=None):
+def line_step(counts, measured, rate=None, increments=False):
     """Return the seconds from row to row of stamps that come in bursts; None where they do not.
 
     A host stamps what it receives, and a transfer brings several samples: the steps are short
@@ -315,6 +351,10 @@ def line_step(counts, measured, rate=None):
     number, by Theil's method: the median slope of pairs half a log apart. It is taken only where
     the medians of time about the line, of `_PARTS` parts of the log, lie within the scatter of
     one part: else rows are lost, or the sensor pauses. No line goes on over a reset.
+
+    Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
+    lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
+    a step.
 
     Parameters
     ----------
@@ -324,6 +364,8 @@ def line_step(counts, measured, rate=None):
         ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
     rate : float or None
         Declared rate, Hz.
+    increments : bool
+        Whether rows hold increments, whose intervals may differ.
     """
     points = counts.points
     if counts.clock.resets or len(points.rows) < 10 * _PARTS:
@@ -332,13 +374,26 @@ def line_step(counts, measured, rate=None):
     rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    median = measured["gaps"]["longer_than_s"] / GAP_STEPS
     # not of the mean step, which a single pause can make long
-    if not measured["gaps"]["longer_than_s"] / GAP_STEPS < _BURST * step:
+    bursts = median < _BURST * step
+    if increments and not bursts:
         return None
-    parts = np.array_split(t - step * rows, _PARTS)
-    levels = [np.median(part) for part in parts]
+    away = t - step * rows
+    parts = np.array_split(away, _PARTS)
     scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
-    if not np.ptp(levels) <= scatter <= _LONGEST_PAUSE:
+    limit = scatter
+    if not bursts:
+        if not scatter >= _SCATTER * step or abs(median / step - 1) > _EVEN:
+            return None
+        # the error of a median of n normal values is 1.25 of their deviation over the root of n
+        needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
+        if not needed < len(away):
+            return None
+        parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
+        limit = step / 2
+    levels = [np.median(part) for part in parts]
+    if not (np.ptp(levels) <= limit and scatter <= _LONGEST_PAUSE):
         return None
     if rate and abs(step * rate - 1) > _RATE_SHARE:
         return None

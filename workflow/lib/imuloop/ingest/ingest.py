@@ -191,7 +191,9 @@ def ingest(
                     samples = si_batches(log, **declared, counts=counts, usual=usual)
                 _write(temporary, samples if not reasons else (), log, counts, *own)
                 figures = measure()
-                step = clocks.line_step(counts, figures, rate)
+                step = clocks.line_step(counts, figures, rate, bool(increments.factors(units)))
+                if step and clocks.follows_stamps(temporary, step):
+                    step = None
                 if step:
                     # once more from the start, now that the line is known
                     counts, logged = Counts(), figures

@@ -1,0 +1,54 @@
+"""Stamps that scatter: whether samples were taken when they say."""
+
+import numpy as np
+
+from imuloop.core.samples import GAP_STEPS
+
+# standard errors by which samples have to follow their stamps
+SURE = 4.0
+
+
+class Scatter:
+    r"""Scatter of the stamps about even steps: whether the angular rate goes with it.
+
+    With the lateness :math:`e_k = t_k - k T` of a stamp and slopes s, s' of the angular rate w,
+    each from samples of its own so that their noise does not enter,
+
+    .. math:: \beta = \frac{\sum (w_k - (w_{k-1} + w_{k+1})/2)\,d_k s'_k}{\sum d_k^2 s_k s'_k},
+        \quad d_k = e_k - (e_{k-1} + e_{k+1})/2
+
+    is 1 where the sensor was sampled at the stamps, 0 where it was sampled evenly and stamped
+    late. Steps over lost samples do not count.
+
+    Parameters
+    ----------
+    step : float
+        Usual step, s.
+    """
+
+    def __init__(self, step):
+        self.step = step
+        self._shared = self._square = self._chance = 0.0
+
+    def add(self, t, w):
+        """Take in a part of a log: time, s, shape (n,), and angular rate, rad/s, shape (3, n)."""
+        whole = np.diff(t) <= GAP_STEPS * self.step
+        whole = whole[1:] & whole[:-1]
+        late = (bend(t) * whole)[2:-2]
+        for x in w:
+            slope, other = (x[5:-1] - x[1:-5]) / 4, (x[6:] - x[:-6]) / 6
+            each = bend(x)[2:-2] * late * (other / self.step)
+            self._shared += each.sum()
+            self._chance += each @ each
+            self._square += (late**2 * slope) @ other / self.step**2
+
+    @property
+    def followed(self):
+        """Whether β is above a half by more than chance; not where nothing turned."""
+        beyond = self._shared - self._square / 2
+        return bool(beyond > SURE * np.sqrt(self._chance) and self._square > 0)
+
+
+def bend(x):
+    """Return what is left of each sample beside the straight line through its neighbours."""
+    return x[1:-1] - (x[:-2] + x[2:]) / 2
