@@ -1,7 +1,8 @@
 """Bias and coverage of the calibration over simulated devices: ``make coverage``.
 
 Each seed makes a static and a multi-position session of a device with a known truth, and the
-stages see the logs alone: the noise model too is the one that they estimate.
+stages see the logs alone: the noise model too is the one that they estimate. Samples may be missing
+and stamps late, as a logger does it (`--missing`, `--in-a-row`, `--late`).
 """
 
 import argparse
@@ -18,13 +19,32 @@ from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.logger import lose, stamp_late
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
 
-def calibrated(truth, seed):
-    """Return the two sensors' calibrations from the logs of one seed."""
-    logs = {kind: simulate_session(truth, kind, seed) for kind in ("static", "multi_position")}
+def calibrated(truth, seed, missing=0.0, in_a_row=1, late=0.0):
+    """Return the two sensors' calibrations from the logs of one seed.
+
+    Parameters
+    ----------
+    truth : Truth
+        The device.
+    seed : int
+        Of its motion, its noise and its logger.
+    missing, in_a_row : float, int
+        Share of the samples that are lost, and up to how many in a row.
+    late : float
+        Standard deviation of the stamps, s, integrated as they are.
+    """
+    rng = np.random.default_rng([seed, 1])
+    logs = {}
+    for kind in ("static", "multi_position"):
+        log = lose(simulate_session(truth, kind, seed), missing, rng, range(1, in_a_row + 1))
+        log = stamp_late(log, late, rng)
+        # as the ingest stage drops them
+        logs[kind] = log[log["t"] > log["t"].cummax().shift(fill_value=-1)].reset_index(drop=True)
     segments = {
         kind: segment_session(log, kind, SegmentSettings())[0] for kind, log in logs.items()
     }
@@ -54,9 +74,14 @@ def main():
     """Print one line a parameter: bias, scatter, standard error, coverage."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=40)
-    seeds = parser.parse_args().seeds
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--missing", type=float, default=0.0, help="share of the samples, 1")
+    parser.add_argument("--in-a-row", type=int, default=1, help="samples lost at once, at most")
+    parser.add_argument("--late", type=float, default=0.0, help="scatter of the stamps, s")
+    given = parser.parse_args()
+    seeds, harm = given.seeds, (given.missing, given.in_a_row, given.late)
     truth = example_truth()
-    pairs = [calibrated(truth, seed) for seed in range(seeds)]
+    pairs = [calibrated(truth, given.first + seed, *harm) for seed in range(seeds)]
     for index, (sensor, names) in enumerate(
         (("accelerometer", accelerometer.NAMES), ("gyroscope", gyroscope.NAMES))
     ):

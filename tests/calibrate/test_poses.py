@@ -45,11 +45,11 @@ def test_rests_of_one_pose_are_pooled_by_their_samples():
 def test_a_rotation_runs_from_the_last_sample_of_a_pose_to_the_first_of_the_next():
     log, table = session()
     poses = gather_poses([table, table])
-    rotations = gather_rotations(poses, [log, log], [table, table], 30.0)
+    rotations, _ = gather_rotations(poses, [log, log], [table, table], 30.0)
     # none from the first session to the second
     assert rotations.first.tolist() == [0, 2]
     assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
-    assert len(gather_rotations(poses, [log, log], [table, table], 1.9)) == 0
+    assert len(gather_rotations(poses, [log, log], [table, table], 1.9)[0]) == 0
 
 
 def test_missing_temperatures_are_interpolated():

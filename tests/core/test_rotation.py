@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
+from imuloop.core.rotation import (
+    exponential,
+    matrix,
+    mean_rates,
+    multiply,
+    prefix_product,
+    step_vectors,
+)
 
 vectors = st.lists(st.floats(-3, 3), min_size=3, max_size=3).map(np.array)
 
@@ -60,3 +67,18 @@ def test_padding_with_steps_of_zero_turns_nothing():
     steps = np.array([[0.1] * 5 + [0.0] * 3])
     q = prefix_product(exponential(step_vectors(rates, steps)))
     np.testing.assert_allclose(q[0, 4], q[0, -1], atol=1e-15)
+
+
+def test_over_a_gap_the_rate_is_the_cubic_through_its_neighbours():
+    t = np.array([0.0, 0.1, 0.2, 0.5, 0.6, 0.7, 0.8])
+    rates = np.column_stack([t**3, 1 - t**2, t])
+    step = np.diff(t)
+    exact = np.diff(np.column_stack([t**4 / 4, t - t**3 / 3, t**2 / 2]), axis=0) / step[:, None]
+    found = mean_rates(rates, step, step > 0.15)
+    np.testing.assert_allclose(found[2], exact[2], rtol=1e-12)
+    # elsewhere as without
+    np.testing.assert_array_equal(np.delete(found, 2, 0), np.delete(mean_rates(rates, step), 2, 0))
+    # a stamp next to the one before it does not blow up
+    t[1] = 0.2 - 1e-9
+    rates += np.random.default_rng(0).normal(0, 0.01, rates.shape)
+    assert np.abs(mean_rates(rates, np.diff(t), step > 0.15)[2] - exact[2]).max() < 0.1

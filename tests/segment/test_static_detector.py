@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from imuloop.core.samples import CHANNELS, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.logger import lose
 from segment.logs import G, frame, pose_log, random_turns, rotated
 
 SETTINGS = SegmentSettings()
@@ -98,6 +99,23 @@ def test_short_rests_are_dropped_and_counted():
     assert metadata["short_rests"] == 1
     at = segments[(segments["start_s"] < truth[2, 0] + 1) & (segments["end_s"] > truth[2, 0] + 1)]
     assert at["kind"].tolist() == ["motion"]
+
+
+@pytest.mark.parametrize("lost", [1, 5])
+def test_rests_go_on_over_a_few_lost_samples(lost):
+    samples, _ = pose_log([(1.0, 0, 0), (0, 1.5, 0)], [20.0, 3.0, 3.0])
+    whole = rests_of(segment_session(samples, "multi_position", SETTINGS)[0])
+    rng = np.random.default_rng(lost)
+    for kind in ("multi_position", "static"):
+        left = lose(samples, 0.03, rng, [lost])
+        segments, metadata = segment_session(left, kind, SETTINGS)
+        assert metadata["gaps"] == 0
+        assert segments["n"].sum() == len(left)
+        if kind == "multi_position":
+            rests = rests_of(segments)
+            assert rests["pose"].tolist() == whole["pose"].tolist()
+            for edge in ("start_s", "end_s"):
+                np.testing.assert_allclose(rests[edge], whole[edge], atol=0.3)
 
 
 def test_a_gap_is_a_row_and_never_bridged():

@@ -44,6 +44,8 @@ class Path:
         C at the middle of each step.
     steps : ndarray, shape (m, k - 1)
         Steps, s.
+    added : ndarray, shape (m, 3, 3), or None
+        Covariance that the time stamps add, on axes at the start, rad²; None where they are right.
     """
 
     last: np.ndarray
@@ -51,6 +53,7 @@ class Path:
     mean: np.ndarray
     middle: np.ndarray
     steps: np.ndarray
+    added: np.ndarray | None = None
 
     @cached_property
     def spread(self):
@@ -139,7 +142,9 @@ class GyroscopeModel:
         raw, effects = self._logged - b[:, None, None], self._effects(x)
         output = K[:, None, None] * raw if effects is None else K[:, None, None] * raw - effects
         rates = (T @ output.reshape(3, -1)).reshape(output.shape)
-        half = exponential(step_vectors(np.moveaxis(rates, 0, -1), steps) / 2)
+        half = exponential(
+            step_vectors(np.moveaxis(rates, 0, -1), steps, self.rotations.uneven) / 2
+        )
         after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
         half[..., 1:] *= -1
@@ -160,7 +165,15 @@ class GyroscopeModel:
             entries = middle.transpose(1, 2, 0, 3).reshape(3, 3, m * k)
             seen = (T.T @ entries).reshape(3, 3, m, k).transpose(1, 2, 0, 3)
             turn[:, :, 12:] = -(seen @ self._design_steps.transpose(0, 2, 3, 1)).sum(axis=0)
-        return Path(matrix(after[:, -1]), turn, mean, middle, steps)
+        return Path(matrix(after[:, -1]), turn, mean, middle, steps, self._added(middle))
+
+    def _added(self, middle):
+        """Return the covariance that time stamps add, each error turned by the attitude there."""
+        rotations = self.rotations
+        if rotations.added is None:
+            return None
+        attitude = middle[np.arange(len(middle))[:, None], :, :, rotations.added_at]
+        return (attitude @ rotations.added @ attitude.swapaxes(2, 3)).sum(axis=1)
 
     @cached_property
     def _logged(self):
@@ -251,13 +264,15 @@ def seen_only(model, x, keep, inside, rotations):
     path, m = model.path(x), len(rotations)
     # what a covariance takes; the samples themselves would be held once for each part
     nothing = np.zeros((m, 0, 3))
-    rotations = replace(rotations, t=nothing[..., 0], w=nothing, f=nothing, temperature=None)
+    none = dict.fromkeys(("temperature", "uneven", "added_at", "added"))
+    rotations = replace(rotations, t=nothing[..., 0], w=nothing, f=nothing, **none)
     part = Path(
         path.last[inside],
         path.turn[inside],
         path.mean[inside],
         np.zeros((m, 3, 3, 0)),
         nothing[..., 0],
+        None if path.added is None else path.added[inside],
     )
     vars(part)["spread"] = path.spread[inside]
     return replace(
@@ -366,7 +381,8 @@ def gyroscope_model(recording, force, x=None, effects=(), known=(), bias=None):
 
 def untestable_gyroscope(recording, force, largest_condition):
     """Return why the rotations do not determine T and K, or None if they do."""
-    return undetermined(start_derivative(recording, force), largest_condition)
+    reason = undetermined(start_derivative(recording, force), largest_condition)
+    return reason and reason + recording.lost.reason
 
 
 def start_derivative(recording, force):

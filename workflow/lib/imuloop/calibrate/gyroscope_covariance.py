@@ -7,7 +7,8 @@ def rotation_covariance(model, x, run, directions, noise):
     """Return the covariance of the rotation errors that the noise model predicts.
 
     Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
-    a bias of each rotation, so it goes through the derivative with respect to the bias. Gravity:
+    a bias of each rotation, so it goes through the derivative with respect to the bias. Time
+    stamps: what lost samples and scatter add. Gravity:
     the error of a pose's direction enters the rotation before and the one after it.
 
     Parameters
@@ -52,6 +53,10 @@ def rotation_covariance(model, x, run, directions, noise):
             own += np.einsum("mi,mn,nj->minj", column, slow, column)
             own[each, :, each, :] += white * (
                 to_error[index] @ path.spread[index, axis] @ to_error[index].swapaxes(1, 2)
+            )
+        if path.added is not None:
+            own[each, :, each, :] += (
+                to_error[index] @ path.added[index] @ to_error[index].swapaxes(1, 2)
             )
         covariance[np.ix_(index, [0, 1], index, [0, 1])] = own
     # of all directions only those of the poses at both ends enter a rotation

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from imuloop.calibrate.gaps import Lost, errors_of_time, padded_errors
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
 
@@ -129,6 +130,12 @@ class Rotations:
         Angular rate (rad/s) and specific force (m/s^2), SI as logged.
     temperature : ndarray, shape (m, k), or None
         Temperature, degC.
+    uneven : ndarray of bool, shape (m, k - 1), or None
+        Steps over which samples are missing; None where no sample is, and stamps do not scatter.
+    added_at : ndarray of int, shape (m, g), or None
+        Steps about which the time stamps add an error to the turn.
+    added : ndarray, shape (m, g, 3, 3), or None
+        Covariance of each, rad².
     """
 
     first: np.ndarray
@@ -138,6 +145,9 @@ class Rotations:
     w: np.ndarray
     f: np.ndarray
     temperature: np.ndarray | None
+    uneven: np.ndarray | None = None
+    added_at: np.ndarray | None = None
+    added: np.ndarray | None = None
 
     def __len__(self):
         return len(self.first)
@@ -213,7 +223,8 @@ def gather_rotations(poses, samples, segments, longest_s):
     """Return the rotations between consecutive poses of the same session.
 
     A rotation runs from the last sample of a pose to the first of the next. It is left out where
-    it lasts longer than asked or a gap interrupts it.
+    it lasts longer than asked, where a gap interrupts it, and where it lost too much elsewhere
+    (`gaps.errors_of_time`).
 
     Parameters
     ----------
@@ -228,21 +239,30 @@ def gather_rotations(poses, samples, segments, longest_s):
     -------
     Rotations
         In the order of the poses.
+    Lost
+        What gaps took.
     """
-    first, pieces = [], []
+    first, pieces, errors, losses = [], [], [], []
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
+        short = end - start <= longest_s
+        k, start, end = k[short], start[short], end[short]
         table = segments[session]
         gap = np.asarray(table["kind"]) == GAP
         open_s, close_s = (np.asarray(table[c])[gap] for c in ("start_s", "end_s"))
-        interrupted = (open_s < end[:, None]) & (close_s > start[:, None])
-        whole = (end - start <= longest_s) & ~interrupted.any(axis=1)
+        interrupted = ((open_s < end[:, None]) & (close_s > start[:, None])).any(axis=1)
         t = np.asarray(samples[session][TIME])
         # `end_s` is open: the pose's last sample is the one before it
-        begin, last = np.searchsorted(t, start[whole]) - 1, np.searchsorted(t, end[whole])
+        begin, last = np.searchsorted(t, start) - 1, np.searchsorted(t, end)
+        found, lost = errors_of_time(
+            samples[session], begin, last, poses.w[k], poses.variance[k, 3:]
+        )
+        whole = np.array([e is not None for e in found], dtype=bool) & ~interrupted
         first.append(k[whole])
-        pieces.append((samples[session], begin[:, None], last[:, None]))
+        pieces.append((samples[session], begin[whole, None], last[whole, None]))
+        errors += [e for e, used in zip(found, whole, strict=True) if used]
+        losses.append(Lost(len(k), int(np.sum(~whole)), int(lost[~whole].max(initial=0))))
     length = max((np.max(last - begin, initial=1) for _, begin, last in pieces), default=1) + 1
 
     def padded(name):
@@ -254,7 +274,7 @@ def gather_rotations(poses, samples, segments, longest_s):
         return np.concatenate([np.zeros((0, length)), *arrays])
 
     t = padded(TIME)
-    return Rotations(
+    rotations = Rotations(
         first=np.concatenate([np.zeros(0, int), *first]),
         start_s=t[:, 0],
         end_s=t[:, -1],
@@ -262,4 +282,6 @@ def gather_rotations(poses, samples, segments, longest_s):
         w=np.stack([padded(c) for c in ANGULAR_RATE], axis=-1),
         f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
+        **padded_errors(errors, length - 1),
     )
+    return rotations, Lost.of_all(losses)

@@ -1,9 +1,10 @@
 """A recording: poses, the rotations between them, and what an effect can see at both."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from imuloop.calibrate.gaps import Lost
 from imuloop.calibrate.poses import Poses, Rotations, gather_poses, gather_rotations
 from imuloop.core.effect import Channels
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
@@ -58,11 +59,14 @@ class Recording:
         Rotations between them; None where only poses are looked at.
     logs : tuple of Log
         Whole log of each session, for effects with a memory.
+    lost : Lost
+        Rotations that gaps took.
     """
 
     poses: Poses
     rotations: Rotations | None = None
     logs: tuple[Log, ...] = ()
+    lost: Lost = field(default_factory=Lost)
 
     def select(self, keep):
         """Return the poses of a mask and the rotations with both ends among them."""
@@ -170,4 +174,5 @@ def record(samples, segments, longest_rotation):
         temperature = [log.temperature for log in logs]
         poses = replace(poses, temperature=pose_means(poses, logs, temperature))
         samples = [{**s, TEMPERATURE: t} for s, t in zip(samples, temperature, strict=True)]
-    return Recording(poses, gather_rotations(poses, samples, segments, longest_rotation), logs)
+    rotations, lost = gather_rotations(poses, samples, segments, longest_rotation)
+    return Recording(poses, rotations, logs, lost)

@@ -41,7 +41,7 @@ def matrix(q):
     return np.moveaxis(rows, (0, 1), (-2, -1))
 
 
-def step_vectors(rates, steps):
+def step_vectors(rates, steps, uneven=None):
     """Return the rotation vector of each sampling step.
 
     The mean rate of a step is that of the cubic through its two samples and one neighbour on
@@ -51,7 +51,8 @@ def step_vectors(rates, steps):
 
     with an error of fifth order a step, fourth over the whole: the order of a Runge–Kutta
     scheme of four stages, while the exponential of φ keeps the quaternion's norm exactly. The
-    first and the last step, in a rest by their choice, take the rate as linear.
+    first and the last step, in a rest by their choice, take the rate as linear. Over a gap the
+    cubic is that through the four samples as they lie.
 
     Parameters
     ----------
@@ -59,6 +60,8 @@ def step_vectors(rates, steps):
         Angular rate in rad/s, on body axes.
     steps : array_like, shape (..., n - 1)
         Time steps in s.
+    uneven : ndarray of bool, shape (..., n - 1), optional
+        Steps over which samples are missing.
 
     Returns
     -------
@@ -72,14 +75,36 @@ def step_vectors(rates, steps):
     # an axis after the other: sums along the samples are then of neighbours in memory
     rates, dt = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     first, second = rates[..., :-1], rates[..., 1:]
-    total = first + second
-    vectors = total / 2
-    vectors[..., 1:-1] += (total[..., 1:-1] - rates[..., :-3] - rates[..., 3:]) / 24
-    vectors = vectors * dt
+    vectors = _mean_rates(rates, dt, uneven) * dt
     square = dt**2 / 12
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         vectors[i] += (first[j] * second[k] - first[k] * second[j]) * square
     return np.moveaxis(vectors, 0, -1)
+
+
+def mean_rates(rates, steps, uneven=None):
+    """Return the mean rate of each step that `step_vectors` takes, rad/s; arguments are its own."""
+    rates = np.moveaxis(np.asarray(rates), -1, 0)
+    return np.moveaxis(_mean_rates(rates, np.asarray(steps), uneven), 0, -1)
+
+
+def _mean_rates(rates, steps, uneven):
+    total = rates[..., :-1] + rates[..., 1:]
+    means = total / 2
+    means[..., 1:-1] += (total[..., 1:-1] - rates[..., :-3] - rates[..., 3:]) / 24
+    if uneven is not None:
+        *row, at = np.nonzero(uneven[..., 1:-1])
+        w = [rates[(slice(None), *row, at + i)] for i in range(4)]
+        before, step, after = (steps[(*row, at + i)] for i in range(3))
+        # stamps that all but meet would only add their noise
+        before, after = (np.maximum(side, step / 10) for side in (before, after))
+        slope = (w[2] - w[1]) / step
+        left = (slope - (w[1] - w[0]) / before) / (before + step)
+        right = ((w[3] - w[2]) / after - slope) / (step + after)
+        share = (before + step / 2) / (before + step + after)
+        bend = left + share * (right - left)
+        means[(slice(None), *row, at + 1)] = (w[1] + w[2]) / 2 - step**2 / 6 * bend
+    return means
 
 
 def prefix_product(q):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.samples import LONG_GAP_STEPS
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class SegmentSettings:
     turned : float
         Largest excursion between two rests, from the gyroscope, that is still no turn, rad.
     gap_factor : float
-        A step of time longer than this multiple of the median step is a gap.
+        A step of time longer than this multiple of the median step is a gap: it ends a rest, and a
+        rotation over it is not used. Where fewer samples are lost, a rest or a move goes on.
     false_alarm : float
         Probability that an undisturbed session is cut at all: as disturbed, where it is static, or
         as a slow turn or tremor inside a rest.
@@ -55,7 +56,7 @@ class SegmentSettings:
     shortest_rest_s: float = 1.0
     same_attitude: float = 0.0087
     turned: float = 0.087
-    gap_factor: float = GAP_STEPS
+    gap_factor: float = LONG_GAP_STEPS
     false_alarm: float = 0.01
     longest_scale_s: float = 300.0
     guard_s: float = 1.0

@@ -1,0 +1,147 @@
+"""Lost samples and late stamps: rotations are used over them, with the error that this brings."""
+
+import numpy as np
+import pytest
+
+from calibrate.devices import (
+    ACCELERATION_UNIT,
+    RATE_UNIT,
+    difference,
+    known_noise,
+)
+from imuloop.calibrate import gaps, gyroscope
+from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.recording import record
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.samples import ANGULAR_RATE, TIME
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.logger import lose, stamp_late
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+
+TRUTH = example_truth()
+NOISE = known_noise(TRUTH)
+SEEDS = 10
+
+
+def calibrated(log):
+    """Return the gyroscope and the recording of a log."""
+    segments, _ = segment_session(log, "multi_position", SegmentSettings())
+    made, settings = record([log], [segments], 30.0), CalibrateSettings()
+    force = calibrate_accelerometer(made.poses, NOISE, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    return calibrate_gyroscope(made, NOISE, force, RATE_UNIT, settings), made
+
+
+HARMS = {
+    "0.1 % lost": lambda log, rng: lose(log, 0.001, rng),
+    "1 % lost": lambda log, rng: lose(log, 0.01, rng),
+    "3 % lost, 2 to 5 in a row": lambda log, rng: lose(log, 0.03, rng, range(2, 6)),
+    "stamps off by 0.5 ms": lambda log, rng: stamp_late(log, 0.0005, rng),
+    "stamps off by 2 ms": lambda log, rng: in_order(stamp_late(log, 0.002, rng)),
+    "1 % lost, stamps off by 2 ms": lambda log, rng: in_order(
+        stamp_late(lose(log, 0.01, rng), 0.002, rng)
+    ),
+}
+
+
+def in_order(log):
+    """Return a log without stamps that go back, as the ingest stage leaves it."""
+    return log[log[TIME] > log[TIME].cummax().shift(fill_value=-1)].reset_index(drop=True)
+
+
+@pytest.fixture(scope="module", params=HARMS)
+def devices(request):
+    """Return calibrations and recordings of logs that were harmed in one way."""
+    seeds = [(seed, list(HARMS).index(request.param)) for seed in range(100, 100 + SEEDS)]
+    rngs = [np.random.default_rng(seed) for seed in seeds]
+    return [
+        calibrated(HARMS[request.param](simulate_session(TRUTH, "multi_position", seed), rng))
+        for (seed, _), rng in zip(seeds, rngs, strict=True)
+    ]
+
+
+def test_rotations_are_found_and_used(devices):
+    for fitted, made in devices:
+        assert fitted.not_testable is None
+        assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
+        assert made.rotations.added is not None
+
+
+def test_parameters_are_unbiased_and_intervals_cover_the_truth(devices):
+    names = gyroscope.NAMES
+    scores = np.array(
+        [
+            difference(fitted, TRUTH.gyroscope, names) / np.array([fitted.std[n] for n in names])
+            for fitted, _ in devices
+        ]
+    )
+    drift = scores.mean(axis=0) * np.sqrt(SEEDS)
+    assert np.all(np.abs(drift) < 3.3), drift
+    # of 120 scores, some of one device alike
+    assert (np.abs(scores) < 1.96).mean() >= 0.88
+    assert np.mean([fitted.reduced_chi2 for fitted, _ in devices]) == pytest.approx(1, abs=0.25)
+
+
+def test_turns_lost_to_gaps_are_counted_and_named():
+    log = simulate_session(TRUTH, "multi_position", 4)
+    segments, _ = segment_session(log, "multi_position", SegmentSettings())
+    moves = segments[segments["kind"] == "motion"]
+    middle = ((moves["start_s"] + moves["end_s"]) / 2).to_numpy()[3:]
+    lost = (np.abs(log[TIME].to_numpy()[:, None] - middle) < 0.2).any(axis=1)
+    left = log[~lost].reset_index(drop=True)
+    longest = round(left[TIME].diff().max() * 100) - 1
+    fitted, made = calibrated(left)
+    assert len(made.rotations) == 3
+    assert fitted.not_testable == (
+        "3 rotations between poses found, at least 5 needed for the 9 parameters of misalignment "
+        f"and scale factor; {len(middle)} of {len(moves)} turns lost up to {longest} samples in a "
+        "row and are left out"
+    )
+
+
+def test_of_a_turn_that_is_too_broken_nothing_is_told():
+    w = np.random.default_rng(0).normal(size=(200, 3))
+    lost = np.tile([0, 0, 0, 2], 50)[:199]
+    assert gaps.gap_covariance(w, lost, 0.01) is None
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_the_error_of_a_gap_is_that_of_the_interpolation(n):
+    # white noise: weights of the cubic through samples at -1, 0, n + 1, n + 2 and of those between
+    h = n + 1
+    at = np.array([-1, 0, h, h + 1])
+    powers = np.vander(at, 4, increasing=True).T
+    weights = np.linalg.solve(powers, h ** np.arange(1, 5) / np.arange(1, 5))
+    whole = np.zeros(n + 4)
+    for k in range(h):
+        whole[k : k + 4] += np.array([-1, 13, 13, -1]) / 24
+    whole[at + 1] -= weights
+    w = np.random.default_rng(1).normal(size=(100_000, 3)) * 0.1
+    lost = np.zeros(len(w) - 1, dtype=int)
+    lost[::1000] = n
+    covariance = gaps.gap_covariance(w, lost, 0.01)
+    assert covariance.shape == (100, 3, 3)
+    variance = (0.1 * 0.01) ** 2 * (whole @ whole)
+    expected = variance * np.eye(3)
+    np.testing.assert_allclose(covariance[0], expected, rtol=0.03, atol=0.02 * variance)
+    # a cubic is interpolated as it is
+    t = np.arange(500) / 100
+    cubic = np.column_stack([t, t**2 - t, t**3])
+    assert np.abs(gaps.gap_covariance(cubic, lost[:499], 0.01)).max() < 1e-24
+
+
+def test_stamps_at_which_the_sensor_was_sampled_add_nothing():
+    rng = np.random.default_rng(5)
+    t = np.arange(5000) / 100
+    stamps = t + rng.normal(0, 0.002, len(t))
+    log = {TIME: stamps}
+    for name, phase in zip(ANGULAR_RATE, (0, 1, 2), strict=True):
+        log[name] = 2 * np.sin(2 * stamps + phase) + rng.normal(0, 1e-3, len(t))
+    where = np.array([1000]), np.array([1300]), np.zeros((1, 3)), np.full((1, 3), 1e-6)
+    [sampled], _ = gaps.errors_of_time(log, *where)
+    for name, phase in zip(ANGULAR_RATE, (0, 1, 2), strict=True):
+        log[name] = 2 * np.sin(2 * t + phase) + rng.normal(0, 1e-3, len(t))
+    [late], _ = gaps.errors_of_time(log, *where)
+    assert len(sampled.at) == len(sampled.uneven)
+    assert len(late.at) == len(late.uneven) + gaps.PARTS

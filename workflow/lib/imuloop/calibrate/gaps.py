@@ -1,0 +1,202 @@
+"""Time in a rotation: what lost samples and late stamps cost, measured on the motion itself.
+
+Over a gap the rate is the cubic through the two samples on either side (`mean_rates`). Where the
+same rotation lost nothing, samples are left out as in the gap and the interpolation is compared
+with what they say: the mean square of the difference is the error of the gap, what the motion bends
+and what the noise of fewer samples adds. All windows of the rotation count, so it is that of a loss
+that does not wait for a moment of the motion.
+
+Stamps that scatter, of samples that are even, have their own error (`core.stamps`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.rotation import mean_rates
+from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, lost_samples
+from imuloop.core.stamps import Scatter, bend
+
+# windows of a rotation from which the error of a gap can be told
+FEWEST = 10
+# error, share of the angle, beyond which a rotation says nothing: as they come, sensors are off
+# by less
+TELLING = 0.05
+# scatter of stamps, share of a step, that counts; parts of a rotation in which it does
+LATE = 0.02
+PARTS = 16
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Rotations that gaps took.
+
+    Attributes
+    ----------
+    rotations : int
+        All rotations short enough to be used.
+    left_out : int
+        Those with a gap too long, or with gaps whose error cannot be told or says it all.
+    longest : int
+        Samples lost in a row, at most, in those.
+    """
+
+    rotations: int = 0
+    left_out: int = 0
+    longest: int = 0
+
+    @property
+    def reason(self):
+        """What they were left out for, in words; empty where none was."""
+        if not self.left_out:
+            return ""
+        samples = f"{self.longest} sample{'s' * (self.longest != 1)} in a row"
+        return f"; {self.left_out} of {self.rotations} turns lost up to {samples} and are left out"
+
+    @classmethod
+    def of_all(cls, losses):
+        """Return what gaps took of several sessions."""
+        counts = [(each.rotations, each.left_out, each.longest) for each in losses]
+        rotations, left_out, longest = np.reshape(counts, (-1, 3)).astype(int).T
+        return cls(int(rotations.sum()), int(left_out.sum()), int(longest.max(initial=0)))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a rotation that come from its time stamps.
+
+    Attributes
+    ----------
+    uneven : ndarray of int, shape (u,)
+        Steps over which samples are missing.
+    at, covariance : ndarray, shape (g,) and (g, 3, 3)
+        Steps about which an error is added to the turn, and its covariance, rad².
+    """
+
+    uneven: np.ndarray
+    at: np.ndarray
+    covariance: np.ndarray
+
+
+def errors_of_time(log, begin, last, bias, variance):
+    """Return the errors that the time stamps of a log bring into its rotations.
+
+    Parameters
+    ----------
+    log : DataFrame or dict of arrays
+        Samples.
+    begin, last : ndarray of int, shape (m,)
+        First and last sample of each rotation.
+    bias, variance : ndarray, shape (m, 3)
+        Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
+
+    Returns
+    -------
+    list of Errors
+        Of each rotation. None where `gap_covariance` is not known, or where the root of its trace
+        is above that of the noise and above `TELLING` of the angle.
+    ndarray of int, shape (m,)
+        Samples lost in a row, at most, in each.
+    """
+    t = np.asarray(log[TIME])
+    steps = np.diff(t)
+    usual = np.median(steps)
+    lost = lost_samples(steps, usual)
+    late = _lateness(log, t, usual)
+    found, longest = [], []
+    for i, j, rest, noise in zip(begin, last, bias, variance, strict=True):
+        own = lost[i:j]
+        longest.append(own.max(initial=0))
+        if not (own.any() or late):
+            found.append(Errors(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3, 3))))
+            continue
+        w = np.column_stack([np.asarray(log[c])[i : j + 1] for c in ANGULAR_RATE])
+        gaps, at = gap_covariance(w, own, usual), np.flatnonzero(own)
+        if gaps is not None:
+            added = np.trace(gaps.sum(axis=0))
+            angle = np.linalg.norm(w[1:] - rest, axis=1) @ steps[i:j]
+            if added > max(noise.sum() * usual * steps[i:j].sum(), (TELLING * angle) ** 2):
+                gaps = None
+        if gaps is None:
+            found.append(None)
+            continue
+        parts, scatter = _late_covariance(w, late)
+        found.append(Errors(at, np.append(at, parts), np.concatenate([gaps, scatter])))
+    return found, np.array(longest, dtype=int)
+
+
+def padded_errors(errors, steps):
+    """Return the errors of m rotations as `Rotations` holds them, padded to `steps` steps."""
+    count = max((len(each.at) for each in errors), default=0)
+    if not count:
+        return {"uneven": None, "added_at": None, "added": None}
+    uneven = np.zeros((len(errors), steps), dtype=bool)
+    at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))
+    for row, each in enumerate(errors):
+        uneven[row, each.uneven] = True
+        at[row, : len(each.at)], added[row, : len(each.at)] = each.at, each.covariance
+    return {"uneven": uneven, "added_at": at, "added": added}
+
+
+def _lateness(log, t, usual):
+    """Return the standard deviation of a stamp, s; 0 of one that is right, or wrong by little."""
+    # of a normal e the median of |e| is 0.6745 of its deviation; e less the mean of two others
+    std = np.median(np.abs(bend(t))) / 0.6745 / np.sqrt(1.5) if len(t) > 2 else 0.0
+    if std < LATE * usual:
+        return 0.0
+    scatter = Scatter(usual)
+    scatter.add(t, [np.asarray(log[c]) for c in ANGULAR_RATE])
+    return 0.0 if scatter.followed else std
+
+
+def _late_covariance(w, late):
+    """Return what stamps that scatter add to a rotation, in parts: their middles, and (p, 3, 3).
+
+    A stamp that is late by e gives the step before it e more at the rate before, and the step after
+    it as much less: e times half of what the rate changes over both.
+    """
+    n = len(w) - 2
+    if not late or n < 1:
+        return np.zeros(0, int), np.zeros((0, 3, 3))
+    change = (w[2:] - w[:-2]) / 2
+    edges = np.linspace(0, n, min(PARTS, n) + 1).astype(int)
+    squares = change[:, :, None] * change[:, None, :]
+    return (edges[:-1] + edges[1:]) // 2, late**2 * np.add.reduceat(squares, edges[:-1])
+
+
+def gap_covariance(w, lost, usual):
+    """Return the covariance of the turn over each gap of a rotation that interpolation adds.
+
+    Parameters
+    ----------
+    w : ndarray, shape (k, 3)
+        Angular rate, rad/s.
+    lost : ndarray of int, shape (k - 1,)
+        Samples missing in each step.
+    usual : float
+        Usual step of time, s.
+
+    Returns
+    -------
+    ndarray, shape (g, 3, 3), or None
+        rad²; None where too little of the rotation is whole to tell.
+    """
+    sizes = {n: _mean_square(w, lost, n, usual) for n in np.unique(lost[lost > 0]).tolist()}
+    if any(size is None for size in sizes.values()):
+        return None
+    return np.array([sizes[n] for n in lost[lost > 0].tolist()]).reshape(-1, 3, 3)
+
+
+def _mean_square(w, lost, n, usual):
+    """Return the mean square of the error of a gap of n samples, (3, 3), or None of too few."""
+    # a window: the step before, those of the gap, the step after
+    whole = np.convolve(lost == 0, np.ones(n + 3), "valid") > n + 2.5
+    first = np.flatnonzero(whole) + 1
+    if len(first) < FEWEST:
+        return None
+    turned = usual * np.cumsum(mean_rates(w, np.full(len(w) - 1, usual)), axis=0)
+    around = np.stack([w[first + i] for i in (-1, 0, n + 1, n + 2)], axis=1)
+    steps = np.tile(usual * np.array([1.0, n + 1, 1.0]), (len(first), 1))
+    over = mean_rates(around, steps, steps > GAP_STEPS * usual)[:, 1] * steps[:, 1:2]
+    error = over - (turned[first + n] - turned[first - 1])
+    return error.T @ error / len(first)
