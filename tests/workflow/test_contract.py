@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from bench.result_files import ALSO, SCHEMAS, fault
 from imuloop import Calibration
 
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
@@ -250,6 +251,15 @@ def check_device(folder, device, sessions):
         check_calibration(folder / f"{name}.json", device, max(logs, key=len))
     check_diagnosis(folder / "diagnosis.json", device)
     check_attitude(folder / "attitude.json", device)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_every_json_file_of_a_device_fits_its_schema(finished, device):
+    paths = list((finished[0] / "results" / device).rglob("*.json"))
+    assert {ALSO.get(p.stem, p.stem) for p in paths} | {"config", "common"} == {
+        path.name.partition(".")[0] for path in SCHEMAS.glob("*.yaml")
+    }
+    assert {str(p): wrong for p in paths if (wrong := fault(p))} == {}
 
 
 @pytest.mark.parametrize("device", DEVICES)

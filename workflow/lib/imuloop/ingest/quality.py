@@ -183,22 +183,22 @@ def _channel_figures(file, tables, full_scale, threads):
         magnitude |= {sensor: magnitude[sensor] + size for sensor, size in sizes.items()}
         force = _pooled(force, varied)
     rows = file.metadata.num_rows
+    # without a value there is none
+    ranges = {
+        name: [float(low[name]), float(high[name])] if low[name] <= high[name] else None
+        for name in names
+    }
     return {
         "clipped": clipped,
         "constant": [name for name in names if low[name] == high[name]],
-        "range": {
-            name: [float(low[name]), float(high[name])] if low[name] <= high[name] else None
-            for name in names
-        },
+        "range": ranges,
         "quantisation_step": {name: step[name] if step[name] < np.inf else None for name in names},
         "mean_specific_force": magnitude["acceleration"] / rows if rows else None,
         "specific_force_std": float(np.sqrt(force[2] / rows))
         if rows and np.isfinite(force[2])
         else None,
         "mean_angular_rate": magnitude["angular_rate"] / rows if rows else None,
-        "temperature_range": [low[TEMPERATURE], high[TEMPERATURE]]
-        if TEMPERATURE in names and low[TEMPERATURE] <= high[TEMPERATURE]
-        else None,
+        "temperature_range": ranges.get(TEMPERATURE),
     }
 
 

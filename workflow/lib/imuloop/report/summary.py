@@ -155,7 +155,7 @@ def _figures(device, axes):
             figure = _largest_noise(cleaned, channels, key)
             if figure:
                 before = _largest_noise(logged, channels, key) if change else None
-                if before and before["value"] != figure["value"]:
+                if before and before["value"] not in (None, figure["value"]):
                     figure["as_logged"] = before["value"]
                 figures[f"{sensor}_{key}"] = {**figure, "unit": FIGURE_UNITS[sensor][key]}
         for key, names in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):

@@ -1,0 +1,77 @@
+"""The schemas of the result files describe every key, and see what is wrong."""
+
+import json
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from bench.result_files import SCHEMAS, fault
+
+NAMES = sorted(path.name for path in SCHEMAS.glob("*.schema.yaml") if path.stem != "config.schema")
+
+
+@pytest.fixture(scope="module")
+def schemas():
+    return {name: yaml.safe_load((SCHEMAS / name).read_text(encoding="utf-8")) for name in NAMES}
+
+
+def target(schemas, name, key):
+    """Return what a reference stands for."""
+    while "$ref" in key and "description" not in key:
+        file, _, path = key["$ref"].partition("#/")
+        name = file or name
+        key = schemas[name]
+        for part in path.split("/"):
+            key = key[part]
+    return key
+
+
+def walk(node):
+    if isinstance(node, dict):
+        yield node
+        for child in node.values():
+            yield from walk(child)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_schema_is_one_and_describes_every_key(schemas, name):
+    Draft202012Validator.check_schema(schemas[name])
+    for node in walk(schemas[name]):
+        for key, value in node.get("properties", {}).items():
+            # a condition repeats a key
+            if not set(value) <= {"const", "type", "minProperties"}:
+                assert target(schemas, name, value).get("description"), key
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_set_of_keys_is_closed(schemas, name):
+    for node in walk(schemas[name]):
+        if "required" in node and "properties" in node:
+            assert node.get("additionalProperties") is not None, node["required"]
+
+
+EXPORTS = {"sha256": {"README.txt": "0" * 64}}
+FAILED = {"stage": "noise", "why": "it did", "log": "logs/noise/a.log"}
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (EXPORTS, None),
+        (EXPORTS | {"failed": FAILED}, None),
+        (EXPORTS | {"failed": FAILED | {"log": None}}, None),
+        (EXPORTS | {"failed": {"stage": "noise"}}, "'why' is a required property"),
+        (EXPORTS | {"failed": FAILED | {"stage": "cook"}}, "'cook' is not one of"),
+        (EXPORTS | {"failed": FAILED | {"why": "two\nlines"}}, "does not match"),
+        (EXPORTS | {"more": 1}, "'more' was unexpected"),
+        ({"sha256": {"README.txt": float("nan")}}, "NaN is no JSON"),
+        ({"sha256": {"README.txt": float("-inf")}}, "-Infinity is no JSON"),
+        ({"sha256": {"README.txt": None}}, "None is not of type 'string'"),
+    ],
+)
+def test_what_is_wrong_is_told(tmp_path, content, told):
+    path = tmp_path / "exports.json"
+    path.write_text(json.dumps(content))
+    found = fault(path)
+    assert found is None if told is None else told in found
