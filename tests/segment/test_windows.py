@@ -32,6 +32,15 @@ def test_variance_keeps_its_precision_in_a_long_log_with_fast_turns():
     np.testing.assert_allclose(variance[-50], x[-100:].var(axis=0), rtol=1e-3)
 
 
+def test_a_value_that_is_far_too_large_spoils_its_own_windows_alone():
+    x = np.random.default_rng(4).normal(size=(5000, 3))
+    spoiled = x.copy()
+    spoiled[1000, 1] = 1e9
+    away = np.abs(np.arange(5000) - 1000) > 100
+    for found, sound in zip(*map(sliding_statistics, (spoiled, x), (100, 100)), strict=True):
+        np.testing.assert_allclose(found[away], sound[away], rtol=1e-9, atol=1e-12)
+
+
 def test_rounding_variance_is_that_of_the_resolution():
     rng = np.random.default_rng(3)
     x = np.round(rng.normal(size=(1000, 3)) / 0.25) * 0.25 * 9.80665

@@ -16,8 +16,9 @@ class Activity:
     ----------
     accelerometer, gyroscope : ndarray, shape (n,)
         Sum of the three windowed variances, (m/s²)² and (rad/s)²; infinite where no whole window
-        fits between two gaps. The paper takes the root of the sum of their squares, which depends
-        on how the sensor's frame lies; the sum does not, and a multiple of it means the same.
+        fits between two gaps, the accelerometer's also where it reads zero on all axes. The paper
+        takes the root of the sum of their squares, which depends on how the sensor's frame lies;
+        the sum does not, and a multiple of it means the same.
     rate : tuple of 3 ndarray, shape (n,)
         Windowed mean angular rate about each axis, rad/s.
     window : int
@@ -76,6 +77,8 @@ def activity(force, rate, stretches, window):
             variances[0, i:j] += sliding_statistics(f[i:j], window)[1]
             mean[i:j], variance = sliding_statistics(w[i:j], window)
             variances[1, i:j] += variance
+    # one that reads zero was not read: at rest it feels gravity
+    variances[0, ~force.any(axis=0)] = np.inf
     return Activity(*variances, means, window)
 
 

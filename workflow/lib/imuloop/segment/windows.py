@@ -9,8 +9,8 @@ DECIDING = 1_000_000
 def sliding_statistics(x, n):
     """Return mean and variance of the window of `n` samples centred on each sample.
 
-    Differences of cumulative sums of x and x², taken after the mean is removed so that little is
-    lost in the difference. Within half a window of an end the first or last whole window counts.
+    Sums of x and x², the median removed so that little is lost in their difference. Within half a
+    window of an end the first or last whole window counts.
 
     Parameters
     ----------
@@ -24,22 +24,44 @@ def sliding_statistics(x, n):
     mean, variance : ndarray, shape of x
         Unit of x, and its square.
     """
-    offset = np.mean(x, axis=0)
+    offset = np.median(x, axis=0)
     x = x - offset
     out = np.empty((2, *x.shape))
     # the first whole window is centred on this sample
     first = n // 2
     for statistic, y in zip(out, (x, x * x), strict=True):
-        total = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(y, axis=0)])
         windows = statistic[first : first + len(x) - n + 1]
-        np.subtract(total[n:], total[:-n], out=windows)
-        windows /= n
+        np.divide(window_sums(y, n), n, out=windows)
         statistic[:first], statistic[first + len(windows) :] = windows[0], windows[-1]
     mean, variance = out
     variance -= mean * mean
     np.maximum(variance, 0.0, out=variance)
     mean += offset
     return mean, variance
+
+
+def window_sums(y, n):
+    """Return the sum of each window of `n` values, shape (m - n + 1, …), from those within alone.
+
+    A difference of cumulative sums would lose its digits after one value that is far too large.
+    Here a window, which lies in two blocks of n, is the end of one and the begin of the next.
+
+    Parameters
+    ----------
+    y : array_like, shape (m, …)
+        Values, m >= n.
+    n : int
+        Window length.
+    """
+    count = len(y) - n + 1
+    blocks = np.zeros((len(y) // n + 1, n, *y.shape[1:]))
+    flat = blocks.reshape(-1, *y.shape[1:])
+    flat[: len(y)] = y
+    ends = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1]
+    # what begins with a block ends with it
+    np.cumsum(blocks, axis=1, out=blocks)
+    blocks[:, -1] = 0.0
+    return ends.reshape(flat.shape)[:count] + flat[n - 1 : n - 1 + count]
 
 
 def rounding_variance(x):
