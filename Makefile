@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz kill large setup setup-cluster lock licences clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz fuzz-chain kill large setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -87,6 +87,14 @@ coverage: setup
 # 20,000 mutated logs and configs through ingest and the config check; two minutes on two cores
 fuzz: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz --cases 20000
+
+# harmed stretches of recordings through the whole chain, two hours on two cores; recordings by
+# IMULOOP_MIRROR; other cases with FIRST=100000, one again with CASE=17
+FUZZ_CASES ?= 3000
+FIRST ?= 0
+fuzz-chain: setup
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz.chain \
+		--workers $(CORES) $(if $(CASE),--case $(CASE),--cases $(FUZZ_CASES) --first $(FIRST))
 
 # runs killed at random moments and run again, compared byte by byte with a calm one
 kill: setup

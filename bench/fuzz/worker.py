@@ -40,13 +40,24 @@ RESULTS = {"out/samples.parquet", "out/quality.json"}
 
 
 class Worker:
-    """A process that judges cases by their numbers, in a folder of its own."""
+    """A process that judges cases by their numbers, in a folder of its own.
 
-    def __init__(self, folder, seeds):
+    Parameters
+    ----------
+    folder : Path
+        Its own.
+    serve : callable
+        What it does: takes the end of a pipe that gives numbers and wants an end and a fault or
+        None for each, the folder, where to tell the kind of a case, and the arguments.
+    *arguments
+        Of `serve`.
+    """
+
+    def __init__(self, folder, serve, *arguments):
         context = multiprocessing.get_context("fork")
         self.folder, self.kind = folder, context.Array("c", 16)
         self.pipe, other = context.Pipe()
-        arguments = (other, folder, seeds, self.kind)
+        arguments = (other, folder, self.kind, *arguments)
         self.process = context.Process(target=serve, args=arguments, daemon=True)
         self.process.start()
         other.close()
@@ -57,12 +68,12 @@ class Worker:
         self.kind.value = b"(none)"
         self.pipe.send(number)
 
-    def end(self, done):
+    def end(self, done, limit):
         """Return kind and end of the case, and its fault or None; one not done is stopped."""
         kind = self.kind.value.decode()
         if not done:
             self.stop()
-            return kind, "hang", f"not done within {SECONDS} s"
+            return kind, "hang", f"not done within {limit} s"
         try:
             return kind, *self.pipe.recv()
         except EOFError:
@@ -74,7 +85,7 @@ class Worker:
         self.process.join()
 
 
-def serve(pipe, folder, seeds, told):
+def serve(pipe, folder, told, seeds):
     """Answer cases, within a limit of memory; tell what is written or run elsewhere.
 
     Python tells what it opens for writing. A library in C does not: its current folder, home and

@@ -123,6 +123,8 @@ def make(arguments, folder):
     handler.setLevel(logging.ERROR)
     handler.setFormatter(Printable())
     logging.getLogger().addHandler(handler)
+    # of numbers at their limits: what counts is in the results
+    logging.captureWarnings(True)
     device = Device(
         "device",
         folder,
@@ -143,6 +145,7 @@ def make(arguments, folder):
     for failure in chain.run(device):
         say(f"{failure}; the traceback is in {log}")
     chain.report([folder], origin(arguments, kinds), arguments.output, folder / "comparison.csv")
+    logging.captureWarnings(False)
     logging.getLogger().removeHandler(handler)
     say(f"wrote {arguments.output}")
 

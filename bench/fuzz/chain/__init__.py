@@ -1,0 +1,1 @@
+"""Harmed stretches of recordings, from the raw log to the report: is every result sound?"""
