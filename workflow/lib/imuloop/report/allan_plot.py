@@ -38,6 +38,8 @@ def allan_pictures(device, session, folder):
     return [
         _picture(device, session, sensor, channels, axes, csv)
         for sensor, channels in SENSORS.items()
+        # without noise there is no deviation above 0
+        if any(len(curve(session.allan, channel, "raw")["tau_s"]) for channel in channels)
     ]
 
 
@@ -137,13 +139,13 @@ def _picture(device, session, sensor, channels, axes, csv):
         for ax, axis, colour, (channel, r) in zip(areas, XYZ, AXES, curves.items(), strict=True):
             ax.set_xlabel(f"{axis}: averaging time τ, s")
             tau = r["tau_s"]
-            if not len(tau):
-                continue
             ax.fill_between(tau, r["ci_low"], r["ci_high"], color=colour)
-            handles = ax.loglog(tau, r["adev"], color=colour, lw=1.6)
-            labels = ["measured, 95 % band"]
+            measured = ax.loglog(tau, r["adev"], color=colour, lw=1.6)
             # a term may lie far below the curve
             ax.set_ylim(levels.min() / 1.3, levels.max() * 1.3)
+            if not len(tau):
+                continue
+            handles, labels = measured, ["measured, 95 % band"]
             grid = np.geomspace(tau[0], tau[-1], 30)
             content = axes.get(channel)
             model = AxisNoise.from_dict(content).allan_variance(grid) if content else np.zeros(1)

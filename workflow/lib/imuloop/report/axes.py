@@ -283,7 +283,8 @@ class Axes:
 
     def span(self, which):
         """Return the limits of an axis: those set, else of what is drawn with a margin."""
-        if self.limits[which]:
+        # limits of what never changes leave no room
+        if self.limits[which] and self.limits[which][0] < self.limits[which][1]:
             return self.limits[which]
         logarithmic = which in self._logarithmic
         values = np.concatenate([np.ravel(v) for v in self._seen[which]] or [[0.0, 1.0]])

@@ -64,7 +64,7 @@ def static_record(device):
         }
         for name, size in usual.items():
             upper = (axis.get(name) or {}).get("upper95")
-            if (axis.get(name) or {}).get("identifiable") or missing(upper):
+            if (axis.get(name) or {}).get("identifiable") or not upper:
                 continue
             limited.append(f"{name} of {channel}")
             target = min(upper, size)

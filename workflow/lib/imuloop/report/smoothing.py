@@ -38,5 +38,8 @@ def smoothed(x):
         return x
     rough, *details = pywt.wavedec(x, WAVELET, mode="symmetric", level=levels)
     bound = np.sqrt(2 * np.log(len(x))) / 0.6745
-    shrunk = [pywt.threshold(d, bound * np.median(np.abs(d)), "soft") for d in details]
+    # pywt's own has no value for zeros at a threshold of zero
+    shrunk = [
+        np.sign(d) * np.maximum(np.abs(d) - bound * np.median(np.abs(d)), 0.0) for d in details
+    ]
     return pywt.waverec([rough, *shrunk], WAVELET, mode="symmetric")[: len(x)]
