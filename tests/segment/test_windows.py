@@ -46,6 +46,8 @@ def test_rounding_variance_is_that_of_the_resolution():
     x = np.round(rng.normal(size=(1000, 3)) / 0.25) * 0.25 * 9.80665
     assert rounding_variance(x) == pytest.approx((0.25 * 9.80665) ** 2 / 12)
     assert rounding_variance(np.full((10, 3), 9.8)) > 0
+    x[500, 1] = 1e10
+    assert rounding_variance(x) == pytest.approx((0.25 * 9.80665) ** 2 / 12)
 
 
 def test_runs_and_stretches():

@@ -67,7 +67,7 @@ def window_sums(y, n):
 def rounding_variance(x):
     """Return the variance that rounding to the sensor's resolution adds to one axis.
 
-    The resolution is the smallest step between samples that is no rounding of the number format;
+    The resolution is the smallest step between samples that is no rounding of their number format;
     one that never moves has none, and any positive variance then serves as a floor.
 
     Parameters
@@ -76,6 +76,6 @@ def rounding_variance(x):
         Samples of one sensor; the first million decide.
     """
     x = x[:DECIDING]
-    steps = np.abs(np.diff(x, axis=0))
-    steps = steps[steps > 1e-9 * np.max(np.abs(x), initial=0.0)]
+    steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)
+    steps = steps[steps > 1e-9 * np.maximum(size[1:], size[:-1])]
     return steps.min() ** 2 / 12 if steps.size else 1.0
