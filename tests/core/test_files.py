@@ -36,7 +36,5 @@ def test_a_result_that_is_not_whole_is_named(tmp_path):
     path = tmp_path / "r.parquet"
     path.write_bytes(b"PAR1 and then nothing")
     for read in (read_samples, read_columns, read_metadata, read_segments, Columns):
-        with pytest.raises(
-            ImuloopError, match=r"r\.parquet: no whole Parquet file; if it is a res"
-        ):
+        with pytest.raises(ImuloopError, match=r"r\.parquet: no whole Parquet file; "):
             read(path)
