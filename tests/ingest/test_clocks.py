@@ -336,6 +336,53 @@ def test_rows_lost_or_a_sensor_that_pauses_are_not_rebuilt(quality, declared):
     np.testing.assert_array_equal(done.samples.t, stamps - stamps[0])
 
 
+def held_back(log, rows, seed):
+    """A log whose transfers come after random pauses of some tenths of a second."""
+    rng = np.random.default_rng(seed)
+    table = pd.DataFrame({name: np.resize(log[name], rows) for name in log})
+    sizes = rng.integers(2, 60, rows)
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    first = first[first < rows]
+    number = np.searchsorted(first, np.arange(rows), side="right") - 1
+    # a random walk, on no line
+    sent = np.cumsum(rng.exponential(0.31, len(first)))
+    table["t"] = sent[number] + 0.002 * (np.arange(rows) - first[number])
+    return table.sort_values("t", ignore_index=True)
+
+
+def test_bursts_that_cannot_be_rebuilt_are_told_with_what_to_declare(log, run, tmp_path):
+    few, many = (held_back(log, rows, 8) for rows in (20_000, 60_000))
+    few.to_parquet(tmp_path / "few.parquet", index=False)
+    done = run(tmp_path / "few.parquet").quality
+    mean = done["duration_s"] / (done["rows"] - 1)
+    assert not done["clock"]["rebuilt"] and done["status"] == "ok"
+    [line] = [line for line in done["warnings"] if "bursts" in line]
+    assert "columns: {time: null}" in line and f"about rate: {1 / mean:.4g}" in line
+    # of a thousand and more nothing is left to work on
+    many.to_parquet(tmp_path / "many.parquet", index=False)
+    done = run(tmp_path / "many.parquet").quality
+    assert done["gaps"]["count"] > 1000
+    assert (done["status"], done["misdeclared"]) == ("rejected", True)
+    assert "columns: {time: null}" in done["reasons"][0]
+    # and what is declared then is taken
+    rate = float(done["reasons"][0].split("about rate: ")[1])
+    done = run(tmp_path / "many.parquet", columns={"time": None}, rate=rate).quality
+    assert (done["status"], done["gaps"]["count"]) == ("ok", 0)
+
+
+def test_a_sensor_that_pauses_is_no_burst(log, quality):
+    t = np.arange(500) / 100
+    # pauses of a second; stretches of more than one; and the rate within the bursts declared
+    for stamps, declared in (
+        (t + np.arange(500) // 20, {}),
+        (t + 0.4 * (np.arange(500) // 120), {}),
+        (bursts(500), {"rate": 500}),
+    ):
+        done = quality(stamps, **declared).quality
+        assert not done["clock"]["rebuilt"]
+        assert not any("bursts" in line for line in done["reasons"] + done["warnings"])
+
+
 def test_bursts_of_dates_and_a_reset_that_no_line_may_cross(quality):
     stamps = pd.Timestamp("2024-02-29") + pd.to_timedelta((bursts(500) * 1e9).astype(int), "ns")
     done = quality(stamps)

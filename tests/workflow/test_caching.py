@@ -94,17 +94,18 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
 
 
 @pytest.mark.parametrize(
-    ("device", "keys", "first"),
+    ("device", "keys", "first", "read"),
     [
-        ("posed", {"label": "Other"}, "export"),
-        ("posed", {"gravity": 9.81}, "ingest"),
-        ("resting", {"noise": {"points_per_decade": 5}}, "noise"),
+        ("posed", {"label": "Other"}, "export", ()),
+        # the yardstick of each session's units, too
+        ("posed", {"gravity": 9.81}, "segment", ("poses", "faces", "broken")),
+        ("resting", {"noise": {"points_per_decade": 5}}, "noise", ()),
     ],
     ids=["label", "gravity", "noise"],
 )
-def test_a_key_reruns_what_depends_on_it(folder, checkout, with_keys, device, keys, first):
+def test_a_key_reruns_what_depends_on_it(folder, checkout, with_keys, device, keys, first, read):
     found = planned(checkout, folder, with_keys(device, **keys))
-    assert found == jobs(device, first) | REPORT
+    assert found == jobs(device, first, *read) | REPORT
 
 
 def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, with_keys):

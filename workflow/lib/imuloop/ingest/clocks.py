@@ -39,6 +39,9 @@ _POINTS = 1 << 18
 _PARTS = 20
 # a line whose rate differs more from the declared one is not the sensor's
 _RATE_SHARE = 0.02
+# stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
+# and what follows takes minutes to find that out
+_LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
 # figures of the stamps as logged, kept where they are rebuilt
 _LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
 
@@ -398,6 +401,36 @@ def line_step(counts, measured, rate=None, increments=False):
     if rate and abs(step * rate - 1) > _RATE_SHARE:
         return None
     return step
+
+
+def broken(measured, rate=None):
+    """Return what is wrong with stamps in bursts that no line could rebuild; None if they are none.
+
+    A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
+    declared rate in between.
+
+    Parameters
+    ----------
+    measured : dict
+        ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
+    rate : float or None
+        Declared rate, Hz.
+    """
+    gaps, rows = measured["gaps"], measured["rows"]
+    if rows < 2 or not gaps["longer_than_s"]:
+        return None
+    median, mean = gaps["longer_than_s"] / GAP_STEPS, measured["duration_s"] / (rows - 1)
+    stretch = (measured["duration_s"] - gaps["total_s"]) / (gaps["count"] + 1)
+    itself = (rate and abs(median * rate - 1) < _RATE_SHARE) or stretch >= _LEAST_STRETCH
+    pause = gaps["total_s"] / max(gaps["count"], 1)
+    if itself or median >= _BURST * mean or pause > _LONGEST_PAUSE:
+        return None
+    return (
+        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
+        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back for "
+        "long. If the sensor itself samples evenly, take the row's number for the time: columns: "
+        f"{{time: null}} and its rate, about rate: {1 / mean:.4g}"
+    )
 
 
 def figures(clock, measured, rate=None, logged=None):

@@ -209,6 +209,11 @@ def ingest(
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)
+            bursts = clocks.broken(figures, rate)
+            if bursts:
+                # the rate is wrong, and what was told by it
+                many = figures["gaps"]["count"] > clocks.MOST_BURSTS
+                wrong, doubted = ([bursts], []) if many else ([], [bursts])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
             misdeclared = bool(wrong and not reasons)
