@@ -235,6 +235,15 @@ def test_a_steady_line_is_one_wave():
         assert len(find_line([layout], [values], density, LEVEL).waves) == 1
 
 
+def test_a_line_ends_where_the_sensor_stops_changing():
+    n = 40_000
+    x = np.random.default_rng(5).standard_normal(n) * np.sqrt(RATE) + sinusoid(n, 7.3, 20.0, 0.4)
+    x[n // 2 :] = 0.1
+    found = find_line([session(x)[0]], [session(x)[1]], white_density, LEVEL)
+    assert found.frequency == pytest.approx(7.3, abs=0.01)
+    assert max(wave.end for wave in found.waves) <= n // 2 + n // 8
+
+
 def test_a_resonance_beside_the_spectrum_is_no_line():
     # 2 Hz wide at 25 Hz, some 60 times the white noise, and not in the density
     found = 0

@@ -85,6 +85,9 @@ def follow(layout, stretches, wave, density):
             or sum(part.lengths) * 4 < end - begin
         ):
             return [wave]
+        if not any(np.ptp(each) for each in x):
+            # what never changes has no wave
+            continue
         near = highest(part, x, wave.frequency, 2 / span)
         halves.append(fit_wave(part, x, near, wave.session))
     if sum(half.explained for half in halves) - wave.explained < noise:
