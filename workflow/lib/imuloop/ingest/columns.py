@@ -371,7 +371,7 @@ def guess(names, increments=False):
 
 def _split(text):
     """Return the lower-case words of a text; accX is two, and NAME[0] is NAME x."""
-    text = re.sub(r"\[([012])\]\s*$", lambda index: f"_{AXES[int(index[1])]}", text)
+    text = re.sub(r"\[([012])\]\s*\Z", lambda index: f"_{AXES[int(index[1])]}", text)
     return re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).lower())
 
 

@@ -56,7 +56,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     library = needed("pymavlink.DFReader", "dataflash")
     with open(paths["log"], "rb") as file:
         data = file.read(most)
-    declared = {re.sub(r"_\d+$", "", name) for name in stream_names(columns)}
+    declared = {re.sub(r"_\d+\Z", "", name) for name in stream_names(columns)}
 
     def wanted(name):
         return name in declared or _INERTIAL.fullmatch(name)

@@ -55,7 +55,7 @@ _APPS = (
         # before the corrections that the phone makes at run time
         acceleration=("accelerometeruncalibrated", "totalacceleration", "accelerometer+gravity"),
         angular_rate=("gyroscopeuncalibrated", "gyroscope"),
-        without_gravity="accelerometer$",
+        without_gravity=r"accelerometer\Z",
     ),
 )
 # what Sensor Logger logs of an acceleration in two files

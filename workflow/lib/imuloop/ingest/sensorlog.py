@@ -48,7 +48,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """
     path = paths["log"]
     layout, columns = find_layout(path), dict(columns or {})
-    bare = [re.sub(r"\s*\(.*\)$", "", name).lower() for name in layout.names]
+    bare = [re.sub(r"\s*\(.*\)\Z", "", name).lower() for name in layout.names]
     streams, notes, lost = {}, [], None
     for name, (time, sensor) in _SENSORS.items():
         wanted = [time, *(sensor + axis for axis in AXES)]

@@ -71,7 +71,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     RejectedLog
         If the file is no ULog file, or holds no inertial sensor.
     """
-    topics = {*_SENSORS, *(re.sub(r"_\d+$", "", name) for name in stream_names(columns))}
+    topics = {*_SENSORS, *(re.sub(r"_\d+\Z", "", name) for name in stream_names(columns))}
     log, damage = _parsed(paths["log"], sorted(topics), most)
     streams = []
     for topic in log.data_list:
