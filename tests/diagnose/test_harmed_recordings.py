@@ -64,7 +64,7 @@ def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
     page, kept = tmp_path / "report.html", tmp_path / "kept"
     words = ["report", str(tmp_path / "log.parquet"), "-o", str(page), "--keep", str(kept)]
     assert main([*words, "--gravity", str(GRAVITY)]) == 0
-    assert page.stat().st_size > 1e5
+    assert "</html>" in page.read_text()
     for path in kept.rglob("*.json"):
         assert finite(json.loads(path.read_text())), path
     diagnosis = json.loads((kept / "diagnosis.json").read_text())
