@@ -241,6 +241,20 @@ def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
         assert (found["reasons"], found["warnings"]) == ([], [])
 
 
+def test_slow_turns_in_the_hand_are_no_jump(taken):
+    moved = (
+        Disturbance("knock", 200, 4.0),
+        Disturbance("tilt", 400, 2.0),
+        Disturbance("handling", 600, 4.0, 20.0),
+    )
+    # of these seeds one whose two stops in the hand turn alike
+    for seed in (77002, 77003):
+        found = taken(
+            simulated("static", seed, duration_s=900.0, disturbances=moved), kind="static"
+        )
+        assert (found["reasons"], found["warnings"]) == ([], [])
+
+
 def test_a_level_that_changes_amid_the_log_is_told(taken):
     for kind, changed in (("multi_position", {"poses": 16}), ("static", {"duration_s": 300.0})):
         for seed in range(3):

@@ -104,7 +104,7 @@ class Stops:
             ]
         ).reshape(-1, 8)
         self.stops.add(stops)
-        self._jumps(stops, turning, first, width)
+        self._jumps(stops, centre, turning, first, width)
         half = self.fine // 2
         for (_, a), (b, _) in pairwise(runs):
             before, after = u[:, a - 1], u[:, b]
@@ -114,18 +114,19 @@ class Stops:
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
                 self.moves.add((before, after, (steps.T - bias) * self.dt))
 
-    def _jumps(self, stops, turning, first, width):
+    def _jumps(self, stops, centre, turning, first, width):
         """Keep the largest change of the force from a stop to the next that nothing turned."""
         start = ((stops[:, 0] - first) / width).astype(int)
         end = start + stops[:, 1].astype(int)
         for k in np.flatnonzero(start[1:] - end[:-1] <= NEXT):
-            change = np.sqrt(((stops[k + 1, 2:5] - stops[k, 2:5]) ** 2).sum())
-            bias = (stops[k, 5:] + stops[k + 1, 5:]) / 2
-            rates = turning[:, end[k] - 1 : start[k + 1] + 1] - bias[:, None]
+            # of the last window and the first one: within a stop a hand may turn slowly
+            i, j = end[k] - 1, start[k + 1]
+            change = np.sqrt(((centre[:, j] - centre[:, i]) ** 2).sum())
+            # the bias of all stops, as of two of them alone a slow turn would pass for it
+            rates = turning[:, i : j + 1] - np.median(stops[:, 5:], axis=0)[:, None]
             angle = np.sqrt((rates**2).sum(axis=0)).sum() * self.fine * self.dt
-            size = np.sqrt((stops[k, 2:5] ** 2).sum())
-            if change > max(self.jump[0], UNTURNED * angle * size):
-                self.jump = (float(change), int(stops[k + 1, 0]), float(angle))
+            if change > max(self.jump[0], UNTURNED * angle * np.sqrt((centre[:, i] ** 2).sum())):
+                self.jump = (float(change), first + int(j) * width, float(angle))
 
     def figures(self, guess=None):
         """Return what the stops tell, None without any.
