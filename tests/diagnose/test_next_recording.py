@@ -199,3 +199,31 @@ def test_nothing_is_expected_where_the_noise_is_unknown():
     models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
     none = dict.fromkeys(SENSORS)
     assert next_recording(models, none, None, record([], [], 30.0)) == {}
+
+
+def test_the_same_again_lasts_as_long_as_its_sessions_together():
+    # the clock of each session begins anew: the last one may end before the first
+    short = replace(TRUTH.sessions["multi_position"], poses=12, initial_rest_s=5.0)
+    long = simulate_session(TRUTH, "multi_position", 3)
+    short = simulate_session(replace(TRUTH, sessions={"multi_position": short}), "multi_position")
+    recording = recorded(long, short)
+    content = next_recording(*fitted(recording, known_noise(TRUTH)), recording)
+    again = content["sensors"]["accelerometer"]["candidates"][-1]
+    assert again["name"] == "again"
+    assert again["duration_s"] == pytest.approx(long.t.iloc[-1] + short.t.iloc[-1], rel=0.02)
+
+
+def test_nothing_is_expected_where_a_pose_shows_no_noise():
+    # of an axis whose noise no rest was long enough for
+    first = simulate_session(TRUTH, "multi_position", 5)
+    recording = recorded(first)
+    variance = recording.poses.variance.copy()
+    variance[3, 5] = 0.0
+    poses = replace(recording.poses, variance=variance)
+    noise = known_noise(TRUTH)
+    noise = NoiseModel("example", noise.axes | {"gz": AxisNoise()})
+    *_, calibration = fitted(recording, known_noise(TRUTH))
+    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
+    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
+    none = dict.fromkeys(SENSORS)
+    assert next_recording(models, none, calibration, replace(recording, poses=poses)) == {}

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from imuloop.noise.layout import Layout
-from imuloop.noise.lines import Line, detection_limit, find_line, mains, means
+from imuloop.noise.lines import Line, _summary, detection_limit, find_line, mains, means
 from imuloop.noise.periodogram import one_frequency
 from imuloop.noise.waves import Wave
 
@@ -233,6 +233,12 @@ def test_a_steady_line_is_one_wave():
         x, density = noise("white", np.random.default_rng(seed), 20_000)
         layout, values = session(x + sinusoid(20_000, 9.87, 4.0, seed))
         assert len(find_line([layout], [values], density, LEVEL).waves) == 1
+
+
+def test_intervals_do_not_reach_below_zero():
+    wave = Wave(0, 0, 1000, 0.2, 1.0, 0.0, 1.0, amplitude_std=0.5, frequency_std=0.5)
+    frequency, f95, amplitude, a95 = _summary([wave], 2.0, 1.0, freedom=2)
+    assert f95[0] == a95[0] == 0.0 and f95[1] > frequency and a95[1] > amplitude
 
 
 def test_a_line_ends_where_the_sensor_stops_changing():

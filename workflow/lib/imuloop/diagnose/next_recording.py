@@ -13,6 +13,7 @@ from imuloop.calibrate.planned import (
     planned_recording,
     turns_between,
 )
+from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE, HOUR
 from imuloop.diagnose.outlook import outlook
 
@@ -60,7 +61,7 @@ def next_recording(models, solutions, calibration, recording):
     rate = float(1 / np.median(np.concatenate(steps))) if steps else 1.0
     noise = models["accelerometer"].noise
     floor = noise_floor(noise, recording.poses, rate)
-    if not np.all(floor > 0):
+    if not np.all(floor > 0) or recording.poses.unknown_noise(noise, CHANNELS):
         return {}
     views = {
         sensor: outlook(
@@ -193,7 +194,10 @@ def _sensor(view, made, recording, calibration, floor):
     }
     candidates = [{**entry, "std": view.std(view.adds(plan))} for entry, plan in made]
     if len(recording.poses) and np.any(view.information):
-        duration = float((recording.poses.end_s[-1:] - recording.poses.start_s[:1]).sum())
+        poses = recording.poses
+        # each session has its own clock
+        own = [poses.session == session for session in np.unique(poses.session)]
+        duration = float(sum(np.ptp([poses.start_s[at], poses.end_s[at]]) for at in own))
         entry = {"name": "again", "poses": len(recording.poses), "turns": 0, "axis": None}
         entry |= {"duration_s": duration, "up": None, "std": view.std(view.information)}
         candidates.append(entry)

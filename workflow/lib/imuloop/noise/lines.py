@@ -271,9 +271,10 @@ def _summary(waves, rate, density, freedom):
     if len(waves) > 1:
         scatter = np.sum(power**2 * (f - frequency) ** 2) * len(waves) / (len(waves) - 1)
         f_error = max(f_error, special.stdtrit(len(waves) - 1, 0.975) * np.sqrt(scatter))
+    # neither is below zero
     return (
         float(frequency),
-        (float(frequency - f_error), float(frequency + f_error)),
+        (float(max(frequency - f_error, 0.0)), float(frequency + f_error)),
         float(amplitude),
-        (float(amplitude - a_error), float(amplitude + a_error)),
+        (float(max(amplitude - a_error, 0.0)), float(amplitude + a_error)),
     )
