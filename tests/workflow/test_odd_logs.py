@@ -35,8 +35,8 @@ def faults(tmp_path):
         for name, table in tables.items():
             path = tmp_path / f"{name}.parquet"
             table.to_parquet(path)
-            sessions[name] = {"kind": kinds[name], "path": path, "declared": {}}
-        return judge(Case(0, 9.80665, {}, sessions, ()), tmp_path / "results")[1]
+            sessions[name] = {"kind": kinds[name], "file": str(path)}
+        return judge(Case(0, {"sessions": sessions}, ()), tmp_path / "results")[1]
 
     return of
 

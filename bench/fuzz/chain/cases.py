@@ -22,20 +22,14 @@ class Case:
     ----------
     number : int
         Of the case.
-    gravity : float
-        As declared, m/s^2.
-    nominal : dict
-        Scale and offset of counts by quantity.
-    sessions : dict of str to dict
-        ``kind``, ``path``, ``declared`` (columns, units, rate) by name.
+    entry : dict
+        The device in a config.
     told : tuple of str
         What each session was made of, and its harms.
     """
 
     number: int
-    gravity: float
-    nominal: dict
-    sessions: dict
+    entry: dict
     told: tuple
 
 
@@ -73,17 +67,18 @@ def make(number, folder):
         }
         path, declared = write(rng, log, folder / f"log {k}")
         kind = log.kind
-        sessions[f"session_{k + 1}"] = {"kind": kind, "path": path, "declared": declared}
+        sessions[f"session_{k + 1}"] = {"kind": kind, "file": str(path), **declared}
         listed = "; ".join(harms) or "no harm"
         told.append(f"{name} as {kind} ({path.name}, {declared['units']}): {listed}")
     counts = {s for each in sessions.values() for s in SENSORS if is_count(each, s)}
     nominal = {sensor: nominal.get(sensor, first.count[sensor]) for sensor in sorted(counts)}
     gravity = first.gravity if rng.random() < 0.7 else STANDARD_GRAVITY
-    return Case(number, gravity, nominal, sessions, tuple(told))
+    entry = {"gravity": gravity, "nominal": nominal, "sessions": sessions}
+    return Case(number, entry, tuple(told))
 
 
 def is_count(session, sensor):
-    return session["declared"]["units"][sensor] == "count"
+    return session["units"][sensor] == "count"
 
 
 def stretch(rng, source, count, written):
@@ -134,7 +129,7 @@ def write(rng, log, stem):
     if log.temperature is not None:
         columns["temp"] = log.temperature
     table = pd.DataFrame(columns)
-    declared = {"units": units, "rate": log.rate}
+    declared = {"units": units} | ({} if log.rate is None else {"rate": log.rate})
     if not log.lines and rng.random() < 0.6:
         path = stem.with_suffix(".parquet")
         table.to_parquet(path, index=False)

@@ -441,7 +441,7 @@ def wrong_unit(rng, log):
 def wrong_count(rng, log):
     sensor = sensor_of(rng)
     log.written[sensor] = log.declared[sensor] = "count"
-    factor = float(rng.choice([0.5, 2, 4, 1.5, 1e300, 1e-300]))
+    factor = float(rng.choice([0.5, 2, 4, 1.5, 10, 0.1, 1e5, 1e300]))
     told = {"scale": factor * log.count[sensor]["scale"]}
     told["offset"] = float(rng.choice([0, 32768, 1e6]))
     log.declared[f"nominal.{sensor}"] = told

@@ -12,9 +12,11 @@ import numpy as np
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from bench.result_files import fault
+from bench.result_files import SCHEMAS, fault
 from imuloop import chain
 from imuloop.chain import Device
+from imuloop.config import resolve
+from imuloop.config_faults import config_faults
 from imuloop.core.errors import ImuloopError
 
 DEVICE = "imu"
@@ -32,8 +34,8 @@ NO_NUMBER = re.compile(r"(?<![\w.-])-?(nan|inf|infinity|none|null)(?![\w-])", re
 def judge(case, results):
     """Run the chain on a case; return how it ended and its faults, a line each.
 
-    What a stage says in words, an ImuloopError, is no fault; any other error that it failed with
-    is one, though the report is made.
+    What the check of its config or a stage says in words, an ImuloopError, is no fault; any other
+    error that a stage failed with is one, though the report is made.
 
     Parameters
     ----------
@@ -42,7 +44,13 @@ def judge(case, results):
     results : Path
         Folder for the results.
     """
-    errors = run(case, results)
+    config = {"devices": {DEVICE: case.entry}}
+    results.mkdir(parents=True)
+    written = results / "config.yaml"
+    written.write_text(json.dumps(config))
+    if lines := config_faults(config, {"config.yaml": written}, SCHEMAS / "config.schema.yaml", {}):
+        return "declared", [f"no line: {line!r}" for line in lines if not line.isprintable()]
+    errors = run(resolve(config)[DEVICE], results)
     faults = [told(error) for error in errors if not isinstance(error, ImuloopError)]
     faults += [line for path in needed(case, results) for line in read(path, results)]
     qualities = [json.loads(path.read_text()) for path in results.glob(f"{DEVICE}/*/quality.json")]
@@ -65,10 +73,10 @@ def where(path, line):
 
 def needed(case, results):
     """Return the files that have to be there."""
-    return [results / name for name in ("report.html", "comparison.csv")] + [
-        results / DEVICE / name
-        for name in (*FILES, *(f"{each}/{name}" for each in case.sessions for name in SESSION))
-    ]
+    sessions = case.entry["sessions"]
+    names = [*FILES, *(f"{session}/{name}" for session in sessions for name in SESSION)]
+    whole = [results / name for name in ("report.html", "comparison.csv")]
+    return whole + [results / DEVICE / name for name in names]
 
 
 def read(path, results):
@@ -153,22 +161,23 @@ def check_page(path):
     yield from (f"{path.name}: {each}" for each in dict.fromkeys(Page(path.read_text()).faults))
 
 
-def run(case, results):
-    """Make the report of a case with default settings; return the errors that were caught."""
+def run(declared, results):
+    """Make the report of a device as declared; return the errors that its stages failed with."""
     caught = Caught()
     logger = logging.getLogger()
     logger.addHandler(caught)
     # as the jobs and the command do
     logging.captureWarnings(True)
+    sessions = declared["sessions"]
     device = Device(
         DEVICE,
         results / DEVICE,
-        {name: each["kind"] for name, each in case.sessions.items()},
-        gravity=case.gravity,
-        nominal=case.nominal,
+        {name: session.pop("kind") for name, session in sessions.items()},
+        gravity=declared["gravity"],
+        nominal=declared["nominal"],
     )
-    for name, each in case.sessions.items():
-        chain.ingest(device, name, each["declared"], [each["path"]])
+    for name, session in sessions.items():
+        chain.ingest(device, name, session, [session["sources"]["log"]["path"]])
     chain.run(device)
     provenance = {"command": "fuzz", "commit": "not known", "config": {}}
     chain.report(
