@@ -232,8 +232,25 @@ def test_nothing_to_fit_is_a_result(x):
 
 
 def test_a_ramp_without_noise_is_a_ramp():
-    noise = estimate_record(1e-3 * np.arange(2000.0), 1.0, SETTINGS).noise
+    estimate = estimate_record(1e-3 * np.arange(2000.0), 1.0, SETTINGS)
+    noise = estimate.noise
     assert noise.R.value == pytest.approx(1e-3, rel=1e-6)
+    # the rest are digits of numbers, in which nothing is to be found
+    assert estimate.misfit == 0 and not noise.sinusoid and not noise.gauss_markov
+
+
+def test_a_line_without_noise_is_one_line():
+    t = np.arange(4000.0)
+    noise = estimate_record(np.sin(t / 7.3), 1.0, SETTINGS).noise
+    (line,) = noise.sinusoid
+    assert line.amplitude.value == pytest.approx(1.0, rel=1e-9)
+    assert noise.N.upper95 < 1e-11
+
+
+def test_of_a_parabola_all_numbers_are_finite():
+    noise = estimate_record(1e-6 * (np.arange(4000.0) - 2000) ** 2, 1.0, SETTINGS).noise
+    assert all(np.isfinite(line.amplitude.ci95).all() for line in noise.sinusoid)
+    assert all(getattr(noise, name).upper95 < np.inf for name in "QNBKR")
 
 
 @pytest.mark.parametrize("share", [1e-3, 0.0, 1e3])

@@ -214,6 +214,16 @@ def test_constant_and_broken_channels_are_named():
     json.dumps(result.to_dict()["axes"], allow_nan=False)
 
 
+@pytest.mark.parametrize("size", [1e38, 1e-30])
+def test_output_of_any_size_is_a_result(size):
+    rng = np.random.default_rng(5)
+    output = np.sin(np.arange(6000) / 7) + 0.1 * rng.standard_normal(6000)
+    one, other = (estimate_noise("imu", [session(ax=x)], SETTINGS) for x in (output, size * output))
+    found, expected = other.model.axes["ax"], one.model.axes["ax"]
+    assert found.N.value == pytest.approx(size * expected.N.value, rel=1e-6)
+    assert len(found.sinusoid) == len(expected.sinusoid) == 1
+
+
 def test_another_rate_is_left_out_with_a_note():
     result = estimate_noise(
         "imu", [session("fast"), session("slow", length=500, rate=1.98)], SETTINGS

@@ -7,7 +7,7 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise, Coefficient, Sinusoid
 from imuloop.noise.intervals import axis_noise
 from imuloop.noise.layout import Layout
-from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.likelihood import DIGITS, Likelihood
 from imuloop.noise.lines import find_line, mains, means
 from imuloop.noise.misfit import band, groups, misfit, weights
 from imuloop.noise.modes import modes
@@ -77,17 +77,15 @@ def estimate_axis(layouts, basis, values, settings, start=None):
     if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
     lines, search = find_lines(layouts, basis, values, settings, start)
-    slow, fast = search.likelihood.slow, search.likelihood.fast
     highest = _highest(search)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
     if highest < basis.frequency.max():
-        search = _search(basis, slow, fast, count, settings, start)
+        search = _counted(search, count)
     terms = search.select()
     epsilon = _misfit(search, terms, count, number, settings.significance)
     if epsilon.any():
-        count = count * weights(epsilon, count, number)
-        search = _search(basis, slow, fast, count, settings, start)
+        search = _counted(search, count * weights(epsilon, count, number))
         terms = search.select()
     noise = axis_noise(search, terms)
     noise = replace(
@@ -113,10 +111,12 @@ def find_lines(layouts, basis, values, settings, start=None):
     search : Search
         Of what remains.
     """
-    lines = []
+    lines, digits = [], (DIGITS * max(abs(x).max() for each in values for x in each)) ** 2
     while True:
-        search = _search(basis, *basis.amplitudes(values), basis.count, settings, start)
-        if len(lines) == LINES:
+        likelihood = Likelihood(*basis.amplitudes(values), basis.count, basis.ramp, digits)
+        levels = settings.significance, settings.hump_significance
+        search = Search(basis, likelihood, *levels, start)
+        if len(lines) == LINES or likelihood.is_rounding(search.fit(search.select()).ramp):
             break
         density = _density(search, search.select())
         line = find_line(layouts, values, density, settings.hump_significance)
@@ -143,22 +143,22 @@ def _slow_line(layouts, values, search):
     basis, level = search.modes, search.hump_level
     closed = [layout.close_up(x) for layout, x in zip(layouts, values, strict=True)]
     slow = means([layout.closed_up() for layout in layouts], closed, basis.m)
-    line = find_line(*slow, np.ones_like, level)
+    flat = basis.dt * np.mean(search.likelihood.power())
+    line = find_line(*slow, lambda f: np.full_like(f, flat), level)
     if line is None:
         return None
     width = 1 / (basis.m * basis.dt * max(wave.end - wave.begin for wave in line.waves))
     apart = abs(basis.frequency - line.frequency) > width
-    likelihood = replace(search.likelihood, count=search.likelihood.count * apart)
-    search = replace(search, likelihood=likelihood)
+    search = _counted(search, search.likelihood.count * apart)
     density = _density(search, search.select())
     # the means tell in no time whether the whole record is worth another look
     found = find_line(*slow, density, level)
     return found and find_line(layouts, values, density, level)
 
 
-def _search(basis, slow, fast, count, settings, start=None):
-    likelihood = Likelihood(slow, fast, count, basis.ramp)
-    return Search(basis, likelihood, settings.significance, settings.hump_significance, start)
+def _counted(search, count):
+    """Return a search with another weight of the rows."""
+    return replace(search, likelihood=replace(search.likelihood, count=count))
 
 
 def _sinusoid(line, rate):
@@ -184,7 +184,8 @@ def _density(search, terms):
         total = densities(frequency, dt) @ [theta.get(name, 0.0) for name in NAMES]
         for tc in terms.times:
             total += theta[tc] * gauss_markov_density(frequency, dt, tc)
-        return 2 * total
+        # white noise of the size of rounding
+        return 2 * np.maximum(total, search.likelihood.floor * dt)
 
     return density
 
@@ -196,15 +197,16 @@ def _highest(search):
 
     def predict(rows):
         fit = replace(likelihood, count=np.where(rows, likelihood.count, 0.0)).fit(plain, True)
-        return np.maximum(plain @ fit.theta, np.finfo(float).tiny)
+        return likelihood.above_rounding(plain @ fit.theta)
 
-    return band(basis.frequency, basis.count, likelihood.power(), predict)
+    power = likelihood.above_rounding(likelihood.power())
+    return band(basis.frequency, basis.count, power, predict)
 
 
 def _misfit(search, terms, count, number, level):
     """Return by how much each group of frequencies leaves the fitted terms."""
     fit = search.fit(terms)
-    ratio = search.likelihood.power(fit.ramp) / (search.units(terms) @ fit.theta)
+    ratio = search.likelihood.ratio(fit.ramp, search.units(terms) @ fit.theta)
     return misfit(ratio, count, number, len(terms), level)
 
 

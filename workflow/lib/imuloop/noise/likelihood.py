@@ -9,8 +9,10 @@ from imuloop.noise.nonnegative import nonnegative
 
 # the fit ends where the log-likelihood grows by less
 CLOSE, ROUNDS = 1e-6, 100
-# smallest expected square, share of the one found: rounding of the transform
+# smallest expected square, share of the largest that was found: rounding of the transform
 ROUNDING = 1e-13
+# digits of the output that a line which was taken out leaves right, share of the largest value
+DIGITS = 1e-12
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Likelihood:
         Values behind each row times weight.
     rho : ndarray, shape (s,)
         Amplitudes for a unit ramp.
+    digits : float
+        Mean square that the rounding of the output may leave.
 
     References
     ----------
@@ -61,6 +65,7 @@ class Likelihood:
     fast: np.ndarray
     count: np.ndarray
     rho: np.ndarray
+    digits: float = 0.0
 
     def power(self, ramp=0.0):
         """Return the mean squares of all rows once a ramp is taken out, shape (r,)."""
@@ -98,7 +103,7 @@ class Likelihood:
         slope = 0.0 if isinstance(ramp, bool) else ramp
         slow, restricted = len(self.rho), restricted and ramp is True
         power = self.power(slope)
-        floor = ROUNDING * max(power.max(), np.max(fixed)) + np.finfo(float).tiny
+        floor = max(self.floor, ROUNDING * np.max(fixed))
         size = units.max(axis=0) if units.size else np.ones(units.shape[1])
         columns = np.ascontiguousarray((units / size).T)
 
@@ -155,14 +160,28 @@ class Likelihood:
 
     def error(self, unit, expected):
         """Return the standard error of a variance, that of all else known, for a spectrum."""
-        return 1 / np.sqrt(self.count @ (unit / self._above_rounding(expected)) ** 2 / 2)
+        return 1 / np.sqrt(self.count @ (unit / self.above_rounding(expected)) ** 2 / 2)
 
     def ramp_error(self, expected):
         """Return the standard error of a ramp for a spectrum, SI/s."""
-        return 1 / np.sqrt(self._seen(self._above_rounding(expected)).sum())
+        return 1 / np.sqrt(self._seen(self.above_rounding(expected)).sum())
 
-    def _above_rounding(self, expected):
-        return np.maximum(expected, ROUNDING * self.power().max() + np.finfo(float).tiny)
+    @cached_property
+    def floor(self):
+        """Mean square below which there is nothing but rounding."""
+        return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
+
+    def is_rounding(self, ramp):
+        """Return whether nothing else is left once a ramp is taken out."""
+        return bool((self.power(ramp) <= self.floor).all())
+
+    def above_rounding(self, squares):
+        """Return mean squares, or expected ones, that are at least those of rounding."""
+        return np.maximum(squares, self.floor)
+
+    def ratio(self, ramp, expected):
+        """Return the mean squares over the expected ones, 1 where both are rounding, (r,)."""
+        return self.above_rounding(self.power(ramp)) / self.above_rounding(expected)
 
     @cached_property
     def _squares(self):

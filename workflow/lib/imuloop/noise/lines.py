@@ -263,7 +263,8 @@ def _summary(waves, rate, density, freedom):
     power = share * (c**2 + s**2)
     # each part beyond the first takes noise of its own
     noise = 2 * variance / np.sum(d_amplitude**-2)
-    amplitude = np.sqrt(power.sum() - (len(waves) - 1) * noise)
+    # a mean square less the noise in it, of which chance may leave nothing
+    amplitude = np.sqrt(max(power.sum() - (len(waves) - 1) * noise, 0.0))
     power /= power.sum()
     frequency = power @ f
     a_error = t * np.sqrt(noise / 2)

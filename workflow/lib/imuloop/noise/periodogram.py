@@ -167,9 +167,11 @@ def periodogram(layout, stretches, spectrum):
     density = spectrum(band.step * np.concatenate(nodes)) * (band.samples * band.rate / 2)
     if not (density > 0).all():
         return None
-    density = np.split(density, np.cumsum([len(each) for each in nodes])[:-1])
+    # a power of two that keeps squares within single precision
+    size = 2.0 ** np.rint(np.log2(density.max()) / 2)
+    density = np.split(density / size**2, np.cumsum([len(each) for each in nodes])[:-1])
     # single precision: its rounding lies 14 decades below the variance
-    power = _squares(_filled(layout, stretches, band.padded // 2))
+    power = _squares(_filled(layout, stretches, band.padded // 2, size))
     medians = np.empty(band.sizes.size)
     for b, (i, j) in enumerate(pairwise(band.edges)):
         power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
@@ -226,8 +228,8 @@ def _squares(x):
     return squares
 
 
-def _filled(layout, stretches, padded):
-    """Return a session without its levels and its slope, zeros in the gaps and behind."""
+def _filled(layout, stretches, padded, size):
+    """Return a session over `size`, levels and slope removed, zeros in the gaps and behind."""
     level, counts = levels(layout)
     starts, lengths = np.array(layout.starts), np.array(layout.lengths)
     middles = starts + (lengths - 1) / 2
@@ -242,7 +244,7 @@ def _filled(layout, stretches, padded):
     for i, part in parts(layout):
         t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
         at = starts[i] - starts.min() + part.start
-        filled[at : at + t.size] = stretches[i][part] - x_mean[level[i]] - slope * t
+        filled[at : at + t.size] = (stretches[i][part] - x_mean[level[i]] - slope * t) / size
     return filled
 
 

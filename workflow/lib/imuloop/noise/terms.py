@@ -206,7 +206,7 @@ class Search:
             variance v that the other variances leave
         """
         units = self.units(terms)
-        expected = units @ fit.theta
+        expected = self.likelihood.above_rounding(units @ fit.theta)
         root = np.sqrt(self.likelihood.count / 2) / expected
         basis = np.linalg.qr(root[:, None] * units)[0]
         rows = root * np.array([self.modes.gauss_markov(tc) for tc in self.times])
