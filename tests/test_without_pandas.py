@@ -49,20 +49,3 @@ def test_what_is_loaded_already_stays():
     code = "import pandas, sys; hide_pandas(); print(pandas.DataFrame({'a': ['x']}).to_dict())"
     assert run(code) == "{'a': {0: 'x'}}"
     assert run("print(len(sys.meta_path) == len(set(map(id, sys.meta_path))))") == "True"
-
-
-# what a command or a job needs to begin; each of these takes as long to load as a job may work
-@pytest.mark.parametrize(
-    ("module", "needed"),
-    [
-        ("__main__", []),
-        ("segment.segment", ["scipy"]),
-        ("export.export", []),
-        ("report.section", ["matplotlib"]),
-        ("report.report", ["matplotlib"]),
-    ],
-)
-def test_what_is_slow_to_load_waits_until_it_is_needed(module, needed):
-    slow = ("pandas", "scipy", "scipy.stats", "matplotlib", "matplotlib.pyplot")
-    loaded = f"[m for m in {slow} if m in sys.modules]"
-    assert run(f"import imuloop.{module}; print({loaded})") == str(needed)

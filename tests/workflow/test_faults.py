@@ -41,7 +41,7 @@ FAULTY = {
     "zeros": ("rest", zeros, "ok", "exactly zero on all axes"),
     "stuck": ("rest", stuck, "ok", "stuck at one value: gy"),
     "swapped": ("faces", swapped, "ok", "fits the turns of gravity with x as gy, y as gx, z as gz"),
-    "in_degrees": ("faces", in_degrees, "ok", "see units.angular_rate"),
+    "in_degrees": ("faces", in_degrees, "rejected", "it looks like deg/s"),
     "missing": ("rest", missing, "rejected", "non-finite"),
     "garbage": ("rest", None, "rejected", ""),
 }
