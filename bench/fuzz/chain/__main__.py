@@ -34,6 +34,9 @@ def main():
         numbers = range(options.first, options.first + options.cases)
         for number, end, faults in fuzz(numbers, options.workers):
             ends[end] += 1
+            if not ends.total() % 250:
+                seconds = time.monotonic() - start
+                print(f"{ends.total()} cases in {seconds:.0f} s, {faulty} faulty", flush=True)
             if faults:
                 faulty += 1
                 print(f"case {number}, {end}", *make(number, Path(folder)).told, sep="\n  ")
