@@ -77,8 +77,8 @@ class Counts:
     by_usual_step: int = 0
     intervals_ns: int = 0
     kept: int = 0
-    missing_values: dict = field(default_factory=dict)
-    impossible_values: dict = field(default_factory=dict)
+    missing_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
+    impossible_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     start_ns: int | None = None
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)

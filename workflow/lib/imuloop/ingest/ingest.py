@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
-from imuloop.core.samples import CHANNELS, schema
+from imuloop.core.samples import schema
 from imuloop.core.units import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -301,9 +301,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     with replaced(samples_path) as temporary:
         pq.write_table(empty, temporary)
         figures = quality.measure(temporary)
-    none = dict.fromkeys(CHANNELS, 0)
-    counts = Counts(missing_values=none, impossible_values=none)
-    content = _quality([reason], figures, counts, log)
+    content = _quality([reason], figures, Counts(), log)
     write_json(quality_path, {**content, **origin, "failed": failed})
 
 
