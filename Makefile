@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz fuzz-chain kill large setup setup-cluster lock licences clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz fuzz-chain processors kill large setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -95,6 +95,11 @@ FIRST ?= 0
 fuzz-chain: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz.chain \
 		--workers $(CORES) $(if $(CASE),--case $(CASE),--cases $(FUZZ_CASES) --first $(FIRST))
+
+# numeric tests and the measured devices by the code of each kind of processor: same figures, same
+# verdicts; recordings by IMULOOP_MIRROR
+processors: setup
+	PYTHONPATH=workflow/lib $(BIN)/python -m bench.processors --workers $(CORES)
 
 # runs killed at random moments and run again, compared byte by byte with a calm one
 kill: setup

@@ -12,6 +12,7 @@ from bench.commit import commit
 from bench.peers import imu_tk, records
 from bench.peers.calls import averaging_factors
 from bench.peers.contend import contend
+from bench.processors import BOUND, differences
 from imuloop.noise.allan import allan_variance
 
 
@@ -98,3 +99,18 @@ def test_the_program_of_imu_tk_is_timed_on_both_logs_or_its_failure_is_told(tmp_
         f"{tmp_path}/xsens_acc.mat {tmp_path}/xsens_gyro.mat"
     ] * imu_tk.ROUNDS
     assert imu_tk.theirs("/bin/false").startswith("failed, ")
+
+
+def test_results_of_two_processors_differ_by_a_word_or_by_a_share_of_a_number():
+    one = {"verdict": "consistent", "floor": 1e-3, "ci95": [0.0, 2.0], "tests": 9, "why": None}
+
+    def share(**changed):
+        return max(share for _, _, share in differences(one, one | changed))
+
+    assert share() == 0
+    assert share(floor=1.001e-3) == pytest.approx(1e-3, rel=1e-2)
+    # of an interval that reaches down to zero the size is its other end
+    assert share(ci95=[1e-9, 2.0]) < BOUND < share(ci95=[1e-3, 2.0])
+    for changed in ({"verdict": "unexplained"}, {"why": 0.0}, {"ci95": None}, {"ci95": [0.0]}):
+        assert share(**changed) == np.inf
+    assert share(another=0) == np.inf
