@@ -266,7 +266,7 @@ class Sight:
         # axes before points of the grid
         square = np.einsum("gaa->ag", gram[:, :3, :3])
         product, own = gram[:, 3:, :3].transpose(2, 0, 1), gram[:, 3:, 3:]
-        theta, covariance, log_det = product, [own] * 3, self.log_det
+        theta, inverse, log_det = product, own, self.log_det
         if columns:
             size = np.sqrt(np.maximum(np.einsum("gpp->gp", own), 0.0))
             # the columns have norm 1 before the levels are taken out, and noise of N = 1
@@ -283,10 +283,10 @@ class Sight:
             log_det = log_det + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=1)
             theta = theta / size
             inverse = inverse / size[:, :, None] / size[:, None, :]
-            covariance = inverse * (square / dof)[:, :, None, None]
         log_weight = self.model.prior - (dof * np.log(square) + log_det) / 2
         return tuple(
-            Fit(*each, dof) for each in zip(theta, covariance, square, log_weight, strict=True)
+            Fit(values, inverse, *each, dof)
+            for values, *each in zip(theta, square, log_weight, strict=True)
         )
 
 

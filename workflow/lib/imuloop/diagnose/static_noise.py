@@ -99,8 +99,8 @@ class Fit:
     ----------
     theta : ndarray, shape (g, p)
         Parameters.
-    covariance : ndarray, shape (g, p, p)
-        Their covariance.
+    inverse : ndarray, shape (g, p, p)
+        Their covariance for a residual of χ²/dof = 1, which the three axes share.
     square : ndarray, shape (g,)
         χ² of the residual for N = 1.
     log_weight : ndarray, shape (g,)
@@ -110,10 +110,15 @@ class Fit:
     """
 
     theta: np.ndarray
-    covariance: np.ndarray
+    inverse: np.ndarray
     square: np.ndarray
     log_weight: np.ndarray
     dof: int
+
+    @property
+    def covariance(self):
+        """Return the covariance of the parameters, shape (g, p, p)."""
+        return self.inverse * (self.square / self.dof)[:, None, None]
 
     @property
     def weight(self):
