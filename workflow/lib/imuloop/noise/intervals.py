@@ -9,6 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
 from imuloop.noise.processes import NAMES
+from imuloop.noise.terms import NOTHING
 
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
 CLOSE, ALIKE = 1e-5, 1e-4
@@ -19,8 +20,6 @@ TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
 # but for models of less weight than this share
 FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
-# a term that raises the log-likelihood by less is not there: fits end within less of the maximum
-THERE = 1e-4
 # share of the spectrum where it is lowest that a term which is not there may have, as a root
 SMALL = 1e-3
 
@@ -86,7 +85,7 @@ def _models(search, terms, name):
 
 
 def _there(search, name, model):
-    return search.fit(model).value - search.fit(model.without(name)).value > THERE
+    return search.fit(model).value - search.fit(model.without(name)).value > NOTHING
 
 
 def _profile(search, name, model):

@@ -15,6 +15,8 @@ SHORTEST, LONGEST = 10.0, 1 / 8
 TESTS = 2.5
 # processes at most
 MOST = 3
+# a term that raises the log-likelihood by less raises it by nothing: fits end so near the maximum
+NOTHING = 1e-4
 # a fit gains less than so many times what its beginning lets expect
 LEEWAY = 4.0
 # share of a session over which one level has to last before walk or ramp is told from flicker:
@@ -112,7 +114,7 @@ class Search:
 
         Half a chi-square of one degree for a variance, which cannot be negative; a ramp can.
         """
-        one = erfc(sqrt(max(gain, 0.0)))
+        one = erfc(sqrt(gain if gain > NOTHING else 0.0))
         if term == "R":
             return one
         return min(1.0, one / 2 * (1.0 if isinstance(term, str) else self.tests))

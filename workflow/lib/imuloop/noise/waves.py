@@ -43,22 +43,34 @@ class Wave:
 
 
 def fit_wave(layout, stretches, start, session):
-    """Return the sinusoid beside levels and a slope, by Gauss-Newton from within 1/(4 span)."""
+    """Return the sinusoid beside levels and a slope, by Gauss-Newton from within 1/(4 span).
+
+    A step is halved until the sinusoid explains more.
+    """
     first, last = extent(layout)
     span = (last - first + 1) / layout.rate
-    frequency = start
+    frequency, step, most = start, 0.0, -np.inf
     for _ in range(ROUNDS):
-        gram = products(layout, stretches, frequency)
-        _, cosine, sine = np.linalg.solve(gram[1:4, 1:4], gram[1:4, 0])
+        tried = products(layout, stretches, frequency + step)
+        line = np.linalg.solve(tried[1:4, 1:4], tried[1:4, 0])
+        if line @ tried[1:4, 0] < most:
+            step /= 2
+            continue
+        frequency, gram, most = frequency + step, tried, line @ tried[1:4, 0]
+        _, cosine, sine = line
         # derivative by the frequency, t = u span/2: pi span u (sine cos - cosine sin)
         mix = np.eye(5, 6)
         mix[4, 4:] = np.pi * (last - first) / layout.rate * np.array([sine, -cosine])
         mixed = mix @ gram @ mix.T
         covariance = np.linalg.inv(mixed[1:, 1:])
-        _, cosine, sine, change = fit = covariance @ mixed[1:, 0]
-        if abs(change) * span < CLOSE:
+        fit, change = covariance @ mixed[1:, 0], 0.0
+        if abs(fit[3]) * span < CLOSE:
+            change = fit[3]
             break
-        frequency = float(np.clip(frequency + change, start - 1 / span, start + 1 / span))
+        step = np.clip(frequency + fit[3], start - 1 / span, start + 1 / span) - frequency
+        # where the fit does not end, the sinusoid of the last frequency
+        fit = np.append(line, 0.0)
+    cosine, sine = fit[1:3]
     direction = np.array([0, cosine, sine, 0]) / np.hypot(cosine, sine)
     return Wave(
         session=session,

@@ -12,6 +12,8 @@ POSE_NORM = 1e-4
 # relative difference of the expected error for which no attitude is given up: chance among fifty
 # pairs, and an effect that the model lacks, must not decide which poses are looked at
 EQUAL = 0.5
+# the same of errors that differ by their last digits
+ROUNDING = 1e-9
 
 
 def _moments():
@@ -100,7 +102,7 @@ def choose_multiples(specific_force, detect, settings):
     by `expected_error`, which asks how well the poses determine a calibration for all attitudes.
     Up to half above the lowest they count as equal: few poses have a small residual by luck, and
     poses that show what the model lacks would be left out first. Of these the most attitudes win,
-    then the fewest pieces that they fall into, then the lowest error.
+    then the fewest pieces that they fall into, then the lowest error, then the widest pair.
 
     Parameters
     ----------
@@ -138,5 +140,8 @@ def choose_multiples(specific_force, detect, settings):
         return None, []
     bound = (1 + EQUAL) * min(row["expected_error"] for row in table)
     equal = [row for row in table if row["expected_error"] <= bound]
-    best = min(equal, key=lambda r: (-r["attitudes"], r["rests"], r["expected_error"]))
+    most = min((-row["attitudes"], row["rests"]) for row in equal)
+    alike = [row for row in equal if (-row["attitudes"], row["rests"]) == most]
+    bound = (1 + ROUNDING) * min(row["expected_error"] for row in alike)
+    best = [row for row in alike if row["expected_error"] <= bound][-1]
     return (best["accelerometer"], best["gyroscope"]), table
