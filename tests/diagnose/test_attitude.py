@@ -109,6 +109,18 @@ def test_the_filter_learns_a_constant_bias_and_settles():
     assert error[-1] < 1e-6
 
 
+def test_a_stretch_in_which_the_accelerometer_was_not_read_corrects_nothing():
+    stretch, w, g = course()
+    unread = 9.8 * g
+    unread[600:650] = 0.0
+    q = attitudes(w, stretch.t)[None]
+    errors = [
+        filter_errors([(*filter_steps(q, f[None], stretch), g[stretch.arrive])])[0]
+        for f in (9.8 * g, unread)
+    ]
+    assert errors[1] == pytest.approx(errors[0], abs=1e-3)
+
+
 def test_stretches_of_unlike_length_run_beside_each_other():
     fed = []
     for turns, seed in ((1, 3), (4, 4)):

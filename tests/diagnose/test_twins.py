@@ -48,6 +48,12 @@ def test_the_share_that_another_imitates_is_the_squared_cosine():
     assert imitated({"a": [a], "b": [b]}) == []
 
 
+def test_a_parameter_that_the_data_do_not_show_is_left_out():
+    a, dead = np.eye(N)[:, :1], np.zeros((N, 1))
+    found = imitated({"a": [np.hstack([a, dead])], "b": [a], "c": [dead]})
+    assert {(f["effect"], f["with"]) for f in found} == {("a", "b"), ("b", "a")}
+
+
 def test_a_plane_imitates_a_line_in_it_and_the_line_not_the_plane():
     line, plane = np.zeros((N, 1)), np.zeros((N, 2))
     line[:2, 0], plane[0, 0], plane[1, 1] = 1.0, 5.0, 1e-6

@@ -262,6 +262,16 @@ def test_a_resonance_beside_the_spectrum_is_no_line():
     assert found <= 2
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_rounding_of_stretches_that_never_change_is_no_line(seed):
+    starts = (0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285)
+    lengths = (11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9)
+    layout = Layout(4.807692, starts, lengths, tuple(range(11)))
+    values = np.random.default_rng(seed).normal(size=11)
+    stretches = [np.full(n, x) for n, x in zip(lengths, values, strict=True)]
+    assert find_line([layout], [stretches], lambda f: 1e-34 + 0 * f, LEVEL) is None
+
+
 @pytest.mark.parametrize("x", [np.full(5000, 9.8), np.zeros(5000), np.arange(40.0)])
 def test_constant_and_short_records_have_no_line(x):
     layout, values = session(x)

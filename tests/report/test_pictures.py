@@ -199,6 +199,28 @@ def test_areas_that_share_an_axis_have_one_scale_and_one_row_of_numbers():
     assert svg.count(">40<") == 1
 
 
+@pytest.mark.parametrize("plot", ["plot", "loglog"])
+def test_values_that_differ_by_rounding_have_room(plot):
+    x = np.array([15.0, np.nextafter(15.0, 16.0)])
+    low, high = span_of(lambda ax: getattr(ax, plot)(x, x))
+    assert low < 14 and high > 16
+
+
+def test_limits_of_what_never_changes_have_room():
+    def drawn(ax):
+        ax.plot([0.0, 1.0], [3.0, 3.0])
+        ax.set_ylim(3.0, 3.0)
+
+    low, high = span_of(drawn)
+    assert low < 3 < high
+
+
+def span_of(drawn):
+    ax = Axes(300, 200)
+    drawn(ax)
+    return ax.span("y")
+
+
 def test_an_area_without_a_finite_value_is_drawn_empty():
     for values in ([], [np.nan, np.nan]):
         assert "<svg" in draw("a", "", 300, 200, lambda ax, v=values: ax.loglog(v, v))

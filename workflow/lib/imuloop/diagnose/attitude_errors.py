@@ -152,7 +152,9 @@ def filter_steps(q, f, stretch):
     back = q[:, at[:-1]] * np.array([1, -1, -1, -1])
     turns = matrix(multiply(back, q[:, at[1:]])).swapaxes(-1, -2)
     force = np.add.reduceat(f, at[:-1] + 1, axis=1)
-    force /= np.linalg.norm(force, axis=-1, keepdims=True)
+    size = np.linalg.norm(force, axis=-1, keepdims=True)
+    # without specific force, where the accelerometer was not read, nothing corrects
+    force = np.divide(force, size, out=np.zeros_like(force), where=size > 0)
     return (
         turns.swapaxes(0, 1),
         force.swapaxes(0, 1),

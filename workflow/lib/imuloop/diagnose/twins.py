@@ -42,12 +42,14 @@ def imitated(patterns):
 
 
 def _space(pattern):
-    return qr(pattern / np.linalg.norm(pattern, axis=0), mode="economic")[0]
+    size = np.linalg.norm(pattern, axis=0)
+    # a parameter that these data do not show has no direction
+    return qr(pattern[:, size > 0] / size[size > 0], mode="economic")[0]
 
 
 def imitated_share(a, b):
     """Return the share of any pattern in the space of `a` that `b` takes, columns orthonormal."""
-    if a.shape[1] > b.shape[1]:
+    if not 0 < a.shape[1] <= b.shape[1]:
         return 0.0
     return float(np.linalg.svd(b.T @ a, compute_uv=False)[-1] ** 2)
 

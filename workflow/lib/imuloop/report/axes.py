@@ -290,10 +290,12 @@ class Axes:
         values = np.concatenate([np.ravel(v) for v in self._seen[which]] or [[0.0, 1.0]])
         values = values[np.isfinite(values) & (values > 0 if logarithmic else True)]
         low, high = (values.min(), values.max()) if len(values) else (1.0, 10.0)
+        # what differs by rounding is one value
+        wide = high - low > 1e-9 * max(abs(low), abs(high))
         if logarithmic:
-            margin = (high / low) ** 0.04 if high > low else 2.0
+            margin = (high / low) ** 0.04 if wide else 2.0
             return low / margin, high * margin
-        margin = 0.04 * (high - low) or abs(high) * 0.1 or 1.0
+        margin = 0.04 * (high - low) if wide else abs(high) * 0.1 or 1.0
         least = self.least[which]
         return low - margin if least is None else least, high + margin
 
