@@ -11,7 +11,7 @@ from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyros
 from imuloop.calibrate.poses import gather_poses, gather_rotations
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.noise_model import AxisNoise, NoiseModel
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
@@ -113,3 +113,21 @@ def test_an_axis_that_never_changes_is_a_reason_and_no_failure(axis):
     model = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, settings)
     assert model.untestable(dead) == (reason if axis < 3 else None)
     assert reason in GyroscopePoses(model, None, (), RATE_UNIT).untestable(dead)
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_an_axis_of_lines_alone_is_a_reason_and_no_failure(axis):
+    made = recording(TRUTH, 0)
+    known = known_noise(TRUTH)
+    line = Sinusoid(Coefficient(1e-3), Coefficient(4.613))
+    noise = NoiseModel("d", {**known.axes, CHANNELS[axis]: AxisNoise(sinusoid=(line,))})
+    settings = CalibrateSettings()
+    force = calibrate_accelerometer(made.poses, noise, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    good = calibrate_accelerometer(made.poses, known, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    turn = calibrate_gyroscope(made, noise, good, RATE_UNIT, settings)
+    reason = f"{CHANNELS[axis]} shows lines and no noise beside them: its noise is not known"
+    assert (force if axis < 3 else turn).not_testable == reason
+    # two axes are named both
+    both = dict.fromkeys((CHANNELS[axis], CHANNELS[axis - 2]), AxisNoise(sinusoid=(line,)))
+    found = made.poses.unknown_noise(NoiseModel("d", {**known.axes, **both}), CHANNELS)
+    assert found.startswith(", ".join(c for c in CHANNELS if c in both) + " shows lines")

@@ -113,3 +113,6 @@ def test_held_out_blocks_tell_a_process_from_none():
     assert low <= value <= high < 1
     # a term more that is not there predicts nothing better
     assert ratio(means(4))[1][1] > 0.999
+    # seven blocks that never change say of the eighth that it cannot be
+    stuck = np.where(np.arange(len(means(4)))[:, None] < len(means(4)) * 7 // 8, 1e-200, means(4))
+    assert np.all(np.isfinite(ratio(stuck)[1]))

@@ -9,6 +9,9 @@ from imuloop.calibrate.gaps import Lost, errors_of_time, padded_errors
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
 
+# of a correlation matrix that is inverted: far above rounding, far below noise beside a slow walk
+_LEAST_EIGENVALUE = 1e-11
+
 
 @dataclass(frozen=True)
 class Poses:
@@ -106,12 +109,20 @@ class Poses:
         channels : tuple of str
             Channels of one sensor.
         """
-        variance = np.diagonal(self.mean_covariance(noise), axis1=1, axis2=2)
-        silent = [c for c, v in zip(CHANNELS, variance, strict=True) if not np.all(v > 0)]
-        silent = [c for c in silent if c in channels]
-        if not silent:
+        own = [c in channels for c in CHANNELS]
+        covariance = self.mean_covariance(noise)[own]
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        found, what = ~np.all(sigma > 0, axis=1), "never changes within a pose"
+        if not found.any():
+            # as many patterns as lines: some sums of poses would have no error
+            correlation = covariance / (sigma[:, :, None] * sigma[:, None])
+            least = np.linalg.eigvalsh(correlation).min(axis=1, initial=1.0)
+            found = least < _LEAST_EIGENVALUE
+            what = "shows lines and no noise beside them"
+        if not found.any():
             return None
-        return f"{', '.join(silent)} never changes within a pose: its noise is not known"
+        silent = np.array(CHANNELS)[own][found]
+        return f"{', '.join(silent)} {what}: its noise is not known"
 
 
 @dataclass(frozen=True)

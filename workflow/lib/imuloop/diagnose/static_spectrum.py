@@ -13,6 +13,8 @@ from imuloop.diagnose.static_search import fisher
 BINS, TIMES = 12, 4
 # correlation times from so many windows to such a share of the record
 SHORTEST, LONGEST = 2.0, 1 / 16
+# of errors with and without a process: more says no more
+_LARGEST_RATIO = 1e9
 
 
 def unit_spectra(theta):
@@ -304,9 +306,10 @@ def held_out_ratio(folds, settings):
     draws = np.random.default_rng(settings.seed).integers(
         len(gains), size=(settings.draws, len(gains))
     )
-    ratios = np.exp(-len(gains) * np.array(gains)[draws].mean(axis=1) / number)
-    interval = [float(q) for q in np.quantile(ratios, [0.025, 0.975])]
-    return float(np.exp(-sum(gains) / number)), interval
+    losses = -len(gains) * np.array(gains)[draws].mean(axis=1) / number
+    # of a block that the others call impossible the ratio has no bound
+    ratio, *ratios = np.exp(np.minimum([-sum(gains) / number, *losses], np.log(_LARGEST_RATIO)))
+    return float(ratio), [float(q) for q in np.quantile(ratios, [0.025, 0.975])]
 
 
 def _value(power, count, units, variances):
