@@ -175,7 +175,7 @@ def _thermal_chamber(_):
 def _ferraris(_):
     table = pd.read_csv(at_hand("example_ferraris_session.csv"))
     f, w = (table[[f"{k}_{axis}" for axis in AXES]].to_numpy() for k in ("acc", "gyr"))
-    t = np.arange(len(f)) / 204.8
+    t = np.arange(len(f)) / 102.4
     return Recording("six_position", t, f, w * DEGREE, None, _count(4.8e-3, 1e-3))
 
 
