@@ -117,6 +117,7 @@ NEW_ENOUGH := 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 
 PINNED := pip install --quiet --require-hashes
 $(READY): requirements-build.lock requirements.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
+	@test ! -L .venv || { echo ".venv is a link, and set-up empties what it leads to: remove it"; exit 1; }
 	$(PYTHON) -m venv --clear .venv
 	$(BIN)/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
 	$(BIN)/$(PINNED) --no-build-isolation -r requirements.lock

@@ -104,7 +104,10 @@ def compare(rounds, environment):
     )
     if not given:
         return f"{text} The time is of one of them: imucal's recording is not at hand."
-    text += f" The time is that of imucal's own recording, {RATE:g} Hz, in its published sections"
+    text += (
+        f" The time is that of imucal's own recording, in its published sections and at its "
+        f"published rate of {RATE:g} Hz"
+    )
     if len(best) < 2:
         return f"{text}."
     mine, theirs = (turns[0][name]["parameters"][0] for name in ("imuloop", "imucal"))
