@@ -107,6 +107,7 @@ def test_permuted_axes_permute_scale_factor_and_bias():
         (spread(40) * [1, 1, 0.01], "do not determine 9 parameters: condition number"),
         (np.tile([[0, 0, 1], [0, 0, -1]], (10, 1)), "do not determine 9 parameters"),
         (np.abs(spread(40)) * [0.05, 0.05, 1], "do not determine 9 parameters"),
+        (spread(40) * [1, 1, 0], "condition number beyond 1e9, at most 100 allowed"),
     ],
 )
 def test_poses_that_determine_too_little_are_refused_with_the_reason(directions, reason):

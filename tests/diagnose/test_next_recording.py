@@ -12,7 +12,7 @@ from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.noise_model import AxisNoise, NoiseModel
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.effects.bias_temperature import BiasTemperature
 from imuloop.diagnose.next_recording import candidate_plans, next_recording
@@ -199,6 +199,18 @@ def test_nothing_is_expected_where_the_noise_is_unknown():
     models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
     none = dict.fromkeys(SENSORS)
     assert next_recording(models, none, None, record([], [], 30.0)) == {}
+
+
+def test_nothing_is_expected_of_poses_beside_lines_alone():
+    line = AxisNoise(sinusoid=(Sinusoid(Coefficient(1e-3), Coefficient(4.613)),))
+    noise = NoiseModel("example", known_noise(TRUTH).axes | {"gy": line})
+    *_, calibration = fitted(
+        recorded(simulate_session(TRUTH, "multi_position", 5)), known_noise(TRUTH)
+    )
+    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
+    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
+    none = dict.fromkeys(SENSORS)
+    assert next_recording(models, none, calibration, record([], [], 30.0)) == {}
 
 
 def test_the_same_again_lasts_as_long_as_its_sessions_together():

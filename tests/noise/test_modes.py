@@ -129,3 +129,15 @@ def test_a_long_record_has_few_modes_and_all_its_samples():
     assert basis.number > 0.99 * 1_000_000
     # contrasts within and between the blocks
     assert basis.count.sum() == basis.number - 1
+
+
+def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
+    bursts = [Layout(10.0, (50 * k,), (2,), (0,)) for k in range(500)]
+    basis = modes(bursts)
+    assert (basis.m, basis.number) == (1, 1000)
+    values = np.random.default_rng(0).normal(size=(500, 2))
+    slow, fast = basis.amplitudes([[pair] for pair in values])
+    np.testing.assert_allclose(
+        np.sort(np.abs(slow)), np.sort(np.abs(np.diff(values)[:, 0])) / 2**0.5
+    )
+    assert len(fast) == 0

@@ -101,6 +101,13 @@ def test_short_rests_are_dropped_and_counted():
     assert at["kind"].tolist() == ["motion"]
 
 
+def test_a_rest_of_fewer_than_four_samples_is_no_pose():
+    samples, _ = pose_log(random_turns(14, 1), [30.0] + [4.0] * 14)
+    slow = samples.iloc[::150].reset_index(drop=True)
+    rests = rests_of(segment_session(slow, "multi_position", SETTINGS)[0])
+    assert len(rests) and rests["n"].min() >= 4
+
+
 @pytest.mark.parametrize("lost", [1, 5])
 def test_rests_go_on_over_a_few_lost_samples(lost):
     samples, _ = pose_log([(1.0, 0, 0), (0, 1.5, 0)], [20.0, 3.0, 3.0])

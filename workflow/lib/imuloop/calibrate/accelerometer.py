@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.calibrate.least_squares import condition_number, fit
+from imuloop.calibrate.least_squares import condition_number, fit, too_large
 from imuloop.core.effect import effect_design
 
 # parameters of the base model
@@ -170,9 +170,9 @@ def untestable_accelerometer(poses, gravity, largest_condition):
     condition = _condition(model.residuals(x)[1], x, gravity)
     if condition > largest_condition:
         return (
-            f"the attitudes of {len(poses)} poses do not determine 9 parameters: condition number "
-            f"{condition:.3g}, at most {largest_condition:g} allowed; add poses that point each "
-            f"axis up and down and in between"
+            f"the attitudes of {len(poses)} poses do not determine 9 parameters: "
+            f"{too_large(condition, largest_condition)}; add poses that point each axis up and "
+            "down and in between"
         )
     return None
 
@@ -194,10 +194,7 @@ def lost_accelerometer(fit, gravity, largest_condition):
     condition = _condition(fit.jacobian, fit.x, gravity)
     slant = np.max(np.abs(fit.x[:3]))
     if not condition <= largest_condition:
-        leads = (
-            f"where they determine nothing, condition number {condition:.3g}, at most "
-            f"{largest_condition:g} allowed"
-        )
+        leads = f"where they determine nothing, {too_large(condition, largest_condition)}"
     elif slant > SLANT or np.min(fit.x[3:6]) <= 0:
         leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
     else:

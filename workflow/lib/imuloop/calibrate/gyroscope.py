@@ -11,7 +11,7 @@ from imuloop.calibrate.gyroscope_covariance import (
     rotation_covariance,
     tangents,
 )
-from imuloop.calibrate.least_squares import condition_number, fit
+from imuloop.calibrate.least_squares import condition_number, fit, too_large
 from imuloop.calibrate.poses import Rotations
 from imuloop.core.effect import effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
@@ -405,8 +405,8 @@ def undetermined(jacobian, largest_condition):
     if condition > largest_condition:
         return (
             f"the axes of {count} rotations do not determine misalignment and scale "
-            f"factor: condition number {condition:.3g}, at most {largest_condition:g} allowed; "
-            f"turn about each axis, both ways, by 90 degrees and more"
+            f"factor: {too_large(condition, largest_condition)}; turn about each axis, both ways, "
+            "by 90 degrees and more"
         )
     return None
 
@@ -429,7 +429,6 @@ def lost_gyroscope(fit, rotations, largest_condition):
         return None
     return (
         f"no misalignment and scale factor carries gravity through {rotations} rotations: the fit "
-        f"leads to where they determine nothing, condition number {condition:.3g}, at most "
-        f"{largest_condition:g} allowed; was the angular rate clipped or wrapped around, did scale "
-        f"or axes change midway?"
+        f"leads to where they determine nothing, {too_large(condition, largest_condition)}; was "
+        "the angular rate clipped or wrapped around, did scale or axes change midway?"
     )

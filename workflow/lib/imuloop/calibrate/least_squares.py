@@ -122,3 +122,9 @@ def condition_number(jacobian, scales):
         return np.inf
     values = np.linalg.svd(design, compute_uv=False)
     return float(values[0] / values[-1]) if values[-1] > 0 else np.inf
+
+
+def too_large(condition, largest):
+    """Return what a reason says of a condition number; what rounding makes of one has no digits."""
+    found = f"{condition:.3g}" if condition < 1e9 else "beyond 1e9"
+    return f"condition number {found}, at most {largest:g} allowed"

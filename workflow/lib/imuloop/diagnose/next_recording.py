@@ -80,6 +80,8 @@ def next_recording(models, solutions, calibration, recording):
         return planned_recording(plan, calibration, variance, rate)
 
     made = [(entry, planned(plan)) for entry, plan in plans]
+    if any(recorded.poses.unknown_noise(noise, CHANNELS) for _, recorded in made):
+        return {}
     content = {
         sensor: _sensor(view, made, recording, calibration, floor[3 * k : 3 * k + 3])
         for k, (sensor, view) in enumerate(views.items())

@@ -241,8 +241,10 @@ def modes(layouts):
     given, layouts = tuple(layouts), [layout.closed_up() for layout in layouts]
     dt = 1 / np.average([x.rate for x in layouts], weights=[sum(x.lengths) for x in layouts])
     m = _block_length([n for layout in layouts for n in layout.lengths])
-    pieces = [p for number, layout in enumerate(layouts) for p in _pieces(number, layout, m)]
-    pieces = [p for p in pieces if len(p.stretch) > len(p.levels)]
+    pieces = _with_contrasts(layouts, m)
+    if not pieces:
+        # a block a level, as of bursts of two samples
+        m, pieces = 1, _with_contrasts(layouts, 1)
     units = [level.units(m, dt).T for piece in pieces for level in piece.levels]
     # that at which a walk has so much power: exact for an unbroken record
     frequency = [1 / (2 * np.pi * np.sqrt(each[:, 3] * m * dt)) for each in units]
@@ -270,6 +272,12 @@ def modes(layouts):
         _pieces=tuple(pieces),
         _bins=bins,
     )
+
+
+def _with_contrasts(layouts, m):
+    """Return the pieces of all layouts that have more blocks than levels."""
+    pieces = [p for number, layout in enumerate(layouts) for p in _pieces(number, layout, m)]
+    return [p for p in pieces if len(p.stretch) > len(p.levels)]
 
 
 def _longest_level(layout):

@@ -26,7 +26,7 @@ class SegmentSettings:
         Cut from each end of a rest that touches motion, s. The window ends a rest up to half its
         length early as it is, and each second cut is one more to integrate the gyroscope over.
     shortest_rest_s : float
-        Shortest rest kept as a pose after trimming, s.
+        Shortest rest kept as a pose after trimming, s; it has at least 4 samples.
     same_attitude : float
         Rests whose directions of specific force agree within this angle, and between which
         nothing turned, are one pose; rad. Two means that are θ apart pool to a norm short by

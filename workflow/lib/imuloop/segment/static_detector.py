@@ -7,6 +7,9 @@ import numpy as np
 from imuloop.segment.stretches import runs
 from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
+# samples of a rest: the variance of fewer says nothing of its mean's error
+FEWEST_SAMPLES = 4
+
 
 @dataclass(frozen=True)
 class Activity:
@@ -195,5 +198,7 @@ def detect_rests(moving, level, is_slow, multiples, stretches, step, settings):
         found[found[:, 1] < j, 1] -= trim
         rests.append(found)
     rests = np.concatenate(rests)
-    long_enough = np.diff(rests, axis=1).ravel() * step >= settings.shortest_rest_s - step / 2
+    samples = np.diff(rests, axis=1).ravel()
+    long_enough = samples * step >= settings.shortest_rest_s - step / 2
+    long_enough &= samples >= FEWEST_SAMPLES
     return rests[long_enough], int(np.sum(~long_enough))
