@@ -94,7 +94,7 @@ def test_the_stages_depend_on_their_own_code_only(repository, tmp_path):
     """A change of the diagnosis reaches the diagnosis, not the stages before it."""
     shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "a/imuloop")
     shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "b/imuloop")
-    with open(tmp_path / "b/imuloop/diagnose/effects/g_sensitivity.py", "a") as effect:
+    with open(tmp_path / "b/imuloop/effects/g_sensitivity.py", "a") as effect:
         effect.write("\nEXTRA = 1\n")
 
     def changed(stage):

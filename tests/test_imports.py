@@ -6,20 +6,18 @@ import tomllib
 
 import pytest
 
-# what a stage may take from, itself and core left out; the effects are a concept of their own
+# what a stage may take from, itself and core left out
 ARROWS = {
     "core": set(),
+    "effects": set(),
     "ingest": set(),
     "segment": {"ingest"},
     "noise": {"ingest", "segment"},
     "calibrate": {"ingest", "segment"},
-    "diagnose": {"ingest", "segment", "noise", "calibrate", "diagnose.effects"},
-    "diagnose.effects": set(),
-    "simulate": {"diagnose.effects"},
-    "export": {"diagnose", "diagnose.effects"},
-    "report": {
-        *("ingest", "segment", "noise", "calibrate", "diagnose", "diagnose.effects", "export"),
-    },
+    "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
+    "simulate": {"effects"},
+    "export": {"effects", "diagnose"},
+    "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "export"},
 }
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}
@@ -36,8 +34,7 @@ def imported(path):
 
 def stage(name):
     """Return the stage of a dotted name of the library."""
-    name = name.removeprefix("imuloop.")
-    return "diagnose.effects" if name.startswith("diagnose.effects") else name.partition(".")[0]
+    return name.removeprefix("imuloop.").partition(".")[0]
 
 
 @pytest.mark.parametrize("of", ARROWS)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import imuloop.diagnose.effects  # noqa: F401  the library of effects
+import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration

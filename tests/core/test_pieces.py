@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-import imuloop.diagnose.effects  # noqa: F401  the library of effects
+import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import Effect, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import imuloop.diagnose.effects  # noqa: F401  the library of effects
+import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import recording
 from diagnose.test_search import G_SENSITIVITY, MATRIX, models, with_g_sensitivity
 from imuloop.core.rotation import matrix

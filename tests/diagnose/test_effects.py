@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import imuloop.diagnose.effects
+import imuloop.effects
 from imuloop.core.effect import Channels, Effect, FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
@@ -28,11 +28,11 @@ CONTRACT = {
         bias_temperature_rate thermal_hysteresis warm_up bias_drift scale_nonlinearity
         scale_asymmetry earth_rate time_offset""",
 }
-# those of the library's own folder
+# those of the library's own folder that a calibration can hold
 LIBRARY = {
     name: effect
     for name, effect in Effect.library.items()
-    if effect.__module__.startswith(imuloop.diagnose.effects.__name__)
+    if effect.__module__.startswith(imuloop.effects.__name__) and "poses" in effect.records
 }
 SEEN = [name for name, effect in LIBRARY.items() if effect.unobservable is None]
 

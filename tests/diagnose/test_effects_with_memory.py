@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import imuloop.diagnose.effects  # noqa: F401  the library of effects
+import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import Channels, find_effect
 from property.strategies import G
 

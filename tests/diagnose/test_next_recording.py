@@ -14,10 +14,10 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
 from imuloop.diagnose.next_recording import candidate_plans, next_recording
 from imuloop.diagnose.outlook import outlook
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session

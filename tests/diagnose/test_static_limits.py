@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import ncx2
 
 from diagnose.records import record, root, search
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
-from imuloop.diagnose.effects.warm_up import WarmUp
 from imuloop.diagnose.static_limits import detection_limits, noncentral_quantile
-from imuloop.diagnose.static_terms import Ramp
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.ramp import Ramp
+from imuloop.effects.warm_up import WarmUp
 
 
 @pytest.mark.parametrize("q", [1, 2, 3, 6])

@@ -8,11 +8,6 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, Columns
 from imuloop.core.units import RawUnit
 from imuloop.diagnose import static_means
-from imuloop.diagnose.effects.bias_temperature_rate import lagged_rate
-from imuloop.diagnose.effects.reorientation import creep
-from imuloop.diagnose.effects.thermal_hysteresis import branch
-from imuloop.diagnose.effects.vibration_rectification import vibration
-from imuloop.diagnose.effects.warm_up import settling
 from imuloop.diagnose.static_means import (
     LEAST_MEANS,
     LEAST_SAMPLES,
@@ -22,6 +17,11 @@ from imuloop.diagnose.static_means import (
     window_length,
 )
 from imuloop.diagnose.static_probes import Probe
+from imuloop.effects.bias_temperature_rate import lagged_rate
+from imuloop.effects.reorientation import creep
+from imuloop.effects.thermal_hysteresis import branch
+from imuloop.effects.vibration_rectification import vibration
+from imuloop.effects.warm_up import settling
 
 
 def calibration(scale=1.0):

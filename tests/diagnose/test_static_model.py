@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from diagnose.records import LENGTH, record, root, search
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
 from imuloop.diagnose.static_estimate import covariance, estimate, fitted
 from imuloop.diagnose.static_model import (
     FITTED,
@@ -18,7 +17,10 @@ from imuloop.diagnose.static_model import (
     without,
 )
 from imuloop.diagnose.static_noise import mean_covariance, unit_noise
-from imuloop.diagnose.static_terms import Ramp, Sinusoid, Steps
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.ramp import Ramp
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps
 
 
 def plain(parts, grid_point, columns, axis):

@@ -8,7 +8,6 @@ from scipy.stats import f as f_distribution
 from diagnose.records import record, root, search, windows
 from imuloop.core.noise_model import Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
 from imuloop.diagnose.static_noise import (
     GridNoise,
     log_f_tail,
@@ -17,7 +16,8 @@ from imuloop.diagnose.static_noise import (
     unit_noise,
 )
 from imuloop.diagnose.static_search import fisher
-from imuloop.diagnose.static_terms import Ramp
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.ramp import Ramp
 
 
 def test_kernels_are_those_of_the_noise_model():

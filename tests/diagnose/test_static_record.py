@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import imuloop.diagnose.effects  # noqa: F401  the library of effects
+import imuloop.effects  # noqa: F401  the library of effects
 from diagnose.test_static_means import calibration
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose import static_means

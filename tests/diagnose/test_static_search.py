@@ -11,7 +11,9 @@ from imuloop.diagnose.static_find import find
 from imuloop.diagnose.static_holdout import Blocks
 from imuloop.diagnose.static_moves import separated
 from imuloop.diagnose.static_scan import frequencies
-from imuloop.diagnose.static_terms import Ramp, Sinusoid, Steps
+from imuloop.effects.ramp import Ramp
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps
 
 N = 120
 SETTINGS = DiagnoseSettings()

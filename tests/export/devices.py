@@ -10,8 +10,8 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE, RawUnit
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
-from imuloop.diagnose.effects.g_sensitivity import GSensitivity
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.export.exported import Exported
 
 COUNT, DEGREES = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", DEGREE)

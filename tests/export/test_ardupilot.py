@@ -10,7 +10,7 @@ from export.warm_device import COLD, WARM, carried, fitted, warm_device, warm_sa
 from imuloop.core.errors import Lacking
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
+from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.export import ardupilot
 
 # float32: half a unit of its last place, relative

@@ -11,7 +11,7 @@ from export.devices import HOSTILE, K, N, device, g_sensitivity, unknown
 from export.warm_device import carried, fitted, warm_device, warm_samples
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
+from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.export import matlab_imu_sensor
 
 # flicker of every axis of the device

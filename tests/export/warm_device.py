@@ -6,8 +6,8 @@ import numpy as np
 
 from export.devices import device, g_sensitivity, samples
 from imuloop.core.effect import FittedEffect
-from imuloop.diagnose.effects.bias_temperature import BiasTemperature
-from imuloop.diagnose.effects.scale_temperature import ScaleTemperature
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.scale_temperature import ScaleTemperature
 
 # degC, of the data
 COLD, WARM = -5.0, 45.0

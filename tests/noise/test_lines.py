@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from imuloop.noise.layout import Layout
 from imuloop.noise.lines import Line, _summary, detection_limit, find_line, mains, means
 from imuloop.noise.periodogram import one_frequency
-from imuloop.noise.waves import Wave
+from imuloop.noise.waves import Wave, fit_wave, follow, highest
 
 RATE = 100.0
 LEVEL = 0.01
@@ -186,6 +186,14 @@ def test_a_line_that_wanders_is_one_line():
     # what is left is none of half its amplitude
     again = find_line([layout], line.subtract([layout], [values]), white_density, LEVEL)
     assert again is None or again.amplitude < 1.0
+
+
+def test_a_wander_of_stretches_that_never_change_is_followed_as_one_wave():
+    k = np.arange(400)
+    layout = Layout(RATE, tuple(50 * k), (20,) * len(k), (0,) * len(k))
+    values = [np.full(20, x) for x in np.cos(np.pi * k / 2 + 3 * np.sin(np.pi * k / 100))]
+    wave = fit_wave(layout, values, highest(layout, values, 0.5, 0.01), 0)
+    assert follow(layout, values, wave, 1e-6) == [wave]
 
 
 def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():

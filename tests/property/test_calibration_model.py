@@ -5,7 +5,7 @@ import pandas as pd
 from hypothesis import given
 from hypothesis import strategies as st
 
-import imuloop.diagnose.effects  # noqa: F401  the library of effects
+import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS

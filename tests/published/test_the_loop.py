@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import imuloop.diagnose.effects  # noqa: F401  loads the library
+import imuloop.effects  # noqa: F401  loads the library
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect

@@ -17,7 +17,7 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table, write_segments
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.effects.g_sensitivity import GSensitivity
+from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.export.export import write_exports
 from report.plausible_diagnosis import pose_diagnosis, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_views, statistics

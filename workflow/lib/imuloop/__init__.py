@@ -7,6 +7,6 @@ def __getattr__(name):
     # by name, so that a script that needs no calibration neither loads nor depends on the model
     if name == "Calibration":
         # a calibration may hold any effect of the library
-        import_module("imuloop.diagnose.effects")
+        import_module("imuloop.effects")
         return import_module("imuloop.core.model").Calibration
     raise AttributeError(f"module 'imuloop' has no attribute '{name}'")

@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 # a calibration may hold any effect of the library
-import imuloop.diagnose.effects  # noqa: F401
+import imuloop.effects  # noqa: F401
 from imuloop import Calibration
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 # the library of effects joins by being loaded
-import imuloop.diagnose.effects  # noqa: F401
+import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration

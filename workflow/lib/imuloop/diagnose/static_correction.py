@@ -11,8 +11,8 @@ from imuloop.core.files import replaced
 from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
 from imuloop.diagnose.static_means import COLUMNS, other_sensor
-from imuloop.diagnose.static_terms import GaussMarkov as GaussMarkovEffect
-from imuloop.diagnose.static_terms import Sinusoid as SinusoidEffect
+from imuloop.effects.gauss_markov import GaussMarkov as GaussMarkovEffect
+from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
 
 # lines nearer than this share of their frequency are one
 SAME_LINE = 0.05

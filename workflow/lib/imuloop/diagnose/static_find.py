@@ -16,7 +16,7 @@ from imuloop.diagnose.static_spectrum import (
     held_out_ratio,
     spectra,
 )
-from imuloop.diagnose.static_terms import GaussMarkov
+from imuloop.effects.gauss_markov import GaussMarkov
 
 # means without a gap between them that a spectrum needs
 LEAST_IN_SPECTRUM = 16

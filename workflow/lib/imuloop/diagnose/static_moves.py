@@ -7,7 +7,7 @@ from imuloop.diagnose.static_means import part_of
 from imuloop.diagnose.static_model import StaticModel, everything
 from imuloop.diagnose.static_scan import BESIDE
 from imuloop.diagnose.static_search import StaticSearch
-from imuloop.diagnose.static_terms import Steps
+from imuloop.effects.steps import Steps
 
 # probability that a device which was not moved counts as moved
 MOVED = 1e-3

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.memory import in_pieces
-from imuloop.diagnose.effects.axes import on_each_axis
+from imuloop.effects.axes import on_each_axis
 
 
 @dataclass(frozen=True)

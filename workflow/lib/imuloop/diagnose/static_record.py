@@ -11,8 +11,8 @@ from imuloop.diagnose.static_means import COLUMNS
 from imuloop.diagnose.static_moves import separated
 from imuloop.diagnose.static_report import static_content
 from imuloop.diagnose.static_search import SCANS
-from imuloop.diagnose.static_terms import Ramp
 from imuloop.diagnose.verdict import NOTHING
+from imuloop.effects.ramp import Ramp
 
 # effects of a record, which the next record has not
 PASSING = (Ramp, *SCANS)

@@ -15,9 +15,9 @@ from imuloop.diagnose.static_noise import mean_covariance
 from imuloop.diagnose.static_probes import static_correlates
 from imuloop.diagnose.static_search import SCANS, StaticSearch
 from imuloop.diagnose.static_spectrum import limits
-from imuloop.diagnose.static_terms import GaussMarkov
 from imuloop.diagnose.twins import imitated
 from imuloop.diagnose.verdict import UNTRIED, verdict
+from imuloop.effects.gauss_markov import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 RESIDUAL = "bias"

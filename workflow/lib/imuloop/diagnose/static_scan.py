@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.diagnose.static_noise import log_f_tail
-from imuloop.diagnose.static_terms import Sinusoid, Steps, share_after
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps, share_after
 
 # periods of a line that a record must hold, and frequencies that are tried in a period's width
 LEAST_PERIODS, FINENESS = 2, 2

@@ -7,7 +7,8 @@ import numpy as np
 from imuloop.diagnose.static_model import Pattern, Sight
 from imuloop.diagnose.static_noise import log_p_values
 from imuloop.diagnose.static_scan import line_scan, step_scan
-from imuloop.diagnose.static_terms import Sinusoid, Steps, joined
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps, joined
 
 AXES = range(3)
 # the families of patterns that are scanned

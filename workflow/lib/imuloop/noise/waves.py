@@ -102,6 +102,8 @@ def follow(layout, stretches, wave, density):
             continue
         near = highest(part, x, wave.frequency, 2 / span)
         halves.append(fit_wave(part, x, near, wave.session))
+    if not halves:
+        return [wave]
     if sum(half.explained for half in halves) - wave.explained < noise:
         part, x = cut(layout, stretches, wave.begin, wave.end)
         if not _wanders(part, x, wave, noise):

@@ -4,8 +4,6 @@ import shutil
 from pathlib import Path
 
 # the library of effects joins by being loaded
-import imuloop.diagnose.effects
-import imuloop.diagnose.static_terms  # noqa: F401
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import replaced, write_json
 from imuloop.export.export import listed

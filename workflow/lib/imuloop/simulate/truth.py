@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-import imuloop.diagnose.effects  # noqa: F401  loads the library of effects
+import imuloop.effects  # noqa: F401  loads the library of effects
 from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY

@@ -7,7 +7,7 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import fast_part, in_pieces, moving_mean
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.effects.axes import on_each_axis, per_axis
 
 # s; what is faster than 10 Hz is a vibration, a turn by hand is ten times slower
 PERIOD = 0.1

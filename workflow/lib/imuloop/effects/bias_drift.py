@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.effects.axes import on_each_axis, per_axis
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import first_order_lag, in_pieces
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
-from imuloop.diagnose.effects.thermometer import temperature
+from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.effects.thermometer import temperature
 
 # s; half decades, so that a true lag is at most a factor 1.8 from one that is tried and their
 # responses correlate by 2 √1.8/(1 + 1.8) = 0.96. From a package's (seconds) to a housing's lag

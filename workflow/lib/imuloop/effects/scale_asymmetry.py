@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.effects.axes import on_each_axis, per_axis
 
 
 @dataclass(frozen=True)

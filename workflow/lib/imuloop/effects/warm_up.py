@@ -7,7 +7,7 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.effects.axes import on_each_axis, per_axis
 
 # s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
 # on its board to a closed housing

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import AXES
+from imuloop.effects.axes import AXES
 
 # axis i that is driven, axis j that drives
 PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import AXES
+from imuloop.effects.axes import AXES
 
 TERMS = ("xx", "yy", "xy", "xz", "yz")
 

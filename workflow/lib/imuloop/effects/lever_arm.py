@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import AXES
+from imuloop.effects.axes import AXES
 
 
 @dataclass(frozen=True)

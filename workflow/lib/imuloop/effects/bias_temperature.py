@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
-from imuloop.diagnose.effects.thermometer import CELSIUS, ROOM, span, temperature, whole_degrees
+from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.effects.thermometer import CELSIUS, ROOM, span, temperature, whole_degrees
 
 # K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
 # c2/c1 = 1/50 per K, the median of twelve axes in two recordings (docs/effects.md)

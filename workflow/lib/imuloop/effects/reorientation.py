@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import first_order_lag, in_pieces
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
+from imuloop.effects.axes import on_each_axis, per_axis
 
 # s; shorter, and it is over when the turn is; longer, and all poses of a session share it
 CREEPS = (3.0, 10.0, 30.0)

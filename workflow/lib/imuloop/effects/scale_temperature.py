@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
-from imuloop.diagnose.effects.thermometer import (
+from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.effects.thermometer import (
     CELSIUS,
     ROOM,
     span,

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces, play
-from imuloop.diagnose.effects.axes import on_each_axis, per_axis
-from imuloop.diagnose.effects.thermometer import span, temperature
+from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.effects.thermometer import span, temperature
 
 # half-widths as shares of the span: a loop with steep ends, a rounder one, and one that only just
 # closes (at 1/2 no turn of the temperature is long enough to cross it)

@@ -1,0 +1,75 @@
+"""A bias that jumps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.effects.axes import on_each_axis, per_axis
+
+
+@dataclass(frozen=True)
+class Steps(Effect):
+    """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k, H the unit step.
+
+    Leaves: levels that change at once. Imitated by: a device that was moved, which tilts an
+    accelerometer; random walk, which the noise of the test allows for.
+
+    Attributes
+    ----------
+    times : tuple of float
+        t_k, s from the start of the log.
+    sessions : tuple of str
+        The session of each.
+    spans : tuple of float
+        Length of the span, s, about each time in which nobody looked. The step may lie anywhere in
+        it: there the expected value counts, which goes up evenly.
+    """
+
+    times: tuple[float, ...] = (0.0,)
+    sessions: tuple[str, ...] = ("",)
+    spans: tuple[float, ...] = (0.0,)
+
+    name = "steps"
+    sensors = ("accelerometer", "gyroscope")
+    equation = "e_i = Σ_k h_ki H(t - t_k)"
+    reference = "IEEE Std 1293-2018, burst noise (telegraph noise)"
+    records = ("static_record",)
+
+    @property
+    def parameters(self):
+        """Names and units, all axes of the first step first."""
+        return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return none: the times are searched."""
+        return ()
+
+    def in_session(self, session, windows):
+        """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""
+        after = [
+            share_after(windows, t, span) * (s == session)
+            for t, s, span in zip(self.times, self.sessions, self.spans, strict=True)
+        ]
+        return on_each_axis(*after)
+
+
+def share_after(windows, t, span=0.0):
+    """Return the share of windows, shape (n, 2), after times t: shape (n,), or (n, k) for k times.
+
+    Where a time is known to a span only, the mean of the share over the span, for windows that lie
+    whole in it or out of it.
+    """
+    start, end = windows.T
+    length = np.maximum(np.maximum(end - start, span), 1e-12)
+    return np.clip((np.subtract.outer((start + end) / 2, t).T / length + 0.5).T, 0, 1)
+
+
+def joined(steps):
+    """Return several steps as one effect, in order of session and time."""
+    parts = sorted(
+        part for one in steps for part in zip(one.sessions, one.times, one.spans, strict=True)
+    )
+    sessions, times, spans = zip(*parts, strict=True)
+    return Steps(times, sessions, spans)
