@@ -1,5 +1,7 @@
 """Residuals and their floor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,17 @@ def test_parts_of_a_fit_share_its_parameters():
     )
     solution = GyroscopePoses(force, None, (), RATE_UNIT).fit(made)
     total = sum(r.dof for r in solution.residuals.values())
-    assert total == pytest.approx(3 * len(made.poses) + 2 * len(made.rotations) - 12, abs=0.1)
+    assert total == pytest.approx(3 * len(made.poses) + 2 * len(made.rotations) - 12, abs=1e-6)
+
+
+def test_weights_that_moved_with_the_last_step_cost_no_degree_of_freedom():
+    truth = example_truth()
+    made, settings = recording(truth, 2), CalibrateSettings()
+    force = AccelerometerPoses(known_noise(truth), truth.gravity, ACCELERATION_UNIT, settings)
+    solution = force.fit(made)
+    moved = replace(solution, covariance=solution.covariance / 100)
+    (left,) = moved.residuals.values()
+    assert left.dof == pytest.approx(len(made.poses) - 9)
 
 
 def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.calibrate.calibrate import in_raw_units
 from imuloop.calibrate.least_squares import Fit
@@ -49,13 +50,17 @@ class Solution:
     @cached_property
     def residuals(self):
         """Each kind of residual against its floor, by name; of most fits nobody asks for it."""
+        # by the covariance at the solution: the fit's own is that of its last step's weights
+        root = cholesky(self.covariance, lower=True)
+        white = solve_triangular(root, self.fit.jacobian, lower=True)
+        parameters = np.linalg.inv(white.T @ white)
         return {
             kind: judge(
                 unit,
                 self.values[at].reshape(-1, components),
                 self.covariance[at, at],
                 self.fit.jacobian[at],
-                self.fit.covariance,
+                parameters,
             )
             for kind, (unit, components, at) in self.parts.items()
         }
