@@ -136,8 +136,12 @@ def test_contradicting_poses_calibrate_nothing():
     poses = replace(poses, f=poses.f + 5.0 * (np.arange(30) > 15)[:, None])
     found = calibrate_accelerometer(poses, noise, G, ACCELERATION_UNIT, CalibrateSettings())
     assert found.method == "nominal" and "lies on no ellipsoid" in found.not_testable
-    # their direction of gravity is no better
-    assert found.not_testable in direction_unknown(poses, found, G, CalibrateSettings())
+    # their direction of gravity is no better, nor that of poses that are too few
     few = poses.select(np.arange(30) < 4)
     unknown = calibrate_accelerometer(few, noise, G, ACCELERATION_UNIT, CalibrateSettings())
-    assert direction_unknown(few, unknown, G, CalibrateSettings()) is None
+    for each in (found, unknown):
+        assert each.not_testable in direction_unknown(each)
+    known = calibrate_accelerometer(
+        poses_at(spread()), noise, G, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    assert direction_unknown(known) is None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import RATE_UNIT, known_noise, noiseless, recording
+from imuloop.calibrate import accelerometer
 from imuloop.calibrate.calibrate import calibrate_gyroscope
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import gyroscope_model, rotation_covariance, tangents
@@ -18,7 +19,8 @@ TRUTH = example_truth()
 
 def true_accelerometer(truth):
     a = truth.accelerometer
-    return SensorCalibration(RawUnit("m/s^2", 1.0), a.T, a.K, a.b)
+    known = {"names": accelerometer.NAMES, "covariance": np.zeros((9, 9))}
+    return SensorCalibration(RawUnit("m/s^2", 1.0), a.T, a.K, a.b, **known)
 
 
 def model_of(truth, seed, effects=()):

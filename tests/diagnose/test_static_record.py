@@ -8,6 +8,7 @@ import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
 from diagnose.test_static_means import calibration
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose import static_means
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -215,6 +216,19 @@ def test_too_short_and_silent_records_say_why():
     assert content["gyroscope"]["why"] == "an axis never changes"
     assert content["accelerometer"]["verdict"] == "consistent"
     assert static_tests(made, calibration(), DiagnoseSettings()) > 10
+
+
+def test_lines_without_noise_are_no_noise_to_weigh_with():
+    made = data(a=log(7))
+    noise = noise_of(made)
+    line = AxisNoise(
+        N=Coefficient(1e-15, (0.0, 2e-15), 2e-15, True),
+        sinusoid=(Sinusoid(Coefficient(0.01), Coefficient(0.613)),),
+    )
+    content = diagnosed(made, NoiseModel("d", noise.axes | {"ay": line})).content
+    assert content["accelerometer"]["verdict"] == "not_testable"
+    assert "lines and no noise beside them" in content["accelerometer"]["why"]
+    assert content["gyroscope"]["verdict"] == "consistent"
 
 
 def test_a_part_that_is_lost_to_a_move_leaves_the_other_sensor_its_own_windows():

@@ -212,26 +212,18 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     return made
 
 
-def direction_unknown(poses, force, gravity, settings):
+def direction_unknown(force):
     """Return why the direction of gravity at the poses is not known, or None if it is.
 
-    Poses that are too few to calibrate an accelerometer say nothing against it as it is; those that
-    are enough, and yet calibrate none, do.
+    An accelerometer as its data sheet has it may be degrees off: what a gyroscope fits to that is
+    no better than its own data sheet.
 
     Parameters
     ----------
-    poses : Poses
-        Poses.
     force : SensorCalibration
         The best of the accelerometer.
-    gravity : float
-        m/s^2.
-    settings : CalibrateSettings
-        Settings.
     """
-    if force.method != "nominal" or accelerometer.untestable_accelerometer(
-        poses, gravity, settings.largest_condition
-    ):
+    if force.method != "nominal":
         return None
     return f"direction of gravity not known: {force.not_testable}"
 
@@ -389,7 +381,7 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
     known = best(force, six_sensors[0])
-    if reason := direction_unknown(multi.poses, known, gravity, settings):
+    if reason := direction_unknown(known):
         turn = rest_bias(multi.poses, model, units[1], reason)
     else:
         turn = calibrate_gyroscope(multi, model, known, units[1], settings)

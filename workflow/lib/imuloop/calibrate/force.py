@@ -9,6 +9,8 @@ from imuloop.calibrate.recording import Recording
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 
+_UPPER = ((0, 1), (0, 2), (1, 2))
+
 
 @dataclass(frozen=True)
 class Force:
@@ -36,7 +38,7 @@ class Force:
         """Covariance of the unit vectors at the poses, pose by pose, shape (3 n, 3 n).
 
         The direction ``u = f / |f|`` has the error ``δu = (I - u uᵀ) T K δy / |f|`` from that of
-        the pose's mean.
+        the pose's mean, and ``(I - u uᵀ) δf / |f|`` from that of the calibration.
         """
         calibration, n = self.calibration, len(self.poses)
         norm = np.linalg.norm(self.poses, axis=1)[:, None]
@@ -48,7 +50,29 @@ class Force:
         # the second pose before the first, its three components, the axes last
         left = means.T[:, :, None] * to_direction
         found = left.reshape(n, 3 * n, 3) @ to_direction.swapaxes(1, 2)
-        return found.swapaxes(0, 1).reshape(3 * n, 3 * n)
+        change, covariance = self._of_parameters
+        change = (across / norm[:, None] @ change).reshape(3 * n, -1)
+        return found.swapaxes(0, 1).reshape(3 * n, 3 * n) + change @ covariance @ change.T
+
+    @cached_property
+    def _of_parameters(self):
+        """The derivative of specific force with respect to the calibration, and its covariance."""
+        calibration, poses = self.calibration, self.recording.poses
+        unit, T, K = calibration.raw_unit, calibration.T, calibration.K
+        raw = unit.from_si(poses.f) - calibration.b
+        channels = self.recording.pose_channels("accelerometer", calibration.output, poses.w)
+        output = calibration.output(poses.f) - sum(e.output(channels) for e in calibration.effects)
+        columns = {f"T{i}{j}": np.outer(output[:, j], np.eye(3)[i]) for i, j in _UPPER}
+        columns |= {f"K{k}": np.outer(raw[:, k], T[:, k]) for k in range(3)}
+        columns |= {f"b{k}": np.tile(-K[k] * T[:, k], (len(raw), 1)) for k in range(3)}
+        if not calibration.names:
+            return np.zeros((len(raw), 3, 0)), np.zeros((0, 0))
+        for effect in calibration.effects:
+            design = -T @ effect.effect.design(channels)
+            for k, name in enumerate(effect.effect.parameters):
+                columns[f"{effect.name}.{name}"] = design[:, :, k]
+        change = np.stack([columns[name] for name in calibration.names], axis=2)
+        return change, calibration.covariance
 
     @cached_property
     def rotations(self):

@@ -18,6 +18,8 @@ from imuloop.core.rotation import exponential, matrix, multiply, prefix_product,
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1", "b2")
+# what data sheets of MEMS gyroscopes allow: misalignment, rad; scale factor, 1
+AXES, SCALE = 0.02, 0.03
 _OFF_DIAGONAL = ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1))
 
 
@@ -425,10 +427,18 @@ def lost_gyroscope(fit, rotations, largest_condition):
     """
     sizes = np.concatenate([np.ones(6), np.abs(fit.x[6:9])])
     condition = condition_number(fit.jacobian[len(fit.jacobian) - 2 * rotations :, :9], sizes)
-    if condition <= largest_condition:
-        return None
-    return (
-        f"no misalignment and scale factor carries gravity through {rotations} rotations: the fit "
-        f"leads to where they determine nothing, {too_large(condition, largest_condition)}; was "
-        "the angular rate clipped or wrapped around, did scale or axes change midway?"
-    )
+    if condition > largest_condition:
+        return (
+            f"no misalignment and scale factor carries gravity through {rotations} rotations: the "
+            f"fit leads to where they determine nothing, {too_large(condition, largest_condition)};"
+            " was the angular rate clipped or wrapped around, did scale or axes change midway?"
+        )
+    std = np.sqrt(np.diag(fit.scaled_covariance)[:9])
+    axes, scale = std[:6].max(), np.max(std[6:] / np.abs(fit.x[6:9]))
+    if axes > AXES or scale > SCALE:
+        return (
+            f"{rotations} rotations tell misalignment to {axes:.2g} rad and scale factor to "
+            f"{100 * scale:.2g} %, a data sheet to {AXES:g} rad and {100 * SCALE:g} %: is the "
+            "accelerometer calibrated? Add rotations by 90 degrees and more"
+        )
+    return None

@@ -6,11 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from imuloop.calibrate.gaps import Lost, errors_of_time, padded_errors
+from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
-
-# of a correlation matrix that is inverted: far above rounding, far below noise beside a slow walk
-_LEAST_EIGENVALUE = 1e-11
 
 
 @dataclass(frozen=True)
@@ -110,19 +108,15 @@ class Poses:
             Channels of one sensor.
         """
         own = [c in channels for c in CHANNELS]
-        covariance = self.mean_covariance(noise)[own]
-        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        found, what = ~np.all(sigma > 0, axis=1), "never changes within a pose"
-        if not found.any():
-            # as many patterns as lines: some sums of poses would have no error
-            correlation = covariance / (sigma[:, :, None] * sigma[:, None])
-            least = np.linalg.eigvalsh(correlation).min(axis=1, initial=1.0)
-            found = least < _LEAST_EIGENVALUE
-            what = "shows lines and no noise beside them"
-        if not found.any():
-            return None
-        silent = np.array(CHANNELS)[own][found]
-        return f"{', '.join(silent)} {what}: its noise is not known"
+        silent, lines = without_weight(self.mean_covariance(noise)[own])
+        for found, what in (
+            (silent, "never changes within a pose"),
+            (lines, "shows lines and no noise beside them"),
+        ):
+            if found.any():
+                names = ", ".join(np.array(CHANNELS)[own][found])
+                return f"{names} {what}: its noise is not known"
+        return None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 
 # version of the JSON file
 FORMAT = 1
+# of a correlation matrix that is inverted: far above rounding, far below noise beside a slow walk
+_LEAST_EIGENVALUE = 1e-11
 
 
 @dataclass(frozen=True)
@@ -366,3 +368,26 @@ class NoiseModel:
     def from_json(cls, path):
         """Return the model from noise.json."""
         return cls.from_dict(read_json(path))
+
+
+def without_weight(covariance):
+    """Return which covariances weigh nothing: no variance, or lines and no noise beside them.
+
+    Lines are as many patterns as there are lines: some sums of the values would have no error.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (k, n, n)
+        Of n values each.
+
+    Returns
+    -------
+    silent, lines : ndarray of bool, shape (k,)
+        Those with a value of no variance, and those with a sum of none.
+    """
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    silent = ~np.all(sigma > 0, axis=1)
+    sigma = np.where(sigma > 0, sigma, 1.0)
+    correlation = covariance / (sigma[:, :, None] * sigma[:, None])
+    least = np.linalg.eigvalsh(correlation).min(axis=1, initial=1.0)
+    return silent, ~silent & (least < _LEAST_EIGENVALUE)

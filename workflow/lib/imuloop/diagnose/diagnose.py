@@ -80,10 +80,14 @@ def diagnose_device(
         static_tests(data, base, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # first the static records: the poses have their effects too, and the noise without these
+    # first the static records: the poses have their effects too, and the noise without these; but
+    # a rest of the poses' own log is one attitude and a start, and they judge for themselves
     still = diagnose_static(data, base, model, settings, noise_settings or NoiseSettings(), tests)
+    of_own_session = "static" in data.kinds.values()
     known = {
-        sensor: tuple(e for e in still.effects[sensor] if can_be_seen(e, recording))
+        sensor: tuple(
+            e for e in still.effects[sensor] if of_own_session and can_be_seen(e, recording)
+        )
         for sensor in SENSORS
     }
     force_model = AccelerometerPoses(
@@ -113,16 +117,21 @@ def diagnose_device(
     turn, turn_solution, _ = diagnose_poses(
         turn_model, recording, settings, tests, fold_models, turn_search
     )
+    records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
+    solutions = dict(zip(SENSORS, (force_solution, turn_solution), strict=True))
+    effects = {
+        sensor: still.effects[sensor] if of_own_session or not solution else ()
+        for sensor, solution in solutions.items()
+    }
+    # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
+    anew = bool(force_solution and force_solution.calibration.effects)
     final = replace(
         base,
         **{
             sensor: final_calibration(
-                getattr(base, sensor),
-                solution,
-                still.effects[sensor],
-                data.records(sensor, base, settings.mean_time),
+                getattr(base, sensor), solution, effects[sensor], records[sensor], anew
             )
-            for sensor, solution in zip(SENSORS, (force_solution, turn_solution), strict=True)
+            for sensor, solution in solutions.items()
         },
     )
     for block in (force, turn):
@@ -137,7 +146,7 @@ def diagnose_device(
         },
         "next_recording": next_recording(
             dict(zip(SENSORS, (force_model, turn_model), strict=True)),
-            dict(zip(SENSORS, (force_solution, turn_solution), strict=True)),
+            solutions,
             final,
             recording,
         ),
@@ -148,17 +157,14 @@ def diagnose_device(
             write_allan(session["allan_raw"], still.allan.get(name), session["allan"])
     final.to_json(calibration_path)
     if attitude_path:
-        effects = {
-            sensor: solution.effects if solution else ()
-            for sensor, solution in zip(SENSORS, (force_solution, turn_solution), strict=True)
-        }
+        fitted = {s: solution.effects if solution else () for s, solution in solutions.items()}
         names = [n for n, s in sessions.items() if usable({n: s}, "multi_position")]
         attitude, table = validate_attitude(
             device,
             turn_model,
             recording,
             turn_solution,
-            effects,
+            fitted,
             names,
             settings,
             tests,
@@ -233,7 +239,7 @@ def can_be_seen(effect, recording):
     return "temperature" not in effect.effect.needs or recording.poses.temperature is not None
 
 
-def final_calibration(base, solution, effects, records):
+def final_calibration(base, solution, effects, records, anew):
     """Return the calibration of a sensor with every effect that was found.
 
     One that the diagnosis did not change stays the one of its stage, to the last bit. Where the
@@ -250,8 +256,10 @@ def final_calibration(base, solution, effects, records):
         Of the static records.
     records : sequence of StaticRecord
         The sensor's static records.
+    anew : bool
+        Whether the accelerometer's fit to the poses has effects.
     """
-    if solution and solution.calibration.effects:
+    if solution and (anew or solution.calibration.effects):
         return solution.calibration
     if not effects:
         return base

@@ -197,11 +197,7 @@ class GyroscopePoses:
             return "no multi_position session with a pose"
         if self.fallback is None and (reason := self.force.untestable(recording)):
             return f"direction of gravity not known: {reason}"
-        if self.fallback is not None and (
-            reason := direction_unknown(
-                recording.poses, self.fallback, self.force.gravity, self.force.settings
-            )
-        ):
+        if self.fallback is not None and (reason := direction_unknown(self.fallback)):
             return reason
         if reason := recording.poses.unknown_noise(self.force.noise, ANGULAR_RATE):
             return reason

@@ -4,11 +4,12 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from imuloop.core.noise_model import NoiseModel
+from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.diagnose.static_correction import noise_again, with_found_noise
 from imuloop.diagnose.static_find import find, static_candidates
 from imuloop.diagnose.static_means import COLUMNS
 from imuloop.diagnose.static_moves import separated
+from imuloop.diagnose.static_noise import mean_covariance
 from imuloop.diagnose.static_report import static_content
 from imuloop.diagnose.static_search import SCANS
 from imuloop.diagnose.verdict import NOTHING
@@ -16,6 +17,8 @@ from imuloop.effects.ramp import Ramp
 
 # effects of a record, which the next record has not
 PASSING = (Ramp, *SCANS)
+# windows that tell noise from lines
+ENOUGH = 64
 
 
 @dataclass(frozen=True)
@@ -136,4 +139,8 @@ def untestable(records, axes, settings):
         return "the noise of an axis is not known"
     if not all(np.ptp(r.values, axis=0).all() for r in records):
         return "an axis never changes"
+    # some windows show it, and many take long
+    covariances = np.stack([mean_covariance(a, records[0].windows[:ENOUGH]) for a in axes])
+    if without_weight(covariances)[1].any():
+        return "an axis shows lines and no noise beside them: its noise is not known"
     return None
