@@ -11,6 +11,7 @@ from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.residuals import held_out_variance, judge, size
 from imuloop.diagnose.search import Search, floor_variance, folds, held_out
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.verdict import above_floor
 from imuloop.simulate.truth import example_truth
 
 
@@ -87,3 +88,18 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
                 ratios[kind].append(size(h.before) / size(np.sqrt(variance[kind])))
     for kind, values in ratios.items():
         assert np.mean(values) == pytest.approx(1, abs=0.12), kind
+
+
+@pytest.mark.parametrize(
+    ("in_sample", "heldout", "interval", "above"),
+    [
+        (False, 0.9, (0.8, 1.0), False),
+        (True, 0.9, (0.8, 1.0), False),  # patterns in what is smaller than the noise
+        (True, 1.1, (0.9, 1.3), True),
+        (False, 1.1, (1.02, 1.2), False),  # within what an interval of few parts may be wrong by
+        (False, 1.7, (1.2, 2.4), True),  # a wrong effect, which fits what it saw
+        (False, 1.7, (0.8, 3.0), False),
+    ],
+)
+def test_a_residual_is_above_its_floor_in_the_fit_and_held_out(in_sample, heldout, interval, above):
+    assert above_floor(in_sample, heldout, 1.0, interval) == above

@@ -381,7 +381,7 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
     known = best(force, six_sensors[0])
-    if reason := direction_unknown(known):
+    if len(multi.poses) and (reason := direction_unknown(known)):
         turn = rest_bias(multi.poses, model, units[1], reason)
     else:
         turn = calibrate_gyroscope(multi, model, known, units[1], settings)

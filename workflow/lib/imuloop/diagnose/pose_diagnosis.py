@@ -8,6 +8,7 @@ from scipy.special import chdtrc
 from imuloop.diagnose.correlates import correlates, probes
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.search import (
+    HeldOut,
     Search,
     candidates,
     floor_variance,
@@ -17,7 +18,7 @@ from imuloop.diagnose.search import (
 )
 from imuloop.diagnose.trial import detection_limit, try_shapes
 from imuloop.diagnose.twins import imitated, interchangeable
-from imuloop.diagnose.verdict import NOTHING, UNTRIED, verdict
+from imuloop.diagnose.verdict import NOTHING, UNTRIED, above_floor, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
 # rate, rotation
@@ -102,7 +103,16 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None, who
 
     share = settings.significance / KINDS
     above = [
-        any(r.above_floor(share) for r in s.solution.residuals.values()) for s in (base, final)
+        any(
+            above_floor(
+                step.solution.residuals[kind].above_floor(share),
+                size(getattr(h, side)),
+                size(floor := np.sqrt(variance[kind])),
+                ratio_interval(HeldOut(h.fold, floor, getattr(h, side)), settings),
+            )
+            for kind, h in held.items()
+        )
+        for step, side in ((base, "before"), (final, "after"))
     ]
     fitted = final.solution.calibration.effects[len(model.known) :]
     content = {

@@ -16,7 +16,7 @@ from imuloop.diagnose.static_probes import static_correlates
 from imuloop.diagnose.static_search import SCANS, StaticSearch
 from imuloop.diagnose.static_spectrum import limits
 from imuloop.diagnose.twins import imitated
-from imuloop.diagnose.verdict import UNTRIED, verdict
+from imuloop.diagnose.verdict import UNTRIED, above_floor, verdict
 from imuloop.effects.gauss_markov import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -43,8 +43,18 @@ def static_content(sensor, finding, noise, change, settings):
     floor = finding.blocks.floor(axes)
     share = settings.significance / 2
     judged = [_judge(finding, axes, base) for base in ((), finding.base)]
+    spread = [np.sqrt(f) for f in floor]
+    above = [
+        above_floor(
+            judge.above_floor(share),
+            size(np.concatenate(errors)),
+            size(np.concatenate(spread)),
+            finding.blocks.ratio_interval(spread, errors),
+        )
+        for judge, errors in zip(judged, (finding.before, finding.after), strict=True)
+    ]
     return {
-        "verdict": verdict(*(j.above_floor(share) for j in judged), finding.added),
+        "verdict": verdict(*above, finding.added),
         "residuals": {
             RESIDUAL: {
                 "unit": UNITS[sensor],

@@ -8,6 +8,8 @@ NOTHING = {
     "confounded": [],
     "correlates": [],
 }
+# held-out error over its floor by which an interval of few parts may be wrong
+MARGIN = 1.25
 # the figures of a candidate that could not be tried
 UNTRIED = {
     "p_value": None,
@@ -18,7 +20,34 @@ UNTRIED = {
 
 
 def verdict(above_before, above_after, effects):
-    """Return the verdict in the contract's words."""
+    """Return the verdict in the contract's words.
+
+    Parameters
+    ----------
+    above_before, above_after : bool
+        Whether a residual is `above_floor`, without the effects and with them.
+    effects : sequence
+        Those that were added.
+    """
     if not effects:
         return "unexplained" if above_before else "consistent"
     return "partly_explained" if above_after else "explained"
+
+
+def above_floor(in_sample, heldout, floor, ratio):
+    """Return whether a residual is larger than the noise explains.
+
+    It is where the fit leaves more than noise and the error of held-out data is above its floor
+    too; and where that error is above it for certain and by more than a quarter, however well the
+    fit went: a model with a wrong effect fits what it saw.
+
+    Parameters
+    ----------
+    in_sample : bool
+        Whether χ² of the fit is above its floor.
+    heldout, floor : float
+        Held-out error, and what the noise alone predicts for it.
+    ratio : (float, float)
+        95 % interval of the one over the other.
+    """
+    return (in_sample and heldout > floor) or (ratio[0] > 1 and heldout > MARGIN * floor)

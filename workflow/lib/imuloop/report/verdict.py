@@ -41,8 +41,8 @@ CORRELATES = {
 CHANNELS = ("time", "temperature")
 # of a residual that the noise model's limits do not exclude
 SLOW_NOISE = (
-    " Flicker or a random walk that these rests are too short to show could be all of it: a static "
-    "record of two hours or more would tell."
+    " Flicker or a random walk that these rests are too short to show could be all that lies above "
+    "the floor: a static record of two hours or more would tell."
 )
 # probability of naming one of them by chance, and the share of the residual that is worth naming
 BY_CHANCE, WORTH_NAMING = 0.05, 0.05
