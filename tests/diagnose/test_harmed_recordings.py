@@ -37,8 +37,9 @@ def clipped(channels, size):
 NOTHING, OPEN = "not_testable", "unexplained"
 # what became of the log; verdicts on accelerometer and gyroscope
 HARMS = {
-    "accelerometer clipped": (clipped(F, 1.05 * GRAVITY), OPEN, OPEN),
-    "gyroscope clipped": (clipped(W, 1.5), "consistent", OPEN),
+    # the gyroscope's own g-sensitivity is found all the same
+    "accelerometer clipped": (clipped(F, 1.05 * GRAVITY), OPEN, "partly_explained"),
+    "gyroscope clipped": (clipped(W, 1.5), "consistent", NOTHING),
     "scale halves": (lambda log: midway(log, F, lambda f: f / 2), NOTHING, NOTHING),
     "offset jumps": (lambda log: midway(log, F, lambda f: f + 5), NOTHING, NOTHING),
     "wrapped at 5": (wrapped(5.0), NOTHING, NOTHING),
@@ -73,11 +74,11 @@ def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
     calibration = json.loads((kept / "calibration.json").read_text())
     for sensor, verdict in (("accelerometer", force), ("gyroscope", turn)):
         poses = found[sensor]["poses"]
-        assert poses["verdict"] == verdict and not poses["effects"]
+        assert poses["verdict"] == verdict
+        assert bool(poses["effects"]) == (verdict == "partly_explained")
         if verdict == NOTHING:
             assert poses["why"]
             # what nothing is known of is passed on as it was
             assert calibration[sensor]["T"] == np.eye(3).tolist()
         else:
-            residual = poses["residuals"].values()
-            assert all(r["chi2_before"] > 0 and r["before"] == r["after"] for r in residual)
+            assert all(r["chi2_before"] > 0 for r in poses["residuals"].values())

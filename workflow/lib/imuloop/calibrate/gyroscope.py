@@ -438,7 +438,7 @@ def lost_gyroscope(fit, rotations, largest_condition):
     if axes > AXES or scale > SCALE:
         return (
             f"{rotations} rotations tell misalignment to {axes:.2g} rad and scale factor to "
-            f"{100 * scale:.2g} %, a data sheet to {AXES:g} rad and {100 * SCALE:g} %: is the "
-            "accelerometer calibrated? Add rotations by 90 degrees and more"
+            f"{100 * scale:.2g} %, a data sheet to {AXES:g} rad and {100 * SCALE:g} %: they are "
+            "too few, or contradict each other; was the angular rate clipped?"
         )
     return None

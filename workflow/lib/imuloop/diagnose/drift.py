@@ -241,6 +241,8 @@ def _test(problem, turn_on, poses, noise, axes, level):
             break
         # the new log fits worse than its noise whatever the parameters: so do they
         excess *= left / dof
+    if not np.all(np.diag(covariance) > 0):
+        raise LinAlgError("rounding leaves a covariance indefinite")
     std = np.sqrt(np.diag(covariance))
     scale = np.array([problem.scale(name) for name in names])
     joint = float(change @ np.linalg.solve(covariance, change))
