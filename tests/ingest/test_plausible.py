@@ -241,6 +241,17 @@ def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
         assert (found["reasons"], found["warnings"]) == ([], [])
 
 
+def test_noise_that_grows_is_no_motion(taken):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        log = tilting(seed, 0.0)
+        growing = np.geomspace(1, 30, len(log))[:, None]
+        log[list(ACCELERATION)] += 0.02 * growing * rng.normal(size=(len(log), 3))
+        found = taken(log, kind="static")
+        assert found["reasons"] == []
+        assert any("nothing turns" in each for each in found["warnings"])
+
+
 def test_slow_turns_in_the_hand_are_no_jump(taken):
     moved = (
         Disturbance("knock", 200, 4.0),

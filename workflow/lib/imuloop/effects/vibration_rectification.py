@@ -49,6 +49,8 @@ class VibrationRectification(Effect):
     parameters: ClassVar = per_axis({"v": "m/s^2 per (m/s^2)^2"})
     equation = "e_i = v_i σ_i²"
     reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
+    # ten times what MEMS sensors show, up to 2 mg per g² of mean square
+    limit = 2e-3
     timed = True
     reach = WINDOW
 

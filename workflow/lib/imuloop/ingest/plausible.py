@@ -254,8 +254,14 @@ def _moved(rests, gravity):
         else:
             told += f", and rests for {share:.0%} of the time only: it looks like a log of motion"
         yield True, f"{told}; {declare}"
-    elif share < LEAST_REST:
+    elif share < LEAST_REST and rests["change"] > MOST_CHANGE:
         yield True, f"the device rests for {share:.0%} of the time only; {declare}"
+    elif share < LEAST_REST:
+        yield (
+            False,
+            f"only {share:.0%} of the time is nearly as quiet as the quietest parts, and nothing "
+            "turns: noise or vibration changes much within the session",
+        )
     elif rests["change"] > MOST_CHANGE and (rests["change_share"] or 0.0) > MOST_CHANGE_SHARE:
         yield (
             True,
