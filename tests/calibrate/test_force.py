@@ -45,3 +45,15 @@ def test_errors_of_parameters_move_directions_as_their_covariance_says():
     own = whole - calibrated_force(exact, silent, noise).direction_covariance
     found = np.cov(np.transpose(drawn))
     assert np.abs(found - own).max() < 0.08 * own.max()
+
+
+def test_an_effect_that_a_plan_leaves_out_moves_no_direction():
+    made, a = recording(TRUTH, 3), TRUTH.accelerometer
+    names = (*accelerometer.NAMES, "warm_up.Ax")
+    given = SensorCalibration(ACCELERATION_UNIT, a.T, a.K, a.b, names, np.eye(10) * 1e-6)
+    base = replace(given, names=names[:9], covariance=given.covariance[:9, :9])
+    covariances = [
+        calibrated_force(each, made, known_noise(TRUTH)).direction_covariance
+        for each in (given, base)
+    ]
+    np.testing.assert_array_equal(*covariances)

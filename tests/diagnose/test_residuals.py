@@ -7,11 +7,12 @@ import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import find_effect
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.residuals import held_out_variance, judge, size
 from imuloop.diagnose.search import Search, floor_variance, folds, held_out
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.verdict import above_floor
+from imuloop.diagnose.verdict import above_floor, unseen
 from imuloop.simulate.truth import example_truth
 
 
@@ -103,3 +104,10 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
 )
 def test_a_residual_is_above_its_floor_in_the_fit_and_held_out(in_sample, heldout, interval, above):
     assert above_floor(in_sample, heldout, 1.0, interval) == above
+
+
+def test_data_that_show_an_effect_beyond_all_physics_alone_cannot_show_it():
+    effect = find_effect("vibration_rectification")
+    assert "0.002 is the most possible" in unseen(effect, dict.fromkeys("xyz", 6.0))
+    assert unseen(effect, {"vx": 6.0, "vy": 1e-3, "vz": 6.0}) is None
+    assert unseen(find_effect("bias_drift"), {"dx": 1e9}) is None

@@ -71,8 +71,10 @@ class Force:
             design = -T @ effect.effect.design(channels)
             for k, name in enumerate(effect.effect.parameters):
                 columns[f"{effect.name}.{name}"] = design[:, :, k]
-        change = np.stack([columns[name] for name in calibration.names], axis=2)
-        return change, calibration.covariance
+        # what a plan leaves out has no column
+        known = [k for k, name in enumerate(calibration.names) if name in columns]
+        change = np.stack([columns[calibration.names[k]] for k in known], axis=2)
+        return change, calibration.covariance[np.ix_(known, known)]
 
     @cached_property
     def rotations(self):

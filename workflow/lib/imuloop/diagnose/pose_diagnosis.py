@@ -18,7 +18,7 @@ from imuloop.diagnose.search import (
 )
 from imuloop.diagnose.trial import detection_limit, try_shapes
 from imuloop.diagnose.twins import imitated, interchangeable
-from imuloop.diagnose.verdict import NOTHING, UNTRIED, above_floor, verdict
+from imuloop.diagnose.verdict import NOTHING, UNTRIED, above_floor, unseen, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
 # rate, rotation
@@ -261,6 +261,9 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         # what is not explained counts as noise
         spread = at.spread.only(trial.column)
         sized = try_shapes(spread, [trial.effect])[0].get(cls, trial)
+    limits = detection_limit(sized, len(whole.available[cls]), settings, whole.tests)
+    if status == "rejected" and (hidden := unseen(cls, limits)):
+        status, why, limits = "not_observable", hidden, None
     return {
         "name": cls.name,
         "status": status,
@@ -272,7 +275,7 @@ def _candidate(cls, whole, searches, effects, failed, settings):
         "parameters": dict(zip(trial.effect.parameters, sized.values.tolist(), strict=True)),
         "std": dict(zip(trial.effect.parameters, sized.std.tolist(), strict=True)),
         "confounded_with": twin,
-        "detection_limit": detection_limit(sized, len(whole.available[cls]), settings, whole.tests),
+        "detection_limit": limits,
         "units": trial.effect.units(whole.model.sensor),
     }
 

@@ -16,7 +16,7 @@ from imuloop.diagnose.static_probes import static_correlates
 from imuloop.diagnose.static_search import SCANS, StaticSearch
 from imuloop.diagnose.static_spectrum import limits
 from imuloop.diagnose.twins import imitated
-from imuloop.diagnose.verdict import UNTRIED, above_floor, verdict
+from imuloop.diagnose.verdict import UNTRIED, above_floor, unseen, verdict
 from imuloop.effects.gauss_markov import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -215,6 +215,9 @@ def _candidate(sensor, finding, cls, settings):
             status = "confounded"
             why = f"in these data it could stand in for {twin}: neither adds to the other"
         twin = twin if status == "confounded" else None
+    found = detection_limits(search, before, trial, settings.power)
+    if status == "rejected" and (hidden := unseen(cls, found)):
+        status, why, found = "not_observable", hidden, None
     return {
         "name": cls.name,
         "status": status,
@@ -224,7 +227,7 @@ def _candidate(sensor, finding, cls, settings):
         "heldout_after": size(np.concatenate(finding.blocks.following((cls,)))),
         "constants": asdict(trial.pattern.effect),
         "confounded_with": twin,
-        "detection_limit": detection_limits(search, before, trial, settings.power),
+        "detection_limit": found,
         "units": trial.pattern.effect.units(sensor),
     }
 

@@ -51,3 +51,19 @@ def above_floor(in_sample, heldout, floor, ratio):
         95 % interval of the one over the other.
     """
     return (in_sample and heldout > floor) or (ratio[0] > 1 and heldout > MARGIN * floor)
+
+
+def unseen(cls, limits):
+    """Return why these data cannot show an effect at all, or None.
+
+    Parameters
+    ----------
+    cls : type
+        The effect.
+    limits : dict of str to float
+        Detection limit of each parameter, SI.
+    """
+    least = min((v for v in limits.values() if v is not None), default=0.0)
+    if not least > cls.limit:
+        return None
+    return f"these data would show it from {least:.2g} on, and {cls.limit:g} is the most possible"
