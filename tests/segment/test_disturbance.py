@@ -13,6 +13,7 @@ from imuloop.core.samples import CHANNELS, TIME, Columns
 from imuloop.segment.disturbance import (
     distance_beyond,
     robust_covariance,
+    squared_distance,
     steepest,
     undisturbed,
 )
@@ -209,3 +210,17 @@ def test_the_steepest_change_is_that_of_each_support():
         change = total[64:] - 2 * total[32:-32] + total[:-64]
         expected.append(start + np.argmax(np.sum(change**2 / np.diag(covariance), axis=1)))
     assert steepest(rows, found, width, covariance).tolist() == expected
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-30, 1e30])
+def test_channels_that_copy_each_other_have_distances(unit):
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(500, 6)) * np.array([1, 1, 1, 1e-3, 1e-3, 1e-3]) * unit
+    x[:, 1], x[:, 5] = x[:, 0], -2 * x[:, 4]
+    distance = squared_distance(x, robust_covariance(x, np.full(6, 1e-30 * unit**2)))
+    assert np.all(np.isfinite(distance)) and np.all(distance >= 0)
+    # of independent channels what it is by definition
+    x = rng.normal(size=(500, 6)) * unit
+    covariance = np.cov(x.T)
+    expected = np.einsum("ni,ni->n", x, np.linalg.solve(covariance / unit**2, x.T / unit**2).T)
+    np.testing.assert_allclose(squared_distance(x, covariance), expected, rtol=1e-9)

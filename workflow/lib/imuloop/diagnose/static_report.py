@@ -95,7 +95,8 @@ def _judge(finding, axes, base):
             )
             dof += len(left) - 1
     dof -= sum(len(c) for p in base for c in p.columns)
-    return Residual("", np.concatenate(values), float(total / dof), float(dof))
+    # rounding leaves less than nothing of what never leaves its level
+    return Residual("", np.concatenate(values), max(float(total / dof), 0.0), float(dof))
 
 
 def _vector(fitted_effect):

@@ -31,6 +31,8 @@ TAIL, TAIL_LIMIT = 0.99, 4.0
 LONE = 8
 # how much larger, in amplitude, such a sample has to be to count as a knock
 LONE_FACTOR = 2.0
+# added to correlations, whose rounding is 1e-15
+_RIDGE = 1e-12
 # a disturbance hidden behind a larger one is found in a later round
 ROUNDS = 10
 # samples over which the places of cuts are looked for at once
@@ -91,7 +93,10 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
 
 def squared_distance(x, covariance):
     """Return the squared Mahalanobis distance of vectors, shape (n, k), from zero."""
-    y = np.linalg.cholesky(np.linalg.inv(covariance)).T @ x.T
+    scale = np.sqrt(np.diag(covariance))
+    # channels that copy each other leave nothing between them but rounding
+    correlation = covariance / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+    y = np.linalg.inv(np.linalg.cholesky(correlation)) / scale @ x.T
     return np.einsum("ij,ij->j", y, y)
 
 
