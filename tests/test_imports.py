@@ -1,6 +1,7 @@
 """What may import what: stages point one way, and every package imported is declared."""
 
 import ast
+import subprocess
 import sys
 import tomllib
 
@@ -69,3 +70,19 @@ def test_every_package_imported_is_declared(repository):
     # the workflow manager runs the rules, tqdm is the progress bar of pooch: nothing else is idle
     idle = names - {DISTRIBUTIONS.get(name, name).lower() for name in needed}
     assert idle == {"snakemake", "tqdm"}
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        *("diagnose.diagnose", "export.export", "report.section", "simulate.truth"),
+        *("commands.apply", "commands.check", "commands.info"),
+    ],
+)
+def test_who_reads_a_calibration_has_the_library_of_effects(repository, module):
+    # in a process of its own, as a job is
+    library = "from imuloop.core.effect import Effect; print(len(Effect.library))"
+    code = f"import imuloop.{module}; {library}"
+    path = {"PYTHONPATH": str(repository / "workflow/lib")}
+    found = subprocess.run([sys.executable, "-c", code], env=path, capture_output=True, text=True)
+    assert int(found.stdout) > 20

@@ -301,6 +301,16 @@ def test_an_integer_that_wraps_around_is_named(recordings, taken, tmp_path):
         assert "an integer that wraps around" in reason and "ax" in reason
 
 
+def test_what_shakes_beyond_a_clipped_range_is_no_wrap():
+    # from one end to the other at once, clipped first and a little less afterwards
+    phase = np.arange(4000) % 50 / 50
+    swing = np.where(np.arange(4000) // 50 % 2, 1.0, -1.0) * (1.02 - 0.04 * phase)
+    assert _wraps(np.clip(swing, -1.0, 1.0), -1.0, 1.0) == 0
+    assert _wraps(swing, -1.02, 1.02) == 0
+    # an integer passes its end by the step that it makes
+    assert _wraps(swing * 0.99, -1.02, 1.02) == 79
+
+
 def test_swings_from_end_to_end_are_no_wrap():
     t = np.arange(10_000) / 100
     # near half the rate, and clipped

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 # a calibration may hold any effect of the library
+import imuloop.effects  # noqa: F401
 from imuloop.core.errors import Lacking, one_line
 from imuloop.core.files import read_json, replaced, write_json
 from imuloop.core.model import Calibration

@@ -280,13 +280,15 @@ def _wraps(x, low, high):
     """Return how often a value jumps from one end of its range to the other and stays there.
 
     A value that swings from end to end is not as flat before and after, one that is clipped is
-    flatter: it does not change at all.
+    flatter: it does not change at all, or is held at an end.
     """
     step = np.abs(np.diff(x))
     span = high - low
     before, jump, after = step[:-2], step[1:-1], step[2:]
     found = (jump >= WRAPPED * span) & (before < FLAT * span) & (after < FLAT * span)
-    return int((found & (before + after > 0)).sum())
+    end = (x == low) | (x == high)
+    held = ((before == 0) & end[1:-2]) | ((after == 0) & end[2:-1])
+    return int((found & (before + after > 0) & ~held).sum())
 
 
 def _clipped(counts, limits, railed, stuck, spikes, runs, rate):

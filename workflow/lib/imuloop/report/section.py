@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 # the library of effects joins by being loaded
+import imuloop.effects  # noqa: F401
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import replaced, write_json
 from imuloop.export.export import listed
