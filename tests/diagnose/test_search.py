@@ -1,6 +1,7 @@
 """The search for effects on simulated devices: finds what is there, says no where nothing is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect, find_effect
-from imuloop.diagnose.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.pose_diagnosis import _chosen, diagnose_poses
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.search import HeldOut, Search, folds, ratio_interval
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -233,3 +234,11 @@ def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypa
     content, solution, _ = diagnose_poses(force, made, DiagnoseSettings())
     assert content["verdict"] == "not_testable" and solution is None
     assert "not positive definite" in content["why"]
+
+
+def test_an_effect_that_the_others_take_up_whole_is_left_out():
+    """Found first, and no trial beside what was found after it."""
+    effects = tuple(find_effect(name)() for name in ("warm_up", "bias_drift"))
+    nothing = SimpleNamespace(trials={})
+    whole = SimpleNamespace(greedy=lambda: (effects, {}), step=lambda found=(): nothing)
+    assert _chosen(whole, []) == ((), [], {})

@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -122,6 +123,8 @@ def test_the_report_and_the_comparison_name_the_failed_first(runs):
     for stage in STAGES:
         assert page.index(f"bad_{stage}</a>", first) < page.index("Which device is better")
         assert f"logs/{stage}/bad_{stage}" in page
+    # no link leads nowhere
+    assert set(re.findall(r'href="#([^"]+)"', page)) <= set(re.findall(r'id="([^"]+)"', page))
     with open(folder / "results/comparison.csv", encoding="utf-8") as file:
         rows = {row["device"]: row for row in csv.DictReader(file)}
     assert [row["status"] for row in rows.values()] == ["failed"] * len(STAGES) + ["ok"] * 2

@@ -172,6 +172,10 @@ def _chosen(whole, searches):
     """
     found, failed = whole.greedy()
     while True:
+        # what those after it take up whole is none of its own
+        if taken := [e for e in found if type(e) not in whole.step(_without(found, e)).trials]:
+            found = _without(found, taken[0])
+            continue
         entries = {effect: _entry(effect, found, whole, searches) for effect in found}
         idle = next((e for e, entry in entries.items() if entry["ratio_ci95"][1] >= 1), None)
         if idle is None:
