@@ -306,7 +306,6 @@ def test_what_shakes_beyond_a_clipped_range_is_no_wrap():
     phase = np.arange(4000) % 50 / 50
     swing = np.where(np.arange(4000) // 50 % 2, 1.0, -1.0) * (1.02 - 0.04 * phase)
     assert _wraps(np.clip(swing, -1.0, 1.0), -1.0, 1.0) == 0
-    assert _wraps(swing, -1.02, 1.02) == 0
     # an integer passes its end by the step that it makes
     assert _wraps(swing * 0.99, -1.02, 1.02) == 79
 
