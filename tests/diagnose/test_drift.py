@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate import accelerometer
+from imuloop.calibrate.calibrate import (
+    calibrate_accelerometer,
+    calibrate_gyroscope,
+    in_raw_units,
+)
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.departure import as_logged
+from imuloop.diagnose.departure import accelerometer_problem, as_logged, gyroscope_problem
 from imuloop.diagnose.drift import check_drift, holm
 from imuloop.simulate.truth import Noise, example_truth
 
@@ -109,6 +114,29 @@ def test_each_parameter_scatters_by_its_error(unchanged, sensor):
     joint = [drift.sensors[sensor].chi2 for drift in unchanged]
     expected = unchanged[0].sensors[sensor].dof
     assert abs(np.mean(joint) - expected) < 4 * np.sqrt(2 * expected / SEEDS)
+
+
+def test_a_turn_s_residual_scatters_by_the_errors_of_the_accelerometer(
+    still, truth, noise, calibrations
+):
+    """Parameters drawn from a covariance that outweighs the noise, each counted once."""
+    ratios = []
+    for seed, calibration in enumerate(calibrations):
+        sensor = calibration.accelerometer
+        _, x, covariance, *_ = as_logged(sensor, accelerometer.NAMES)
+        covariance = 100 * covariance
+        x = x + np.random.default_rng(3000 + seed).multivariate_normal(0 * x, covariance)
+        loose = in_raw_units(
+            sensor.raw_unit, accelerometer.NAMES, x, covariance, method=sensor.method
+        )
+        loose = replace(calibration, accelerometer=loose)
+        log = drawn(still, truth, 4000 + seed)
+        force = accelerometer_problem(loose, log, noise, truth.gravity)
+        turn = gyroscope_problem(loose, log, noise, force, None)
+        r, _ = turn.residuals(turn.x)
+        part = turn.parts["rotation"][1]
+        ratios.append(np.mean(r[part] ** 2 / np.diag(turn.noise)[part]))
+    assert 0.85 < np.mean(ratios) < 1.15, np.mean(ratios)
 
 
 def moved_force(values):

@@ -184,7 +184,7 @@ def gyroscope_problem(calibration, recording, noise, force, change):
     calibration, recording, noise
         As of `accelerometer_problem`.
     force : Problem or str
-        The accelerometer's, for the error of gravity's direction.
+        The accelerometer's; without one there is no direction of gravity, and no turn.
     change : (ndarray, ndarray), or None
         How its parameters have changed, with the covariance, where they have.
 
@@ -199,17 +199,15 @@ def gyroscope_problem(calibration, recording, noise, force, change):
         return "the calibration estimated nothing of it"
     names, x, covariance, fitted, known = as_logged(sensor, gyroscope.NAMES)
     effects = [each.effect for each in fitted]
-    axes, directions = calibration.accelerometer, np.zeros((3 * len(poses), 3 * len(poses)))
-    if not isinstance(force, str):
-        axes, directions = _force(axes, recording, force, change)
+    axes = calibration.accelerometer
+    if change is not None:
+        axes = _changed(axes, force, change)
     at, means = calibrated_force(axes, recording, noise), poses.mean_covariance(noise)[3:]
     n, turns = 3 * len(poses), len(recording.rotations)
     if turns and not isinstance(force, str) and "K0" in sensor.names:
         model = gyroscope.gyroscope_model(recording, at, x, effects, known)
         residuals = model.residuals
-        spread = gyroscope.rotation_covariance(
-            model, x, poses.run, at.direction_covariance + directions, noise
-        )
+        spread = gyroscope.rotation_covariance(model, x, poses.run, at.direction_covariance, noise)
     else:
         turns, spread = 0, np.zeros((0, 0))
         channels = recording.pose_channels("gyroscope", lambda y: x[6:9] * (y - x[9:12]), at.poses)
@@ -241,41 +239,18 @@ def gyroscope_problem(calibration, recording, noise, force, change):
     )
 
 
-def _force(sensor, recording, force, change):
-    """Return the accelerometer as it is now, and what its errors add to gravity's directions.
-
-    ``f = T (K (y - b) - e)`` moves by ``δT o + T ((y - b) δK - K δb - D δp)``, o the output, and
-    its direction u by ``(I - u uᵀ)/|f|`` of that.
-    """
-    x, covariance = force.x, force.covariance
-    names, _, _, fitted, known = as_logged(sensor, accelerometer.NAMES)
-    effects = [each.effect for each in fitted]
-    if change is not None:
-        x, covariance = x + change[0], change[1]
-        sensor = in_raw_units(
-            sensor.raw_unit,
-            accelerometer.NAMES,
-            x,
-            covariance,
-            method=sensor.method,
-            effects=effects,
-            known=known,
-        )
-    model = accelerometer.accelerometer_model(recording, 1.0, x, effects, known)
-    T, K, b = accelerometer.unpack(x)
-    f, _ = model.force(x)
-    output, n = np.linalg.solve(T, f.T).T, len(f)
-    moved = np.zeros((n, 3, len(names)))
-    for k, name in enumerate(accelerometer.NAMES[:3]):
-        moved[:, int(name[1]), k] = output[:, int(name[2])]
-    moved[:, :, 3:6] = T * (model.y - b)[:, None, :]
-    moved[:, :, 6:9] = -T * K
-    moved[:, :, 9:] = -np.einsum("ij,njp->nip", T, model.design)
-    norm = np.linalg.norm(f, axis=1)[:, None, None]
-    u = f[:, :, None] / norm
-    across = (np.eye(3) - u * u.swapaxes(1, 2)) / norm
-    directions = (across @ moved).reshape(3 * n, -1)
-    return sensor, directions @ covariance @ directions.T
+def _changed(sensor, force, change):
+    """Return the accelerometer with its parameters changed, and their covariance."""
+    _, _, _, fitted, known = as_logged(sensor, accelerometer.NAMES)
+    return in_raw_units(
+        sensor.raw_unit,
+        accelerometer.NAMES,
+        force.x + change[0],
+        change[1],
+        method=sensor.method,
+        effects=[each.effect for each in fitted],
+        known=known,
+    )
 
 
 def _attitudes(f):
