@@ -13,6 +13,7 @@ from imuloop.calibrate.accelerometer import (
     untestable_accelerometer,
 )
 from imuloop.calibrate.calibrate import calibrate_accelerometer, direction_unknown
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
@@ -55,6 +56,19 @@ def test_ideal_poses_give_identity():
     u *= G / np.linalg.norm(u, axis=1, keepdims=True)
     fit, _ = fit_accelerometer(Recording(replace(poses_at(u), f=u)), white(30), G)
     np.testing.assert_allclose(fit.x, [0, 0, 0, 1, 1, 1, 0, 0, 0], atol=1e-10)
+
+
+def test_poses_weighted_beyond_rounding_are_a_reason_and_no_failure(monkeypatch):
+    """Three poses of a deaf channel and 13 others; measured of 14 poses of a fuzzed log."""
+    variance = np.where(np.arange(16) < 3, 1e-34, 1e-6)
+    covariance = np.broadcast_to(np.diag(variance), (6, 16, 16))
+    monkeypatch.setattr(Poses, "mean_covariance", lambda self, noise: covariance)
+    monkeypatch.setattr(Poses, "unknown_noise", lambda self, noise, channels: None)
+    poses = poses_at(spread(16))
+    poses = replace(poses, f=poses.f + np.random.default_rng(1).normal(0, 0.3, poses.f.shape))
+    made = calibrate_accelerometer(poses, None, G, ACCELERATION_UNIT, CalibrateSettings())
+    assert made.method == "nominal"
+    assert made.not_testable == SINGULAR
 
 
 def test_the_derivative_is_that_of_differences():

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.diagnose.pose_diagnosis import _chosen, diagnose_poses
@@ -47,6 +48,16 @@ def whole(model, made, available=None):
 def sensitive():
     truth = with_g_sensitivity(example_truth(), MATRIX)
     return truth, recording(truth, 1)
+
+
+def test_a_search_that_rounding_ends_is_a_reason_and_no_failure(sensitive, monkeypatch):
+    def singular(self):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(Search, "greedy", singular)
+    truth, made = sensitive
+    content, solution, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
+    assert (content["verdict"], content["why"], solution) == ("not_testable", SINGULAR, None)
 
 
 def test_an_undeclared_effect_is_found_with_its_size(sensitive):

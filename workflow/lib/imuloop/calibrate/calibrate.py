@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import LinAlgError
 
 from imuloop.calibrate import accelerometer, gyroscope, six_position
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.recording import Recording, record
 from imuloop.core.calibration_faults import sensor_fault
@@ -196,7 +198,10 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     if reason:
         return SensorCalibration.nominal(unit, reason)
     means = poses.mean_covariance(noise)[:3]
-    fit, _ = accelerometer.fit_accelerometer(Recording(poses), means, gravity)
+    try:
+        fit, _ = accelerometer.fit_accelerometer(Recording(poses), means, gravity)
+    except LinAlgError:
+        return SensorCalibration.nominal(unit, SINGULAR)
     if reason := accelerometer.lost_accelerometer(fit, gravity, settings.largest_condition):
         return SensorCalibration.nominal(unit, reason)
     made = in_raw_units(
@@ -260,7 +265,10 @@ def calibrate_gyroscope(recording, noise, force, unit, settings):
     if reason:
         return rest_bias(poses, noise, unit, reason)
     held = poses.w[0] if settings.gyroscope_bias == "initial_rest" else None
-    fit, model, _ = gyroscope.fit_gyroscope(recording, force, noise, bias=held)
+    try:
+        fit, model, _ = gyroscope.fit_gyroscope(recording, force, noise, bias=held)
+    except LinAlgError:
+        return rest_bias(poses, noise, unit, f"{SINGULAR}; bias only")
     turns = len(recording.rotations)
     if reason := gyroscope.lost_gyroscope(fit, turns, settings.largest_condition):
         return rest_bias(poses, noise, unit, reason)

@@ -6,6 +6,11 @@ import numpy as np
 
 # steps after which a fit is given up for done, and the first damping where one fails
 _STEPS, _DAMPING = 100, 1e-3
+# why there is no fit where numpy.linalg.LinAlgError says so
+SINGULAR = (
+    "rounding leaves a covariance or the derivative of the residuals singular: is the noise or the "
+    "range of a channel far from that of the others?"
+)
 
 
 @dataclass(frozen=True)

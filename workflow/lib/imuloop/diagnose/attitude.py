@@ -3,7 +3,9 @@
 from itertools import groupby
 
 import numpy as np
+from scipy.linalg import LinAlgError
 
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.diagnose.attitude_errors import (
     K_I,
     K_P,
@@ -83,10 +85,13 @@ def validate_attitude(
     if any(turn_model.undetermined(recording, keeps)):
         why = f"{len(block)} poses do not determine the model with a block of them held out"
         return no_attitude(device, why)
-    models = [
-        held_out_models(turn_model, recording, keep, effects, settings, tests, searches)
-        for keep in keeps
-    ]
+    try:
+        models = [
+            held_out_models(turn_model, recording, keep, effects, settings, tests, searches)
+            for keep in keeps
+        ]
+    except LinAlgError:
+        return no_attitude(device, SINGULAR)
     u = [_directions(m, recording) for m in models]
     table = _errors(recording, block, models, u, names)
     content = {

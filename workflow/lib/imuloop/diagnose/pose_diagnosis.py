@@ -3,8 +3,10 @@
 from dataclasses import asdict
 
 import numpy as np
+from scipy.linalg import LinAlgError
 from scipy.special import chdtrc
 
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.diagnose.correlates import correlates, probes
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.search import (
@@ -74,12 +76,20 @@ def diagnose_poses(model, recording, settings, tests=None, fold_models=None, who
     reason = model.untestable(recording)
     if reason:
         return {"verdict": "not_testable", "why": reason, **NOTHING}, None, []
-    _, others = pose_candidates(model.sensor, recording)
-    known = {type(effect.effect) for effect in model.known}
     whole = whole or pose_search(model, recording, settings, tests)
     if reason := whole.lost():
         return {"verdict": "not_testable", "why": reason, **NOTHING}, None, []
-    available = whole.available
+    try:
+        return _diagnosed(whole, fold_models)
+    except LinAlgError:
+        return {"verdict": "not_testable", "why": SINGULAR, **NOTHING}, None, []
+
+
+def _diagnosed(whole, fold_models):
+    """Return what `diagnose_poses` does, of poses whose fit without effects is one."""
+    model, recording, settings = whole.model, whole.recording, whole.settings
+    available, (_, others) = whole.available, pose_candidates(model.sensor, recording)
+    known = {type(effect.effect) for effect in model.known}
     fold_models = fold_models or [model] * min(settings.folds, len(recording.poses))
     searches = folds(fold_models, recording, available, settings, whole.tests, whole)
     if searches is None:

@@ -3,7 +3,9 @@
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
+from scipy.linalg import LinAlgError
 
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.diagnose.static_correction import noise_again, with_found_noise
 from imuloop.diagnose.static_find import find, static_candidates
@@ -95,7 +97,11 @@ def diagnose_static(data, calibration, noise, settings, noise_settings, tests=No
             content[sensor] = {"verdict": "not_testable", "why": reason, **NOTHING}
             continue
         fine = data.records(sensor, calibration, 0.0)
-        findings[sensor] = find(sensor, records, fine, settings, tests, shared)
+        try:
+            findings[sensor] = find(sensor, records, fine, settings, tests, shared)
+        except LinAlgError:
+            content[sensor] = {"verdict": "not_testable", "why": SINGULAR, **NOTHING}
+            continue
         # both sensors have the same windows, unless the accelerometer was moved: a part of a record
         # that is too short is left out, so as many records may be left
         alike = len(records) == len(whole) and all(
