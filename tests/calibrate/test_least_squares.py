@@ -59,3 +59,21 @@ def test_what_the_data_do_not_determine_is_an_error():
         fit(residuals, [0, 0], np.eye(len(T)))
     with pytest.raises(np.linalg.LinAlgError):
         fit(residuals, [0, 0], -np.eye(len(T)))
+
+
+@pytest.mark.parametrize("quiet", [1e-6, 1e-12, 1e-16])
+def test_a_covariance_is_symmetric_and_positive(quiet):
+    found = fit(problem(3)[0], TRUTH, two_quiet(quiet))
+    np.testing.assert_array_equal(found.covariance, found.covariance.T)
+    assert np.linalg.eigvalsh(found.covariance)[0] > 0
+
+
+@pytest.mark.parametrize("quiet", [1e-28, 1e-34])
+def test_weights_beyond_rounding_are_an_error(quiet):
+    """Two residuals without noise beside 28 with: they alone would say three parameters."""
+    with pytest.raises(np.linalg.LinAlgError):
+        fit(problem(3)[0], TRUTH, two_quiet(quiet))
+
+
+def two_quiet(variance):
+    return np.diag(np.where(np.arange(len(T)) < 2, variance, 1.0))

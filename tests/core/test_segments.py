@@ -21,6 +21,12 @@ def test_statistics_are_those_of_the_half_open_stretch():
     np.testing.assert_allclose(table["gz_std"] ** 2, [2.0, 224 / 12])
 
 
+def test_what_never_changes_has_no_deviation():
+    for value in (0.1, 3.3, 9.80665, 1e-7):
+        table = samples(np.full(1001, value)).assign(ax=value)
+        assert segment_table(table, [0], [200], ["static"], [0])["ax_std"].tolist() == [0.0]
+
+
 def test_a_missing_temperature_does_not_count():
     logged = np.array([20.0, np.nan, 22.0, np.nan, np.nan, np.nan])
     table = segment_table(samples(logged), [0, 0.3], [0.3, 0.6], ["static"] * 2, [0, 1])

@@ -191,6 +191,13 @@ def test_inner_blocks_are_shared():
     assert [kinds.count(n) for n in (0, 1, 2)] == [1, 8, 28]
 
 
+def test_parts_of_the_data_keep_no_products():
+    """Those of all parts at once were 2 GB for three sessions at rest."""
+    blocks = found(noise(12) + pattern("bias_temperature")[0]).blocks
+    kept = {out for out, search in blocks.searches.items() if search.sight._gram is not None}
+    assert len(blocks.searches) > 1 and kept == {frozenset()}
+
+
 def test_a_step_within_a_held_out_block_has_no_time():
     finding = found(noise(13) + 3 * pattern("steps")[0])
     blocks, (time,) = finding.blocks, pattern("steps")[1].times

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 # steps after which a fit is given up for done, and the first damping where one fails
 _STEPS, _DAMPING = 100, 1e-3
+# singular value over the largest, columns of length one, that rounding alone may leave
+_SMALLEST = 1e-10
 # why there is no fit where numpy.linalg.LinAlgError says so
 SINGULAR = (
     "rounding leaves a covariance or the derivative of the residuals singular: is the noise or the "
@@ -103,7 +106,19 @@ def fit(residuals, x0, covariance):
             damping = max(10 * damping, _DAMPING)
         if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
             break
-    return Fit(x, np.linalg.inv(white.T @ white), float(chi2), len(r) - len(x), jacobian)
+    return Fit(x, _covariance(white), float(chi2), len(r) - len(x), jacobian)
+
+
+def _covariance(white):
+    """Return ``(Wᵀ W)⁻¹``, from the singular values of W with columns of length one."""
+    length = np.linalg.norm(white, axis=0)
+    if not (np.isfinite(length).all() and length.all()):
+        raise LinAlgError("a parameter that no residual depends on")
+    _, values, axes = np.linalg.svd(white / length, full_matrices=False)
+    if values[-1] < _SMALLEST * values[0] or len(white) < len(length):
+        raise LinAlgError("singular derivative of the residuals")
+    root = axes / values[:, None] / length
+    return root.T @ root
 
 
 def condition_number(jacobian, scales):

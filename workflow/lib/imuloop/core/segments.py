@@ -23,6 +23,8 @@ GAP = "gap"
 KINDS = (STATIC, MOTION, DISTURBED, GAP)
 # longer stretches are read in parts of so many rows
 _PART = 1 << 20
+# deviation over mean that rounding alone gives a value that never changes
+_ROUNDING = 1e-14
 
 
 def segment_table(samples, start_s, end_s, kinds, poses):
@@ -98,6 +100,7 @@ def statistics(rows, ranges):
                 if len(known):
                     part.append((len(known), known.mean(), known.std()))
         found[:, :, k] = np.transpose([_joined(part) for part in parts])
+    found[1][found[1] <= _ROUNDING * np.abs(found[0])] = 0.0
     return tuple(dict(zip(names, each, strict=True)) for each in found)
 
 

@@ -140,7 +140,6 @@ def find(sensor, records, fine, settings, tests, noise=None):
         and process.test.log_p < blocks.search().threshold(len(choice.base))
         and process.ratio[1] < 1
     )
-    blocks.forget()
     effects = fitted(blocks.search(), choice.base)
     return Finding(blocks, others, choice, effects, process, has_process, before, after)
 

@@ -103,6 +103,7 @@ class Blocks:
                 held, seen = self.folds[i] == block, ~np.isin(self.folds[i], list(unseen))
                 left = record.values - output(search, base, [p.means[i] for p in base])
                 found[i][held] = left[held] - left[seen].mean(axis=0)
+            search.sight.release()
         return found
 
     def following(self, classes, out=frozenset()):
@@ -145,10 +146,6 @@ class Blocks:
         effects, whatever a part of the data would add.
         """
         return self.choice(out).base if self.choice().base else ()
-
-    def forget(self):
-        """Let go of the searches that lack two blocks: they have judged, and they are large."""
-        self.searches = {out: s for out, s in self.searches.items() if len(out) < 2}
 
     def floor(self, noise):
         """Return the variance that noise alone gives the errors without effects.

@@ -224,6 +224,15 @@ class Sight:
         self._gram[:, first:total, :total] = added
         self._gram[:, :total, first:total] = np.swapaxes(added, 1, 2)
 
+    def release(self):
+        """Let go of all products; what is asked for again is made again.
+
+        Those of a hundred columns at every point of the grid are 40 MB for each part of the data.
+        """
+        self._gram = None
+        for kept in (self._place, self._levels, self._ahead, self._precisions, self._fits):
+            kept.clear()
+
     def precision(self, i, point):
         """Return the precision of the windows that are seen of a record, its level taken out.
 
