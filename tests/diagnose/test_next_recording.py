@@ -14,7 +14,7 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.next_recording import candidate_plans, next_recording
+from imuloop.diagnose.next_recording import candidate_plans, directions_of, next_recording
 from imuloop.diagnose.outlook import outlook
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.effects.bias_temperature import BiasTemperature
@@ -239,3 +239,19 @@ def test_nothing_is_expected_where_a_pose_shows_no_noise():
     models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
     none = dict.fromkeys(SENSORS)
     assert next_recording(models, none, calibration, replace(recording, poses=poses)) == {}
+
+
+def test_poses_without_specific_force_know_nothing():
+    recording = recorded(simulate_session(TRUTH, "multi_position", 5))
+    models, *_ = fitted(recording, known_noise(TRUTH))
+    f = recording.poses.f * np.where(np.arange(len(recording.poses)) < 4, 1e-200, 1.0)[:, None]
+    deaf = replace(recording, poses=replace(recording.poses, f=f))
+    nominal = SensorCalibration.nominal(ACCELERATION_UNIT, "")
+    view = outlook(models["accelerometer"], None, nominal, nominal, deaf)
+    device = Calibration("example", TRUTH.gravity, nominal, nominal)
+    assert len(directions_of(deaf, device)) == len(deaf.poses) - 4
+    assert set(view.std().values()) == {None}
+    assert (
+        None
+        not in outlook(models["accelerometer"], None, nominal, nominal, recording).std().values()
+    )

@@ -159,10 +159,11 @@ def _constant(poses):
 
 
 def directions_of(recording, calibration):
-    """Return the upward direction of each pose, shape (n, 3), without the effects."""
+    """Return the upward direction of each pose that feels any, shape (n, 3), without effects."""
     force = calibration.accelerometer
     f = force.output(recording.poses.f) @ force.T.T
-    return f / np.linalg.norm(f, axis=1, keepdims=True)
+    norm = np.linalg.norm(f, axis=1)
+    return f[norm > 0] / norm[norm > 0, None]
 
 
 def weakest_axis(view):

@@ -96,7 +96,9 @@ def outlook(model, solution, calibration, force, recording):
     force = replace(force, effects=())
     start = Solution((), fit, nothing[:, 0], nothing[:, :0], {}, calibration, force)
     known = np.zeros((len(x), len(x)))
-    if len(recording.poses) and len(recording.rotations):
+    # a pose without specific force, as of a channel scaled to nothing, has no direction
+    felt = np.linalg.norm(recording.poses.f, axis=1) > 0
+    if len(recording.poses) and len(recording.rotations) and felt.all():
         known = information(model, start, recording)
     return Outlook(model, start, known, names)
 

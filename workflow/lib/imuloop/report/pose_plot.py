@@ -48,12 +48,15 @@ def direction_words(vector):
 
 
 def pose_directions(device):
-    """Return the direction of each pose, shape (n, 3), by kind of session."""
+    """Return the direction of each pose that feels any, shape (n, 3), by kind of session."""
     found = {}
     for session in device.used:
         if session.kind in MARKS and len(session.poses):
-            f = session.poses
-            found.setdefault(session.kind, []).append(f / np.linalg.norm(f, axis=1, keepdims=True))
+            norm = np.linalg.norm(session.poses, axis=1, keepdims=True)
+            felt = norm[:, 0] > 0
+            if felt.any():
+                u = session.poses[felt] / norm[felt]
+                found.setdefault(session.kind, []).append(u)
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 
