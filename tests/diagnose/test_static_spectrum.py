@@ -116,3 +116,7 @@ def test_held_out_blocks_tell_a_process_from_none():
     # seven blocks that never change say of the eighth that it cannot be
     stuck = np.where(np.arange(len(means(4)))[:, None] < len(means(4)) * 7 // 8, 1e-200, means(4))
     assert np.all(np.isfinite(ratio(stuck)[1]))
+    # and of an axis that is stuck they know nothing at all
+    alive = len(np.array_split(stuck, 8)[-1])
+    stuck = means(4) * np.where(np.arange(len(stuck))[:, None] < len(stuck) - alive, [1, 1, 0], 1)
+    assert np.all(np.isfinite(ratio(stuck)[1]))

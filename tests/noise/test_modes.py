@@ -141,3 +141,11 @@ def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
         np.sort(np.abs(slow)), np.sort(np.abs(np.diff(values)[:, 0])) / 2**0.5
     )
     assert len(fast) == 0
+
+
+def test_a_session_of_stretches_shorter_than_a_block_adds_nothing():
+    long = Layout(100.0, (0,), (100_000,), (0,))
+    shreds = Layout(100.0, (0, 9000), (5, 7), (0, 0))
+    basis, alone = modes([long, shreds]), modes([long])
+    assert basis.m > 7 and basis.number == alone.number
+    np.testing.assert_array_equal(basis.count, alone.count)

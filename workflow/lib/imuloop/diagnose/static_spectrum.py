@@ -164,6 +164,9 @@ class _Fits:
 
         power = beside([np.array([axis.power for axis in axes]) for axes in parts])
         count = beside([axes[0].count for axes in parts], 0.0)
+        # an axis that never changes has no noise, and no process beside it
+        dead = ~power.any(axis=2)
+        power[dead] = 1.0
         # one array a time, for all axes; the last time again where a part has fewer
         each = [np.append(t, t[-1:].repeat(tries - len(t))) for t in times]
         wide = [_units(axes[0].theta, t) for axes, t in zip(parts, each, strict=True)]
@@ -174,6 +177,8 @@ class _Fits:
         gain = _value(power[:, None], count[:, None], wide, with_it)
         gain = gain - _value(power, count, plain, without)[:, None]
         # half of chance gives no gain
+        gain[np.broadcast_to(dead[:, None], gain.shape)] = 0.0
+        without[dead] = 0.0
         log_p = np.where(gain > 10 * CLOSE, log_ndtr(-np.sqrt(2 * np.maximum(gain, 0))), 0.0)
         return [
             cls(t, fisher(np.moveaxis(p, 1, 0))[: len(t)], *fits)
@@ -300,8 +305,10 @@ def held_out_ratio(folds, settings):
         held = spectra(own)
         power, count = np.array([axis.power for axis in held]), held[0].count
         units = _units(held[0].theta, fits.times[fits.best])
-        gain = _value(power, count, units, fits.wide[fits.best])
-        gains.append((gain - _value(power, count, units[:, :4], fits.plain)).sum())
+        # of an axis that never changes in the other blocks they know no noise
+        known = fits.plain.any(axis=1)
+        gain = _value(power[known], count, units, fits.wide[fits.best][known])
+        gains.append((gain - _value(power[known], count, units[:, :4], fits.plain[known])).sum())
         number += len(held) * count.sum()
     draws = np.random.default_rng(settings.seed).integers(
         len(gains), size=(settings.draws, len(gains))

@@ -304,6 +304,9 @@ def _pieces(session, layout, m):
     offset = np.concatenate([m * np.arange(n) for n in number])
     start = np.asarray(layout.starts)[stretch] + offset
     level = np.asarray(layout.levels)[stretch]
+    if not len(start):
+        # every stretch is shorter than a block
+        return
     for part in np.array_split(np.arange(len(start)), -(-len(start) // (BLOCKS + BLOCKS // 8))):
         # levels follow each other, so that a contrast of one is free of a walk in another
         ends = np.flatnonzero(np.diff(level[part])) + 1
