@@ -11,10 +11,10 @@ import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.diagnose.pose_diagnosis import _chosen, diagnose_poses
 from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
-from imuloop.diagnose.search import HeldOut, Search, folds, ratio_interval
+from imuloop.diagnose.search import HeldOut, Search, candidates, folds, ratio_interval
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
 
@@ -253,3 +253,17 @@ def test_an_effect_that_the_others_take_up_whole_is_left_out():
     nothing = SimpleNamespace(trials={})
     whole = SimpleNamespace(greedy=lambda: (effects, {}), step=lambda found=(): nothing)
     assert _chosen(whole, []) == ((), [], {})
+
+
+@pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
+@pytest.mark.parametrize("record", ["poses", "static_record"])
+def test_a_span_that_a_thermometer_makes_by_itself_is_no_temperature_effect(sensor, record):
+    t, three = np.arange(50.0), np.tile([0.0, 0.0, 9.8], (50, 1))
+    for kelvin, tried in ((0.3, False), (1.0, False), (3.0, True)):
+        channels = Channels(t, three, three, 25 + kelvin * t / t[-1])
+        available, others = candidates(sensor, record, channels)
+        of_temperature = {c for c in (*available, *others) if "temperature" in c.needs}
+        assert len(of_temperature) > 2
+        assert {c in available for c in of_temperature} == {tried}
+        if not tried:
+            assert {others[c][0] for c in of_temperature} == {"not_observable"}

@@ -12,6 +12,7 @@ from imuloop.diagnose.pairs import best_pair
 from imuloop.diagnose.residuals import held_out_variance
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.trial import Linear, White, excess, try_shapes
+from imuloop.effects.thermometer import LEAST_SPAN, span
 
 
 def candidates(sensor, record, channels):
@@ -41,6 +42,12 @@ def candidates(sensor, record, channels):
             others[cls] = ("not_observable", cls.unobservable)
         elif "temperature" in cls.needs and channels.temperature is None:
             others[cls] = ("not_available", "not every session logs a temperature")
+        elif "temperature" in cls.needs and span(channels) <= LEAST_SPAN:
+            others[cls] = (
+                "not_observable",
+                f"the temperature changes by {span(channels):.2g} K: a thermometer's own error can "
+                f"do so up to {LEAST_SPAN:g} K",
+            )
         else:
             available[cls] = tuple(cls.shapes(channels))
     return available, others

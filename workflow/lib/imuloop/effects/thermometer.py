@@ -7,6 +7,8 @@ from imuloop.core.memory import filled
 
 # degC, at which data sheets give bias and scale factor
 ROOM = 25.0
+# K; one step of a thermometer of whole degrees, or the error of one on a chip, is as much
+LEAST_SPAN = 1.0
 # degC, between which a reference can lie
 CELSIUS = (-273.15, 1000.0)
 

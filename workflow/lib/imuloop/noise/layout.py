@@ -8,6 +8,9 @@ import numpy as np
 
 from imuloop.core.samples import LONG_GAP_STEPS
 
+# samples that are worked on at a time
+CHUNK = 8192
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -30,6 +33,31 @@ class Layout:
     starts: tuple[int, ...]
     lengths: tuple[int, ...]
     levels: tuple[int, ...]
+
+    @cached_property
+    def of_level(self):
+        """The level of each stretch as 0, 1, ..., and the samples of each level."""
+        level = np.unique(self.levels, return_inverse=True)[1]
+        return level, np.bincount(level, self.lengths)
+
+    @property
+    def parts(self):
+        """Stretch and slice of at most `CHUNK` samples, one after the other."""
+        for i, length in enumerate(self.lengths):
+            for a in range(0, length, CHUNK):
+                yield i, slice(a, min(a + CHUNK, length))
+
+    @cached_property
+    def groups(self):
+        """Lists of such parts, as many as have `CHUNK` samples together."""
+        groups, filled = [], CHUNK
+        for i, part in self.parts:
+            filled += part.stop - part.start
+            if filled > CHUNK:
+                groups.append([])
+                filled = part.stop - part.start
+            groups[-1].append((i, part))
+        return groups
 
     @cached_property
     def _first(self):

@@ -61,8 +61,11 @@ class Line:
         ]
         for wave in self.waves:
             layout, parts = cut(layouts[wave.session], result[wave.session], wave.begin, wave.end)
-            for i, part, _, waves in chunks(layout, wave.frequency):
-                parts[i][part] -= np.array([wave.cosine, wave.sine]) @ waves
+            for group, _, _, waves in chunks(layout, wave.frequency):
+                line, at = np.array([wave.cosine, wave.sine]) @ waves, 0
+                for i, part in group:
+                    parts[i][part] -= line[at : at + part.stop - part.start]
+                    at += part.stop - part.start
         return result
 
     def left(self, line, rate):

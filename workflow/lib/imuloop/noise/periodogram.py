@@ -8,7 +8,8 @@ from math import log
 import numpy as np
 from scipy import fft, special
 
-from imuloop.noise.waves import CHUNK, extent, levels, parts
+from imuloop.noise.layout import CHUNK
+from imuloop.noise.waves import extent
 
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
@@ -231,18 +232,18 @@ def _squares(x):
 
 def _filled(layout, stretches, padded, size):
     """Return a session over `size`, levels and slope removed, zeros in the gaps and behind."""
-    level, counts = levels(layout)
+    level, counts = layout.of_level
     starts, lengths = np.array(layout.starts), np.array(layout.lengths)
     middles = starts + (lengths - 1) / 2
     x_mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
     t_mean = np.bincount(level, lengths * middles) / counts
     upper = 0.0
-    for i, part in parts(layout):
+    for i, part in layout.parts:
         t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
         upper += t @ (stretches[i][part] - x_mean[level[i]])
     slope = upper / (lengths @ ((lengths**2 - 1) / 12 + (middles - t_mean[level]) ** 2))
     filled = np.zeros(padded, np.float32)
-    for i, part in parts(layout):
+    for i, part in layout.parts:
         t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
         at = starts[i] - starts.min() + part.start
         filled[at : at + t.size] = (stretches[i][part] - x_mean[level[i]] - slope * t) / size

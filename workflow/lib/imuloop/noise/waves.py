@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.noise.layout import Layout
+from imuloop.noise.layout import CHUNK, Layout
 
-# samples that are modelled at a time; parts of a record in which a wave is summed
-CHUNK, BINS = 8192, 8192
+# parts of a record in which a wave is summed
+BINS = 8192
 # the fit of a frequency ends at this share of 1/T
 ROUNDS, CLOSE = 8, 1e-3
 # a wave is followed through halves of a record of that many periods at least, where they explain
@@ -149,12 +149,11 @@ def _baseband(layout, stretches, frequency):
     first, last = extent(layout)
     width = -(-(last - first + 1) // BINS)
     size = -(-(last - first + 1) // width)
-    level, counts = levels(layout)
-    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
+    means = _means(layout, stretches)
     sums, number = np.zeros(size, complex), np.zeros(size)
-    for i, part, _, (cosine, sine) in chunks(layout, frequency):
-        x = stretches[i][part] - mean[level[i]]
-        bins = (np.arange(part.start, part.stop) + (layout.starts[i] - first)) // width
+    for group, sample, _, (cosine, sine) in chunks(layout, frequency):
+        x, level = _values(layout, stretches, group)
+        x, bins = x - means[level], (sample - first) // width
         sums += np.bincount(bins, x * cosine, size) - 1j * np.bincount(bins, x * sine, size)
         number += np.bincount(bins, minlength=size)
     return sums, number, width / layout.rate
@@ -162,36 +161,65 @@ def _baseband(layout, stretches, frequency):
 
 def products(layout, stretches, frequency):
     """Return the products of x, u, cosine, sine, u cosine, u sine without the levels' means."""
-    level, counts = levels(layout)
-    mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
-    gram, sums = np.zeros((6, 6)), np.zeros((counts.size, 6))
-    for i, part, u, waves in chunks(layout, frequency):
+    means = _means(layout, stretches)
+    gram, sums = np.zeros((6, 6)), np.zeros((means.size, 6))
+    for group, _, u, waves in chunks(layout, frequency):
+        x, level = _values(layout, stretches, group)
         columns = np.empty((6, u.size))
-        columns[0] = stretches[i][part] - mean[level[i]]
+        columns[0] = x - means[level]
         columns[1], columns[2:4], columns[4:] = u, waves, u * waves
         gram += columns @ columns.T
-        sums[level[i]] += columns.sum(1)
-    return gram - (sums.T / counts) @ sums
+        if len(group) == 1:
+            sums[level] += columns.sum(1)
+        else:
+            sums += np.array([np.bincount(level, c, means.size) for c in columns]).T
+    return gram - (sums.T / layout.of_level[1]) @ sums
 
 
-def parts(layout):
-    """Yield stretch and slice of at most `CHUNK` samples after the other."""
-    for i, length in enumerate(layout.lengths):
-        for a in range(0, length, CHUNK):
-            yield i, slice(a, min(a + CHUNK, length))
+def _means(layout, stretches):
+    """Return the mean of each level."""
+    counts = layout.of_level[1]
+    total = np.zeros(counts.size)
+    for group in layout.groups:
+        x, level = _values(layout, stretches, group)
+        if len(group) == 1:
+            total[level] += x.sum()
+        else:
+            total += np.bincount(level, x, counts.size)
+    return total / counts
+
+
+def _values(layout, stretches, group):
+    """Return the values of a group, and their levels: one number where it is a single part."""
+    level = layout.of_level[0]
+    if len(group) == 1:
+        ((i, part),) = group
+        return stretches[i][part], level[i]
+    x = np.concatenate([stretches[i][part] for i, part in group])
+    return x, np.repeat(level[[i for i, _ in group]], [p.stop - p.start for _, p in group])
 
 
 def chunks(layout, frequency):
-    """Yield stretch, slice, u from -1 to 1 over the session, cosine and sine from its middle on."""
+    """Yield of each group: its parts, the number of each sample, u and (cosine, sine).
+
+    u goes from -1 to 1 over the session, the phase counts from its middle.
+    """
     first, last = extent(layout)
     middle, half = (first + last) / 2, (last - first) / 2
     turns = frequency / layout.rate
     within = np.exp(2j * np.pi * turns * np.arange(min(CHUNK, max(layout.lengths))))
-    for i, part in parts(layout):
-        a, b = layout.starts[i] + part.start, layout.starts[i] + part.stop
-        u = (np.arange(a, b) - middle) / half
-        wave = np.exp(2j * np.pi * (turns * (a - middle) % 1)) * within[: b - a]
-        yield i, part, u, np.array([wave.real, wave.imag])
+    for group in layout.groups:
+        start = np.array([layout.starts[i] + part.start for i, part in group])
+        length = np.array([part.stop - part.start for _, part in group])
+        phase = np.exp(2j * np.pi * (turns * (start - middle) % 1))
+        if len(group) == 1:
+            sample, wave = np.arange(start[0], start[0] + length[0]), phase * within[: length[0]]
+        else:
+            # places in their parts
+            place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+            sample = np.repeat(start, length) + place
+            wave = np.repeat(phase, length) * within[place]
+        yield group, sample, (sample - middle) / half, np.array([wave.real, wave.imag])
 
 
 def cut(layout, stretches, begin, end):
@@ -203,12 +231,6 @@ def cut(layout, stretches, begin, end):
     ]
     starts, parts, levels = zip(*kept, strict=True) if kept else ((), (), ())
     return Layout(layout.rate, starts, tuple(len(x) for x in parts), levels), parts
-
-
-def levels(layout):
-    """Return the level of each stretch as 0, 1, ..., and the samples of each level."""
-    level = np.unique(layout.levels, return_inverse=True)[1]
-    return level, np.bincount(level, layout.lengths)
 
 
 def extent(layout):
