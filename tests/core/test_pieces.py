@@ -18,7 +18,10 @@ from imuloop.core.units import RawUnit
 
 N = 4001
 DESIGNED = [
-    name for name, cls in Effect.library.items() if not cls.unobservable and "design" in vars(cls)
+    name
+    for name, cls in Effect.library.items()
+    # one of runs is zero in a log
+    if not cls.unobservable and "design" in vars(cls) and "run" not in cls.needs
 ]
 
 

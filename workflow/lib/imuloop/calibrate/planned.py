@@ -184,7 +184,8 @@ def _recorded(log, rests, moves, variance, rate):
     f, w = log.f[first], log.w[first]
     poses = Poses(
         session=np.zeros(n, dtype=int),
-        run=np.zeros(n, dtype=int),
+        # none of those that a calibration knows
+        run=np.full(n, -1),
         start_s=start,
         end_s=end,
         duration_s=end - start,

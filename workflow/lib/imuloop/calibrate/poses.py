@@ -212,7 +212,8 @@ def gather_poses(segments):
     np.maximum.at(last, pose, end)
     return Poses(
         session=poses[:, 0],
-        run=poses[:, 1],
+        # 0, 1, ...: a run without a pose does not count
+        run=np.unique(poses[:, 1], return_inverse=True)[1].ravel(),
         start_s=first,
         end_s=last,
         duration_s=np.bincount(pose, end - start),

@@ -78,6 +78,10 @@ class Recording:
         renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
         return replace(self, poses=self.poses.select(keep), rotations=renumbered)
 
+    def of_new_runs(self):
+        """Return the same, its runs none of those that a calibration knows: numbers below zero."""
+        return replace(self, poses=replace(self.poses, run=-1 - self.poses.run))
+
     def pose_channels(self, sensor, output, other):
         """Return what an effect of a sensor sees at the poses.
 
@@ -97,7 +101,7 @@ class Recording:
             return pose_means(poses, self.logs, whole)
 
         own = output(getattr(poses, OWN[sensor][0]))
-        return Channels(poses.mid_s, own, other, poses.temperature, history)
+        return Channels(poses.mid_s, own, other, poses.temperature, history, run=poses.run)
 
     def rotation_channels(self, sensor, output, other):
         """Return what an effect sees along the rotations, m of k samples, one after the other.
@@ -127,6 +131,7 @@ class Recording:
             other.reshape(-1, 3),
             None if temperature is None else temperature.ravel(),
             history,
+            run=np.repeat(self.poses.run[rotations.first], rotations.t.shape[1]),
         )
 
     def _remember(self, sensor, output, function, constants):

@@ -62,8 +62,8 @@ def add(commands, **how):
         "--turn-on",
         type=two,
         metavar="M/S^2,RAD/S",
-        help="standard deviation of the bias from one switching on to the next; default: the bias "
-        "instability of the noise",
+        help="standard deviation of the bias from one switching on to the next; default: the "
+        "calibration's turn_on_bias, or the bias instability of the noise",
     )
     command.add_argument(
         "--level", type=share, default=0.05, help="probability of a false alarm, default 0.05"

@@ -33,6 +33,8 @@ class Channels:
         after the other; None where the points are the whole log.
     step : float, or None
         Median step of the whole log, s, where it comes in pieces.
+    run : ndarray of int, shape (n,), or None
+        Which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own.
     """
 
     t: np.ndarray
@@ -42,6 +44,7 @@ class Channels:
     history: Callable | None = None
     past: dict | None = None
     step: float | None = None
+    run: np.ndarray | None = None
 
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points.
@@ -95,7 +98,7 @@ class Effect:
     equation, reference : str
         What the effect adds, and where it is described.
     needs : tuple of str
-        Channels without which it cannot be told: ``temperature``.
+        Channels without which it cannot be told: ``temperature``, ``run``.
     records : tuple of str
         The data in which it is looked for: ``poses``, ``static_record``.
     unobservable : str or None

@@ -14,6 +14,7 @@ from imuloop.diagnose.departure import (
     gyroscope_problem,
     testable,
 )
+from imuloop.effects.turn_on_bias import TurnOnBias
 
 # level at which a misfit of the new log widens the errors
 MISFIT = 0.01
@@ -165,7 +166,8 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
         Probability of a false alarm.
     turn_on : (float, float), optional
         Standard deviation of the bias from one switching on to the next, m/s^2 and rad/s; by
-        default the bias instability of the noise model, where it has one.
+        default what the calibration's `turn_on_bias` says, or else the bias instability of the
+        noise model, where it has one.
 
     Returns
     -------
@@ -183,10 +185,13 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     """
     if not len(recording.poses):
         raise ImuloopError("the log holds no rest: nothing can be tested")
+    recording = recording.of_new_runs()
     poses = recording.poses
     force = accelerometer_problem(calibration, recording, noise, gravity or calibration.gravity)
     allowed = {
-        sensor: _turn_on(noise, axes, None if turn_on is None else turn_on[k])
+        sensor: _turn_on(
+            getattr(calibration, sensor), noise, axes, None if turn_on is None else turn_on[k]
+        )
         for k, (sensor, axes) in enumerate(
             (("accelerometer", ACCELERATION), ("gyroscope", ANGULAR_RATE))
         )
@@ -212,10 +217,16 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     return Drift(calibration.device, level, len(poses), rotations, sensors)
 
 
-def _turn_on(noise, axes, given):
-    """Return the standard deviation of the three biases from one switching on to the next, SI."""
+def _turn_on(sensor, noise, axes, given):
+    """Return the standard deviation of the three biases from one switching on to the next, SI.
+
+    What was given, what the calibration's own runs show, or what the noise allows for.
+    """
     if given is not None:
         return (float(given),) * 3
+    for each in sensor.effects:
+        if isinstance(each.effect, TurnOnBias):
+            return tuple(each.effect.run_to_run(each.values)[0].tolist())
     return tuple(float(_FLICKER * (noise.axes[axis].B.value or 0.0)) for axis in axes)
 
 

@@ -48,6 +48,11 @@ def candidates(sensor, record, channels):
                 f"the temperature changes by {span(channels):.2g} K: a thermometer's own error can "
                 f"do so up to {LEAST_SPAN:g} K",
             )
+        elif "run" in cls.needs and (channels.run is None or not channels.run.any()):
+            others[cls] = (
+                "not_available",
+                "one run shows one bias: record several sessions, switched off and on between",
+            )
         else:
             available[cls] = tuple(cls.shapes(channels))
     return available, others

@@ -184,6 +184,8 @@ def _candidates(sensor, finding, settings):
 def _unseen(cls):
     if cls.name == "bias_drift":
         return "in a static record it is called ramp"
+    if cls.name == "turn_on_bias":
+        return "every static record has a level of its own: see its scatter from run to run"
     return "in one attitude, without a turn, it cannot be told from the bias"
 
 

@@ -3,6 +3,7 @@
 import re
 
 from imuloop.core.effect import Effect
+from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.data_tables import text_of
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.numbers import (
@@ -137,6 +138,8 @@ def _effect_table(sensor, part, effect):
                 typeset(si or "SI"),
             )
         )
+    if effect["name"] == TurnOnBias.name:
+        rows += _run_to_run(effect, si)
     note = f"{known.equation} ({known.reference})." if known else ""
     if constants := constants_text(effect.get("constants")):
         note = f"{note} Of the shapes that were tried this one is best: {constants}.".strip()
@@ -146,6 +149,23 @@ def _effect_table(sensor, part, effect):
         tuple(rows),
         note,
     )
+
+
+def _run_to_run(effect, si):
+    """Return the rows of the run-to-run standard deviation, the interval in the name's place."""
+    std, interval = TurnOnBias(**effect["constants"]).run_to_run(effect["parameters"])
+    display = data_sheet(si)
+    return [
+        (
+            f"run to run, {axis}: 1 σ, 95 % interval {number(low * display.factor)} to "
+            f"{number(high * display.factor)} {display.unit}",
+            number(value * display.factor),
+            display.unit,
+            number(value),
+            typeset(si),
+        )
+        for axis, value, low, high in zip("xyz", std, *interval, strict=True)
+    ]
 
 
 def _place(name, effect):

@@ -1,0 +1,117 @@
+"""Power cycles: the bias jumps from run to run, is named with its size, and is no drift."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import imuloop.effects  # noqa: F401  the library of effects
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise
+from imuloop.calibrate.recording import record
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import find_effect
+from imuloop.core.model import Calibration
+from imuloop.diagnose.drift import check_drift
+from imuloop.diagnose.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import Session, example_truth
+
+SENSORS = ("accelerometer", "gyroscope")
+# 1 mg and 0.11 deg/s
+SIZE = {"accelerometer": 9.80665e-3, "gyroscope": np.radians(0.11)}
+PLAN = Session("multi_position", poses=16, rest_s=(4.0, 4.0), move_s=(2.0, 2.0))
+TRUTH = example_truth(sessions={"multi_position": PLAN}, rate=50.0)
+
+
+def power_cycles(seed, runs=3, size=1.0):
+    """Return the recording of several runs, and the offset of each run and sensor."""
+    rng, samples, jumps = np.random.default_rng(seed), [], []
+    for run in range(runs):
+        jump = {s: tuple(rng.normal(0, size * SIZE[s], 3)) for s in SENSORS}
+        plan = replace(PLAN, turn_on=jump, seed=10 * seed + run)
+        truth = replace(TRUTH, sessions={"multi_position": plan})
+        samples.append(simulate_session(truth, "multi_position", 10 * seed + run))
+        jumps.append(jump)
+    segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
+    return record(samples, segments, 30.0), jumps
+
+
+def diagnosed(recording):
+    """Return content and solution of each sensor."""
+    noise = known_noise(TRUTH)
+    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, CalibrateSettings())
+    first = diagnose_poses(force, recording, DiagnoseSettings())
+    turn = GyroscopePoses(force, None, first[1].effects, RATE_UNIT)
+    return dict(
+        zip(SENSORS, (first, diagnose_poses(turn, recording, DiagnoseSettings())), strict=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def cycles():
+    recording, jumps = power_cycles(1)
+    return recording, jumps, diagnosed(recording)
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
+    _, jumps, found = cycles
+    content, *_ = found[sensor]
+    assert [e["name"] for e in content["effects"]] == ["turn_on_bias"]
+    assert content["verdict"] == "explained"
+    (effect,) = content["effects"]
+    b = np.array([jump[sensor] for jump in jumps])
+    true = (b - b.mean(axis=0))[1:].ravel() * getattr(TRUTH, sensor).K.mean()
+    values = np.array(list(effect["parameters"].values()))
+    score = (values - true) / np.array(list(effect["std"].values()))
+    assert np.abs(score).max() < 4
+    std, interval = find_effect("turn_on_bias")(3).run_to_run(effect["parameters"])
+    assert np.all((interval[0] < SIZE[sensor]) & (SIZE[sensor] < interval[1]))
+    np.testing.assert_allclose(std, b.std(axis=0, ddof=1), rtol=0.3)
+
+
+def test_scale_and_misalignment_are_as_good_as_of_one_run(cycles):
+    recording, _, found = cycles
+    force = AccelerometerPoses(
+        known_noise(TRUTH), TRUTH.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    )
+    one = force.fit(recording.select(recording.poses.run == 0)).calibration.std
+    all_ = found["accelerometer"][1].calibration.std
+    assert all(all_[name] < 1.3 * one[name] for name in one if name[0] in "TK")
+    jumpy = force.fit(recording).calibration.std
+    assert all(jumpy[name] > 3 * all_[name] for name in one if name[0] in "TK")
+
+
+def test_runs_of_one_bias_have_none():
+    recording, _ = power_cycles(2, size=0.0)
+    for content, *_ in diagnosed(recording).values():
+        assert content["verdict"] == "consistent" and content["effects"] == []
+        (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
+        assert candidate["status"] == "rejected" and candidate["detection_limit"]
+
+
+def test_one_run_shows_no_other():
+    recording, _ = power_cycles(3, runs=1)
+    content, *_ = diagnosed(recording)["accelerometer"]
+    (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
+    assert candidate["status"] == "not_available" and "one run" in candidate["why"]
+
+
+def test_a_check_allows_for_what_the_runs_showed(cycles):
+    """Of the next run no calibration knows the bias; it moves by as much as the others did."""
+    *_, found = cycles
+    calibration = Calibration("d", TRUTH.gravity, *(found[s][1].calibration for s in SENSORS))
+    log, (jump,) = power_cycles(7, runs=1)
+    allowed = check_drift(calibration, log, known_noise(TRUTH))
+    assert not allowed.drifted
+    strict = check_drift(calibration, log, known_noise(TRUTH), turn_on=(0.0, 0.0))
+    assert strict.drifted
+    changes = {c.name: c for c in strict.sensors["gyroscope"].changes}
+    mean = np.array([j["gyroscope"] for j in cycles[1]]).mean(axis=0)
+    for k in range(3):
+        change = changes[f"b{k}"]
+        assert abs(change.change - (jump["gyroscope"][k] - mean[k])) < 5 * change.std
