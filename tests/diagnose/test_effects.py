@@ -250,6 +250,37 @@ def test_a_file_gives_the_effect_back(shape):
     np.testing.assert_array_equal(back.output(log()), effect.output(log()))
 
 
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_effect_is_held_to_what_its_data_showed(shape):
+    whole = log()
+    some = Channels(
+        whole.t[100:150],
+        *(0.3 * v[100:150] for v in (whole.output, whole.other)),
+        whole.temperature[100:150],
+        run=whole.run[100:150],
+    )
+    free = fitted(shape, 6)
+    held = free.held_to([some])
+    # in the data nothing changes, and elsewhere no parameter adds more than it did there
+    np.testing.assert_array_equal(held.output(some), free.output(some))
+    most = np.abs(shape.design(some)).max(axis=0) @ np.abs(list(free.values.values()))
+    assert np.all(np.abs(held.output(whole)) <= most.max() * (1 + 1e-12))
+    back = FittedEffect.from_dict(json.loads(json.dumps(held.to_dict())))
+    assert back == held
+    # data of more than one kind widen the range
+    wider = held.held_to([whole])
+    np.testing.assert_allclose(wider.output(whole), free.output(whole), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "seen", [{"d0": [0, 1]}, {"dx": [1, 0]}, {"dx": [0, 1, 2]}, {"dx": [0, 1e999]}]
+)
+def test_a_range_that_is_none_is_an_error(seen):
+    content = fitted(find_effect("bias_drift")()).to_dict() | {"seen": seen}
+    with pytest.raises(ImuloopError, match="effect bias_drift: seen"):
+        FittedEffect.from_dict(content)
+
+
 # of a size that handbooks call large, SI
 SIZES = {
     "quadratic": 1e-4,

@@ -10,6 +10,7 @@ import pytest
 
 from export.devices import HOSTILE, device, g_sensitivity, unknown
 from export.warm_device import SENSORS, carried, warm_device, warm_samples
+from imuloop.core.effect import Channels
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.export import c_header
@@ -80,11 +81,15 @@ def read(board, table):
         T, K, b = (numbers[f"{board.device}_{name}_{symbol}"] for symbol in "TKb")
         output = K * (values - b)
         # an axis at a time, as in the function
-        known = {"temperature": temperature, "f": f} | numbers
+        known = {"temperature": temperature, "f": f, c_header.HELD: kept} | numbers
         y = [eval(term, known | {"output": output[:, i], "i": i}) for i in range(3)]
         found.append(np.column_stack(y) @ T.T)
         f = found[0].T
     return np.hstack(found)
+
+
+def kept(x, low, high):
+    return np.where(x == 0, 0.0, np.clip(x, low, high))
 
 
 def agrees(found, board, table):
@@ -94,6 +99,36 @@ def agrees(found, board, table):
     # relative to the largest of a sensor: sums of terms cancel
     size = np.repeat([np.abs(expected[:, :3]).max(), np.abs(expected[:, 3:]).max()], 3)
     assert (np.abs(found - expected) <= 1e-14 * size).all()
+
+
+def narrow_device():
+    """Return the warm device, its effects seen in the middle of the temperatures and in 0.5 g."""
+    board, low, high = warm_device(), 10.0, 30.0
+    n = 200
+    temperature = np.linspace(low, high, n)
+    phase = np.linspace(0, 6, n)[:, None] + np.arange(3)
+    f = 4.9 * np.sin(phase)
+    seen = [Channels(np.zeros(n), f, f, temperature)]
+    sensors = {
+        name: replace(
+            board.sensor(name), effects=tuple(e.held_to(seen) for e in board.sensor(name).effects)
+        )
+        for name in SENSORS
+    }
+    return replace(board, calibration=replace(board.calibration, **sensors))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_effects_are_held_to_what_the_data_showed(compiled, tmp_path, request):
+    board, table = narrow_device(), warm_samples()
+    free = warm_device().calibration.apply(table)
+    assert np.abs(free - board.calibration.apply(table)).max().max() > 1e-3
+    if compiled:
+        agrees(
+            calibrated(request.getfixturevalue("compiler"), board, table, tmp_path), board, table
+        )
+    else:
+        agrees(read(board, table), board, table)
 
 
 @pytest.mark.parametrize("make", [warm_device, device], ids=["warm", "no temperature"])

@@ -1,7 +1,7 @@
 """An effect: what the base model of bias, scale factor and misalignment lacks."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import ClassVar
 
 import numpy as np
@@ -192,11 +192,15 @@ class FittedEffect:
         Parameters, SI.
     std : dict of str to float
         Their standard errors, SI.
+    seen : dict of str to (float, float)
+        Least and largest value that the derivative of each parameter had in the data that show the
+        effect, SI; it is held to them. Empty for an effect that acts everywhere.
     """
 
     effect: Effect
     values: dict
     std: dict
+    seen: dict = field(default_factory=dict)
 
     @property
     def name(self):
@@ -206,17 +210,41 @@ class FittedEffect:
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
         values = np.array([self.values[name] for name in self.effect.parameters])
-        return self.effect.design(channels) @ values
+        design = self.effect.design(channels)
+        if self.seen:
+            low, high = np.transpose(
+                [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
+            )
+            # a parameter that an axis does not have is zero there
+            design = np.where(design == 0, 0.0, np.clip(design, low, high))
+        return design @ values
+
+    def held_to(self, channels):
+        """Return the same, held to what its derivative is in these data.
+
+        Parameters
+        ----------
+        channels : sequence of Channels
+            Of the data that show the effect.
+        """
+        parts = [self.effect.design(each) for each in channels]
+        seen = dict(self.seen)
+        for k, name in enumerate(self.effect.parameters):
+            found = np.concatenate([np.zeros(0), *(d[:, :, k].ravel() for d in parts)])
+            found = found[found != 0]
+            if len(found):
+                seen[name] = (float(found.min()), float(found.max()))
+        return replace(self, seen=seen)
 
     def to_dict(self):
         """Return what a JSON file holds of the effect."""
-        constants = asdict(self.effect)
-        return {
+        content = {
             "name": self.name,
-            "constants": constants,
+            "constants": asdict(self.effect),
             "parameters": self.values,
             "std": self.std,
         }
+        return content | ({"seen": {k: list(v) for k, v in self.seen.items()}} if self.seen else {})
 
     @classmethod
     def from_dict(cls, content):
@@ -241,7 +269,14 @@ class FittedEffect:
             raise ImuloopError(f"effect {name}: std of what is no parameter of it")
         if not np.isfinite([*values.values(), *std.values()]).all():
             raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
-        return cls(effect, values, std)
+        seen = {key: tuple(map(float, ends)) for key, ends in content.get("seen", {}).items()}
+        if not set(seen) <= set(values):
+            raise ImuloopError(f"effect {name}: seen of what is no parameter of it")
+        if not all(
+            len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf for ends in seen.values()
+        ):
+            raise ImuloopError(f"effect {name}: seen is no least and largest value")
+        return cls(effect, values, std, seen)
 
 
 def _check_constants(effect):

@@ -7,6 +7,7 @@ import numpy as np
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
+from imuloop.calibrate.force import calibrated_force
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -134,6 +135,7 @@ def diagnose_device(
             for sensor, solution in solutions.items()
         },
     )
+    final = as_seen(final, solutions, recording, (records, still.effects), force_model.noise)
     for block in (force, turn):
         if "why" in block:
             block["why"] = told(block["why"], sessions)
@@ -269,3 +271,47 @@ def final_calibration(base, solution, effects, records, anew):
         lengths = np.concatenate([r.length for r in records])
         b = b + np.average(np.concatenate(left), axis=0, weights=lengths) / base.K
     return replace(base, b=b, effects=effects)
+
+
+def as_seen(calibration, solutions, recording, static, noise):
+    """Return the calibration with every effect held to what the data show.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The final one.
+    solutions : dict
+        Solution or None by sensor: the accelerometer's effects were seen at the poses, the
+        gyroscope's along the rotations too.
+    recording : Recording
+        Poses and rotations.
+    static : (dict, dict)
+        By sensor the static records, and the effects that they show.
+    noise : NoiseModel
+        Noise of the device.
+    """
+    force, turn = calibration.accelerometer, calibration.gyroscope
+    poses = {sensor: [] for sensor in SENSORS}
+    if solutions["accelerometer"] and force.effects:
+        poses["accelerometer"] = [
+            recording.pose_channels("accelerometer", force.output, recording.poses.w)
+        ]
+    if solutions["gyroscope"] and turn.effects:
+        f = calibrated_force(force, recording, noise)
+        poses["gyroscope"] = [
+            recording.pose_channels("gyroscope", turn.output, f.poses),
+            recording.rotation_channels("gyroscope", turn.output, f.rotations),
+        ]
+
+    def held(sensor, effect):
+        at_rest = effect.name in [each.name for each in static[1][sensor]]
+        records = [r.channels for r in static[0][sensor]] if at_rest else []
+        return effect.held_to(poses[sensor] + records)
+
+    return replace(
+        calibration,
+        **{
+            sensor: replace(own, effects=tuple(held(sensor, e) for e in own.effects))
+            for sensor, own in zip(SENSORS, (force, turn), strict=True)
+        },
+    )

@@ -53,6 +53,8 @@ def candidates(sensor, record, channels):
                 "not_available",
                 "one run shows one bias: record several sessions, switched off and on between",
             )
+        elif "run" in cls.needs and channels.run.max() >= cls.bounds["runs"][1]:
+            others[cls] = ("not_available", f"more runs than {cls.bounds['runs'][1]}")
         else:
             available[cls] = tuple(cls.shapes(channels))
     return available, others

@@ -36,7 +36,7 @@ class TurnOnBias(Effect):
     reference = "IEEE Std 1554-2005, bias repeatability"
     needs: ClassVar = ("run",)
     records = ("poses",)
-    bounds: ClassVar = {"runs": (2, 1000)}
+    bounds: ClassVar = {"runs": (2, 50)}
 
     @property
     def parameters(self):

@@ -3,6 +3,8 @@
 import re
 from string import Template
 
+import numpy as np
+
 from imuloop.core.errors import one_line
 from imuloop.export.densities import UNITS
 from imuloop.export.exported import CHANNELS, MODEL, number, numbers
@@ -11,6 +13,17 @@ from imuloop.export.per_axis import left_out
 FILE = "imu_calibration.h"
 TITLE = "C99 header, plain numbers and functions that apply them"
 
+HELD = "imu_calibration_held"
+HOLDING = f"""\
+#ifndef {HELD.upper()}
+#define {HELD.upper()}
+/* x, held between low and high; what is zero acts on another axis */
+static inline double {HELD}(double x, double low, double high)
+{{
+    return x == 0.0 ? 0.0 : x < low ? low : x > high ? high : x;
+}}
+#endif
+"""
 FUNCTION = Template("""\
 static inline void ${name}(${arguments})
 {
@@ -50,8 +63,10 @@ def text(device):
     )
     if device.temperature_range:
         cold, warm = device.temperature_range
-        body += remark(f"Temperatures of the data: {cold:g} to {warm:g} degC; not held to them.")
+        body += remark(f"Temperatures of the data: {cold:g} to {warm:g} degC.")
     body += f"#ifndef {guard}\n#define {guard}\n"
+    if any(effect.seen for effect in device.calibration.effects):
+        body += "\n" + HOLDING
     for sensor in CHANNELS:
         body += "\n" + sensor_text(device, sensor, f"{prefix}_{sensor}")
     return body + "\n#endif\n"
@@ -111,28 +126,45 @@ def warmer(fitted):
     return f"(temperature - {number(fitted.effect.reference_temperature)})"
 
 
+def held(fitted, name, kind, derivative):
+    """Return arrays and the expression of a derivative, held to what the data of an effect show."""
+    ends = [fitted.seen.get(f"{kind}{axis}") for axis in "xyz"]
+    if None in ends:
+        return "", derivative
+    low, high = np.transpose(ends)
+    arrays = vector(f"{name}_{kind}_low", low) + vector(f"{name}_{kind}_high", high)
+    return arrays, f"{HELD}({derivative}, {name}_{kind}_low[i], {name}_{kind}_high[i])"
+
+
 def bias_temperature(fitted, name):
-    """Return the arrays and the expression of ``Σ_k c_ki (θ - θ0)^k``, by Horner's scheme."""
-    arrays, term = "", ""
+    """Return the arrays and the expression of ``Σ_k c_ki (θ - θ0)^k``."""
+    arrays, terms = "", []
     for k in range(1, fitted.effect.order + 1):
-        arrays += vector(f"{name}_c{k}", by_axis(fitted, f"c{k}"))
-    for k in range(fitted.effect.order, 0, -1):
-        c = f"{name}_c{k}[i]"
-        term = f"{f'({c} + {term})' if term else c} * {warmer(fitted)}"
-    return arrays, term
+        more, power = held(fitted, name, f"c{k}", " * ".join([warmer(fitted)] * k))
+        arrays += vector(f"{name}_c{k}", by_axis(fitted, f"c{k}")) + more
+        terms.append(f"{name}_c{k}[i] * {power}")
+    return arrays, f"({' + '.join(terms)})"
 
 
 def scale_temperature(fitted, name):
     """Return the array and the expression of ``sT_i (θ - θ0) y_i``."""
-    arrays = vector(f"{name}_sT", by_axis(fitted, "sT"))
-    return arrays, f"{name}_sT[i] * {warmer(fitted)} * output"
+    more, product = held(fitted, name, "sT", f"{warmer(fitted)} * output")
+    return vector(f"{name}_sT", by_axis(fitted, "sT")) + more, f"{name}_sT[i] * {product}"
 
 
 def g_sensitivity(fitted, name):
     """Return the matrix and the expression of ``Σ_j G_ij f_j``."""
     G = [[fitted.values[f"G{i}{j}"] for j in range(3)] for i in range(3)]
-    total = " + ".join(f"{name}_G[i][{j}] * f[{j}]" for j in range(3))
-    return matrix(f"{name}_G", G), f"({total})"
+    arrays, terms = matrix(f"{name}_G", G), []
+    ends = [[fitted.seen.get(f"G{i}{j}") for j in range(3)] for i in range(3)]
+    known = all(end for row in ends for end in row)
+    if known:
+        for k, end in enumerate(("low", "high")):
+            arrays += matrix(f"{name}_{end}", [[pair[k] for pair in row] for row in ends])
+    for j in range(3):
+        f = f"{HELD}(f[{j}], {name}_low[i][{j}], {name}_high[i][{j}])" if known else f"f[{j}]"
+        terms.append(f"{name}_G[i][{j}] * {f}")
+    return arrays, f"({' + '.join(terms)})"
 
 
 # effects that the functions apply
