@@ -1,6 +1,7 @@
 """A calibration applied piece by piece gives what it gives of the whole log."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,11 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from imuloop.core.effect import Effect, FittedEffect
+from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.core.errors import ImuloopError
+from imuloop.core.memory import filled
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.pieces import apply_file
-from imuloop.core.samples import METADATA_KEY
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY
 from imuloop.core.units import RawUnit
 
 N = 4001
@@ -81,6 +83,26 @@ def test_pieces_give_what_the_whole_gives(log, tmp_path, names, rows):
         axes = ["ax", "ay", "az", "gx", "gy", "gz"]
         assert np.abs(found[axes] - bare[axes]).to_numpy().max() > 1e-6
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [300, 1 << 17])
+def test_samples_that_are_held_are_counted_once(log, tmp_path, rows):
+    made = calibration(["bias_temperature", "bias_drift"])
+    table = pd.read_parquet(log)
+    first = Channels(
+        table["t"][:1000].to_numpy(),
+        *(table[list(c)][:1000].to_numpy() for c in (ACCELERATION, ANGULAR_RATE)),
+        np.linspace(20.0, 30.0, 1000),
+    )
+    sensor = made.gyroscope
+    sensor = replace(sensor, effects=tuple(e.held_to([first]) for e in sensor.effects))
+    held = apply_file(replace(made, gyroscope=sensor), log, tmp_path / "out.parquet", rows)
+    assert set(held) == {("gyroscope", "bias_temperature"), ("gyroscope", "bias_drift")}
+    assert held["gyroscope", "bias_drift"] == np.sum(table["t"] > table["t"][999])
+    known = filled(table["t"].to_numpy(), table["temperature"].to_numpy())
+    reference = Effect.library["bias_temperature"]().reference_temperature
+    outside = (known < 20) | (known > 30)
+    assert held["gyroscope", "bias_temperature"] == np.sum(outside & (known != reference))
 
 
 def test_csv_and_row_groups_of_others(log, tmp_path):

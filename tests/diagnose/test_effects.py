@@ -276,8 +276,8 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
     "seen", [{"d0": [0, 1]}, {"dx": [1, 0]}, {"dx": [0, 1, 2]}, {"dx": [0, 1e999]}]
 )
 def test_a_range_that_is_none_is_an_error(seen):
-    content = fitted(find_effect("bias_drift")()).to_dict() | {"seen": seen}
-    with pytest.raises(ImuloopError, match="effect bias_drift: seen"):
+    content = fitted(find_effect("bias_drift")()).to_dict() | {"range": seen}
+    with pytest.raises(ImuloopError, match="effect bias_drift: range"):
         FittedEffect.from_dict(content)
 
 

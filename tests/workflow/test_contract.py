@@ -25,10 +25,12 @@ RESIDUALS = {
 EFFECTS = {
     "accelerometer": """bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis
         warm_up bias_drift quadratic cubic asymmetry cross_coupling reorientation
-        vibration_rectification lever_arm time_offset gauss_markov sinusoid steps ramp""".split(),
+        vibration_rectification lever_arm time_offset turn_on_bias gauss_markov sinusoid steps
+        ramp""".split(),
     "gyroscope": """g_sensitivity g2_sensitivity bias_temperature scale_temperature
         bias_temperature_rate thermal_hysteresis warm_up bias_drift scale_nonlinearity
-        scale_asymmetry earth_rate time_offset gauss_markov sinusoid steps ramp""".split(),
+        scale_asymmetry earth_rate time_offset turn_on_bias gauss_markov sinusoid steps
+        ramp""".split(),
 }
 DEVICES = ("posed", "resting")
 
@@ -171,7 +173,8 @@ def check_calibration(path, device, samples):
             assert (np.diag(matrix) > 0).all()
         for effect in one["effects"]:
             assert effect["name"] in EFFECTS[sensor]
-            assert set(effect) == {"name", "parameters", "std"}
+            assert set(effect) == {"name", "constants", "parameters", "std", "range"}
+            assert set(effect["range"]) <= set(effect["parameters"])
             assert set(effect["parameters"]) == set(effect["std"])
         if calibrated is not None and not one["effects"]:
             # the model as the contract has it, from the file alone

@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 from imuloop import Calibration
+from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
 from imuloop.core.files import refuse_overwriting
 
@@ -38,4 +39,6 @@ def run(arguments):
             arguments.log, arguments, Path(folder), calibration=calibration
         )
         refuse_rejected(arguments.log, quality)
-        calibration.apply_file(samples, output)
+        held = calibration.apply_file(samples, output)
+    for (sensor, name), count in held.items():
+        say(f"{sensor}: {name} held to the range of the data that show it in {count} samples")

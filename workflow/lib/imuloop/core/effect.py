@@ -35,6 +35,8 @@ class Channels:
         Median step of the whole log, s, where it comes in pieces.
     run : ndarray of int, shape (n,), or None
         Which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own.
+    held : dict, or None
+        Takes, by name of an effect, at which points it was held to its range.
     """
 
     t: np.ndarray
@@ -45,6 +47,7 @@ class Channels:
     past: dict | None = None
     step: float | None = None
     run: np.ndarray | None = None
+    held: dict | None = None
 
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points.
@@ -216,7 +219,10 @@ class FittedEffect:
                 [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
             )
             # a parameter that an axis does not have is zero there
-            design = np.where(design == 0, 0.0, np.clip(design, low, high))
+            held = np.where(design == 0, 0.0, np.clip(design, low, high))
+            if channels.held is not None:
+                channels.held[self.name] = np.any(held != design, axis=(1, 2))
+            design = held
         return design @ values
 
     def held_to(self, channels):
@@ -244,7 +250,9 @@ class FittedEffect:
             "parameters": self.values,
             "std": self.std,
         }
-        return content | ({"seen": {k: list(v) for k, v in self.seen.items()}} if self.seen else {})
+        return content | (
+            {"range": {k: list(v) for k, v in self.seen.items()}} if self.seen else {}
+        )
 
     @classmethod
     def from_dict(cls, content):
@@ -269,13 +277,13 @@ class FittedEffect:
             raise ImuloopError(f"effect {name}: std of what is no parameter of it")
         if not np.isfinite([*values.values(), *std.values()]).all():
             raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
-        seen = {key: tuple(map(float, ends)) for key, ends in content.get("seen", {}).items()}
+        seen = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
         if not set(seen) <= set(values):
-            raise ImuloopError(f"effect {name}: seen of what is no parameter of it")
+            raise ImuloopError(f"effect {name}: range of what is no parameter of it")
         if not all(
             len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf for ends in seen.values()
         ):
-            raise ImuloopError(f"effect {name}: seen is no least and largest value")
+            raise ImuloopError(f"effect {name}: range is no least and largest value")
         return cls(effect, values, std, seen)
 
 

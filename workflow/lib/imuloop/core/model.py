@@ -225,9 +225,9 @@ class Calibration:
 
     def apply_file(self, source, target):
         """Write the calibrated samples of a samples file; see `imuloop.core.pieces.apply_file`."""
-        apply_file(self, source, target)
+        return apply_file(self, source, target)
 
-    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None):
+    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the gyroscope's output before its own effects; the
@@ -243,6 +243,8 @@ class Calibration:
             degC.
         pasts, step
             Of accelerometer and gyroscope, where the log comes in pieces: see `Channels`.
+        held
+            Of both, dicts that take where effects were held to their range: see `Channels`.
 
         Raises
         ------
@@ -254,10 +256,10 @@ class Calibration:
         with np.errstate(over="ignore", invalid="ignore"):
             own, other = self.accelerometer.output(f), self.gyroscope.output(w)
             f = self.accelerometer.apply(
-                f, Channels(t, own, other, temperature, past=pasts[0], step=step)
+                f, Channels(t, own, other, temperature, past=pasts[0], step=step, held=held[0])
             )
             w = self.gyroscope.apply(
-                w, Channels(t, other, f, temperature, past=pasts[1], step=step)
+                w, Channels(t, other, f, temperature, past=pasts[1], step=step, held=held[1])
             )
         for sensor, values in (("accelerometer", f), ("gyroscope", w)):
             wrong = ~np.isfinite(values).all(axis=1)

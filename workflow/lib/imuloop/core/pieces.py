@@ -51,6 +51,11 @@ def apply_file(calibration, source, target, rows=ROWS):
     rows : int
         Rows of a piece; changes nothing in the result.
 
+    Returns
+    -------
+    dict of (str, str) to int
+        By sensor and effect the samples at which the effect was held to the range of its data.
+
     Raises
     ------
     ImuloopError
@@ -77,16 +82,21 @@ def apply_file(calibration, source, target, rows=ROWS):
     if TEMPERATURE in names and any(TEMPERATURE in e.effect.needs for e in calibration.effects):
         ends = known_ends(source, rows)
     metadata = json.dumps({"calibrated": True, "device": calibration.device}).encode()
-    pasts = {}, {}
+    pasts, counts = ({}, {}), {}
     with replaced(target) as temporary, _writer(temporary, target.suffix, metadata) as write:
         arrays = _arrays(_pieces(source, rows), ends)
         for table, columns, own in _with_surroundings(arrays, reach, step):
-            f, w = calibration.calibrated(**columns, pasts=pasts, step=step)
+            held = {}, {}
+            f, w = calibration.calibrated(**columns, pasts=pasts, step=step, held=held)
+            for sensor, found in zip(("accelerometer", "gyroscope"), held, strict=True):
+                for name, at in found.items():
+                    counts[sensor, name] = counts.get((sensor, name), 0) + int(at[own].sum())
             for axes, values in ((ACCELERATION, f), (ANGULAR_RATE, w)):
                 for name, column in zip(axes, values[own].T, strict=True):
                     place = table.column_names.index(name)
                     table = table.set_column(place, name, pa.array(column))
             write(table)
+    return {key: count for key, count in counts.items() if count}
 
 
 def _pieces(path, rows, columns=None):
