@@ -253,3 +253,19 @@ def test_a_residual_far_below_its_noise_is_no_good_news():
         dof = n - 9
         drawn = rng.chisquare(dof, 4000) / dof
         assert sum(too_quiet(block(n, chi2)) is not None for chi2 in drawn) <= 12
+
+
+def test_the_bias_of_runs_has_its_scatter_with_an_interval():
+    parameters = {f"s{k}{axis}": v for k, v in ((2, 0.02), (3, -0.02)) for axis in "xyz"}
+    effect = {
+        "name": "turn_on_bias",
+        "constants": {"runs": 3},
+        "parameters": parameters,
+        "std": dict.fromkeys(parameters, 1e-3),
+        "units": dict.fromkeys(parameters, "m/s^2"),
+    }
+    (table,) = effect_tables("accelerometer", "poses", {"effects": [effect]})
+    (row,) = (r for r in table.rows if r[0].startswith("run to run, x"))
+    # 0.02 m/s^2; chi square with 2 degrees of freedom: 0.0506 and 7.378
+    assert (row[1], row[2]) == ("2.04", "mg")
+    assert "95 % interval 1.06 to 12.8 mg" in row[0].replace("\u202f", " ")

@@ -1,9 +1,11 @@
 """Summary statistics of records at rest, and the four figures that are called bias stability."""
 
+from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.noise_units import quantities
 from imuloop.report.numbers import NO_NUMBER, coefficient_text, missing, number, plural
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.table import Table
+from imuloop.report.verdict import block_of
 
 STATISTICS = {
     "mean": "Mean",
@@ -60,15 +62,19 @@ def stability_table(device, sensor):
     repeated = device.noise.get("repeatability") or {}
     runs = [repeated.get(c) or {} for c in channels]
     count = max((r.get("sessions") or 0 for r in runs), default=0)
+    added = block_of(device.diagnosis, sensor).get("effects") or []
+    cycled = [] if count else [s for e in added if e["name"] == TurnOnBias.name for s in _cycled(e)]
     rows.append(
         _row(
             "3. Run to run",
             f"standard deviation (1 σ) of the means of {plural(count, 'session')}"
             if count
+            else "standard deviation (1 σ) of the bias over the runs of the poses (turn_on_bias)"
+            if cycled
             else "standard deviation (1 σ) of session means: needs two static sessions or more"
             + (", in the same attitude within 1°" if sensor == "accelerometer" else ""),
             units,
-            [r.get("std") for r in runs],
+            cycled or [r.get("std") for r in runs],
             _scaled,
         )
     )
@@ -88,6 +94,12 @@ def stability_table(device, sensor):
         tuple(rows),
         _finding(device, sensor, found),
     )
+
+
+def _cycled(effect):
+    """Return the run-to-run standard deviation of each axis, SI."""
+    std, _ = TurnOnBias(**effect["constants"]).run_to_run(effect["parameters"])
+    return std.tolist()
 
 
 def _row(name, definition, units, values, text):
