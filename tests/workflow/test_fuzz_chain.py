@@ -9,8 +9,9 @@ import pytest
 
 from bench.fuzz.chain import run
 from bench.fuzz.chain.cases import make
-from bench.fuzz.chain.harm import HARMS, Log
+from bench.fuzz.chain.harm import HARMS
 from bench.fuzz.chain.judge import Page
+from bench.fuzz.chain.log import Log
 from bench.fuzz.chain.recordings import SIMULATED
 from imuloop import chain
 from imuloop.core.errors import ImuloopError

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from bench.fuzz.chain.harm import HARMS, MOST_ROWS, SENSORS, UNITS, Log, other_kind
+from bench.fuzz.chain.harm import HARMS, other_kind
+from bench.fuzz.chain.log import MOST_ROWS, SENSORS, UNITS, Log
 from bench.fuzz.chain.recordings import FAMILIES, recording
 from imuloop.core.units import STANDARD_GRAVITY
 

@@ -1,260 +1,10 @@
 """What can be wrong with a log. Each harm changes a Log in place and says with which numbers."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
-from imuloop.core.units import DEGREE, STANDARD_GRAVITY
-
-# most rows of a log: a case is to take a second or two
-MOST_ROWS = 8_000
-SENSORS = ("acceleration", "angular_rate")
-KINDS = ("static", "six_position", "multi_position")
-UNITS = {
-    "acceleration": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000},
-    "angular_rate": {"rad/s": 1.0, "deg/s": DEGREE, "mrad/s": 1e-3, "deg/h": DEGREE / 3600},
-}
-
-
-@dataclass
-class Log:
-    """A session as it is to be logged and declared.
-
-    Attributes
-    ----------
-    kind : str
-        As declared.
-    t : ndarray, shape (n,)
-        s.
-    x : dict of str to ndarray, shape (n, 3)
-        ``acceleration``, m/s^2, and ``angular_rate``, rad/s.
-    temperature : ndarray, shape (n,), or None
-        degC.
-    count : dict
-        ``scale`` and ``offset`` of one count by quantity.
-    written, declared : dict
-        Unit by quantity.
-    rate : float or None
-        As declared, Hz; the log has no time column then.
-    lines : list of (float, str)
-        Lines that do not belong into a text log: where, as a share of its rows, and what.
-    """
-
-    kind: str
-    t: np.ndarray
-    x: dict
-    temperature: np.ndarray | None
-    count: dict
-    written: dict
-    declared: dict
-    rate: float | None = None
-    lines: list = field(default_factory=list)
-
-    def __len__(self):
-        return len(self.t)
-
-    def take(self, rows):
-        """Keep some rows."""
-        self.t = self.t[rows]
-        self.x = {sensor: values[rows] for sensor, values in self.x.items()}
-        if self.temperature is not None:
-            self.temperature = self.temperature[rows]
-
-    @property
-    def step(self):
-        """Median step of time, s; 1 where there is none."""
-        steps = np.diff(self.t)
-        steps = steps[steps > 0]
-        return float(np.median(steps)) if len(steps) else 1.0
-
-    def restamp(self):
-        """Stamp the rows one after the other, without a gap."""
-        self.t = np.arange(len(self)) * self.step
-
-
-def some(rng, log, most=0.3):
-    """Return which rows are in one to four stretches."""
-    rows = np.zeros(len(log), dtype=bool)
-    for _ in range(rng.integers(1, 5)):
-        first = rng.integers(0, len(log) + 1)
-        rows[first : first + int(len(log) * most * rng.random() ** 2) + 1] = True
-    return rows
-
-
-def size(rng, low, high):
-    """Return a number between two, any order of size alike."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
-def middle(rng, log):
-    """Return a row in the inner part of a log."""
-    return int(len(log) * rng.uniform(0.1, 0.9))
-
-
-def sensor_of(rng):
-    return SENSORS[rng.integers(2)]
-
-
-# --- values
-
-
-def clipped(rng, log):
-    sensor = sensor_of(rng)
-    most = np.abs(log.x[sensor]).max(initial=0.0)
-    limit = rng.choice([1.05 * STANDARD_GRAVITY, 1.5, most * rng.uniform(0.2, 1.0)])
-    log.x[sensor] = np.clip(log.x[sensor], -limit, limit)
-    return f"{sensor} at {limit:.3g}"
-
-
-def requantised(rng, log):
-    sensor, step = sensor_of(rng), size(rng, 1e-4, 3.0)
-    log.x[sensor] = np.round(log.x[sensor] / step) * step
-    return f"{sensor} to {step:.3g}"
-
-
-def dithered(rng, log):
-    for sensor in SENSORS:
-        step = log.count[sensor]["scale"]
-        dither = rng.uniform(-0.5, 0.5, log.x[sensor].shape)
-        log.x[sensor] = np.round(log.x[sensor] / step + dither) * step
-    return "by half a count"
-
-
-def wrapped(rng, log):
-    sensor = sensor_of(rng)
-    limit = float(rng.choice([5, 7, 8.5] if sensor == "acceleration" else [0.2, 1, 4]))
-    log.x[sensor] = (log.x[sensor] + limit) % (2 * limit) - limit
-    return f"{sensor} at {limit:g}"
-
-
-def spikes(rng, log):
-    sensor, height = sensor_of(rng), size(rng, 10, 1e38) * rng.choice([-1, 1])
-    rows = rng.integers(0, max(len(log), 1), rng.choice([1, 1, 2, 5, 50]))
-    if len(log):
-        axes = slice(None) if rng.random() < 0.3 else rng.integers(3)
-        log.x[sensor][rows, axes] = height
-    return f"{len(rows)} of {height:.3g} in {sensor}"
-
-
-def stuck(rng, log):
-    sensor, axis = sensor_of(rng), rng.integers(3)
-    first = middle(rng, log) if rng.random() < 0.6 else 0
-    value = 0.0 if rng.random() < 0.3 or not len(log) else log.x[sensor][first, axis]
-    axes = slice(None) if rng.random() < 0.2 else axis
-    log.x[sensor][first:, axes] = value
-    return f"{sensor} axis {axes} at {value:.3g} from row {first}"
-
-
-def held(rng, log):
-    sensor, n = sensor_of(rng), int(rng.integers(2, 20))
-    log.x[sensor] = log.x[sensor][np.arange(len(log)) // n * n]
-    return f"{sensor} over {n} rows"
-
-
-def padded(rng, log):
-    rows = some(rng, log)
-    for sensor in SENSORS if rng.random() < 0.5 else [sensor_of(rng)]:
-        log.x[sensor][rows] = 0.0
-    return f"zeros in {rows.sum()} rows"
-
-
-def swapped(rng, log):
-    sensor, order = sensor_of(rng), rng.permutation(3)
-    log.x[sensor] = log.x[sensor][:, order]
-    return f"{sensor} to {order}"
-
-
-def mirrored(rng, log):
-    sensor, signs = sensor_of(rng), rng.choice([-1.0, 1.0], 3)
-    log.x[sensor] = log.x[sensor] * signs
-    return f"{sensor} by {signs}"
-
-
-def copied(rng, log):
-    sensor, other = sensor_of(rng), sensor_of(rng)
-    a, b = rng.integers(3, size=2)
-    log.x[sensor][:, a] = log.x[other][:, b]
-    return f"{other} {b} as {sensor} {a}"
-
-
-def scale_changes(rng, log):
-    sensor, row = sensor_of(rng), middle(rng, log)
-    factor = float(rng.choice([0.5, 2, 1.01, 0.1, -1, 1e-6]))
-    log.x[sensor][row:] *= factor
-    return f"{sensor} by {factor:g} from row {row}"
-
-
-def offset_changes(rng, log):
-    sensor, row = sensor_of(rng), middle(rng, log)
-    offset = rng.choice([5.0, 0.5, 0.02]) * rng.choice([-1, 1], 3)
-    log.x[sensor][row:] += offset
-    return f"{sensor} by {offset} from row {row}"
-
-
-def drifting(rng, log):
-    sensor, direction = sensor_of(rng), rng.normal(size=3)
-    course = np.linspace(0, 1, len(log))
-    course = [course, np.exp(-5 * course), np.sin(9 * course)][rng.integers(3)]
-    amount = size(rng, 1e-4, 1.0)
-    log.x[sensor] = log.x[sensor] + amount * course[:, None] * direction
-    if rng.random() < 0.5:
-        log.temperature = 20 + 30 * course + 0.02 * rng.normal(size=len(log))
-    return f"{sensor} by {amount:.3g}"
-
-
-def scaled(rng, log):
-    sensor = sensor_of(rng)
-    factor = float(rng.choice([1e-200, 1e-30, 1e-6, 0.5, 2, 4, 1e6, 1e30, 1e200]))
-    log.x[sensor] = log.x[sensor] * factor
-    return f"{sensor} by {factor:g}"
-
-
-def noisy(rng, log):
-    sensor, amount = sensor_of(rng), size(rng, 1e-3, 30)
-    log.x[sensor] = log.x[sensor] + amount * rng.normal(size=log.x[sensor].shape)
-    return f"{sensor} by {amount:.3g}"
-
-
-def without_noise(rng, log):
-    n = max(len(log) // int(rng.integers(2, 40)), 1)
-    for sensor in SENSORS:
-        parts = np.array_split(log.x[sensor], -(-len(log) // n) or 1)
-        log.x[sensor] = np.concatenate([0 * p + p.mean(axis=0) if len(p) else p for p in parts])
-    return f"means of {n} rows"
-
-
-def smoothed(rng, log):
-    n = int(rng.integers(2, 50))
-    for sensor in SENSORS:
-        total = np.cumsum(log.x[sensor], axis=0)
-        total[n:] = (total[n:] - total[:-n]).copy()
-        log.x[sensor] = total / np.minimum(np.arange(1, len(log) + 1), n)[:, None]
-    return f"over {n} rows"
-
-
-def line(rng, log):
-    sensor, amount = sensor_of(rng), size(rng, 1e-3, 5)
-    phase = 2 * np.pi * rng.uniform(0.001, 0.5) * np.arange(len(log))
-    log.x[sensor] = log.x[sensor] + amount * np.sin(phase)[:, None] * rng.normal(size=3)
-    return f"of {amount:.3g} in {sensor}"
-
-
-def corrected(rng, log):
-    f = log.x["acceleration"]
-    if rng.random() < 0.5:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            log.x["acceleration"] = STANDARD_GRAVITY * f / np.linalg.norm(f, axis=1)[:, None]
-        return "norm to gravity"
-    log.x["acceleration"] = f - f.mean(axis=0)
-    return "gravity taken out"
-
-
-def missing(rng, log):
-    rows, value = rng.random(len(log)) < size(rng, 1e-4, 0.2), rng.choice([np.nan, np.inf, -np.inf])
-    sensor = sensor_of(rng)
-    log.x[sensor][rows, rng.integers(3)] = value
-    return f"{rows.sum()} of {value} in {sensor}"
-
+from bench.fuzz.chain import harm_values
+from bench.fuzz.chain.log import KINDS, MOST_ROWS, SENSORS, UNITS, middle, sensor_of, size, some
+from imuloop.core.units import STANDARD_GRAVITY
 
 # --- time
 
@@ -460,9 +210,29 @@ def other_kind(rng, log):
 
 
 HARMS = (
-    *(clipped, requantised, dithered, wrapped, spikes, stuck, held, padded, swapped, mirrored),
-    *(copied, scale_changes, offset_changes, drifting, scaled, noisy, without_noise, smoothed),
-    *(line, corrected, missing),
+    *(
+        harm_values.clipped,
+        harm_values.requantised,
+        harm_values.dithered,
+        harm_values.wrapped,
+        harm_values.spikes,
+        harm_values.stuck,
+        harm_values.held,
+        harm_values.padded,
+        harm_values.swapped,
+        harm_values.mirrored,
+    ),
+    *(
+        harm_values.copied,
+        harm_values.scale_changes,
+        harm_values.offset_changes,
+        harm_values.drifting,
+        harm_values.scaled,
+        harm_values.noisy,
+        harm_values.without_noise,
+        harm_values.smoothed,
+    ),
+    *(harm_values.line, harm_values.corrected, harm_values.missing),
     *(dropped, gaps, jitter, bursts, clock_jumps, repeated, shuffled, wrong_rate, other_rate),
     *(short, only_rest, only_motion, only_handling, few_poses, one_pose),
     *(temperature_off, no_temperature, wrong_unit, wrong_count, second_header, other_kind),
