@@ -8,12 +8,9 @@ import yaml
 
 from entries import REPLICAS, SOUND, session
 from imuloop.config import merge
-from imuloop.config_faults import as_given, config_faults, unreadable
+from imuloop.config_faults import as_given, config_faults
 
 SHA = "0" * 64
-# each line a list of ten of the line before
-TOWER = "\n".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]" for i in range(8))
-TOWER = f"a0: &a0 [1]\n{TOWER}"
 
 
 def test_smallest_entry_works(faults):
@@ -321,123 +318,6 @@ def test_a_unit_is_never_mistaken_for_another_by_its_letters(faults, quantity, w
     assert line.endswith(f"'{written}' is not a unit; {hint}")
 
 
-@pytest.mark.parametrize(
-    ("content", "line"),
-    [
-        (None, "there is no such file here; write one, or name one with --configfile"),
-        ("", "empty; it needs devices"),
-        ("# nothing\n", "empty; it needs devices"),
-        ("- a\n", "not a mapping of keys; it needs devices"),
-        ("devices", "not a mapping of keys; it needs devices"),
-        ("devices: [", "line 1, column 11: no YAML: "),
-        ("devices:\n\ta: 1\n", "line 2, column 1: no YAML: "),
-        ("devices: 2024-02-30", "a value cannot be: day is out of range for month"),
-        ("devices: !!int a", "a value cannot be: invalid literal"),
-        ("devices: " + 999 * "[", "nested too deeply"),
-        ("devices: &a [*a]", "more than 100000 values, aliases (*name) written out"),
-        (TOWER, "more than 100000 values, aliases (*name) written out"),
-        ("devices: {}", None),
-    ],
-)
-def test_a_file_that_is_no_config_is_told_in_one_line(tmp_path, monkeypatch, content, line):
-    monkeypatch.chdir(tmp_path)
-    if content is not None:
-        (tmp_path / "config.yaml").write_text(content)
-    fault = unreadable("config.yaml")
-    if line is None:
-        assert fault is None
-    else:
-        assert fault.startswith(f"config.yaml: {line}")
-        assert "\n" not in fault
-
-
-@pytest.mark.parametrize("number", ["1" * 400, "-" + "1" * 400, "1.0e+400"])
-@pytest.mark.parametrize(
-    "text",
-    [
-        "rate: %s",
-        "time_range: [0, %s]",
-        "columns: {time: %s}",
-        "columns: {acceleration: [%s, 1, 2]}",
-        "nominal: {acceleration: {scale: %s}}",
-        "nominal: {acceleration: {scale: 1.0, offset: %s}}",
-        "gravity: %s",
-        "full_scale: {angular_rate: %s}",
-        "diagnose: {seed: %s}",
-        "label: %s",
-    ],
-)
-def test_numbers_that_no_double_holds(faults, text, number):
-    one = text % number
-    of_session = text.partition(":")[0] in ("rate", "time_range", "columns")
-    made = session(f"{SOUND}, {one}") if of_session else session(SOUND, f"{one},")
-    [line] = faults(made)
-    assert line.endswith(" is no finite number of double precision") and len(line) < 200
-    assert line.startswith("devices.imu.")
-    # JSON, as which Snakemake reads what it can
-    found = faults(
-        json.dumps({"devices": {"imu": {"sessions": {}}}, "mirror": 0.5}).replace("0.5", "1e999")
-    )
-    assert "mirror: inf is no finite number of double precision" in found
-
-
-def test_names_end_where_they_end(faults):
-    """A plain $ in a pattern fits before a newline at the end."""
-    a = "{kind: static, file: poses.csv}"
-    [line] = faults(f'devices: {{"imu\\n": {{sessions: {{a: {a}}}}}}}')
-    assert line.endswith("'imu\\n' is not a name (a letter, then up to 63 letters, digits, _ or -)")
-    [line] = faults(f'devices: {{imu: {{sessions: {{"a\\n": {a}}}}}}}')
-    assert "'a\\n' is not a name" in line
-    source = '{url: "https://h/a.csv%s", sha256: "%s"}'
-    [line] = faults(session(f"kind: static, file: {source % ('', SHA + chr(92) + 'n')}"))
-    assert "file.sha256: " in line and line.endswith("is not a SHA-256 (64 digits 0-9 a-f)")
-    [line] = faults(session(f"kind: static, file: {source % (chr(92) + 'n', SHA)}"))
-    assert line.endswith("file.url: 'https://h/a.csv\\n' is not a URL (https://…)")
-    source = '{wheel: "a==1%s", member: "b.csv%s", sha256: "' + SHA + '"}'
-    [line] = faults(session(f"kind: static, file: {source % (chr(92) + 'n', '')}"))
-    assert line.endswith("file.wheel: 'a==1\\n' is not a wheel (NAME==VERSION)")
-    [line] = faults(session(f"kind: static, file: {source % ('', chr(92) + 'n')}"))
-    assert line.endswith("file.member: 'b.csv\\n' is not a path inside the wheel")
-
-
-@pytest.mark.parametrize("key", ["label", "file", "column"])
-def test_text_that_is_no_unicode(faults, key):
-    half = '"x\\ud800.csv"'
-    label, file, column = (half if key == name else name for name in ("label", "file", "column"))
-    text = f"kind: static, file: {file if key == 'file' else 'poses.csv'}"
-    if key == "column":
-        text += f", columns: {{time: {column}}}"
-    found = faults(session(text, f"label: {label},"))
-    assert len(found) == 1
-    assert found[0].endswith("'x\\ud800.csv' holds half of a character, which is no Unicode")
-    [line] = faults(session('kind: static, file: "a\\0.csv"'))
-    assert line.endswith("file: 'a\\x00.csv' holds a zero byte")
-
-
-@pytest.mark.parametrize("limit", ["now", "today", "10:00", "NaT", ""])
-def test_a_limit_of_time_that_is_no_moment(faults, limit):
-    [line] = faults(session(f"{SOUND}, time_range: ['{limit}', null]"))
-    assert "time_range: not ISO 8601: " in line
-
-
-@pytest.mark.parametrize("name", ["true", "False", "null", "~"])
-def test_a_name_that_yaml_takes_for_none(faults, name):
-    lines = faults(f"devices: {{{name}: {{sessions: {{a: {{{SOUND}}}}}}}}}")
-    assert f"devices.{name}: '{name}' is no text to YAML; write it in quotes" in lines
-
-
-def test_what_cannot_be_shown_or_is_no_folder(faults, tmp_path):
-    [line] = faults(session(SOUND, 'label: "a\\e[31m\\u202e",'))
-    assert line == ("devices.imu.label: 'a\\x1b[31m\\u202e' holds what cannot be printed")
-    assert faults(session(SOUND, 'label: "Müller’s “IMU” 5 × ☂",')) == []
-    assert faults(f"cache: poses.csv\n{session(SOUND)}") == [
-        "cache: poses.csv is a file, not a folder"
-    ]
-    assert faults(session(f"{SOUND}, format: ")) == [
-        "devices.imu.sessions.a.format: nothing is given"
-    ]
-
-
 def test_a_column_is_taken_once(faults):
     for columns, line in (
         ("acceleration: [1, ax, 3]", "acceleration: column 1, 'ax', is already in "
@@ -449,14 +329,6 @@ def test_a_column_is_taken_once(faults):
         assert faults(session(f"{SOUND}, columns: {{{columns}}}")) == [
             f"devices.imu.sessions.a.columns.{line}"
         ]
-
-
-def test_what_libyaml_refuses_is_judged_as_snakemake_reads_it(faults):
-    written = '"\\uD800"'
-    with pytest.raises(yaml.YAMLError):
-        yaml.load(written, yaml.CSafeLoader)
-    [line] = faults(session(f"{SOUND}, units: {{time: {written}}}"))
-    assert "devices.imu.sessions.a.units.time: " in line and line.isprintable()
 
 
 def test_a_fault_of_the_defaults_is_told_once(faults):

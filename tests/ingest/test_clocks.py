@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.ingest.clocks import AHEAD, RESET_STEPS, Clock, Points, ahead, span
+from imuloop.ingest.bursts import Points
+from imuloop.ingest.clocks import AHEAD, RESET_STEPS, Clock, ahead, span
 
 STEP = 10_000
 
@@ -402,7 +403,7 @@ def test_long_pauses_and_single_gaps_are_the_sensors_own(quality):
 
 
 def test_points_are_few_and_the_same_for_any_batches(monkeypatch):
-    monkeypatch.setattr("imuloop.ingest.clocks._POINTS", 50)
+    monkeypatch.setattr("imuloop.ingest.bursts._POINTS", 50)
     rows, held = np.delete(np.arange(1000), [0, 64, 65]), []
     for size in (1, 10, 333, 1000):
         held.append(Points())

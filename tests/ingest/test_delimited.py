@@ -9,7 +9,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
-from imuloop.ingest.delimited import find_layout
+from imuloop.ingest.text_layout import find_layout
 
 SIX = "ax ay az gx gy gz".split()
 

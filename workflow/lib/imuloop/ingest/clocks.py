@@ -4,10 +4,8 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-import pyarrow.parquet as pq
 
-from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME
-from imuloop.core.stamps import Scatter
+from imuloop.core.samples import GAP_STEPS
 
 # rows after a fall of the stamps that tell what it is
 AHEAD = 100
@@ -23,25 +21,7 @@ MOST_FALLS = 10_000
 _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
-_BURST = 0.5
-# no transfer holds samples back longer, s: a longer pause is of the sensor
-_LONGEST_PAUSE = 0.5
-# stamps scatter where nine in ten of them take this share of a step, or more
-_SCATTER = 0.12
-# relative difference of the median step from the mean of stamps that scatter: more is a loss
-_EVEN = 0.05
-# a level of stamps that scatter is known to this share of a step, so that one lost sample shows
-_KNOWN = 0.05
-_FEWEST = 16
-# points of a line, at most
-_POINTS = 1 << 18
-# parts of a log whose stamps must lie on one line
-_PARTS = 20
-# a line whose rate differs more from the declared one is not the sensor's
-_RATE_SHARE = 0.02
-# stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
-# and what follows takes minutes to find that out
-_LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
+BURST = 0.5
 # figures of the stamps as logged, kept where they are rebuilt
 _LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
 
@@ -254,7 +234,7 @@ class Clock:
         if logged:
             median = logged["gaps"]["longer_than_s"] / GAP_STEPS
             mean = logged["duration_s"] / (logged["rows"] - 1)
-            if median < _BURST * step:
+            if median < BURST * step:
                 how = (
                     f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
                 )
@@ -287,150 +267,6 @@ class Clock:
 
 def _times(count):
     return "once" if count == 1 else f"{count} times"
-
-
-class Points:
-    """Every so many rows' number and time: few enough to hold, the same for any batches.
-
-    Attributes
-    ----------
-    rows, t : ndarray, shape (n,)
-    """
-
-    def __init__(self):
-        self._parts, self._count, self._stride = [], 0, 1
-
-    @property
-    def rows(self):
-        """Row numbers."""
-        return np.concatenate([np.empty(0, dtype=np.int64), *(rows for rows, _ in self._parts)])
-
-    @property
-    def t(self):
-        """Times, s."""
-        return np.concatenate([np.empty(0), *(t for _, t in self._parts)])
-
-    def add(self, rows, t):
-        """Take further rows."""
-        self._take([(rows, t)])
-        while self._count > _POINTS:
-            self._stride *= 2
-            held, self._parts, self._count = self._parts, [], 0
-            self._take(held)
-
-    def _take(self, parts):
-        for rows, t in parts:
-            chosen = rows % self._stride == 0
-            self._parts.append((rows[chosen], t[chosen]))
-            self._count += len(self._parts[-1][0])
-
-
-def follows_stamps(path, step):
-    """Tell whether samples were taken when they are stamped, not evenly and stamped late.
-
-    Parameters
-    ----------
-    path : path-like
-        Samples as stamped.
-    step : float
-        Seconds from row to row.
-    """
-    scatter = Scatter(step)
-    with pq.ParquetFile(path) as file:
-        for group in range(file.num_row_groups):
-            table = file.read_row_group(group, columns=[TIME, *ANGULAR_RATE])
-            t, *w = (table[name].to_numpy() for name in (TIME, *ANGULAR_RATE))
-            scatter.add(t, w)
-    return scatter.followed
-
-
-# times of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
-def line_step(counts, measured, rate=None, increments=False):
-    """Return the seconds from row to row of stamps that come in bursts; None where they do not.
-
-    A host stamps what it receives, and a transfer brings several samples: the steps are short
-    within a transfer and long between. The sensor's own step is the slope of time over row
-    number, by Theil's method: the median slope of pairs half a log apart. It is taken only where
-    the medians of time about the line, of `_PARTS` parts of the log, lie within the scatter of
-    one part: else rows are lost, or the sensor pauses. No line goes on over a reset.
-
-    Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
-    lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
-    a step.
-
-    Parameters
-    ----------
-    counts : Counts
-        With `clock`, and `points`: number and time (s) of rows.
-    measured : dict
-        ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
-    rate : float or None
-        Declared rate, Hz.
-    increments : bool
-        Whether rows hold increments, whose intervals may differ.
-    """
-    points = counts.points
-    if counts.clock.resets or len(points.rows) < 10 * _PARTS:
-        return None
-    rows, t = points.rows, points.t
-    rows = rows - rows[0]
-    half = len(rows) // 2
-    step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
-    median = measured["gaps"]["longer_than_s"] / GAP_STEPS
-    # not of the mean step, which a single pause can make long
-    bursts = median < _BURST * step
-    if increments and not bursts:
-        return None
-    away = t - step * rows
-    parts = np.array_split(away, _PARTS)
-    scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
-    limit = scatter
-    if not bursts:
-        if not scatter >= _SCATTER * step or abs(median / step - 1) > _EVEN:
-            return None
-        # the error of a median of n normal values is 1.25 of their deviation over the root of n
-        needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
-        if not needed < len(away):
-            return None
-        parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
-        limit = step / 2
-    levels = [np.median(part) for part in parts]
-    if not (np.ptp(levels) <= limit and scatter <= _LONGEST_PAUSE):
-        return None
-    if rate and abs(step * rate - 1) > _RATE_SHARE:
-        return None
-    return step
-
-
-def broken(measured, rate=None):
-    """Return what is wrong with stamps in bursts that no line could rebuild; None if they are none.
-
-    A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
-    declared rate in between.
-
-    Parameters
-    ----------
-    measured : dict
-        ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
-    rate : float or None
-        Declared rate, Hz.
-    """
-    gaps, rows = measured["gaps"], measured["rows"]
-    if rows < 2 or not gaps["longer_than_s"]:
-        return None
-    median, mean = gaps["longer_than_s"] / GAP_STEPS, measured["duration_s"] / (rows - 1)
-    stretch = (measured["duration_s"] - gaps["total_s"]) / (gaps["count"] + 1)
-    itself = (rate and abs(median * rate - 1) < _RATE_SHARE) or stretch >= _LEAST_STRETCH
-    pause = gaps["total_s"] / max(gaps["count"], 1)
-    if itself or median >= _BURST * mean or pause > _LONGEST_PAUSE:
-        return None
-    return (
-        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
-        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back for "
-        "long. If the sensor itself samples evenly, take the row's number for the time: columns: "
-        f"{{time: null}} and its rate, about rate: {1 / mean:.4g}"
-    )
 
 
 def figures(clock, measured, rate=None, logged=None):

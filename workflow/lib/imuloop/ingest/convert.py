@@ -10,7 +10,8 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, TEMPERATUR
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.clocks import Clock, Points, ahead
+from imuloop.ingest.bursts import Points
+from imuloop.ingest.clocks import Clock, ahead
 from imuloop.ingest.columns import unknown_unit
 from imuloop.ingest.raw_log import STAMP
 from imuloop.ingest.stamps import (

@@ -1,11 +1,8 @@
 """Text tables: comma, tab, semicolon or runs of blanks, with or without a header."""
 
-import csv
 import os
 import re
-from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
@@ -13,76 +10,30 @@ import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import guess, listed, resolve, stated_unit, unit_of
+from imuloop.ingest.columns import guess, listed, resolve, unit_of
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.packed import check_unpacked
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import stamp_array
+from imuloop.ingest.text_layout import (
+    AXES,
+    BLANKS,
+    COMMENTED,
+    LONGEST_LINE,
+    MISSING,
+    decoded,
+    fields_of,
+    find_layout,
+    is_number,
+    unreadable,
+)
 
 ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc")
 
-# how much of a file is looked at to find its layout, bytes
-_HEAD = 1 << 16
-_BLANKS = " "
-_SEPARATORS = (",", "\t", ";", _BLANKS)
-_COMMENT = re.compile(r"\s*(#|%|//)")
-_COMMENTED = re.compile(r"\A\s*(#|%|//)+\s*")
-# columns of a sensor
-_AXES = 3
-_MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
-_ISO = re.compile(r"\d{4}-\d\d-\d\d")
 # a line that may be a header
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
-# how files begin that are no text, and what to do about them
-_BINARY = {
-    b"\x89HDF": "HDF5: format netcdf or matlab reads it where it is written as these are",
-    b"\x1f\x8b": "packed by gzip: name it .csv.gz",
-    b"BZh": "packed by bzip2: name it .csv.bz2",
-    b"\x28\xb5\x2f\xfd": "packed by zstd: name it .csv.zst",
-    b"PK\x03\x04": "a zip or a spreadsheet: save its table as CSV",
-    b"\xd0\xcf\x11\xe0": "a spreadsheet: save its table as CSV",
-    b"\x93NUMPY": "an array of NumPy: save it as CSV, Parquet or NetCDF",
-    b"ARROW1": "an Arrow file: save it as Parquet",
-}
-# what the csv module takes otherwise than as a part of a field
-_QUOTED = re.compile(r'["\r\n\0]')
-# rows by which a separator is judged, at least
-_JUDGED = 64
-# a longer line is no row, bytes; what has none in its head is no table
-_LONGEST_LINE = _HEAD
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How a text table is written.
-
-    Attributes
-    ----------
-    separator : str
-        One of comma, tab, semicolon, or a blank that stands for any run of blanks.
-    names : list of str
-        Names of the columns; their numbers where there is no header.
-    headed : bool
-        Whether the names are the file's own.
-    start : int
-        Byte at which the rows begin.
-    decimal_comma : bool
-        Whether numbers have a decimal comma.
-    preamble : int
-        Lines before the header or the first row.
-    units : list of str
-        Units of the columns where a row below the header names them, else empty.
-    """
-
-    separator: str
-    names: list[str]
-    headed: bool
-    start: int
-    decimal_comma: bool
-    preamble: int
-    units: list[str] = field(default_factory=list)
 
 
 def read(paths, columns=None, batch_rows=1 << 16):
@@ -138,78 +89,6 @@ def read(paths, columns=None, batch_rows=1 << 16):
     return log
 
 
-def find_layout(path, least=3):
-    """Return the layout of a text table (path or file object), from its first lines.
-
-    Three axes are the `least` columns that a file of one sensor holds.
-    """
-    try:
-        with pa.input_stream(path, compression="detect") as stream:
-            head = stream.read(_HEAD)
-    except OSError as error:
-        raise _unreadable(error) from error
-    if fault := _no_text(head):
-        raise RejectedLog(fault)
-    lines = head.split(b"\n")
-    if len(head) == _HEAD:
-        lines.pop()
-    texts = [_decoded(line).removeprefix("\ufeff").rstrip("\r") for line in lines]
-    rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
-    if not rows:
-        raise RejectedLog("the file has no rows; record or copy it again")
-    # an odd step: rows of two kinds in turn both count
-    table = [texts[i] for i in rows[:: len(rows) // _JUDGED | 1]]
-    tried = {s: _split(table, s) for s in _SEPARATORS}
-    shares = {s: _numeric_share(*tried[s], least) for s in _SEPARATORS}
-    best = max(_SEPARATORS, key=shares.get)
-    width = tried[best][1]
-    if shares[best] < 0.5:
-        raise RejectedLog("the file is not a table of numbers in rows and columns")
-    # as many tabs as blanks: the blanks are inside of the header's names
-    if best == _BLANKS and tried["\t"][1] == width:
-        best = "\t"
-    first = next(i for i in rows if len(_fields(texts[i], best)) == width)
-    fields = _fields(texts[first], best)
-    names, headed = [str(i) for i in range(width)], False
-    preamble = sum(1 for i in rows if i < first)
-    if not any(_is_number(text) for text in fields):
-        names, headed, first = fields, True, first + 1
-    else:
-        # a header written as a comment, right before the rows
-        comments = [t for t in texts[:first] if _COMMENT.match(t)]
-        if comments:
-            header = _fields(_COMMENTED.sub("", comments[-1]), best)
-            if len(header) == width and not any(_is_number(text) for text in header):
-                names, headed = header, True
-    units = []
-    if headed and (below := [i for i in rows if i >= first]):
-        fields = _fields(texts[below[0]], best)
-        if len(fields) == width and _are_units(fields):
-            units, first = fields, below[0] + 1
-    start = sum(len(line) + 1 for line in lines[:first])
-    sample = [texts[i] for i in rows if i >= first]
-    decimal_comma = not any("." in text for text in sample) and any(
-        "," in field for text in sample for field in _fields(text, best)
-    )
-    names = [name.strip() for name in names]
-    return Layout(best, names, headed, start, decimal_comma, preamble, units)
-
-
-def _decoded(line):
-    """Return a line as text; a degree or a square in a header may be of an older encoding."""
-    try:
-        return line.decode("utf-8")
-    except UnicodeDecodeError:
-        return line.decode("latin-1")
-
-
-def _are_units(fields):
-    """Tell whether a row below a header names units."""
-    told = [field.strip("[](){} ") for field in fields]
-    known = any(stated_unit(q, text) for q in ("acceleration", "angular_rate") for text in told)
-    return known and not any(map(_is_number, fields))
-
-
 def _units_below(layout, chosen):
     """Return the units that a row below the header names."""
     names = [f"[{text.strip('[](){} ')}]" for text in layout.units]
@@ -246,8 +125,8 @@ def _batches(source, layout, parse, batch_rows, log, threads=1):
         try:
             stream.read(layout.start)
             # any row must fit
-            size = max(batch_rows * _ROW_BYTES, _LONGEST_LINE)
-            pieces = _pieces(stream, path and file, size, layout.separator == _BLANKS)
+            size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
+            pieces = _pieces(stream, path and file, size, layout.separator == BLANKS)
             for batch, bad_lines, lost, taken, position in in_order(work, pieces, threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
@@ -256,7 +135,7 @@ def _batches(source, layout, parse, batch_rows, log, threads=1):
                 for begin in range(0, batch.num_rows, batch_rows):
                     yield batch.slice(begin, batch_rows)
         except (pa.ArrowInvalid, OSError) as error:
-            raise _unreadable(error) from error
+            raise unreadable(error) from error
 
 
 def _packing(path):
@@ -288,15 +167,15 @@ def _numbers_or_text(text, layout, positions, stamps):
 
 def _check_headers(text, layout, positions):
     """Reject a text in which another header names other columns: other rows follow it."""
-    separator = _BLANKS if layout.separator == _BLANKS else _delimiter(layout)
+    separator = BLANKS if layout.separator == BLANKS else _delimiter(layout)
     for line in _WORDS.findall(text) if layout.headed else ():
-        names = _fields(_COMMENTED.sub("", _decoded(line).rstrip("\r")), separator)
-        if names == layout.names or len(names) < _AXES or any(map(_is_number, names)):
+        names = fields_of(COMMENTED.sub("", decoded(line).rstrip("\r")), separator)
+        if names == layout.names or len(names) < AXES or any(map(is_number, names)):
             continue
         named = guess(names)
         if not (named["acceleration"] or named["angular_rate"]):
             # by names of its own
-            if len({*names} & {*layout.names}) < max(_AXES, len(names) / 2):
+            if len({*names} & {*layout.names}) < max(AXES, len(names) / 2):
                 continue
         if [names[i] for i in positions if i < len(names)] != [layout.names[i] for i in positions]:
             raise RejectedLog(
@@ -317,7 +196,7 @@ def _kind(stamp):
 
 
 def _delimiter(layout):
-    return "\t" if layout.separator == _BLANKS else layout.separator
+    return "\t" if layout.separator == BLANKS else layout.separator
 
 
 def _parsed(text, layout, positions, kinds):
@@ -345,7 +224,7 @@ def _parsed(text, layout, positions, kinds):
             column_types={str(i): kind for i, kind in kinds.items()},
             include_columns=list(dict.fromkeys(names)),
             strings_can_be_null=True,
-            null_values=list(_MISSING),
+            null_values=list(MISSING),
             check_utf8=False,
             decimal_point="," if layout.decimal_comma else ".",
         ),
@@ -379,77 +258,6 @@ def numbers(text):
         import pandas as pd
 
         return pa.array(pd.to_numeric(text.to_pandas(), errors="coerce").astype(float))
-
-
-def _unreadable(error):
-    return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
-
-
-def _no_text(head):
-    """Return why a file that begins like this is no text in lines, or None."""
-    for mark in ("utf-32", "utf-16"):
-        if head.startswith(("\ufeff".encode(f"{mark}-le"), "\ufeff".encode(f"{mark}-be"))):
-            return f"the text is {mark.upper()}: save it as UTF-8 (iconv -f {mark} -t utf-8)"
-    for signature, what in _BINARY.items():
-        if head.startswith(signature):
-            return f"the file is {what}"
-    start = head[:256]
-    if start and not start.strip(b"\0"):
-        return "the file begins with zeros: no table"
-    if len(head) == _HEAD and b"\n" not in head:
-        return f"the first line is longer than {_LONGEST_LINE >> 10} kB: no table"
-    # every second byte, or three of four
-    if start.count(0) > 0.4 * len(start):
-        if start.replace(b"\0", b"").decode("latin-1").replace("\n", "").isprintable():
-            return "the text looks like UTF-16 or UTF-32: save it as UTF-8"
-        return "the file is binary, no text: format: names what it is, see docs/formats.md"
-    return None
-
-
-def _fields(line, separator):
-    if separator == _BLANKS:
-        return line.split()
-    if not _QUOTED.search(line):
-        return [field.strip() for field in line.split(separator)]
-    try:
-        return [field.strip() for field in next(csv.reader([line], delimiter=separator), [])]
-    except csv.Error:
-        return []
-
-
-def _is_number(text):
-    if text in _MISSING or _ISO.match(text):
-        return bool(text)
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _split(lines, separator):
-    """Return the fields of each line, and how many the most lines have."""
-    if separator != _BLANKS and not any(separator in line for line in lines):
-        return [[line] for line in lines], 1
-    fields = [_fields(line, separator) for line in lines]
-    return fields, Counter(map(len, fields)).most_common(1)[0][0]
-
-
-def _numeric_share(fields, width, least):
-    """Return the share of fields that are numbers, 0 of fewer than the `least` columns."""
-    if width < least:
-        return 0.0
-    rows = [row for row in fields if len(row) == width]
-    return sum(map(_numeric, rows)) / (len(rows) * width)
-
-
-def _numeric(row):
-    """Return how many fields of a row are numbers."""
-    try:
-        # nearly every row, and much faster
-        return len([float(text) for text in row])
-    except ValueError:
-        return sum(map(_is_number, row))
 
 
 # bytes that no number has, so that damaged ones spoil their own row alone
@@ -491,8 +299,8 @@ def _pieces(stream, file, size, squeeze):
         written += _weight(piece)
         text, begin, kept = rest + piece, 0, []
         # from the last line end within reach to the next one
-        while len(text) - begin > _LONGEST_LINE:
-            end = text.rfind(b"\n", begin, begin + _LONGEST_LINE) + 1
+        while len(text) - begin > LONGEST_LINE:
+            end = text.rfind(b"\n", begin, begin + LONGEST_LINE) + 1
             if end:
                 kept.append(text[begin:end])
             elif end := text.find(b"\n", begin) + 1:
@@ -502,14 +310,14 @@ def _pieces(stream, file, size, squeeze):
                 break
             begin = end
         last = len(text) if ended else text.rfind(b"\n", begin) + 1 or begin
-        if last - begin > _LONGEST_LINE:
+        if last - begin > LONGEST_LINE:
             bad_lines += 1
             lost += _weight(text[begin:last])
         else:
             kept.append(text[begin:last])
         # enough of a line to tell that it is too long
-        rest = text[last : last + _LONGEST_LINE + 1]
-        lost += _weight(text[last + _LONGEST_LINE + 1 :])
+        rest = text[last : last + LONGEST_LINE + 1]
+        lost += _weight(text[last + LONGEST_LINE + 1 :])
         lines = b"".join(kept)
         if b'"' in lines:
             rows = lines.splitlines(keepends=True)

@@ -7,9 +7,10 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.ingest.columns import unit_of
-from imuloop.ingest.delimited import find_layout, numbers, text_batches
+from imuloop.ingest.delimited import numbers, text_batches
 from imuloop.ingest.raw_log import STAMP, RawLog, rechunked
 from imuloop.ingest.stamps import parse_stamps, stamp_values
+from imuloop.ingest.text_layout import find_layout
 
 FILES = ("acceleration", "angular_rate")
 

@@ -22,7 +22,7 @@ from imuloop.core.units import (
     TIME,
     raw_unit,
 )
-from imuloop.ingest import clocks, increments, quality
+from imuloop.ingest import bursts, clocks, increments, quality
 from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
@@ -191,8 +191,8 @@ def ingest(
                     samples = si_batches(log, **declared, counts=counts, usual=usual)
                 _write(temporary, samples if not reasons else (), log, counts, *own)
                 figures = measure()
-                step = clocks.line_step(counts, figures, rate, bool(increments.factors(units)))
-                if step and clocks.follows_stamps(temporary, step):
+                step = bursts.line_step(counts, figures, rate, bool(increments.factors(units)))
+                if step and bursts.follows_stamps(temporary, step):
                     step = None
                 if step:
                     # once more from the start, now that the line is known
@@ -209,11 +209,11 @@ def ingest(
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)
-            bursts = clocks.broken(figures, rate)
-            if bursts:
+            fault = bursts.broken(figures, rate)
+            if fault:
                 # the rate is wrong, and what was told by it
-                many = figures["gaps"]["count"] > clocks.MOST_BURSTS
-                wrong, doubted = ([bursts], []) if many else ([], [bursts])
+                many = figures["gaps"]["count"] > bursts.MOST_BURSTS
+                wrong, doubted = ([fault], []) if many else ([], [fault])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
             misdeclared = bool(wrong and not reasons)

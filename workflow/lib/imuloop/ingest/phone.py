@@ -16,10 +16,10 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import AXES, guess, stated_unit, unit_of
-from imuloop.ingest.delimited import find_layout
 from imuloop.ingest.series import read_series
 from imuloop.ingest.stamps import iso_text
 from imuloop.ingest.streams import Stream, printable, raw_log
+from imuloop.ingest.text_layout import find_layout
 from imuloop.ingest.zipped import DamagedZip, Member, checked, find_members, small_table
 
 ENDINGS = (".zip",)

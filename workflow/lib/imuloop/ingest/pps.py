@@ -18,9 +18,10 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
 from imuloop.ingest.convert import survey
-from imuloop.ingest.delimited import find_layout, text_batches
+from imuloop.ingest.delimited import text_batches
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import parse_stamps, stamp_values
+from imuloop.ingest.text_layout import find_layout
 
 # names of the marks in raw batches
 COUNTER, TIME = "pps.counter", "pps.time"

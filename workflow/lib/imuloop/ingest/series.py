@@ -16,7 +16,7 @@ def read_series(source, layout, positions, batch_rows, most):
     source : path-like or file object
         The table.
     layout : Layout
-        Of `imuloop.ingest.delimited.find_layout`.
+        Of `imuloop.ingest.text_layout.find_layout`.
     positions : list of int
         Columns, the stamps' first.
     batch_rows : int
