@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 
 from bench.commit import commit
-from bench.study.cases import all_cases
+from bench.study.cases import LIMITS, all_cases
+from bench.study.devices import PLANS
 from bench.study.run import run
 from bench.study.tables import document
 
@@ -18,12 +19,14 @@ def main():
     parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
     parser.add_argument("--records", help="poses or static_record")
     parser.add_argument("--sensors", help="accelerometer or gyroscope")
+    parser.add_argument("--plan", choices=PLANS, default=PLANS[0], help="devices of poses")
+    parser.add_argument("--limits", type=float, default=LIMITS, help="size in detection limits")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--write", type=Path, help="file to write instead of printing")
     options = parser.parse_args()
     cases = [
         case
-        for case in all_cases()
+        for case in all_cases(options.plan, options.limits)
         if (not options.records or case.record in options.records.split(","))
         and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
         and (

@@ -1,6 +1,6 @@
 """The cases of the study: which effects, how large, and what is put beside or outside them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,16 +71,22 @@ class Case:
         Sensor that is changed; empty for a control.
     names : tuple of str
         What is put into it.
+    plan : str
+        Plan of the device, see `devices`.
+    limits : float
+        How many detection limits large it is.
     """
 
     kind: str
     record: str
     sensor: str = ""
     names: tuple = ()
+    plan: str = "usual"
+    limits: float = LIMITS
 
 
-def all_cases():
-    """Return every case, the controls of the two devices first."""
+def all_cases(plan="usual", limits=LIMITS):
+    """Return every case of a plan and size, the controls of the two devices first."""
     cases = [Case("control", "poses"), Case("control", "static_record")]
     for sensor, at_rest in AT_REST.items():
         of_poses = [
@@ -98,7 +104,7 @@ def all_cases():
         cases.append(Case("outside", "poses", sensor, ("harmonic",)))
     cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
     cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))
-    return cases
+    return [replace(case, plan=plan, limits=limits) for case in cases]
 
 
 def injected(case, seed, control):
@@ -142,12 +148,12 @@ def injected(case, seed, control):
         alike = np.eye(len(limits["detection_limit"]))
         if case.record == "poses":
             alike = control["likeness"][case.sensor, name]
-        made.append(_injected(case.sensor, name, limits, alike, rng))
+        made.append(_injected(case.sensor, name, limits, alike, rng, case.limits))
     return tuple(made)
 
 
-def _injected(sensor, name, candidate, alike, rng):
-    """Return one effect of three detection limits."""
+def _injected(sensor, name, candidate, alike, rng, limits):
+    """Return one effect of so many detection limits."""
     limit = candidate["detection_limit"]
     known = list(limit)
     constants = dict(candidate["constants"])
@@ -157,11 +163,11 @@ def _injected(sensor, name, candidate, alike, rng):
     if name == "bias_temperature":
         # of first order; whatever order the control's diagnosis looked at last
         z *= [key.startswith("c1") for key in known]
-    z *= LIMITS / np.sqrt(z @ alike @ z)
+    z *= limits / np.sqrt(z @ alike @ z)
     values = {key: limit[key] * part for key, part in zip(known, z, strict=True)}
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
-    size = LIMITS * min(1.0, bound / largest)
-    values = {key: float(value * size / LIMITS) for key, value in values.items()}
+    size = limits * min(1.0, bound / largest)
+    values = {key: float(value * size / limits) for key, value in values.items()}
     if name in PROCESSES:
         noise = PROCESSES[name](values, constants, rng)
         if name == "steps":

@@ -10,10 +10,11 @@ from imuloop.calibrate.calibrate import raw_units, read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
+from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.diagnose.pose_diagnosis import pose_candidates
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
-from imuloop.diagnose.search import Search
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 
@@ -64,13 +65,18 @@ def likeness(truth, sessions, folder):
         return {}
     units = raw_units(sessions, ["multi_position", "static"])
     noise = NoiseModel.from_json(folder / "noise.json")
-    force = AccelerometerPoses(noise, truth.gravity, units[0], CalibrateSettings())
+    force = Calibration.from_json(folder / "calibration.json").accelerometer
+    sensors = (
+        AccelerometerPoses(noise, truth.gravity, units[0], CalibrateSettings()),
+        GyroscopePoses(noise, force, units[1], CalibrateSettings()),
+    )
     found = {}
-    for model in (force, GyroscopePoses(force, None, (), units[1])):
-        available, _ = pose_candidates(model.sensor, recording)
-        everything = np.ones(len(recording.poses), dtype=bool)
-        search = Search(model, recording, everything, available, DiagnoseSettings(), 1)
-        for cls, trial in search.step().trials.items():
-            size = np.sqrt(np.diag(trial.information))
-            found[model.sensor, cls.name] = trial.information / np.outer(size, size)
+    for sensor in sensors:
+        search = Choices(pose_problem(sensor, recording, DiagnoseSettings(), 1)).search()
+        for cls in search.problem.shapes:
+            if trial := search.trial((), cls):
+                _, _, covariance = search.beside((), trial.effect)
+                information = np.linalg.inv(covariance)
+                size = np.sqrt(np.diag(information))
+                found[sensor.sensor, cls.name] = information / np.outer(size, size)
     return found

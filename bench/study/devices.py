@@ -20,23 +20,37 @@ MOTOR = Vibration(share=0.5, rms=(0.02, 0.028), frequency=(15.0, 45.0))
 THERMOMETER = Thermometer(noise=0.02, step=0.01)
 
 
-def poses_device():
-    """Return a device of 40 poses, the motor on at half of them, and 20 min at rest."""
-    sessions = {
-        "multi_position": Session(
-            "multi_position",
-            poses=80,
-            rest_s=(4.0, 8.0),
-            temperature=HEATED_POSES,
-            thermal_s=15.0,
-            vibration=MOTOR,
-        ),
-        "static": Session("static", duration_s=1200.0, temperature=((0, 24), (1200, 24))),
-    }
+# what a device of poses may be instead of the usual one
+PLANS = ("usual", "few", "alone", "ramp", "cycles")
+
+
+def poses_device(plan="usual"):
+    """Return a device of 80 poses, the motor on at half of them, and 20 min at rest.
+
+    Parameters
+    ----------
+    plan : {'usual', 'few', 'alone', 'ramp', 'cycles'}
+        Or 36 poses; no record at rest; a temperature that goes up evenly; or three sessions of 30
+        poses, the power switched off between them.
+    """
+    poses = Session(
+        "multi_position",
+        poses=36 if plan == "few" else 80,
+        rest_s=(4.0, 8.0),
+        temperature=((0, 24), (900, 38)) if plan == "ramp" else HEATED_POSES,
+        thermal_s=15.0,
+        vibration=MOTOR,
+    )
+    sessions = {"multi_position": poses}
+    if plan == "cycles":
+        sessions = {f"power_on_{k}": replace(poses, poses=30) for k in range(3)}
+    if plan != "alone":
+        rest = Session("static", duration_s=1200.0, temperature=((0, 24), (1200, 24)))
+        sessions["static"] = rest
     return example_truth(name="study", sessions=sessions, thermometer=THERMOMETER)
 
 
-def record_device():
+def record_device(plan="usual"):
     """Return a device that rests for an hour in each of three attitudes while it is heated."""
     rest = Session("static", duration_s=3600.0, temperature=HEATED_RECORD, thermal_s=60.0)
     sessions = {

@@ -4,7 +4,7 @@ import multiprocessing
 import time
 from dataclasses import asdict
 
-from bench.study.cases import Case, injected
+from bench.study.cases import injected
 from bench.study.chain import diagnosis_of, likeness
 from bench.study.devices import DEVICES, in_shape, with_effects
 from bench.study.score import fitted
@@ -16,7 +16,7 @@ def run(cases, first, seeds, controls, workers, progress=print):
     Parameters
     ----------
     cases : sequence of Case
-        Cases; controls are made for the records of the others too.
+        Cases of one plan; controls are made for the records of the others too.
     first : int
         Seed of the first device.
     seeds, controls : int
@@ -34,16 +34,21 @@ def run(cases, first, seeds, controls, workers, progress=print):
     """
     with multiprocessing.get_context("fork").Pool(workers) as pool:
         plain = {}
+        (plan,) = {case.plan for case in cases}
         jobs = [
-            (record, seed)
+            (record, plan, seed)
             for record in sorted({case.record for case in cases})
             for seed in range(
-                first, first + max(seeds, controls * (Case("control", record) in cases))
+                first,
+                first
+                + max(
+                    seeds, controls * ((record, "control") in {(c.record, c.kind) for c in cases})
+                ),
             )
         ]
-        for job, made in pool.imap(_control, jobs):
-            plain[job] = made
-            progress(f"control {job[0]} {job[1]}: {made['seconds']:.1f} s")
+        for (record, _, seed), made in pool.imap(_control, jobs):
+            plain[record, seed] = made
+            progress(f"control {record} {seed}: {made['seconds']:.1f} s")
         jobs = [
             (case, seed, plain[case.record, seed])
             for case in cases
@@ -62,9 +67,9 @@ def run(cases, first, seeds, controls, workers, progress=print):
 
 
 def _control(job):
-    record, seed = job
+    record, plan, seed = job
     start = time.process_time()
-    diagnosis, alike = diagnosis_of(DEVICES[record](), seed, likeness)
+    diagnosis, alike = diagnosis_of(DEVICES[record](plan), seed, likeness)
     took = time.process_time() - start
     return job, {"seed": seed, "seconds": took, "diagnosis": _small(diagnosis), "likeness": alike}
 
@@ -81,7 +86,7 @@ def _device(job):
         "found": [],
     }
     if effects is not None:
-        truth = with_effects(DEVICES[case.record](), effects)
+        truth = with_effects(DEVICES[case.record](case.plan), effects)
         diagnosis = made["diagnosis"] = _small(diagnosis_of(truth, seed))
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from scipy.stats import beta
 
-from bench.study.cases import LIMITS, OUTSIDE
+from bench.study.cases import OUTSIDE
 from bench.study.score import RATIO, SIGMAS, judge, pulls, ratio, whole_ratio
 
 RECORDS = {"poses": "at the poses", "static_record": "in static records"}
@@ -81,8 +81,9 @@ def bounds(chosen):
     one = [
         (case, made, j)
         for case, made, j in judged(chosen["effect"])
-        if made["injected"][0]["limits"] > LIMITS - 1e-6
+        if made["injected"][0]["limits"] > case.limits - 1e-6
     ]
+    limits = next((case.limits for case, _, _ in one), 0.0)
     right = sum(not j["missed"] for _, _, j in one)
     found = [(case, made) for case, made, j in one if j["right"]]
     ratios = [r for case, made in found if (r := ratio(case, made)) is not None]
@@ -94,7 +95,7 @@ def bounds(chosen):
     kept = sum(j["verdict"] == "unexplained" and not j["named"] for j in alien)
     inside = np.abs(errors) <= SIGMAS
     lines = [
-        (f"right name or twin, at {LIMITS:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
+        (f"right name or twin, at {limits:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
         (f"held-out error after ≤ {RATIO} × without the effect", "all",
          sum(r <= RATIO for r in ratios), len(ratios), 1.0),
         ("the same, steps, with the block of time that each happens in", "all",

@@ -1,5 +1,7 @@
 """Multi-position gyroscope: derivative, exact recovery, predicted covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,8 @@ from calibrate.devices import RATE_UNIT, known_noise, noiseless, recording
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.calibrate import calibrate_gyroscope
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.gyroscope import gyroscope_model, rotation_covariance, tangents
+from imuloop.calibrate.gyroscope import gyroscope_model
+from imuloop.calibrate.gyroscope_covariance import residual_covariance, tangents
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import SensorCalibration
@@ -25,7 +28,7 @@ def true_accelerometer(truth):
 
 def model_of(truth, seed, effects=()):
     made = recording(truth, seed)
-    force = calibrated_force(true_accelerometer(truth), made, known_noise(TRUTH))
+    force = calibrated_force(true_accelerometer(truth), made, known_noise(truth))
     return made, force, gyroscope_model(made, force, None, effects)
 
 
@@ -63,14 +66,52 @@ def test_errors_at_the_truth_have_the_predicted_covariance():
     scaled, count = 0.0, 0
     for seed in range(8):
         made, force, model = model_of(TRUTH, seed)
-        covariance = rotation_covariance(
-            model, x, made.poses.session, force.direction_covariance, known_noise(TRUTH)
+        covariance = residual_covariance(
+            model, x, made.poses, force.direction_covariance, known_noise(TRUTH)
         )
         errors = model.rotation_errors(x)[0].ravel()
-        scaled += errors @ np.linalg.solve(covariance, errors)
+        own = covariance[-len(errors) :, -len(errors) :]
+        scaled += errors @ np.linalg.solve(own, errors)
         count += len(errors)
     # chi square of 8 x 80 errors, three standard deviations either way
     assert scaled / count == pytest.approx(1, abs=3 * np.sqrt(2 / count))
+
+
+def test_a_walk_of_the_rate_is_common_to_rotations_and_the_poses_beside_them():
+    noise = replace(TRUTH.gyroscope.noise, B=(0.0, 0.0, 0.0), K=(3e-5, 3e-5, 3e-5))
+    truth = replace(TRUTH, gyroscope=replace(TRUTH.gyroscope, noise=noise))
+    x, sums = true_parameters(truth), np.zeros(3)
+    count = np.zeros(2)
+    for seed in range(8):
+        made, force, model = model_of(truth, seed)
+        residuals, jacobian = model.residuals(x)
+        covariance = residual_covariance(
+            model, x, made.poses, force.direction_covariance, known_noise(truth)
+        )
+        n, first = 3 * len(made.poses), made.rotations.first
+        apart = covariance.copy()
+        apart[:n, n:] = apart[n:, :n] = 0
+        # an error of the rate turns gravity as one of the bias does: less what the mean of the
+        # poses at both ends makes of it
+        less = np.eye(len(residuals))[n:]
+        turned = (-jacobian[n:, 9:12] / truth.gyroscope.K).reshape(-1, 2, 3)
+        for k, pose in enumerate(first):
+            for end in (pose, pose + 1):
+                less[2 * k : 2 * k + 2, 3 * end : 3 * end + 3] -= turned[k] / 2
+        left = less @ residuals
+        sums += [
+            residuals @ np.linalg.solve(covariance, residuals),
+            left @ np.linalg.solve(less @ covariance @ less.T, left),
+            left @ np.linalg.solve(less @ apart @ less.T, left),
+        ]
+        count += [len(residuals), len(left)]
+    all_, together, alone = sums / count[[0, 1, 1]]
+    # chi square of 8 x 203 residuals and 8 x 80 differences, three standard deviations either way
+    off = 3 * np.sqrt(2 / count)
+    assert all_ == pytest.approx(1, abs=off[0])
+    assert together == pytest.approx(1, abs=off[1])
+    # as if rates and rotations had nothing in common
+    assert alone < 1 - off[1]
 
 
 def test_tangents_are_orthonormal_and_right_handed():

@@ -14,7 +14,7 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
@@ -112,7 +112,7 @@ def test_an_axis_that_never_changes_is_a_reason_and_no_failure(axis):
     assert rest.method == ("nominal" if axis >= 3 else "static")
     model = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, settings)
     assert model.untestable(dead) == (reason if axis < 3 else None)
-    assert reason in GyroscopePoses(model, None, (), RATE_UNIT).untestable(dead)
+    assert reason in GyroscopePoses(noise, force, RATE_UNIT, settings).untestable(dead)
 
 
 @pytest.mark.parametrize("axis", range(6))

@@ -151,10 +151,25 @@ def test_json_of_before_needed_length_and_origin_is_read():
     assert (noise.R.needed_s, noise.sinusoid[0].origin) == (None, None)
 
 
-def test_at_limits_slow_terms_that_were_not_seen_have_their_limits():
-    seen, unseen = Coefficient(2.0, upper95=3.0), Coefficient(upper95=5.0)
-    axes = {name: AxisNoise(Q=unseen, N=seen, B=seen, K=unseen) for name in CHANNELS}
-    found = NoiseModel("imu", axes).at_limits().axes["gx"]
-    assert (found.B.value, found.K.value, found.N.value, found.Q.value) == (2.0, 5.0, 2.0, None)
-    for known in (AxisNoise(N=seen, B=seen, K=seen), AxisNoise(N=seen)):
-        assert NoiseModel("imu", dict.fromkeys(CHANNELS, known)).at_limits() is None
+def test_what_is_known_of_slow_terms():
+    seen = Coefficient(2.0, (1.0, 4.92), 3.0, True)
+    axis = AxisNoise(N=seen, B=seen, K=Coefficient(upper95=5.0))
+    found = NoiseModel("imu", dict.fromkeys(CHANNELS, axis))
+    assert found.known("gx", "B") == (2.0, pytest.approx(1.0))
+    # of a normal size what 95 % lies below in magnitude
+    assert found.known("gx", "K") == (0.0, pytest.approx(5.0 / 1.96))
+    nothing = NoiseModel("imu", dict.fromkeys(CHANNELS, AxisNoise(B=Coefficient(2.0))))
+    assert nothing.known("gx", "B") == (2.0, 0.0)
+    assert nothing.known("gx", "K") == (0.0, 0.0)
+
+
+def test_other_sizes_are_those_of_their_axis_and_term_alone():
+    noise = model(PROCESSES["all"])
+    found = noise.with_sizes({("gx", "K"): 0.0, ("ay", "B"): 0.7})
+    assert (found.axes["gx"].K.value, found.axes["ay"].B.value) == (0.0, 0.7)
+    assert found.with_sizes({("gx", "K"): 0.02, ("ay", "B"): 0.05}) == noise
+    # covariances add: that of a term is the difference
+    c = [m.pose_mean_covariance(WINDOWS) for m in (noise, found)]
+    walk = model(PROCESSES["walk"]).pose_mean_covariance(WINDOWS)
+    np.testing.assert_allclose((c[0] - c[1])[3], walk[3], rtol=1e-9)
+    assert not (c[0] - c[1])[[0, 2, 4, 5]].any()

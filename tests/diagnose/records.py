@@ -3,10 +3,11 @@
 import numpy as np
 
 from imuloop.core.effect import Channels
-from imuloop.diagnose.static_means import StaticRecord
-from imuloop.diagnose.static_model import StaticModel, everything
-from imuloop.diagnose.static_noise import mean_covariance, unit_noise
-from imuloop.diagnose.static_search import StaticSearch
+from imuloop.diagnose.records.means import StaticRecord
+from imuloop.diagnose.records.slow_noise import mean_covariance, unit_noise
+from imuloop.diagnose.records.static import StaticProblem
+from imuloop.diagnose.search import Search
+from imuloop.diagnose.settings import DiagnoseSettings
 
 LENGTH = 60.0
 
@@ -46,11 +47,10 @@ def record(values, session="s", warm=True, stretch=None):
     return StaticRecord(session, windows(n), stretch, values, channels)
 
 
-def search(records, effects, tests=20, held=None):
-    """Return a search over records for the shapes of effects."""
-    model = StaticModel(records)
+def search(records, effects, tests=20, out=frozenset()):
+    """Return a search for shapes of effects in records that does not see some parts."""
     shapes = {}
-    for pattern in model.patterns(effects):
-        shapes.setdefault(type(pattern.effect), []).append(pattern)
-    shapes = {cls: tuple(patterns) for cls, patterns in shapes.items()}
-    return StaticSearch(held or everything(model), shapes, 0.05, tests)
+    for effect in effects:
+        shapes.setdefault(type(effect), []).append(effect)
+    shapes = {cls: tuple(own) for cls, own in shapes.items()}
+    return Search(StaticProblem(tuple(records), shapes, DiagnoseSettings(), tests), out)

@@ -8,9 +8,9 @@ import pytest
 from calibrate.devices import ACCELERATION_UNIT, known_noise, recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.sphere import fibonacci_lattice
-from imuloop.diagnose.correlates import harmonics
-from imuloop.diagnose.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.pose_models import AccelerometerPoses
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.pose_fits import AccelerometerPoses
+from imuloop.diagnose.records.probes import harmonics
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
 
@@ -44,9 +44,9 @@ def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(seed
     model = AccelerometerPoses(
         known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
     )
-    content, _, _ = diagnose_poses(
+    content = diagnose_poses(
         model, recording(truth, seed), DiagnoseSettings(folds=5), tests=20
-    )
+    ).content
     assert (content["verdict"], content["effects"]) == ("unexplained", [])
     first = content["correlates"][0]
     assert first["name"] == f"harmonics_{degree}"

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, difference, known_noise
+from diagnose.models import accelerometer_poses, pose_sensors
 from diagnose.planned_log import simulate_plan
 from imuloop.calibrate.planned import FULL_TURN_S
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.next_recording import candidate_plans, directions_of, next_recording
 from imuloop.diagnose.outlook import outlook
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.records.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -27,22 +27,35 @@ SENSORS = ("accelerometer", "gyroscope")
 HOLD_S, MOVE_S = 4.0, 2.0
 SESSION = Session("multi_position", 3, poses=14, rest_s=(HOLD_S, HOLD_S), move_s=(MOVE_S, MOVE_S))
 TRUTH = example_truth(sessions={"multi_position": SESSION})
-SETTINGS = CalibrateSettings()
+NONE = dict.fromkeys(SENSORS)
 
 
 def recorded(*samples):
     segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
-    return record(list(samples), segments, SETTINGS.longest_rotation)
+    return record(list(samples), segments, 30.0)
 
 
-def fitted(recording, noise):
-    """Return models, solutions and the calibration of a recording."""
-    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
-    turn = GyroscopePoses(force, None, (), RATE_UNIT)
-    models = dict(zip(SENSORS, (force, turn), strict=True))
-    solutions = {sensor: model.fit(recording) for sensor, model in models.items()}
+def fitted(recording, noise, effects=()):
+    """Return models, solutions and the calibration of a recording; effects of the gyroscope."""
+    models, solutions = pose_sensors(TRUTH, recording, noise), {}
+    for (sensor, model), own in zip(models.items(), ((), effects), strict=True):
+        found = model.fit(recording, own)
+        solutions[sensor] = replace(found, calibration=fitted_calibration(model, found))
     sensors = (solutions[sensor].calibration for sensor in SENSORS)
     return models, solutions, Calibration("example", TRUTH.gravity, *sensors)
+
+
+def unfitted(noise, calibration):
+    """Return the models of a device whose poses are fitted nowhere."""
+    force = accelerometer_poses(TRUTH, noise)
+    turn = GyroscopePoses(noise, calibration.accelerometer, RATE_UNIT, force.settings)
+    return dict(zip(SENSORS, (force, turn), strict=True))
+
+
+def nominal():
+    """Return the calibration of a device as logged."""
+    sensors = (SensorCalibration.nominal(unit, "none") for unit in (ACCELERATION_UNIT, RATE_UNIT))
+    return Calibration("example", TRUTH.gravity, *sensors)
 
 
 def expectation(seed, truth=TRUTH):
@@ -137,21 +150,8 @@ def test_an_error_weighs_as_much_as_it_moves_the_output(content):
 
 def test_without_a_session_a_first_one_is_expected_from_the_noise_alone():
     noise = known_noise(TRUTH)
-    recording = record([], [], 30.0)
-    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
-    turn = GyroscopePoses(force, None, (), RATE_UNIT)
-    nominal = Calibration(
-        "example",
-        TRUTH.gravity,
-        SensorCalibration.nominal(ACCELERATION_UNIT, "none"),
-        SensorCalibration.nominal(RATE_UNIT, "none"),
-    )
-    content = next_recording(
-        {"accelerometer": force, "gyroscope": turn},
-        dict.fromkeys(SENSORS),
-        nominal,
-        recording,
-    )
+    device = nominal()
+    content = next_recording(unfitted(noise, device), NONE, device, record([], [], 30.0))
     assert content["turns"] == {}
     # as the simulated 40 poses are calibrated, within the difference of their attitudes
     _, solutions, _ = fitted(
@@ -178,13 +178,8 @@ def test_heating_and_cooling_shows_what_a_temperature_does():
         sessions={"multi_position": warm},
     )
     recording = recorded(simulate_session(truth, "multi_position", 5))
-    force = AccelerometerPoses(known_noise(truth), TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
-    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
-    effects = {"accelerometer": (), "gyroscope": (BiasTemperature(),)}
-    solutions = {s: model.fit(recording, effects[s]) for s, model in models.items()}
-    sensors = (solutions[sensor].calibration for sensor in SENSORS)
-    calibration = Calibration("example", TRUTH.gravity, *sensors)
-    content = next_recording(models, solutions, calibration, recording)
+    made = fitted(recording, known_noise(truth), (BiasTemperature(),))
+    content = next_recording(*made, recording)
     found = content["sensors"]["gyroscope"]
     by_name = {(c["name"], c["poses"]): c for c in found["candidates"]}
     (name, *_) = (n for n in found["parameters"] if n.startswith("bias_temperature."))
@@ -195,10 +190,8 @@ def test_heating_and_cooling_shows_what_a_temperature_does():
 
 def test_nothing_is_expected_where_the_noise_is_unknown():
     noise = NoiseModel("example", {c: AxisNoise() for c in CHANNELS})
-    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
-    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
-    none = dict.fromkeys(SENSORS)
-    assert next_recording(models, none, None, record([], [], 30.0)) == {}
+    models = unfitted(noise, nominal())
+    assert next_recording(models, NONE, None, record([], [], 30.0)) == {}
 
 
 def test_nothing_is_expected_of_poses_beside_lines_alone():
@@ -207,10 +200,8 @@ def test_nothing_is_expected_of_poses_beside_lines_alone():
     *_, calibration = fitted(
         recorded(simulate_session(TRUTH, "multi_position", 5)), known_noise(TRUTH)
     )
-    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
-    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
-    none = dict.fromkeys(SENSORS)
-    assert next_recording(models, none, calibration, record([], [], 30.0)) == {}
+    models = unfitted(noise, calibration)
+    assert next_recording(models, NONE, calibration, record([], [], 30.0)) == {}
 
 
 def test_the_same_again_lasts_as_long_as_its_sessions_together():
@@ -235,10 +226,8 @@ def test_nothing_is_expected_where_a_pose_shows_no_noise():
     noise = known_noise(TRUTH)
     noise = NoiseModel("example", noise.axes | {"gz": AxisNoise()})
     *_, calibration = fitted(recording, known_noise(TRUTH))
-    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, SETTINGS)
-    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
-    none = dict.fromkeys(SENSORS)
-    assert next_recording(models, none, calibration, replace(recording, poses=poses)) == {}
+    models = unfitted(noise, calibration)
+    assert next_recording(models, NONE, calibration, replace(recording, poses=poses)) == {}
 
 
 def test_poses_without_specific_force_know_nothing():
@@ -246,12 +235,8 @@ def test_poses_without_specific_force_know_nothing():
     models, *_ = fitted(recording, known_noise(TRUTH))
     f = recording.poses.f * np.where(np.arange(len(recording.poses)) < 4, 1e-200, 1.0)[:, None]
     deaf = replace(recording, poses=replace(recording.poses, f=f))
-    nominal = SensorCalibration.nominal(ACCELERATION_UNIT, "")
-    view = outlook(models["accelerometer"], None, nominal, nominal, deaf)
-    device = Calibration("example", TRUTH.gravity, nominal, nominal)
+    device, force = nominal(), models["accelerometer"]
+    own = device.accelerometer
     assert len(directions_of(deaf, device)) == len(deaf.poses) - 4
-    assert set(view.std().values()) == {None}
-    assert (
-        None
-        not in outlook(models["accelerometer"], None, nominal, nominal, recording).std().values()
-    )
+    assert set(outlook(force, None, own, own, deaf).std().values()) == {None}
+    assert None not in outlook(force, None, own, own, recording).std().values()

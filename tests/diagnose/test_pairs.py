@@ -1,52 +1,25 @@
 """Two effects of like size, each of which hides the other."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from scipy.stats import f
 
-from imuloop.diagnose.pairs import best_pair
-from imuloop.diagnose.trial import Linear, White
+from diagnose.rows import Column, Other, Third, search
 
 N = 40
 T = np.linspace(0, 1, N)
+NUISANCE = np.column_stack([np.ones(N), T])
 COLUMNS = (np.sin(7 * T), np.cos(23 * T), T**2)
+A, B, C = Column(), Other(), Third()
 
 
-@dataclass(frozen=True)
-class A:
-    """A candidate."""
-
-    limit = np.inf
-
-
-@dataclass(frozen=True)
-class B:
-    """Another."""
-
-    limit = np.inf
-
-
-@dataclass(frozen=True)
-class C:
-    """One more."""
-
-    limit = np.inf
-
-
-SHAPES = (A(), B(), C())
-
-
-def white(values, columns=COLUMNS):
-    kinds = {"kind": np.arange(N)[:, None].repeat(2, axis=1)}
-    jacobian, columns = np.column_stack([np.ones(N), T]), tuple(c[:, None] for c in columns)
-    linear = Linear(values, jacobian, SHAPES, columns, kinds, {"kind": 1})
-    return White.of(linear, np.ones(N, dtype=bool), np.eye(N))
+def best_pair(values, columns=COLUMNS, banned=(), threshold=1e-3):
+    made = search(values, NUISANCE, dict(zip((A, B, C), columns, strict=True)), (), threshold)
+    return made, made.best_pair((), banned)
 
 
 def chi2(values, *columns):
-    design = np.column_stack([np.ones(N), T, *columns])
+    design = np.column_stack([NUISANCE, *columns])
     left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     return left @ left
 
@@ -54,22 +27,23 @@ def chi2(values, *columns):
 def test_both_are_found_and_tested_beside_each_other():
     rng = np.random.default_rng(0)
     values = 4 * COLUMNS[0] - 4 * COLUMNS[1] + rng.normal(size=N)
-    pair = best_pair(white(values), (), SHAPES, (), np.log(1e-3))
-    assert pair.effects == (A(), B())
+    made, pair = best_pair(values)
+    assert pair.effects == (A, B)
     drop = chi2(values) - chi2(values, *COLUMNS[:2])
     scale = max(1, chi2(values, *COLUMNS[:2]) / (N - 4))
     expected = f.logsf(drop / 2 / scale, 2, N - 4) + np.log(3)
     assert pair.log_p == pytest.approx(expected)
-    design = np.column_stack([np.ones(N), T, *COLUMNS[:2]])
+    design = np.column_stack([NUISANCE, *COLUMNS[:2]])
     fitted = np.linalg.lstsq(design, values, rcond=None)[0][2:]
-    np.testing.assert_allclose(pair.values, -fitted, rtol=1e-9)
-    assert best_pair(white(values), (), SHAPES, {(A, B)}, np.log(1e-3)) is None
+    found = [made.beside((other,), own)[0][0] for own, other in ((A, B), (B, A))]
+    np.testing.assert_allclose(found, fitted, rtol=1e-9)
+    assert best_pair(values, banned={(Column, Other)})[1] is None
 
 
 def test_no_pair_where_one_of_the_two_adds_nothing():
     rng = np.random.default_rng(1)
     values = 6 * COLUMNS[0] + rng.normal(size=N)
-    assert best_pair(white(values), (), SHAPES, (), np.log(1e-3)) is None
+    assert best_pair(values)[1] is None
 
 
 @pytest.mark.parametrize(("step", "made"), [(0.1, False), (0.7, True)])
@@ -77,11 +51,20 @@ def test_twins_are_no_pair_for_what_tells_them_apart(step, made):
     twins = COLUMNS[0], COLUMNS[0] + step * COLUMNS[1], COLUMNS[2]
     rng = np.random.default_rng(3)
     values = 12 * COLUMNS[1] + rng.normal(size=N)
-    pair = best_pair(white(values, twins), (), SHAPES, (), np.log(1e-3))
-    assert (pair is not None) == made
+    assert (best_pair(values, twins)[1] is not None) == made
 
 
 def test_noise_alone_makes_no_pair():
     rng = np.random.default_rng(2)
-    found = [best_pair(white(rng.normal(size=N)), (), SHAPES, (), np.log(0.05)) for _ in range(300)]
+    found = [best_pair(rng.normal(size=N), threshold=0.05)[1] for _ in range(300)]
     assert sum(pair is not None for pair in found) <= 0.05 * 300
+
+
+def test_the_best_is_a_pair_where_no_single_one_passes():
+    # opposite ones of which neither alone has half of what is there
+    rng, (u, v) = np.random.default_rng(4), np.linalg.qr(NUISANCE, mode="complete")[0].T[2:4]
+    columns = u + 0.5 * v, -u + 0.5 * v, COLUMNS[2]
+    values = 6 * v + rng.normal(size=N)
+    made, pair = best_pair(values, columns)
+    assert all(made.trial((), type(e)).log_p > made.threshold(0) for e in (A, B))
+    assert made.best(()) == pair and pair.effects == (A, B)

@@ -1,16 +1,19 @@
 """Residuals and their floor."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
-from imuloop.diagnose.residuals import held_out_variance, judge, size
-from imuloop.diagnose.search import Search, floor_variance, folds, held_out
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.records.pose_fits import (
+    AccelerometerPoses,
+    GyroscopePoses,
+    fitted_calibration,
+)
+from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.residuals import chi_square, floor_variance, held_out_variance, size
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.verdict import above_floor, unseen
 from imuloop.simulate.truth import example_truth
@@ -23,32 +26,73 @@ def test_a_linear_fit_has_its_textbook_degrees_of_freedom():
     covariance = root @ root.T + np.eye(50)
     noise = np.linalg.cholesky(covariance) @ rng.normal(size=50)
     weight = np.linalg.inv(covariance)
-    parameters = np.linalg.inv(design.T @ weight @ design)
-    left = noise - design @ (parameters @ design.T @ weight @ noise)
-    judged = judge("m/s^2", left[:, None], covariance, design, parameters)
-    assert judged.dof == pytest.approx(46)
-    assert judged.reduced_chi2 * judged.dof == pytest.approx(left @ weight @ left)
+    information = design.T @ weight @ design
+    left = noise - design @ np.linalg.solve(information, design.T @ weight @ noise)
+    ((square, dof),), likelihood = chi_square(left, covariance, design, [np.ones(50, dtype=bool)])
+    assert dof == pytest.approx(46)
+    assert square == pytest.approx(left @ weight @ left)
+    log = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1] + square
+    # but for the units of the parameters
+    log -= 2 * np.log(np.linalg.norm(design, axis=0)).sum()
+    assert likelihood == pytest.approx(-log / 2)
+
+
+def problem_of(sensor, made, parts=10):
+    """Return the PoseProblem of a sensor without effects to try."""
+    fold = interleaved(len(made.poses), parts)
+    return PoseProblem(sensor, made, {}, DiagnoseSettings(folds=parts), 1, fold)
+
+
+def sensors(truth, made):
+    """Return both sensors at the poses, their noise known."""
+    arguments = known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    force = AccelerometerPoses(*arguments)
+    fitted = fitted_calibration(force, force.fit(made))
+    return force, GyroscopePoses(arguments[0], fitted, RATE_UNIT, arguments[3])
 
 
 def test_parts_of_a_fit_share_its_parameters():
+    """What each part is expected to leave, as many degrees of freedom, is what simulated ones do.
+
+    Pose rates and rotations share noise: apart they have fewer together than in one group.
+    """
     truth = example_truth()
     made = recording(truth, 2)
-    force = AccelerometerPoses(
-        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    turn = sensors(truth, made)[1]
+    problem = problem_of(turn, made)
+    about = problem.about()
+    covariance, design = about.alternatives[0][1], about.jacobian
+    groups = [problem.of_kind(kind) for kind in turn.kinds]
+    (*found, (_, total)), _ = chi_square(
+        about.values, covariance, design, [*groups, groups[0] | groups[1]]
     )
-    solution = GyroscopePoses(force, None, (), RATE_UNIT).fit(made)
-    total = sum(r.dof for r in solution.residuals.values())
     assert total == pytest.approx(3 * len(made.poses) + 2 * len(made.rotations) - 12, abs=1e-6)
+    design = design / np.linalg.norm(design, axis=0)
+    weighted = np.linalg.solve(covariance, design)
+    rng = np.random.default_rng(0)
+    drawn = np.linalg.cholesky(covariance) @ rng.standard_normal((len(design), 20000))
+    left = drawn - design @ np.linalg.solve(design.T @ weighted, weighted.T @ drawn)
+    for at, (_, dof) in zip(groups, found, strict=True):
+        own = np.linalg.solve(covariance[np.ix_(at, at)], left[at])
+        squares = (left[at] * own).sum(axis=0)
+        # four standard errors of the mean
+        assert squares.mean() == pytest.approx(dof, abs=4 * squares.std() / np.sqrt(20000))
 
 
-def test_weights_that_moved_with_the_last_step_cost_no_degree_of_freedom():
+def test_a_fit_by_other_weights_costs_no_degree_of_freedom_and_leaves_no_more():
+    """Each alternative of the noise has a fit of its own."""
     truth = example_truth()
-    made, settings = recording(truth, 2), CalibrateSettings()
-    force = AccelerometerPoses(known_noise(truth), truth.gravity, ACCELERATION_UNIT, settings)
-    solution = force.fit(made)
-    moved = replace(solution, covariance=solution.covariance / 100)
-    (left,) = moved.residuals.values()
-    assert left.dof == pytest.approx(len(made.poses) - 9)
+    made = recording(truth, 2)
+    about = problem_of(sensors(truth, made)[0], made).about()
+    covariance, everything = about.alternatives[0][1], [np.ones(len(made.poses), dtype=bool)]
+    ((square, dof),), likelihood = chi_square(about.values, covariance, about.jacobian, everything)
+    assert dof == pytest.approx(len(made.poses) - 9)
+    rng = np.random.default_rng(0)
+    off = about.jacobian @ (rng.normal(size=9) * np.sqrt(np.diag(about.solution.fit.covariance)))
+    ((again, same),), as_likely = chi_square(
+        about.values + off, covariance, about.jacobian, everything
+    )
+    assert (again, same, as_likely) == pytest.approx((square, dof, likelihood), rel=1e-6)
 
 
 def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
@@ -71,22 +115,17 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
 
 def test_held_out_errors_of_a_good_model_are_at_their_floor():
     truth = example_truth()
-    force = AccelerometerPoses(
-        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    )
-    turn = GyroscopePoses(force, None, (), RATE_UNIT)
-    settings = DiagnoseSettings(folds=5)
     ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
     for seed in range(8):
         made = recording(truth, seed)
-        for model in (force, turn):
-            everything = np.ones(len(made.poses), dtype=bool)
-            whole = Search(model, made, everything, {}, settings, 1).step()
-            parts = folds([model] * settings.folds, made, {}, settings, 1)
-            errors = [part.errors() for part in parts]
-            variance = floor_variance(whole, parts)
-            for kind, h in held_out(errors, errors).items():
-                ratios[kind].append(size(h.before) / size(np.sqrt(variance[kind])))
+        for sensor in sensors(truth, made):
+            problem = problem_of(sensor, made, parts=5)
+            about, errors = problem.about(), Choices(problem).following(())
+            variance = floor_variance(about.alternatives[0][1], about.jacobian, problem.ends)
+            for kind, (_, k) in sensor.kinds.items():
+                rows = problem.of_kind(kind)
+                sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
+                ratios[kind].append(next(sizes) / next(sizes))
     for kind, values in ratios.items():
         assert np.mean(values) == pytest.approx(1, abs=0.12), kind
 

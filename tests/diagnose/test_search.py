@@ -8,28 +8,26 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from calibrate.devices import recording
+from diagnose.models import pose_sensors
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Channels, FittedEffect, find_effect
-from imuloop.diagnose.pose_diagnosis import _chosen, diagnose_poses
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
-from imuloop.diagnose.search import HeldOut, Search, candidates, folds, ratio_interval
+from imuloop.diagnose.attitude_models import directions_without
+from imuloop.diagnose.candidates import candidates
+from imuloop.diagnose.choice import Choice, Choices, ratio_interval
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.pose_fits import AccelerometerPoses, fitted_calibration
+from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.residuals import floor_variance
+from imuloop.diagnose.search import Search, Trial
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
 
 GSensitivity = find_effect("g_sensitivity")
 G_SENSITIVITY = GSensitivity()
+SHAPES = {GSensitivity: (G_SENSITIVITY,)}
 # rad/s per m/s^2: 0.1 deg/s per g, as common parts have
 MATRIX = np.radians(0.1) / 9.80665 * Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
-
-
-def models(truth):
-    force = AccelerometerPoses(
-        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    )
-    fallback = None
-    return force, GyroscopePoses(force, fallback, (), RATE_UNIT)
 
 
 def with_g_sensitivity(truth, matrix):
@@ -38,10 +36,14 @@ def with_g_sensitivity(truth, matrix):
     return replace(truth, gyroscope=replace(truth.gyroscope, effects=(effect,)))
 
 
-def whole(model, made, available=None):
-    available = {GSensitivity: (G_SENSITIVITY,)} if available is None else available
-    keep = np.ones(len(made.poses), dtype=bool)
-    return Search(model, made, keep, available, DiagnoseSettings(), 1)
+def problem_of(sensor, made, shapes=SHAPES, parts=10, **more):
+    """Return the problem of a sensor's poses, each part of them every so-manieth."""
+    fold = interleaved(len(made.poses), parts)
+    return PoseProblem(sensor, made, shapes, DiagnoseSettings(), 1, fold, **more)
+
+
+def diagnosed(truth, made, sensor="gyroscope", **settings):
+    return diagnose_poses(pose_sensors(truth, made)[sensor], made, DiagnoseSettings(**settings))
 
 
 @pytest.fixture(scope="module")
@@ -51,19 +53,21 @@ def sensitive():
 
 
 def test_a_search_that_rounding_ends_is_a_reason_and_no_failure(sensitive, monkeypatch):
-    def singular(self):
+    def singular(self, *arguments):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr(Search, "greedy", singular)
-    truth, made = sensitive
-    content, solution, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
-    assert (content["verdict"], content["why"], solution) == ("not_testable", SINGULAR, None)
+    monkeypatch.setattr(Search, "best", singular)
+    found = diagnosed(*sensitive)
+    content = found.content
+    assert (content["verdict"], content["why"], found.solution) == ("not_testable", SINGULAR, None)
 
 
 def test_an_undeclared_effect_is_found_with_its_size(sensitive):
-    truth, made = sensitive
-    content, solution, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
+    truth, _ = sensitive
+    found = diagnosed(*sensitive)
+    content, calibration = found.content, found.solution.calibration
     assert content["verdict"] == "explained"
+    assert found.effects == (G_SENSITIVITY,)
     (effect,) = content["effects"]
     assert effect["name"] == "g_sensitivity"
     assert effect["heldout_after"] < effect["heldout_before"] / 3
@@ -74,16 +78,13 @@ def test_an_undeclared_effect_is_found_with_its_size(sensitive):
     ]
     assert np.abs(score).max() < 3.5
     # the other parameters are those of the device, not bent by the effect
-    truth_k = truth.gyroscope.K
-    std = [solution.calibration.std[f"K{i}"] for i in range(3)]
-    assert np.all(np.abs(solution.calibration.K - truth_k) < 4 * np.array(std))
+    std = [calibration.std[f"K{i}"] for i in range(3)]
+    assert np.all(np.abs(calibration.K - truth.gyroscope.K) < 4 * np.array(std))
 
 
 def test_the_residual_after_is_that_of_a_device_without_the_effect(sensitive):
-    truth, made = sensitive
-    content, _, _ = diagnose_poses(models(truth)[1], made, DiagnoseSettings())
-    plain = example_truth()
-    control, _, _ = diagnose_poses(models(plain)[1], recording(plain, 1), DiagnoseSettings())
+    content, plain = diagnosed(*sensitive).content, example_truth()
+    control = diagnosed(plain, recording(plain, 1)).content
     for kind in ("pose_rate", "rotation"):
         after = content["residuals"][kind]["after"]
         assert after <= 1.25 * control["residuals"][kind]["before"]
@@ -94,8 +95,8 @@ def test_controls_are_consistent():
     declared, verdicts = 0, []
     for seed in range(20, 26):
         made = recording(truth, seed)
-        for model in models(truth):
-            content, _, _ = diagnose_poses(model, made, DiagnoseSettings(folds=5))
+        for sensor in ("accelerometer", "gyroscope"):
+            content = diagnosed(truth, made, sensor, folds=5).content
             declared += len(content["effects"])
             verdicts.append(content["verdict"])
     assert declared == 0
@@ -105,11 +106,11 @@ def test_controls_are_consistent():
 
 def test_p_values_of_an_absent_effect_are_uniform():
     truth = example_truth()
-    model = models(truth)[1]
     values = []
     for seed in range(40, 56):
         made = recording(truth, seed)
-        values.append(whole(model, made).step().trials[GSensitivity].p_value)
+        search = Choices(problem_of(pose_sensors(truth, made)["gyroscope"], made)).search()
+        values.append(search.trial((), GSensitivity).p_value)
     # 16 uniform numbers: mean one half within three standard errors, few below one in twenty
     assert np.mean(values) == pytest.approx(0.5, abs=3 / np.sqrt(12 * 16))
     assert np.sum(np.array(values) < 0.05) <= 3
@@ -122,7 +123,7 @@ def test_an_effect_outside_the_library_is_unexplained():
 
     truth = example_truth()
     truth = replace(truth, gyroscope=replace(truth.gyroscope, extra=steps))
-    content, _, _ = diagnose_poses(models(truth)[1], recording(truth, 5), DiagnoseSettings(folds=5))
+    content = diagnosed(truth, recording(truth, 5), folds=5).content
     assert content["verdict"] == "unexplained"
     assert content["effects"] == []
     assert {c["status"] for c in content["candidates"]} <= {
@@ -134,125 +135,183 @@ def test_an_effect_outside_the_library_is_unexplained():
     assert content["correlates"][0]["p_value"] < 0.05
 
 
+@pytest.mark.parametrize("folds", [2, 3, 4])
+def test_few_parts_find_it_or_say_why_not(sensitive, folds):
+    content = diagnosed(*sensitive, folds=folds).content
+    if content["verdict"] == "not_testable":
+        assert "do not determine the model" in content["why"]
+    else:
+        assert [e["name"] for e in content["effects"]] == ["g_sensitivity"]
+
+
 def test_too_few_poses_are_not_testable():
     truth = example_truth()
     few = recording(truth, 3).select(np.arange(41) < 4)
-    content, solution, _ = diagnose_poses(models(truth)[0], few, DiagnoseSettings())
-    assert content["verdict"] == "not_testable"
-    assert "4 poses found, at least 10 needed" in content["why"]
-    assert solution is None
+    sensor = pose_sensors(truth, recording(truth, 3))["accelerometer"]
+    found = diagnose_poses(sensor, few, DiagnoseSettings())
+    assert found.content["verdict"] == "not_testable"
+    assert "4 poses found, at least 10 needed" in found.content["why"]
+    assert found.solution is None
 
 
-def test_the_choice_of_effects_sees_only_the_training_poses(sensitive, monkeypatch):
+def test_each_part_is_predicted_by_a_search_that_does_not_see_it(sensitive):
     truth, made = sensitive
-    model = models(truth)[1]
-    seen, fit = [], type(model).fit
+    choices = Choices(problem_of(pose_sensors(truth, made)["gyroscope"], made))
+    problem, asked = choices.problem, []
 
-    def spy(self, recording, effects=(), start=None):
-        seen.append(set(recording.poses.start_s))
-        return fit(self, recording, effects, start)
+    def chosen(out):
+        asked.append(out)
+        base = choices.choice(out).base
+        assert base == (G_SENSITIVITY,)
+        # neither its poses nor a rotation with an end in it
+        touched = np.isin(problem.ends, list(out)).any(axis=1)
+        (held,) = choices.search(out).sight(base).held
+        np.testing.assert_array_equal(held, np.flatnonzero(touched))
+        return base
 
-    monkeypatch.setattr(GyroscopePoses, "fit", spy)
-    available = {GSensitivity: (G_SENSITIVITY,)}
-    searches = folds([model] * 4, made, available, DiagnoseSettings(folds=4), 1)
-    part = np.arange(len(made.poses)) % 4
-    counts = {"pose_rate": 0, "rotation": 0}
-    for k, search in enumerate(searches):
-        seen.clear()
-        effects, _ = search.greedy()
-        assert effects == (G_SENSITIVITY,)
-        assert all(poses == set(made.poses.start_s[part != k]) for poses in seen)
-        for kind, errors in search.errors(effects).items():
-            counts[kind] += len(errors)
+    errors = choices.errors(chosen)
+    assert asked == [frozenset({k}) for k in range(10)]
     # every pose is held out once, every rotation too
-    assert counts == {"pose_rate": len(made.poses), "rotation": len(made.rotations)}
+    assert errors.shape == (3 * len(made.poses) + 2 * len(made.rotations), 1)
+    assert np.isfinite(errors).all()
+    # what nobody sees is predicted by nobody
+    seen = np.isfinite(choices.errors(lambda out: (), frozenset({1})))[:, 0]
+    np.testing.assert_array_equal(seen, ~(problem.ends == 1).any(axis=1))
 
 
-def test_a_gyroscope_fold_takes_the_accelerometer_effects_of_its_own_fold(sensitive):
+def test_a_part_of_a_gyroscope_takes_the_accelerometer_of_its_own_part(sensitive):
     truth, made = sensitive
-    model, quadratic = models(truth)[1], find_effect("quadratic")()
-    own = [replace(model, force_effects=(quadratic,) * (k == 2)) for k in range(4)]
-    settings = DiagnoseSettings(folds=4)
-    alike, mixed = (folds(m, made, {}, settings, 1) for m in ([model] * 4, own))
-    for k, (a, b) in enumerate(zip(alike, mixed, strict=True)):
-        same = np.array_equal(a.errors()["rotation"], b.errors()["rotation"])
-        assert same == (k != 2)
+    sensors, quadratic = pose_sensors(truth, made), find_effect("quadratic")()
+    force = problem_of(sensors["accelerometer"], made, {type(quadratic): (quadratic,)}, 4)
+
+    def of_effects(out):
+        """Return directions that have an effect where one part is held out."""
+        base = (quadratic,) * (out == {2})
+        return force.sensor.directions(force.fitted(base, out), made)
+
+    def without_effects(out):
+        return directions_without(Choices(force), out, ())
+
+    errors = []
+    for directions in (without_effects, of_effects):
+        problem = problem_of(sensors["gyroscope"], made, {}, 4, directions=directions)
+        errors.append(Choices(problem).following(()))
+    changed = (errors[0] != errors[1])[:, 0]
+    turns = problem.of_kind("rotation")
+    np.testing.assert_array_equal(changed[turns], (problem.fold == 2)[turns])
+    assert not changed[problem.fold != 2].any()
+    # searched, a part has the effects that it chose
+    chosen = Choices(force)
+    chosen._choices[frozenset({1})] = Choice((quadratic,))
+    np.testing.assert_array_equal(
+        directions_without(chosen, frozenset({1}), (quadratic,)),
+        force.sensor.directions(force.fitted((quadratic,), frozenset({1})), made),
+    )
 
 
-def test_a_held_out_pose_does_not_touch_its_prediction(sensitive):
+def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     truth, made = sensitive
-    model = models(truth)[1]
-    available = {GSensitivity: (G_SENSITIVITY,)}
+    sensor = pose_sensors(truth, made)["gyroscope"]
     spoiled = made.poses.w.copy()
     spoiled[0] += 1e-3
     changed = replace(made, poses=replace(made.poses, w=spoiled))
-    first, again = (
-        folds([model] * 4, r, available, DiagnoseSettings(folds=4), 1)[0] for r in (made, changed)
-    )
-    # the other poses of its part were predicted by the same training set
-    for effects in ((), first.greedy()[0]):
-        np.testing.assert_allclose(
-            again.errors(effects)["pose_rate"][1:],
-            first.errors(effects)["pose_rate"][1:],
-            rtol=1e-9,
-        )
-        assert np.any(
-            again.errors(effects)["pose_rate"][0] != first.errors(effects)["pose_rate"][0]
-        )
+    first, again = (Choices(problem_of(sensor, m)) for m in (made, changed))
+    problem, out = first.problem, frozenset({0})
+    assert first.choice(out).base == again.choice(out).base == (G_SENSITIVITY,)
+    about = problem.about((G_SENSITIVITY,))
+    std = np.sqrt(floor_variance(about.alternatives[0][1], about.jacobian, problem.ends))
+    own = np.arange(len(std)) < 3
+    others = (problem.fold == 0) & ~own
+    for effects in ((), (G_SENSITIVITY,)):
+        errors = [c.errors(lambda out, e=effects: e)[:, 0] for c in (first, again)]
+        moved = np.abs(errors[1] - errors[0]) / std
+        # the others of its part are predicted as before, but for what it says of the noise
+        assert moved[others].max() < 0.05
+        assert moved[own].min() > 1
 
 
 def test_a_trial_takes_off_what_a_full_refit_does(sensitive):
     truth, made = sensitive
-    model = models(truth)[1]
-    base = whole(model, made).step()
-    trial = base.trials[GSensitivity]
-    refit = model.fit(made, (G_SENSITIVITY,))
-    assert base.solution.fit.chi2 - refit.fit.chi2 == pytest.approx(trial.drop, rel=0.02)
-    np.testing.assert_allclose(trial.values, refit.fit.x[12:], atol=0.3 * trial.std.max())
-    std = [refit.calibration.effects[0].std[p] for p in G_SENSITIVITY.parameters]
-    np.testing.assert_allclose(trial.std, std, rtol=0.05)
+    sensor = pose_sensors(truth, made)["gyroscope"]
+    search = Choices(problem_of(sensor, made)).search()
+    base, refit = sensor.fit(made), sensor.fit(made, (G_SENSITIVITY,))
+    # by the noise as estimated
+    columns = search.sight(()).evidence.patterns((G_SENSITIVITY,))[0].columns[0]
+    without, wide = (search.sight(()).fit(c, 0) for c in ((), columns))
+    drop = without.square[0] - wide.square[0]
+    assert base.fit.chi2 - refit.fit.chi2 == pytest.approx(drop, rel=0.02)
+    values, std, covariance = search.beside((), G_SENSITIVITY)
+    np.testing.assert_allclose(values, refit.fit.x[12:], atol=0.3 * std.max())
+    known = fitted_calibration(sensor, refit).effects[0].std
+    np.testing.assert_allclose(std, [known[p] for p in G_SENSITIVITY.parameters], rtol=0.05)
+    np.testing.assert_allclose(std, np.sqrt(np.diag(covariance)))
 
 
 def test_the_interval_of_a_ratio_holds_the_ratio():
     rng = np.random.default_rng(2)
-    before = rng.normal(size=(400, 3))
-    held = HeldOut(np.repeat(np.arange(20), 20), before, before * 0.5)
-    low, high = ratio_interval(held, DiagnoseSettings())
+    before, fold = rng.normal(size=(400, 3)), np.repeat(np.arange(20), 20)
+    low, high = ratio_interval(fold, before, before * 0.5, DiagnoseSettings())
     assert low == pytest.approx(0.5) and high == pytest.approx(0.5)
-    noisy = HeldOut(held.fold, before, rng.normal(size=(400, 3)))
-    low, high = ratio_interval(noisy, DiagnoseSettings())
+    low, high = ratio_interval(fold, before, rng.normal(size=(400, 3)), DiagnoseSettings())
     assert low < 1 < high
 
 
-def test_an_effect_that_is_known_from_elsewhere_is_taken_off(sensitive):
+def test_an_effect_that_other_records_show_is_held_to_what_they_tell(sensitive):
     truth, made = sensitive
-    turn = models(truth)[1]
-    plain, known = (m.fit(made).fit for m in (turn, replace(turn, known=truth.gyroscope.effects)))
+    sensor = pose_sensors(truth, made)["gyroscope"]
+    true = np.array(list(truth.gyroscope.effects[0].values.values()))
+
+    def fit(std):
+        """Return the fit where other records tell the truth with a standard error."""
+
+        def told(effects):
+            assert effects == (G_SENSITIVITY,)
+            return np.eye(9) / std**2, true / std**2
+
+        problem = problem_of(sensor, made, {}, found=(G_SENSITIVITY,), told=told)
+        return problem.about().solution.fit
+
+    plain, free, known, weak = (
+        *(sensor.fit(made, effects).fit for effects in ((), (G_SENSITIVITY,))),
+        *(fit(std) for std in (1e-9, 1.0)),
+    )
     assert known.reduced_chi2 == pytest.approx(1, abs=0.3)
     assert plain.reduced_chi2 > 2 * known.reduced_chi2
+    np.testing.assert_allclose(known.x[12:], true, atol=4e-9)
+    std = np.sqrt(np.diag(free.covariance))
+    assert np.abs((weak.x - free.x) / std).max() < 1e-3
+    # half of what is known of it is from either
+    both = fit(std[12:])
+    alone = np.linalg.inv(free.covariance)
+    alone[12:, 12:] += np.diag(std[12:] ** -2)
+    np.testing.assert_allclose(both.covariance, np.linalg.inv(alone), rtol=0.02, atol=1e-12)
 
 
 def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):
-    truth, made = sensitive
-    force = models(truth)[0]
     covariance = AccelerometerPoses.covariance
 
-    def indefinite(self, solution, recording):
-        return -covariance(self, solution, recording)
+    def indefinite(self, solution, recording, noise=None):
+        return -covariance(self, solution, recording, noise)
 
     monkeypatch.setattr(AccelerometerPoses, "covariance", indefinite)
-    monkeypatch.setattr(AccelerometerPoses, "at_limits", lambda self: self)
-    content, solution, _ = diagnose_poses(force, made, DiagnoseSettings())
-    assert content["verdict"] == "not_testable" and solution is None
-    assert "not positive definite" in content["why"]
+    found = diagnosed(*sensitive, "accelerometer")
+    assert found.content["verdict"] == "not_testable" and found.solution is None
+    assert found.content["why"] == SINGULAR
 
 
-def test_an_effect_that_the_others_take_up_whole_is_left_out():
+def test_an_effect_that_the_others_take_up_whole_is_left_out(monkeypatch):
     """Found first, and no trial beside what was found after it."""
     effects = tuple(find_effect(name)() for name in ("warm_up", "bias_drift"))
-    nothing = SimpleNamespace(trials={})
-    whole = SimpleNamespace(greedy=lambda: (effects, {}), step=lambda found=(): nothing)
-    assert _chosen(whole, []) == ((), [], {})
+    pair = Trial(effects, -50.0, 0, 1)
+    choices = Choices(SimpleNamespace(lost=lambda base: None))
+    choices._searches[frozenset()] = SimpleNamespace(
+        best=lambda base, failed: None if base else pair,
+        reshaped=lambda base: base,
+        test=lambda others, effect: None,
+    )
+    gate = "pose_rate", np.ones((3, 1)), np.zeros((3, 1)), [0.1, 0.2]
+    monkeypatch.setattr(Choices, "_gate", lambda self, *arguments: gate)
+    assert choices.choice() == Choice((), (), {})
 
 
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from imuloop.diagnose.spectrum_fit import likeliest, log_likelihood, nonnegative
+from imuloop.diagnose.records.spectrum_fit import likeliest, log_likelihood, nonnegative
 
 
 @pytest.mark.parametrize("guess", [True, False])

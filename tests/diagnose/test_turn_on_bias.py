@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise
+from calibrate.devices import RATE_UNIT, known_noise
+from diagnose.models import accelerometer_poses
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.diagnose.drift import check_drift
-from imuloop.diagnose.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -41,14 +41,11 @@ def power_cycles(seed, runs=3, size=1.0):
 
 
 def diagnosed(recording):
-    """Return content and solution of each sensor."""
-    noise = known_noise(TRUTH)
-    force = AccelerometerPoses(noise, TRUTH.gravity, ACCELERATION_UNIT, CalibrateSettings())
-    first = diagnose_poses(force, recording, DiagnoseSettings())
-    turn = GyroscopePoses(force, None, first[1].effects, RATE_UNIT)
-    return dict(
-        zip(SENSORS, (first, diagnose_poses(turn, recording, DiagnoseSettings())), strict=True)
-    )
+    """Return the PoseResult of each sensor."""
+    force, settings = accelerometer_poses(TRUTH), DiagnoseSettings()
+    first = diagnose_poses(force, recording, settings)
+    turn = GyroscopePoses(force.noise, first.solution.calibration, RATE_UNIT, force.settings)
+    return {"accelerometer": first, "gyroscope": diagnose_poses(turn, recording, settings)}
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +57,7 @@ def cycles():
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
     _, jumps, found = cycles
-    content, *_ = found[sensor]
+    content = found[sensor].content
     assert [e["name"] for e in content["effects"]] == ["turn_on_bias"]
     assert content["verdict"] == "explained"
     (effect,) = content["effects"]
@@ -76,19 +73,19 @@ def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
 
 def test_scale_and_misalignment_are_as_good_as_of_one_run(cycles):
     recording, _, found = cycles
-    force = AccelerometerPoses(
-        known_noise(TRUTH), TRUTH.gravity, ACCELERATION_UNIT, CalibrateSettings()
+    force = accelerometer_poses(TRUTH)
+    one, jumpy = (
+        fitted_calibration(force, force.fit(poses)).std
+        for poses in (recording.select(recording.poses.run == 0), recording)
     )
-    one = force.fit(recording.select(recording.poses.run == 0)).calibration.std
-    all_ = found["accelerometer"][1].calibration.std
+    all_ = found["accelerometer"].solution.calibration.std
     assert all(all_[name] < 1.3 * one[name] for name in one if name[0] in "TK")
-    jumpy = force.fit(recording).calibration.std
     assert all(jumpy[name] > 3 * all_[name] for name in one if name[0] in "TK")
 
 
 def test_runs_of_one_bias_have_none():
     recording, _ = power_cycles(2, size=0.0)
-    for content, *_ in diagnosed(recording).values():
+    for content in (found.content for found in diagnosed(recording).values()):
         assert content["verdict"] == "consistent" and content["effects"] == []
         (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
         assert candidate["status"] == "rejected" and candidate["detection_limit"]
@@ -96,7 +93,7 @@ def test_runs_of_one_bias_have_none():
 
 def test_one_run_shows_no_other():
     recording, _ = power_cycles(3, runs=1)
-    content, *_ = diagnosed(recording)["accelerometer"]
+    content = diagnosed(recording)["accelerometer"].content
     (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
     assert candidate["status"] == "not_available" and "one run" in candidate["why"]
 
@@ -104,7 +101,8 @@ def test_one_run_shows_no_other():
 def test_a_check_allows_for_what_the_runs_showed(cycles):
     """Of the next run no calibration knows the bias; it moves by as much as the others did."""
     *_, found = cycles
-    calibration = Calibration("d", TRUTH.gravity, *(found[s][1].calibration for s in SENSORS))
+    sensors = (found[s].solution.calibration for s in SENSORS)
+    calibration = Calibration("d", TRUTH.gravity, *sensors)
     log, (jump,) = power_cycles(7, runs=1)
     allowed = check_drift(calibration, log, known_noise(TRUTH))
     assert not allowed.drifted

@@ -8,12 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import imuloop.effects  # noqa: F401  the library of effects
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from calibrate.devices import recording
+from diagnose.models import pose_sensors
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.least_squares import fit
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Channels, Effect
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
 from imuloop.simulate.truth import example_truth
 from property.strategies import G, directions, seeds, vectors
 
@@ -41,16 +40,15 @@ def of_two_runs(recording):
 
 @pytest.fixture(scope="module")
 def made():
-    """Two recordings that warm up, and the models of both sensors."""
+    """Two recordings that warm up, both sensors' models of each, and their fits."""
     truth = example_truth()
     plan = replace(truth.sessions["multi_position"], temperature=((0, 18), (150, 33), (500, 21)))
-    truth = replace(truth, sessions={"multi_position": plan})
-    force = AccelerometerPoses(known_noise(truth), G, ACCELERATION_UNIT, CalibrateSettings())
-    models = {"accelerometer": force, "gyroscope": GyroscopePoses(force, None, (), RATE_UNIT)}
-    recordings = [of_two_runs(recording(truth, seed)) for seed in (1, 2)]
-    return models, [
-        (one, {sensor: model.fit(one) for sensor, model in models.items()}) for one in recordings
-    ]
+    truth, found = replace(truth, sessions={"multi_position": plan}), []
+    for seed in (1, 2):
+        one = of_two_runs(recording(truth, seed))
+        models = pose_sensors(truth, one)
+        found.append((one, models, {sensor: m.fit(one) for sensor, m in models.items()}))
+    return found
 
 
 @pytest.mark.parametrize("effect", Effect.library.values(), ids=Effect.library.keys())
@@ -59,9 +57,8 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
         # what is not looked for in poses says so, and that is all it does
         assert effect.unobservable or effect.records == ("static_record",)
         return
-    models, recordings = made
     for sensor in effect.sensors:
-        for one, base in recordings:
+        for one, models, base in made:
             t = one.poses.mid_s
             own, other = (one.poses.f, one.poses.w)[:: 1 if sensor == "accelerometer" else -1]
             channels = Channels(t, own, other, one.poses.temperature, run=one.poses.run)

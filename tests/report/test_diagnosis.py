@@ -255,6 +255,21 @@ def test_a_residual_far_below_its_noise_is_no_good_news():
         assert sum(too_quiet(block(n, chi2)) is not None for chi2 in drawn) <= 12
 
 
+def test_a_floor_that_the_noise_leaves_open_has_its_range():
+    def said(floors, slow, verdict="consistent"):
+        residual = {"unit": "m/s^2", "n": 40, "floor": 2e-3, "before": 2e-3, "after": 2e-3}
+        residual |= {"chi2_before": 1.0, "chi2_after": 1.0, "floor_range": floors}
+        block = {"verdict": verdict, "residuals": {"gravity_norm": residual}, "slow_noise": slow}
+        return sentence("accelerometer", block).replace("\u202f", " ")
+
+    assert "(0.10 to 0.31 mg by the intervals of the noise)" in said([1e-3, 3e-3], False)
+    assert "intervals" not in said([1.95e-3, 2.05e-3], False)
+    # at a floor that is higher than as estimated, what would tell
+    assert "two hours or more" in said([1e-3, 3e-3], True)
+    for verdict, slow in (("consistent", False), ("unexplained", True)):
+        assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
+
+
 def test_the_bias_of_runs_has_its_scatter_with_an_interval():
     parameters = {f"s{k}{axis}": v for k, v in ((2, 0.02), (3, -0.02)) for axis in "xyz"}
     effect = {

@@ -199,6 +199,8 @@ def check_diagnosis(path, device):
             for residual in found["residuals"].values():
                 fields = ("n", "floor", "before", "after", "chi2_before", "chi2_after")
                 assert all(is_number(residual[field]) for field in fields), (sensor, kind)
+                low, high = residual.get("floor_range", [residual["floor"]] * 2)
+                assert low <= residual["floor"] <= high
             for effect in found["effects"]:
                 assert effect["name"] in EFFECTS[sensor]
                 assert set(effect["parameters"]) == set(effect["std"]) != set()

@@ -109,7 +109,7 @@ def accelerometer_model(recording, gravity, x=None, effects=(), known=()):
     )
 
 
-def fit_accelerometer(recording, means, gravity, effects=(), known=()):
+def fit_accelerometer(recording, means, gravity, effects=(), known=(), prior=None):
     """Fit the nine-parameter model, and effects, to the norm of gravity at the poses.
 
     Minimises ``Σ (|T (K (y - b) - e)| - g)²`` weighted with the covariance that the noise model
@@ -127,6 +127,8 @@ def fit_accelerometer(recording, means, gravity, effects=(), known=()):
         Effects to estimate.
     known : sequence of FittedEffect
         Effects that are known from elsewhere.
+    prior : (ndarray, ndarray), optional
+        What other data tell of the parameters, as of `least_squares.fit`.
 
     Returns
     -------
@@ -143,7 +145,7 @@ def fit_accelerometer(recording, means, gravity, effects=(), known=()):
     # weights and effects depend on the calibrated output, which the start gives to 1 %
     for _ in range(3 if effects or known else 2):
         model = accelerometer_model(recording, gravity, x, effects, known)
-        found = fit(model.residuals, x, model.covariance(x, means))
+        found = fit(model.residuals, x, model.covariance(x, means), prior)
         x = found.x
     return found, model
 

@@ -8,7 +8,6 @@ import numpy as np
 from imuloop.calibrate.gyroscope_covariance import (
     cross_matrix,
     residual_covariance,
-    rotation_covariance,
     tangents,
 )
 from imuloop.calibrate.least_squares import condition_number, fit, too_large
@@ -289,7 +288,9 @@ def seen_only(model, x, keep, inside, rotations):
     )
 
 
-def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, start=None):
+def fit_gyroscope(
+    recording, force, noise, *, effects=(), known=(), bias=None, start=None, prior=None
+):
     """Fit the twelve-parameter model, and effects, to pose rates and rotations together.
 
     Parameters
@@ -308,6 +309,8 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
         rad/s; held instead of estimated.
     start : array_like, optional
         First parameters of a fit with fewer effects, to start from.
+    prior : (ndarray, ndarray), optional
+        What other data tell of the parameters, as of `least_squares.fit`; not with `bias`.
 
     Returns
     -------
@@ -322,7 +325,6 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
     bias and the effects among the parameters and full covariances as weights.
     """
     poses = recording.poses
-    means = poses.mean_covariance(noise)[3:]
     model = gyroscope_model(recording, force, None, effects, known, bias)
     x = model.start()
     if start is not None:
@@ -331,8 +333,7 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
     # weights need the attitude along the rotations, effects the output: the first fit gives both
     for _ in range(3 if start is None and (effects or known) else 2):
         model = gyroscope_model(recording, force, x, effects, known, bias)
-        errors = rotation_covariance(model, x, poses.run, force.direction_covariance, noise)
-        covariance = residual_covariance(means, errors)
+        covariance = residual_covariance(model, x, poses, force.direction_covariance, noise)
 
         base = x.copy()
 
@@ -342,7 +343,7 @@ def fit_gyroscope(recording, force, noise, *, effects=(), known=(), bias=None, s
             r, jacobian = model.residuals(full)
             return r, jacobian[:, free]
 
-        result = fit(residuals, x[free], covariance)
+        result = fit(residuals, x[free], covariance, prior)
         x[free] = result.x
     return replace(result, x=x), model, covariance
 

@@ -3,13 +3,14 @@
 import numpy as np
 
 
-def rotation_covariance(model, x, run, directions, noise):
-    """Return the covariance of the rotation errors that the noise model predicts.
+def residual_covariance(model, x, poses, directions, noise):
+    """Return the covariance of all residuals that the noise model predicts: rates, then rotations.
 
     Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
-    a bias of each rotation, so it goes through the derivative with respect to the bias. Time
-    stamps: what lost samples and scatter add. Gravity:
-    the error of a pose's direction enters the rotation before and the one after it.
+    a bias of each rotation, so it goes through the derivative with respect to the bias, and what a
+    rotation has of it the mean rates at the poses beside it have too. Time stamps: what lost
+    samples and scatter add. Gravity: the error of a pose's direction enters the rotation before
+    and the one after it.
 
     Parameters
     ----------
@@ -17,8 +18,8 @@ def rotation_covariance(model, x, run, directions, noise):
         Model with m rotations and n poses.
     x : array_like, shape (12 + p,)
         Parameters.
-    run : array_like of int, shape (n,)
-        Run of each pose; noise of different runs is independent.
+    poses : Poses
+        The n poses; noise of different runs is independent.
     directions : array_like, shape (3 n, 3 n)
         Covariance of the poses' directions, ordered pose by pose.
     noise : NoiseModel
@@ -26,56 +27,60 @@ def rotation_covariance(model, x, run, directions, noise):
 
     Returns
     -------
-    ndarray, shape (2 m, 2 m)
-        rad².
+    ndarray, shape (3 n + 2 m, 3 n + 2 m)
+        (rad/s)² and rad²; the rates ordered pose by pose, the three axes of each together.
     """
-    rotations = model.rotations
-    m = len(rotations)
-    path = model.path(x)
-    last, plane = path.last, model.plane
+    rotations, path, n, m = model.rotations, model.path(x), len(poses), len(model.rotations)
+    plane, length = model.plane, rotations.end_s - rotations.start_s
     start = model.directions[rotations.first]
     # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
-    carried = plane @ last.swapaxes(1, 2)
+    carried = plane @ path.last.swapaxes(1, 2)
     to_error = carried @ cross_matrix(start)
-    length = rotations.end_s - rotations.start_s
-    mean_attitude = path.mean / length[:, None, None]
-    of_run = run[rotations.first]
-    covariance = np.zeros((m, 2, m, 2))
-    windows = np.column_stack([rotations.start_s, rotations.end_s])
-    for each_run in np.unique(of_run):
-        index = np.flatnonzero(of_run == each_run)
-        angles, own = noise.angle_covariance(windows[index]), np.zeros((len(index), 2) * 2)
-        each = np.arange(len(index))
+    per_angle = to_error @ (path.mean / length[:, None, None])
+    covariance = np.zeros((3 * n + 2 * m, 3 * n + 2 * m))
+    means, of_run = poses.mean_covariance(noise)[3:], poses.run[rotations.first]
+    ends = np.column_stack([rotations.start_s, rotations.end_s])
+    for run in np.unique(poses.run):
+        at, turns = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
+        seconds = np.concatenate([np.ones(len(at)), length[turns]])
+        together = noise.pose_mean_covariance(np.concatenate([poses.windows[at], ends[turns]]))[3:]
         for axis, name in enumerate(("gx", "gy", "gz")):
-            white = noise.axes[name].N.square
-            slow = angles[axis] - np.diag(white * length[index])
-            column = np.einsum("mij,mj->mi", to_error[index], mean_attitude[index][:, :, axis])
-            own += np.einsum("mi,mn,nj->minj", column, slow, column)
-            own[each, :, each, :] += white * (
-                to_error[index] @ path.spread[index, axis] @ to_error[index].swapaxes(1, 2)
-            )
-        if path.added is not None:
-            own[each, :, each, :] += (
-                to_error[index] @ path.added[index] @ to_error[index].swapaxes(1, 2)
-            )
-        covariance[np.ix_(index, [0, 1], index, [0, 1])] = own
+            # means at the poses, angles of the rotations
+            slow = together[axis] * (seconds[:, None] * seconds)
+            white = noise.axes[name].N.square * length[turns]
+            turned = len(at) + np.arange(len(turns))
+            slow[turned, turned] -= white
+            # what each of them makes of a residual
+            gain = np.zeros((len(at) + len(turns), len(at) + 2 * len(turns)))
+            gain[: len(at), : len(at)] = np.eye(len(at))
+            for k in range(2):
+                gain[turned, len(at) + 2 * np.arange(len(turns)) + k] = per_angle[turns, k, axis]
+            rows = np.concatenate([3 * at + axis, 3 * n + np.repeat(2 * turns, 2) + _pair(turns)])
+            covariance[np.ix_(rows, rows)] += gain.T @ slow @ gain
+            if not together[axis].any():
+                # of an axis without noise the poses' own variance is known
+                own = 3 * at + axis
+                covariance[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
+    each = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
+    within = sum(
+        noise.axes[name].N.square * (to_error @ path.spread[:, axis] @ to_error.swapaxes(1, 2))
+        for axis, name in enumerate(("gx", "gy", "gz"))
+    )
+    if path.added is not None:
+        within = within + to_error @ path.added @ to_error.swapaxes(1, 2)
+    covariance[each[:, :, None], each[:, None]] += within
     # of all directions only those of the poses at both ends enter a rotation
-    n, ends = len(model.directions), ((rotations.first, carried), (rotations.first + 1, -plane))
-    poses = directions.reshape(n, 3, 3 * n)
-    half = sum(of_end @ poses[pose] for pose, of_end in ends).reshape(2 * m, n, 3)
-    whole = sum(np.einsum("xmk,mjk->xmj", half[:, pose], of_end) for pose, of_end in ends)
-    return (covariance.reshape(2 * m, m, 2) + whole).reshape(2 * m, 2 * m)
-
-
-def residual_covariance(means, errors):
-    """Return the covariance of pose rates, (3, n, n), and rotation errors, one after the other."""
-    n = means.shape[1]
-    covariance = np.zeros((3 * n + len(errors), 3 * n + len(errors)))
-    # ordered pose by pose, the three axes of each together
-    for axis in range(3):
-        covariance[axis : 3 * n : 3, axis : 3 * n : 3] = means[axis]
-    covariance[3 * n :, 3 * n :] = errors
+    of_ends = ((rotations.first, carried), (rotations.first + 1, -plane))
+    by_pose = directions.reshape(n, 3, 3 * n)
+    half = sum(of_end @ by_pose[pose] for pose, of_end in of_ends).reshape(2 * m, n, 3)
+    whole = sum(np.einsum("xmk,mjk->xmj", half[:, pose], of_end) for pose, of_end in of_ends)
+    covariance[3 * n :, 3 * n :] += whole.reshape(2 * m, 2 * m)
     return covariance
+
+
+def _pair(turns):
+    """Return 0, 1, 0, 1, ...: the components of each rotation's error."""
+    return np.tile([0, 1], len(turns))
 
 
 def tangents(directions):

@@ -52,8 +52,8 @@ class Fit:
         return self.covariance * (max(1.0, excess) if np.isfinite(excess) else 1.0)
 
 
-def fit(residuals, x0, covariance):
-    """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``.
+def fit(residuals, x0, covariance, prior=None):
+    """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
 
     Gauss-Newton on the analytic derivative; a step that does not lower chi square is taken again
     with damping. Parameters are measured by the length of their columns in the derivative.
@@ -66,6 +66,8 @@ def fit(residuals, x0, covariance):
         Start.
     covariance : array_like, shape (n, n)
         Covariance Σ of the residuals, positive definite.
+    prior : (ndarray, ndarray), optional
+        R, shape (k, p), and z, shape (k,), from other data; χ² and degrees of freedom count it too.
 
     Returns
     -------
@@ -87,8 +89,11 @@ def fit(residuals, x0, covariance):
 
     def evaluate(x):
         r, jacobian = residuals(x)
-        r = whiten @ r
-        return r, whiten @ jacobian, jacobian, r @ r
+        r, white = whiten @ r, whiten @ jacobian
+        if prior is not None:
+            known, z = prior
+            r, white = np.append(r, known @ x - z), np.concatenate([white, known])
+        return r, white, jacobian, r @ r
 
     r, white, jacobian, chi2 = evaluate(x)
     for _ in range(_STEPS):

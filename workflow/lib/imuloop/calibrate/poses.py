@@ -59,6 +59,12 @@ class Poses:
         """Middle of each pose, s."""
         return (self.start_s + self.end_s) / 2
 
+    @property
+    def windows(self):
+        """Windows about the middle of each pose, as long as its samples, shape (n, 2), s."""
+        half = self.duration_s / 2
+        return np.column_stack([self.mid_s - half, self.mid_s + half])
+
     def mean_covariance(self, noise):
         """Return the covariance of the pose means that the noise model predicts.
 
@@ -85,8 +91,7 @@ class Poses:
         return {}
 
     def _mean_covariance(self, noise):
-        half = self.duration_s / 2
-        windows = np.column_stack([self.mid_s - half, self.mid_s + half])
+        windows = self.windows
         whole = np.zeros((6, len(self), len(self)))
         for run in np.unique(self.run):
             own = np.flatnonzero(self.run == run)

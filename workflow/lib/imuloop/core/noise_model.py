@@ -260,20 +260,32 @@ class NoiseModel:
     device: str
     axes: dict[str, AxisNoise]
 
-    def at_limits(self):
-        """Return the model with flicker and walk at their 95 % limits where they were not seen.
+    def known(self, axis, term):
+        """Return what is known of flicker or walk of an axis: its size, and a standard deviation.
 
-        None where both were seen on all axes, or nothing limits them.
+        Of a term that was not seen the size is none; it may have one, below its limit with a
+        probability of 95 %.
+
+        Parameters
+        ----------
+        axis : str
+            Axis.
+        term : {'B', 'K'}
+            Flicker or walk.
         """
-        axes = {}
-        for name, axis in self.axes.items():
-            limits = {
-                term: replace(c, value=c.upper95)
-                for term in "BK"
-                if (c := getattr(axis, term)).value is None and c.upper95
-            }
-            axes[name] = replace(axis, **limits)
-        return replace(self, axes=axes) if axes != self.axes else None
+        c = getattr(self.axes[axis], term)
+        if c.value is None:
+            return 0.0, (c.upper95 or 0.0) / 1.96
+        low, high = c.ci95 or (c.value, c.value)
+        return c.value, (high - low) / 3.92
+
+    def with_sizes(self, sizes):
+        """Return the model with other values of flicker and walk, by axis and term."""
+        axes = dict(self.axes)
+        for (axis, term), value in sizes.items():
+            own = replace(getattr(axes[axis], term), value=value)
+            axes[axis] = replace(axes[axis], **{term: own})
+        return replace(self, axes=axes)
 
     def allan_variance(self, axis, tau):
         """Return the Allan variance of `axis`, its unit squared, at `tau` in s (array_like)."""

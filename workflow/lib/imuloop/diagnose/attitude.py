@@ -17,8 +17,9 @@ from imuloop.diagnose.attitude_errors import (
     stretches,
 )
 from imuloop.diagnose.attitude_models import MODELS, blocks, held_out_models
-from imuloop.diagnose.residuals import held_out_variance
-from imuloop.diagnose.search import HeldOut, ratio_interval
+from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.records.pose_fits import residuals
+from imuloop.diagnose.residuals import floor_variance
 
 # version of the JSON file
 FORMAT = 1
@@ -39,7 +40,7 @@ COLUMNS = {
 
 
 def validate_attitude(
-    device, turn_model, recording, whole, effects, names, settings, tests, searches=None
+    device, gravity, sensors, recording, whole, effects, told, names, settings, tests
 ):
     """Compare models of a device by the error of gravity's direction on held-out stretches.
 
@@ -51,22 +52,24 @@ def validate_attitude(
     ----------
     device : str
         Name of the device.
-    turn_model : GyroscopePoses
-        How the device is fitted.
+    gravity : float
+        m/s^2.
+    sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
+        As of `held_out_models`.
     recording : Recording
         Poses, rotations, logs.
     whole : Solution or None
         Fit of the gyroscope to all poses, effects included; None where they determine none.
     effects : dict of str to tuple of Effect
         Effects by sensor that all poses show.
+    told : dict
+        As of `held_out_models`.
     names : sequence of str
         Names of the recording's sessions.
     settings : DiagnoseSettings
         Settings.
     tests : int
         Number of tests that share the significance.
-    searches : dict of str to Search, optional
-        Of all poses, by sensor: the held-out models' fits start from theirs.
 
     Returns
     -------
@@ -75,21 +78,19 @@ def validate_attitude(
     dict of str to ndarray
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
-    reason = turn_model.untestable(recording)
+    turn = sensors["gyroscope"]
+    reason = turn.untestable(recording)
     if reason is None and whole is None:
         reason = "the poses determine no calibration of the gyroscope"
     if reason:
         return no_attitude(device, reason)
     block = blocks(len(recording.poses), settings)
     keeps = [block != k for k in range(block.max() + 1)]
-    if any(turn_model.undetermined(recording, keeps)):
+    if any(any(s.undetermined(recording, keeps)) for s in sensors.values() if s):
         why = f"{len(block)} poses do not determine the model with a block of them held out"
         return no_attitude(device, why)
     try:
-        models = [
-            held_out_models(turn_model, recording, keep, effects, settings, tests, searches)
-            for keep in keeps
-        ]
+        models = held_out_models(sensors, recording, block, effects, told, gravity, settings, tests)
     except LinAlgError:
         return no_attitude(device, SINGULAR)
     u = [_directions(m, recording) for m in models]
@@ -105,7 +106,7 @@ def validate_attitude(
             for name in dict.fromkeys(table["session"])
         },
     }
-    floor = _rotation_floor(whole, recording, block)
+    floor = _rotation_floor(turn, whole, recording, block)
     content["methods"]["rotation"]["floor_deg"] = float(np.degrees(floor))
     return content, table
 
@@ -213,8 +214,7 @@ def _summary(table, method, settings):
         by_model = {m: {n: c[last] for n, c in rows.items()} for m, rows in by_model.items()}
     errors = {model: rows["error_deg"] for model, rows in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
-    held = HeldOut(by_model["base"]["block"], base, final)
-    low, high = ratio_interval(held, settings)
+    low, high = ratio_interval(by_model["base"]["block"], base, final, settings)
     return {
         "n": len(base),
         "duration_s": float(np.median(by_model["base"]["after_s"])),
@@ -231,17 +231,12 @@ def _summary(table, method, settings):
     }
 
 
-def _rotation_floor(whole, recording, block):
+def _rotation_floor(turn, whole, recording, block):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
-    first, n = recording.rotations.first, len(recording.poses)
-    squares = []
-    for k in range(block.max() + 1):
-        keep = block != k
-        inside = keep[first] & keep[first + 1]
-        seen = np.concatenate([np.repeat(keep, 3), np.repeat(inside, 2)])
-        held = np.concatenate([np.zeros(3 * n, dtype=bool), np.repeat(block[first] == k, 2)])
-        squares.append(held_out_variance(whole.covariance, whole.fit.jacobian, seen, held))
-    return np.sqrt(2 * np.concatenate(squares).mean())
+    _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
+    ends, kind = turn.rows(recording)
+    variance = floor_variance(turn.covariance(whole, recording), jacobian, block[ends])
+    return np.sqrt(2 * variance[kind == 1].mean())
 
 
 def _calibrated(calibration, log, piece=slice(None)):

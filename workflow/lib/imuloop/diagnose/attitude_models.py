@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.diagnose.pose_diagnosis import pose_search
-from imuloop.diagnose.pose_models import GyroscopePoses
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.records.pose_fits import fitted_calibration
 
 MODELS = ("raw", "base", "final")
 # poses of a block, so that a stretch has several rotations, and the fewest blocks
@@ -35,68 +36,124 @@ def blocks(count, settings):
     return np.arange(count) * parts // max(count, 1)
 
 
-def held_out_models(turn_model, recording, keep, effects, settings, tests, searches=None):
-    """Return the models of a device fitted to some poses, effects chosen by these alone.
+def held_out_models(sensors, recording, block, effects, told, gravity, settings, tests):
+    """Return the models of a device that do not see one block of poses, block by block.
 
     As in the diagnosis, effects are looked for only where all poses together show one.
 
     Parameters
     ----------
-    turn_model : GyroscopePoses
-        How the device is fitted; holds the accelerometer's model.
+    sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
+        How each is fitted; an accelerometer that the poses do not determine is None.
     recording : Recording
         All poses and rotations.
-    keep : ndarray of bool, shape (n,)
-        The poses to fit.
+    block : ndarray of int, shape (n,)
+        The block of each pose.
     effects : dict of str to tuple of Effect
         Effects by sensor that all poses together show.
+    told : dict of str to (tuple of Effect, callable or None)
+        By sensor the effects that other records show, and what these tell, as of PoseProblem.
+    gravity : float
+        m/s^2.
     settings : DiagnoseSettings
         Settings.
     tests : int
         Number of tests that share the significance.
-    searches : dict of str to Search, optional
-        Of all poses, by sensor, to start from.
 
     Returns
     -------
-    HeldOutModels
-        The models.
+    list of HeldOutModels
+        One a block.
     """
-    force_model, searches = turn_model.force, searches or {}
-
-    def search(model):
-        whole = searches.get(model.sensor)
-        return replace(pose_search(model, recording, settings, tests), keep=keep, whole=whole)
-
-    def fit(model):
-        whole = searches.get("gyroscope")
-        found = whole and model.refit(recording, keep, (), whole.step().solution.fit.x)
-        return found[0] if found else model.fit(recording.select(keep))
-
-    force_effects = ()
-    if effects["accelerometer"] and not turn_model.fallback:
-        force_effects = search(force_model).greedy()[0]
-    final_model = replace(turn_model, force_effects=force_effects)
-    if effects["gyroscope"]:
-        found = search(final_model)
-        final, base = (found.step(e).solution for e in (found.greedy()[0], ()))
-    else:
-        final = base = fit(final_model)
-    if base.calibration.effects or base.accelerometer.effects:
-        force_model = replace(force_model, known=())
-        fallback = turn_model.fallback and replace(turn_model.fallback, effects=())
-        base_model = GyroscopePoses(force_model, fallback, (), turn_model.unit)
-        base = fit(base_model)
-
-    def of(solution):
-        return Calibration("", force_model.gravity, solution.accelerometer, solution.calibration)
-
-    raw = (SensorCalibration.nominal(m.unit, None) for m in (force_model, turn_model))
-    raw, simple = Calibration("", force_model.gravity, *raw), of(base)
-    return HeldOutModels(
-        {"raw": raw, "base": simple, "final": simple if final is base else of(final)},
-        {
-            "accelerometer": tuple(e.name for e in final.accelerometer.effects),
-            "gyroscope": tuple(e.name for e in final.calibration.effects),
-        },
+    arguments = recording, settings, tests, block
+    final = _Fitted.of(sensors, effects, told, *arguments)
+    base = final
+    if any(effects.values()) or any(shown for shown, _ in told.values()):
+        force = replace(sensors["gyroscope"].accelerometer, effects=())
+        plain = sensors | {"gyroscope": replace(sensors["gyroscope"], accelerometer=force)}
+        nothing = dict.fromkeys(effects, ())
+        base = _Fitted.of(plain, nothing, dict.fromkeys(effects, ((), None)), *arguments)
+    units = [(sensors["accelerometer"] or sensors["gyroscope"].accelerometer), sensors["gyroscope"]]
+    raw = Calibration(
+        "",
+        gravity,
+        *(SensorCalibration.nominal(getattr(u, "unit", None) or u.raw_unit, None) for u in units),
     )
+    found = []
+    for k in range(block.max() + 1):
+        whole = Calibration("", gravity, *final.without(k))
+        simple = whole if base is final else Calibration("", gravity, *base.without(k))
+        if not (whole.accelerometer.effects or whole.gyroscope.effects):
+            simple = whole
+        found.append(
+            HeldOutModels(
+                {"raw": raw, "base": simple, "final": whole},
+                {
+                    "accelerometer": tuple(e.name for e in whole.accelerometer.effects),
+                    "gyroscope": tuple(e.name for e in whole.gyroscope.effects),
+                },
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """Both sensors with what each may choose; the accelerometer's is None where it is given."""
+
+    force: Choices | None
+    turn: Choices
+    searched: dict
+
+    @classmethod
+    def of(cls, sensors, effects, told, recording, settings, tests, block):
+        """Return them; a sensor without an effect in all poses is not searched."""
+        force, directions = None, None
+        if sensors["accelerometer"]:
+            force = Choices(
+                pose_problem(
+                    sensors["accelerometer"],
+                    recording,
+                    settings,
+                    tests,
+                    block,
+                    *told["accelerometer"],
+                )
+            )
+
+            def directions(out):
+                return directions_without(force, out, effects["accelerometer"])
+
+        turn = pose_problem(
+            sensors["gyroscope"], recording, settings, tests, block, *told["gyroscope"], directions
+        )
+        return cls(force, Choices(turn), effects)
+
+    def without(self, k):
+        """Return the calibrations of accelerometer and gyroscope that do not see a block."""
+        found, out = [], frozenset({k})
+        for choices, name in ((self.force, "accelerometer"), (self.turn, "gyroscope")):
+            if choices is None:
+                found.append(self.turn.problem.sensor.accelerometer)
+                continue
+            problem = choices.problem
+            base = choices.choice(out).base if self.searched[name] else ()
+            found.append(fitted_calibration(problem.sensor, problem.fitted(base, out)))
+        return found
+
+
+def directions_without(choices, out, searched):
+    """Return gravity's direction at all poses by an accelerometer that does not see some parts.
+
+    Parameters
+    ----------
+    choices : Choices
+        Of the accelerometer.
+    out : frozenset of int
+        The parts.
+    searched : bool or collection
+        Whether it may choose effects.
+    """
+    problem = choices.problem
+    base = choices.choice(out).base if searched else ()
+    return problem.sensor.directions(problem.fitted(base, out), problem.recording)

@@ -207,9 +207,11 @@ def gyroscope_problem(calibration, recording, noise, force, change):
     if turns and not isinstance(force, str) and "K0" in sensor.names:
         model = gyroscope.gyroscope_model(recording, at, x, effects, known)
         residuals = model.residuals
-        spread = gyroscope.rotation_covariance(model, x, poses.run, at.direction_covariance, noise)
+        expected = gyroscope.residual_covariance(model, x, poses, at.direction_covariance, noise)
     else:
-        turns, spread = 0, np.zeros((0, 0))
+        turns, expected = 0, np.zeros((n, n))
+        for axis in range(3):
+            expected[axis::3, axis::3] = means[axis]
         channels = recording.pose_channels("gyroscope", lambda y: x[6:9] * (y - x[9:12]), at.poses)
         model = gyroscope.GyroscopeModel(
             rate=poses.w,
@@ -232,7 +234,7 @@ def gyroscope_problem(calibration, recording, noise, force, change):
         sensor.names,
         _units("gyroscope", fitted),
         residuals,
-        gyroscope.residual_covariance(means, spread),
+        expected,
         {"pose_rate": ("rad/s", slice(None, n)), "rotation": ("rad", slice(n, None))},
         max(1.0, sensor.reduced_chi2 or 1.0),
         f"{len(poses)} rest(s) and {turns} turn(s) between them",

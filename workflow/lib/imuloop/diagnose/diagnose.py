@@ -12,13 +12,13 @@ from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.attitude import no_attitude, validate_attitude
+from imuloop.diagnose.attitude_models import directions_without
 from imuloop.diagnose.next_recording import next_recording
-from imuloop.diagnose.outlook import parameters
-from imuloop.diagnose.pose_diagnosis import diagnose_poses, pose_candidates, pose_search
-from imuloop.diagnose.pose_models import AccelerometerPoses, GyroscopePoses
-from imuloop.diagnose.static_correction import write_allan
-from imuloop.diagnose.static_data import read_static
-from imuloop.diagnose.static_record import diagnose_static, static_tests
+from imuloop.diagnose.records.correction import write_allan
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, pose_candidates
+from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.records.rests import read_static
+from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import NOTHING
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.tables import write_table
@@ -77,74 +77,71 @@ def diagnose_device(
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
     recording = read_recording(sessions, calibrate_settings.longest_rotation)
     data = read_static(sessions)
+    records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
     tests = settings.family * (
-        static_tests(data, base, settings)
+        static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
     # first the static records: the poses have their effects too, and the noise without these; but
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
-    still = diagnose_static(data, base, model, settings, noise_settings or NoiseSettings(), tests)
+    still = diagnose_static(
+        data, records, base, model, settings, noise_settings or NoiseSettings(), tests
+    )
     of_own_session = "static" in data.kinds.values()
-    known = {
-        sensor: tuple(
-            e for e in still.effects[sensor] if of_own_session and can_be_seen(e, recording)
-        )
+    shown = {
+        sensor: still.told(sensor, recording.poses.temperature is not None)
+        if of_own_session
+        else ((), None)
         for sensor in SENSORS
     }
-    force_model = AccelerometerPoses(
-        still.noise if any(still.effects.values()) else model,
-        gravity,
-        multi.accelerometer.raw_unit,
-        calibrate_settings,
-        known["accelerometer"],
-    )
-    force_search = pose_search(
-        force_model, recording, settings, tests, near("accelerometer", multi, known)
-    )
-    force, force_solution, force_chosen = diagnose_poses(
-        force_model, recording, settings, tests, whole=force_search
-    )
+    noise = still.noise if any(still.effects.values()) else model
+    units = (multi.accelerometer.raw_unit, multi.gyroscope.raw_unit)
+    force_model = AccelerometerPoses(noise, gravity, units[0], calibrate_settings)
+    force = diagnose_poses(force_model, recording, settings, tests, *shown["accelerometer"])
+
+    def directions(out):
+        """Return gravity's direction at the poses by an accelerometer that lacks some parts."""
+        return directions_without(force.choices, out, force.effects)
+
     turn_model = GyroscopePoses(
-        force_model,
-        None if force_solution else base.accelerometer,
-        force_solution.effects if force_solution else (),
-        multi.gyroscope.raw_unit,
-        known["gyroscope"],
+        noise,
+        force.solution.calibration if force.solution else base.accelerometer,
+        units[1],
+        calibrate_settings,
     )
-    fold_models = [replace(turn_model, force_effects=effects) for effects in force_chosen]
-    turn_search = pose_search(
-        turn_model, recording, settings, tests, near("gyroscope", multi, known)
-    )
-    turn, turn_solution, _ = diagnose_poses(
-        turn_model, recording, settings, tests, fold_models, turn_search
-    )
-    records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
-    solutions = dict(zip(SENSORS, (force_solution, turn_solution), strict=True))
+    seen = directions if force.choices else None
+    turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen)
+    solutions = dict(zip(SENSORS, (force.solution, turn.solution), strict=True))
     effects = {
         sensor: still.effects[sensor] if of_own_session or not solution else ()
         for sensor, solution in solutions.items()
     }
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
-    anew = bool(force_solution and force_solution.calibration.effects)
+    anew = bool(force.solution and force.solution.calibration.effects)
+    held = calibrate_settings.gyroscope_bias == "initial_rest"
     final = replace(
         base,
         **{
             sensor: final_calibration(
-                getattr(base, sensor), solution, effects[sensor], records[sensor], anew
+                getattr(base, sensor), solution, effects[sensor], records[sensor], anew or not held
             )
             for sensor, solution in solutions.items()
         },
     )
-    final = as_seen(final, solutions, recording, (records, still.effects), force_model.noise)
-    for block in (force, turn):
+    final = as_seen(final, solutions, recording, (records, still.effects), noise)
+    force_content, turn_content = force.content, turn.content
+    for block in (force_content, turn_content):
         if "why" in block:
             block["why"] = told(block["why"], sessions)
     diagnosis = {
         "format": FORMAT,
         "device": device,
         "sensors": {
-            "accelerometer": {"poses": force, "static_record": still.content["accelerometer"]},
-            "gyroscope": {"poses": turn, "static_record": still.content["gyroscope"]},
+            "accelerometer": {
+                "poses": force_content,
+                "static_record": still.content["accelerometer"],
+            },
+            "gyroscope": {"poses": turn_content, "static_record": still.content["gyroscope"]},
         },
         "next_recording": next_recording(
             dict(zip(SENSORS, (force_model, turn_model), strict=True)),
@@ -159,18 +156,18 @@ def diagnose_device(
             write_allan(session["allan_raw"], still.allan.get(name), session["allan"])
     final.to_json(calibration_path)
     if attitude_path:
-        fitted = {s: solution.effects if solution else () for s, solution in solutions.items()}
         names = [n for n, s in sessions.items() if usable({n: s}, "multi_position")]
         attitude, table = validate_attitude(
             device,
-            turn_model,
+            gravity,
+            {"accelerometer": force_model if force.choices else None, "gyroscope": turn_model},
             recording,
-            turn_solution,
-            fitted,
+            turn.solution,
+            {"accelerometer": force.effects, "gyroscope": turn.effects},
+            shown,
             names,
             settings,
             tests,
-            dict(zip(SENSORS, (force_search, turn_search), strict=True)),
         )
         if "why" in attitude:
             attitude["why"] = told(attitude["why"], sessions)
@@ -228,25 +225,12 @@ def calibrated(six_position, multi_position):
     )
 
 
-def near(sensor, calibration, known):
-    """Return parameters next to those of the poses' fit, None without such a calibration."""
-    own = getattr(calibration, sensor)
-    if own.method != "multi_position" or any(known.values()):
-        return None
-    return parameters(sensor, own)[0]
-
-
-def can_be_seen(effect, recording):
-    """Return whether the poses have what a known effect depends on."""
-    return "temperature" not in effect.effect.needs or recording.poses.temperature is not None
-
-
 def final_calibration(base, solution, effects, records, anew):
     """Return the calibration of a sensor with every effect that was found.
 
-    One that the diagnosis did not change stays the one of its stage, to the last bit. Where the
-    poses determine none, the static records' effects are added to the base calibration; the bias of
-    a gyroscope that only rested then is its level without them.
+    The model that was diagnosed, its covariance too. Where the poses determine none, the static
+    records' effects are added to the base calibration; the bias of a gyroscope that only rested
+    then is its level without them.
 
     Parameters
     ----------
@@ -259,7 +243,7 @@ def final_calibration(base, solution, effects, records, anew):
     records : sequence of StaticRecord
         The sensor's static records.
     anew : bool
-        Whether the accelerometer's fit to the poses has effects.
+        Whether a fit without effects counts too: not where the bias is held at the first rest.
     """
     if solution and (anew or solution.calibration.effects):
         return solution.calibration

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.calibrate.least_squares import Fit
-from imuloop.diagnose.solution import Solution
+from imuloop.diagnose.records.pose_fits import Solution, residuals
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def information(model, solution, recording):
     recording : Recording
         Poses and rotations.
     """
-    jacobian = model.linearise(solution, recording).jacobian
+    _, jacobian = residuals(model.model(solution, recording), solution.fit.x)
     root = cholesky(model.covariance(solution, recording), lower=True)
     white = solve_triangular(root, jacobian, lower=True)
     return white.T @ white
@@ -83,18 +83,15 @@ def outlook(model, solution, calibration, force, recording):
         Poses and rotations, of which there may be none.
     """
     if solution is not None:
-        root = cholesky(solution.covariance, lower=True)
-        white = solve_triangular(root, solution.fit.jacobian, lower=True)
+        known = information(model, solution, recording)
         reduced = solution.fit.reduced_chi2 if solution.fit.dof > 0 else 1.0
-        return Outlook(
-            model, solution, white.T @ white, solution.calibration.names, max(1.0, reduced)
-        )
+        return Outlook(model, solution, known, solution.calibration.names, max(1.0, reduced))
     x, names = parameters(model.sensor, calibration)
     nothing = np.zeros((0, len(x)))
     fit = Fit(x, np.full((len(x), len(x)), np.inf), np.nan, 0, nothing)
     # effects from elsewhere may need channels that a plan has not
     force = replace(force, effects=())
-    start = Solution((), fit, nothing[:, 0], nothing[:, :0], {}, calibration, force)
+    start = Solution((), fit, force, calibration)
     known = np.zeros((len(x), len(x)))
     # a pose without specific force, as of a channel scaled to nothing, has no direction
     felt = np.linalg.norm(recording.poses.f, axis=1) > 0

@@ -1,71 +1,61 @@
-"""Residuals at the poses: what the calibrated output still lacks, against its floor."""
-
-from dataclasses import dataclass
+"""Residuals against their floor: what the noise alone would leave, in the fit and held out."""
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.special import chdtrc
+
+# probability of an alternative of the noise that a range does not hold
+NEGLIGIBLE = 0.025
 
 
-@dataclass(frozen=True)
-class Residual:
-    """One kind of residual of a sensor with what the noise model predicts for it.
+def chi_square(values, covariance, jacobian, groups):
+    """Return χ² and degrees of freedom of each group of residuals, all of them fitted together.
 
-    Attributes
-    ----------
-    unit : str
-        SI unit.
-    values : ndarray, shape (n, k)
-        Residual of each pose or rotation; its size is the norm over the k components.
-    reduced_chi2 : float
-        Against the full covariance.
-    dof : float
-        Degrees of freedom: residuals less the share of the parameters that they carry.
-    """
-
-    unit: str
-    values: np.ndarray
-    reduced_chi2: float
-    dof: float
-
-    def above_floor(self, significance):
-        """Return whether the residual is larger than the noise explains."""
-        return bool(chdtrc(self.dof, self.reduced_chi2 * self.dof) < significance)
-
-
-def judge(unit, values, covariance, jacobian, parameters):
-    """Compare residuals of a fit with their predicted covariance.
-
-    The parameters are estimated from these residuals, and maybe from others too. The trace of
-    ``H = J C Jᵀ Σ⁻¹`` is how many of them these residuals carry.
+    The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry.
 
     Parameters
     ----------
-    unit : str
-        SI unit.
-    values : ndarray, shape (n, k)
+    values : ndarray, shape (n,)
         Residuals.
-    covariance : ndarray, shape (n k, n k)
-        Predicted covariance Σ.
-    jacobian : ndarray, shape (n k, p)
-        Derivative J with respect to the fitted parameters.
-    parameters : ndarray, shape (p, p)
-        Covariance C of the parameters, from the noise alone.
+    covariance : ndarray, shape (n, n)
+        Their covariance Σ.
+    jacobian : ndarray, shape (n, p)
+        Derivative J with respect to the parameters, which are fitted anew.
+    groups : sequence of ndarray of bool, shape (n,)
+        Groups.
+
+    Returns
+    -------
+    list of (float, float)
+        Group by group.
+    float
+        Logarithm of the restricted likelihood of all.
     """
-    flat = values.ravel()
-    leverage = jacobian @ parameters @ jacobian.T
-    dof = len(flat) - np.trace(np.linalg.solve(covariance, leverage))
-    square = flat @ np.linalg.solve(covariance, flat)
-    return Residual(unit, values, float(square / dof), float(dof))
+    root = cholesky(covariance, lower=True)
+    size = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / np.where(size > 0, size, 1.0)
+    white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
+    q, r = np.linalg.qr(white[:, 1:])
+    left = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
+    leverage = solve_triangular(r, scaled.T, trans=1)
+    found = []
+    for at in groups:
+        own = covariance[np.ix_(at, at)]
+        taken = np.trace(np.linalg.solve(own, leverage[:, at].T @ leverage[:, at]))
+        # rounding leaves less than nothing of what never leaves its level
+        square = max(float(left[at] @ np.linalg.solve(own, left[at])), 0.0)
+        found.append((square, float(at.sum() - taken)))
+    rest = white[:, 0] - q @ (q.T @ white[:, 0])
+    likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
+    return found, float(likelihood)
 
 
-def held_out_variance(covariance, jacobian, seen, held):
+def held_out_variance(covariance, jacobian, seen, held, weights=None):
     """Return the variance that the noise alone gives to the errors of held-out residuals.
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
-    ``A = C Jᵀ Σ⁻¹`` and ``C = (Jᵀ Σ⁻¹ J)⁻¹`` of the seen part; a held-out residual then has
+    ``A = (Jᵀ W J)⁻¹ Jᵀ W`` and ``W = Σ⁻¹`` of the seen part; a held-out residual then has
 
-        var(r_h - J_h A r) = Σ_hh - 2 J_h A Σ_sh + J_h C J_hᵀ
+        var(r_h - J_h A r) = Σ_hh - 2 J_h A Σ_sh + J_h A Σ_ss Aᵀ J_hᵀ
 
     so that slow noise which both parts share, and a fitted bias takes up, does not count.
 
@@ -77,20 +67,63 @@ def held_out_variance(covariance, jacobian, seen, held):
         Derivative J with respect to the parameters.
     seen, held : ndarray of bool, shape (n,)
         The residuals of the fit, and those to predict.
+    weights : ndarray, shape (n,), optional
+        Diagonal of W, where the fit takes other weights.
 
     Returns
     -------
     ndarray, shape (number held,)
         Variances.
     """
-    root = cholesky(covariance[np.ix_(seen, seen)], lower=True)
-    white = solve_triangular(root, jacobian[seen], lower=True)
-    parameters = np.linalg.inv(white.T @ white)
-    gain = parameters @ solve_triangular(root, white, lower=True, trans=1).T
-    ahead = jacobian[held]
-    shared = np.einsum("hs,hs->h", ahead @ gain, covariance[np.ix_(held, seen)])
-    own = np.einsum("hp,pq,hq->h", ahead, parameters, ahead)
+    among, design, ahead = covariance[np.ix_(seen, seen)], jacobian[seen], jacobian[held]
+    if weights is None:
+        root = cholesky(among, lower=True)
+        white = solve_triangular(root, design, lower=True)
+        weighted = solve_triangular(root, white, lower=True, trans=1)
+    else:
+        weighted = design * weights[seen, None]
+    gain = ahead @ np.linalg.solve(design.T @ weighted, weighted.T)
+    shared = np.einsum("hs,hs->h", gain, covariance[np.ix_(held, seen)])
+    own = np.einsum("hs,st,ht->h", gain, among, gain)
     return np.diag(covariance)[held] - 2 * shared + own
+
+
+def floor_variance(covariance, jacobian, folds, weights=None):
+    """Return `held_out_variance` of all rows, each part predicted by the others, shape (n,).
+
+    Parameters
+    ----------
+    covariance, jacobian, weights
+        As of `held_out_variance`.
+    folds : ndarray of int, shape (n, 2)
+        The part that each row is held out with, and the other that it touches; -1 for none.
+    """
+    found = np.zeros(len(covariance))
+    for part in set(folds[:, 0].tolist()) - {-1}:
+        held, seen = folds[:, 0] == part, ~(folds == part).any(axis=1)
+        found[held] = held_out_variance(covariance, jacobian, seen, held, weights)
+    return found
+
+
+def likely(weights, likelihoods):
+    """Return what alternatives of some probability have after the data, summing to 1."""
+    log = np.log(weights) + np.array(likelihoods)
+    found = np.exp(log - log.max())
+    return found / found.sum()
+
+
+def floor_range(weights, floors, floor):
+    """Return the least and the largest floor of the alternatives that are likely enough.
+
+    Parameters
+    ----------
+    weights, floors : sequence of float
+        Of the alternatives.
+    floor : float
+        Their mean.
+    """
+    kept = [floor, *(f for w, f in zip(weights, floors, strict=True) if w >= NEGLIGIBLE)]
+    return [min(kept), max(kept)]
 
 
 def size(values):

@@ -1,419 +1,274 @@
-"""The search for effects: test, add the best that passes, refit; and on held-out data."""
+"""The search: test every shape of every effect beside those found, by what is seen."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from itertools import combinations
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.pairs import best_pair
-from imuloop.diagnose.residuals import held_out_variance
-from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.trial import Linear, White, excess, try_shapes
-from imuloop.effects.thermometer import LEAST_SPAN, span
+from imuloop.diagnose.evidence import fisher, log_p_values
+from imuloop.diagnose.likeness import SHARE, imitated_share
 
-
-def candidates(sensor, record, channels):
-    """Return the effects to try on a sensor, each with its shapes, and why others are not.
-
-    Parameters
-    ----------
-    sensor : {'accelerometer', 'gyroscope'}
-        Sensor.
-    record : {'poses', 'static_record'}
-        Kind of data.
-    channels : Channels
-        What the effects see in them.
-
-    Returns
-    -------
-    dict of type to tuple of Effect
-        The shapes of each effect that can be tried.
-    dict of type to (str, str)
-        Status and reason of those that cannot.
-    """
-    available, others = {}, {}
-    for cls in Effect.library.values():
-        if sensor not in cls.sensors or (record not in cls.records and not cls.unobservable):
-            continue
-        if cls.unobservable:
-            others[cls] = ("not_observable", cls.unobservable)
-        elif "temperature" in cls.needs and channels.temperature is None:
-            others[cls] = ("not_available", "not every session logs a temperature")
-        elif "temperature" in cls.needs and span(channels) <= LEAST_SPAN:
-            others[cls] = (
-                "not_observable",
-                f"the temperature changes by {span(channels):.2g} K: a thermometer's own error can "
-                f"do so up to {LEAST_SPAN:g} K",
-            )
-        elif "run" in cls.needs and (channels.run is None or not channels.run.any()):
-            others[cls] = (
-                "not_available",
-                "one run shows one bias: record several sessions, switched off and on between",
-            )
-        elif "run" in cls.needs and channels.run.max() >= cls.bounds["runs"][1]:
-            others[cls] = ("not_available", f"more runs than {cls.bounds['runs'][1]}")
-        else:
-            available[cls] = tuple(cls.shapes(channels))
-    return available, others
+# share of log p by which shapes may differ and count as equally telling
+ALIKE = 0.05
 
 
 @dataclass(frozen=True)
-class Step:
-    """A fit, and what every other candidate would add to it.
+class Trial:
+    """An effect in its best shape, or two effects, tested beside others.
 
     Attributes
     ----------
-    solution : Solution
-        The fit to the poses that were kept.
-    linear : Linear
-        Residuals of all poses about it, held-out ones too.
-    seen : ndarray of bool, shape (N,)
-        The residuals of the fit.
-    limits : callable
-        Gives the covariance of the residuals of the fit with the slow noise that the rests were too
-        short to exclude; None without.
+    effects : tuple of Effect
+        The shape; two of a pair.
+    log_p : float
+        Logarithm of the p-value, times the number of shapes.
+    axis : int
+        The axis on which it shows most.
+    axes : int
+        Number of axes that it was tested on.
+    tries : float
+        Logarithm of the number of shapes.
+    impossible : bool
+        Whether a parameter would be larger than physics allows, by more than its standard error.
     """
 
-    solution: object
-    linear: Linear
-    seen: np.ndarray
-    limits: object
-
-    @cached_property
-    def white(self):
-        """The residuals of the fit, whitened."""
-        return White.of(self.linear, self.seen, self.solution.covariance)
-
-    @cached_property
-    def spread(self):
-        """The same with their excess as variance too; None at the floor."""
-        covariance = self.solution.covariance
-        more = excess(self.linear, self.seen, covariance)
-        return White.of(self.linear, self.seen, covariance + np.diag(more)) if more.any() else None
-
-    @cached_property
-    def slow(self):
-        """The same with slow noise at its limits; None without."""
-        covariance = self.limits()
-        return None if covariance is None else White.of(self.linear, self.seen, covariance)
-
-    @cached_property
-    def _tried(self):
-        return try_shapes(self.white, self.linear.shapes, self.doubts)
+    effects: tuple[Effect, ...]
+    log_p: float
+    axis: int
+    axes: int
+    tries: float = 0.0
+    impossible: bool = False
 
     @property
-    def trials(self):
-        """The trial of each candidate, by type; effects of the fit left out."""
-        return self._tried[0]
+    def effect(self):
+        """The effect; the first of a pair."""
+        return self.effects[0]
 
     @property
-    def reasons(self):
-        """Why there is no trial of the others, by type."""
-        return self._tried[1]
-
-    @property
-    def doubts(self):
-        """The weights, beside the noise model's, that an effect has to pass with."""
-        return tuple(white for white in (self.spread, self.slow) if white)
+    def p_value(self):
+        """Probability of such a pattern without the effect, at most 1."""
+        return float(min(1.0, np.exp(self.log_p)))
 
 
-@dataclass(frozen=True)
+@dataclass
 class Search:
-    """A search that sees some poses only, and predicts the others.
+    """A search that does not see some parts of the data.
 
     Attributes
     ----------
-    model : AccelerometerPoses or GyroscopePoses
-        How the sensor is fitted.
-    recording : Recording
-        All poses and rotations.
-    keep : ndarray of bool, shape (n,)
-        The poses that the search sees, and with them the rotations between two of them.
-    available : dict of type to tuple of Effect
-        Effects to choose from, in their shapes.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int
-        Number of tests of the family, these candidates among them.
-    whole : Search, optional
-        Of all poses: this one's fits start from its fit, and what an effect adds is taken about
-        that, as the residuals are straight in it.
-    start : ndarray, optional
-        Parameters without effects next to the fit's.
+    problem : Problem
+        The data, their effects and settings.
+    out : frozenset of int
+        The parts that are not seen.
     """
 
-    model: object
-    recording: object
-    keep: np.ndarray
-    available: dict[type, tuple]
-    settings: DiagnoseSettings
-    tests: int
-    whole: "Search | None" = None
-    start: np.ndarray | None = None
-    _steps: dict = field(default_factory=dict)
+    problem: object
+    out: frozenset
+    _trials: dict = field(default_factory=dict)
+    _following: dict = field(default_factory=dict)
+    _pairs: dict = field(default_factory=dict)
 
-    def step(self, effects=()):
-        """Return the fit with some effects, and the trials of all others."""
-        if effects not in self._steps:
-            self._steps[effects] = self._step(effects)
-        return self._steps[effects]
+    def threshold(self, count):
+        """Return the logarithm of the largest p-value that passes beside `count` effects: Holm."""
+        settings = self.problem.settings
+        return np.log(settings.significance / max(1, self.problem.tests - count))
 
-    def _step(self, effects):
-        fewer = self._steps.get(effects[:-1]) if effects else self.whole and self.whole.step()
-        used = set(map(type, effects))
-        shapes = [s for cls, all_ in self.available.items() if cls not in used for s in all_]
-        found, start = None, fewer.solution.fit.x if fewer else self.start
-        if start is not None:
-            found = self.model.refit(self.recording, self.keep, effects, start)
-        if found and self.whole:
-            solution, fit = found
-            known = self.whole.step().linear
-            columns = dict(zip(known.shapes, known.columns, strict=True))
-            linear = Linear(
-                fit.values,
-                fit.jacobian,
-                tuple(shapes),
-                tuple(columns[s] for s in shapes),
-                *self.model.kinds(self.recording),
-            )
-        else:
-            solution = (
-                found[0] if found else self.model.fit(self.recording.select(self.keep), effects)
-            )
-            linear = self.model.linearise(solution, self.recording, shapes)
-        seen = linear.rows(lambda poses: np.all(self.keep[poses], axis=1))
-        limits = self.model.at_limits()
+    def sight(self, base):
+        """Return what is seen, about the solution with some effects."""
+        return self.problem.sight(base, self.out)
 
-        def at_limits():
-            return limits and limits.covariance(solution, self.recording.select(self.keep))
+    def columns(self, base, axis):
+        """Return the columns of effects on an axis."""
+        patterns = self.sight(base).evidence.patterns(base)
+        return tuple(c for p in patterns for c in p.columns[axis])
 
-        return Step(solution, linear, seen, at_limits)
+    def fit(self, base, axis):
+        """Return the fit of an axis with effects; None where they are not independent."""
+        return self.sight(base).fit(self.columns(base, axis), axis)
 
-    def lost(self, effects=()):
-        """Return why the fit with some effects is none, or None if it is one."""
-        try:
-            step = self.step(effects)
-            # each of its weights is a covariance, which rounding may leave indefinite
-            step.trials  # noqa: B018
-        except LinAlgError:
-            return (
-                "the residuals cannot be weighted: their covariance is not positive definite; is "
-                "the noise of a channel far larger than that of the others?"
-            )
-        return self.model.lost(step.solution)
+    def test(self, base, effect):
+        """Return the Trial of one shape beside others; None where an axis cannot show it."""
+        return self.tests(base, (effect,))[0]
 
-    def threshold(self, effects):
-        """Return the largest p-value that passes beside some effects: Holm's steps."""
-        return self.settings.significance / max(1, self.tests - len(effects))
+    def tests(self, base, effects, points=None):
+        """Return the Trial of each of several shapes beside others, None where it is not seen.
 
-    def best(self, effects, banned=()):
-        """Return the trial that passes with the smallest p-value beside some effects, or None."""
-        trials = [
-            t
-            for cls, t in self.step(effects).trials.items()
-            if cls not in banned and not t.impossible
+        Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
+        method. With `points`, by some hypotheses alone.
+        """
+        sight = self.sight(base)
+        patterns = sight.evidence.patterns(effects)
+        points = slice(None) if points is None else points
+        log_p = [{} for _ in patterns]
+        for axis in range(sight.evidence.axes):
+            own = [k for k, p in enumerate(patterns) if p.columns[axis] and log_p[k] is not None]
+            columns = self.columns(base, axis)
+            without = sight.fit(columns, axis)
+            fits = sight.fits(columns, [patterns[k].columns[axis] for k in own], axis)
+            shown = [(k, f) for k, f in zip(own, fits, strict=True) if f and without]
+            for k in set(own) - {k for k, _ in shown}:
+                log_p[k] = None
+            if shown:
+                values = log_p_values([(without, f) for _, f in shown], points)
+                for (k, _), value in zip(shown, values, strict=True):
+                    log_p[k][axis] = value
+        return [
+            Trial((effect,), float(fisher(found.values())), min(found, key=found.get), len(found))
+            if found
+            else None
+            for effect, found in zip(effects, log_p, strict=True)
         ]
-        passing = [t for t in trials if t.log_p < np.log(self.threshold(effects))]
-        return min(passing, key=lambda t: (t.log_p, -t.drop), default=None)
 
-    def greedy(self):
-        """Return the effects to add, the best first, and those that passed the test alone.
+    def trial(self, base, cls, hopeful=False):
+        """Return the best trial of an effect beside others, or None.
 
-        An effect is added if it passes the test, lowers the error of poses that are held out of the
-        ones seen here, each part predicted by the others, and the fit with it is one.
-
-        Returns
-        -------
-        tuple of Effect
-            Added, each in its best shape.
-        dict of type to list of float
-            Interval of the ratio of held-out errors of those that were not.
+        A scan is cheap, a test of what it found is not: `hopeful` leaves out what by the noise
+        without the pattern is no more than chance.
         """
-        effects, failed = (), {}
-        while best := self.best(effects, failed) or self.best_pair(effects, failed):
-            ratio = self.gate(effects, best)
-            if ratio[1] < 1 and not self.lost(effects + best.effects):
-                effects += best.effects
-            else:
-                classes = tuple(map(type, best.effects))
-                failed[classes if len(classes) > 1 else classes[0]] = ratio
-        return effects, failed
-
-    def best_pair(self, effects, banned):
-        """Return the pair of effects that passes where no single one does, or None.
-
-        Only looked for where the residual is above its floor.
-        """
-        step = self.step(effects)
-        if chdtrc(step.solution.fit.dof, step.solution.fit.chi2) >= self.settings.significance:
+        if cls in [type(e) for e in base]:
             return None
-        log_threshold = np.log(self.threshold(effects))
-        return best_pair(step.white, step.doubts, step.linear.shapes, banned, log_threshold)
+        hopeful = hopeful and cls in self.problem.scans
+        key = base, cls, hopeful
+        if key not in self._trials:
+            if cls in self.problem.scans:
+                self._trials[key] = self.problem.scans[cls](self, base, hopeful)
+            else:
+                shapes = self.problem.shapes[cls]
+                self._trials[key] = self.shaped(base, shapes, np.log(len(shapes)))
+        return self._trials[key]
 
-    def gate(self, effects, tried):
-        """Return the interval of held-out error with what was tried over that without.
+    def shaped(self, base, shapes, tries):
+        """Return the Trial of the best of several shapes, `tries` the log of how many, or None.
 
-        In the kind of residual where it shows most; the residuals are taken as linear in all
-        parameters, which are estimated again without each of the parts that follow in time.
-
-        Parameters
-        ----------
-        effects : tuple of Effect
-            Effects of the model.
-        tried : Trial or Pair
-            What is to be added.
+        The smallest p-value; of those as telling but for a share `ALIKE`, the one that fits
+        best as the parameters are estimated.
         """
-        step = self.step(effects)
-        linear, kind = step.linear, self.kind(effects, tried)
-        base = linear.jacobian
-        wide = np.column_stack([base, *(linear.columns[c] for c in tried.columns)])
-        kept = np.flatnonzero(self.keep)
-        part = np.full(len(self.keep), -1)
-        count = min(self.settings.folds, len(kept))
-        part[kept] = np.arange(len(kept)) * count // len(kept)
-        place = np.cumsum(step.seen) - 1
-        before, after = [], []
-        for k in range(count):
-            training = step.seen & linear.rows(lambda poses, k=k: np.all(part[poses] != k, axis=1))
-            held = step.seen & linear.rows(lambda poses, k=k: part[poses[:, 0]] == k)
-            covariance = step.solution.covariance[np.ix_(place[training], place[training])]
-            root = cholesky(covariance, lower=True)
-            for errors, jacobian in ((before, base), (after, wide)):
-                values = np.full(len(held), np.nan)
-                values[held] = _predicted(root, linear.values, jacobian, training)[held]
-                v = linear.split(values)[kind]
-                errors.append({kind: v[np.isfinite(v[:, 0])]})
-        return ratio_interval(held_out(before, after)[kind], self.settings)
+        tried = [t for t in self.tests(base, shapes) if t]
+        least = min((t.log_p for t in tried), default=0.0)
+        alike = [t for t in tried if t.log_p <= (1 - ALIKE) * least]
+        if not alike:
+            return None
+        best = alike[0]
+        if len(alike) > 1:
+            # shapes that say the same in these data differ by rounding alone: the first counts
+            points = self.sight(base).evidence.still
+            still = self.tests(base, tuple(t.effect for t in alike), points)
+            best = alike[int(np.argmin([round(t.log_p, 6) for t in still]))]
+        impossible = self._impossible(base, best.effect)
+        return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
 
-    def kind(self, effects, tried):
-        """Return the kind of residual in which a Trial or Pair shows most."""
-        step = self.step(effects)
-        signal = np.zeros(len(step.seen))
-        signal[step.seen] = tried.pattern @ tried.values
-        parts = step.linear.split(signal)
-        return max(parts, key=lambda kind: (parts[kind] ** 2).sum())
+    def _impossible(self, base, effect):
+        """Return whether a parameter is beyond its effect's limit by more than its error."""
+        if not np.isfinite(type(effect).limit):
+            return False
+        values, std, _ = self.beside(base, effect)
+        return bool(np.any(np.abs(values) - std > type(effect).limit))
 
-    def shaped(self, classes):
-        """Return given effects in the shapes that are best here; those that cannot be are left."""
-        effects = ()
-        for cls in classes:
-            trial = self.step(effects).trials.get(cls)
-            if trial and not self.lost((*effects, trial.effect)):
-                effects += (trial.effect,)
-        return effects
+    def beside(self, base, effect):
+        """Return an effect's parameters beside others, and standard errors, (p,), and covariance.
 
-    def errors(self, effects=()):
-        """Return the residuals of the poses that were not seen, by kind, shape (n, k)."""
-        linear = self.step(effects).linear
-        return self._held(linear, linear.values)
+        Averaged over the noise; zero on an axis that does not have them.
+        """
+        sight, count = self.sight(base), len(effect.parameters)
+        (pattern,) = sight.evidence.patterns((effect,))
+        values, covariance = np.zeros(count), np.zeros((count, count))
+        for axis, own in enumerate(pattern.columns):
+            fit = sight.fit((*self.columns(base, axis), *own), axis) if own else None
+            if fit is not None:
+                at, scale = list(pattern.parameters[axis]), pattern.scale[axis]
+                found, spread = fit.averaged(fit.weight)
+                values[at] = found[-len(own) :] / scale
+                spread = spread[-len(own) :, -len(own) :]
+                covariance[np.ix_(at, at)] = spread / np.outer(scale, scale)
+        return values, np.sqrt(np.diag(covariance)), covariance
 
-    def errors_alone(self, cls):
-        """Return the same with one candidate added, every parameter refitted in one step."""
-        step = self.step()
-        trial = step.trials.get(cls)
-        values = step.linear.values
-        if trial:
-            column = step.linear.columns[trial.column]
-            values = values + step.linear.jacobian @ trial.step + column @ trial.values
-        return self._held(step.linear, values)
+    def best(self, base, banned=()):
+        """Return the trial that passes with the smallest p-value beside others, or None.
 
-    def _held(self, linear, values):
-        return {
-            kind: v[~self.keep[linear.kinds[kind][:, 0]]]
-            for kind, v in linear.split(values).items()
-        }
+        Where none passes and the noise is known to be smaller than what is left, the best pair.
+        """
+        kinds = [cls for cls in (*self.problem.shapes, *self.problem.scans) if cls not in banned]
+        trials = [self.trial(base, cls, hopeful=True) for cls in kinds]
+        passing = [
+            t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
+        ]
+        best = min(passing, key=lambda t: round(t.log_p, 6), default=None)
+        return best or self.best_pair(base, banned)
 
+    def best_pair(self, base, banned):
+        """Return the pair of effects that passes with the smallest p-value, or None.
 
-def _predicted(root, values, jacobian, training):
-    """Return residuals of all rows with the parameters refitted to the training rows."""
-    size = np.linalg.norm(jacobian[training], axis=0)
-    scaled = jacobian / np.where(size > 0, size, 1.0)
-    white = solve_triangular(root, np.column_stack([values, scaled])[training], lower=True)
-    return values - scaled @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=1e-9)[0]
+        Two of like size hide each other. Both together have to pass, and each beside the other, by
+        the test that single effects have. Twins are no pair: what both fit where neither fits alone
+        is the little that tells them apart. Effects whose size physics limits are tried alone only.
+        """
+        if base not in self._pairs:
+            self._pairs[base] = self._passing_pairs(base)
+        allowed = [t for t in self._pairs[base] if tuple(map(type, t.effects)) not in banned]
+        return min(allowed, key=lambda t: t.log_p, default=None)
 
+    def _passing_pairs(self, base):
+        sight, used = self.sight(base), {type(e) for e in base}
+        if sight.evidence.axes > 1 or not self._above(base):
+            return []
+        shapes = [
+            s
+            for cls, all_ in self.problem.shapes.items()
+            if cls not in used and np.isinf(cls.limit)
+            for s in all_
+        ]
+        columns = self.columns(base, 0)
+        own = [p.columns[0] for p in sight.evidence.patterns(shapes)]
+        without = sight.fit(columns, 0)
+        alone = sight.fits(columns, own, 0)
+        pairs = [
+            (i, j)
+            for i, j in combinations([k for k, f in enumerate(alone) if f], 2)
+            if type(shapes[i]) is not type(shapes[j])
+        ]
+        both = sight.fits(columns, [(*own[i], *own[j]) for i, j in pairs], 0)
+        known = [(*ij, f) for ij, f in zip(pairs, both, strict=True) if f]
+        if not known:
+            return []
+        tests = [
+            log_p_values([(w, f) for w, (*_, f) in zip(fits, known, strict=True)])
+            for fits in (
+                [without] * len(known),
+                [alone[i] for i, _, _ in known],
+                [alone[j] for _, j, _ in known],
+            )
+        ]
+        tries, threshold, found = np.log(len(pairs)), self.threshold(len(base)), []
+        for (i, j, _), joint, *each in zip(known, *tests, strict=True):
+            if max(joint + tries, *each) >= threshold:
+                continue
+            shares = imitated_share(sight, columns, own[i], own[j])
+            if max(shares) < SHARE:
+                found.append(Trial((shapes[i], shapes[j]), joint + tries, 0, 1, tries))
+        return found
 
-@dataclass(frozen=True)
-class HeldOut:
-    """Held-out errors of one kind of residual, in the order of the data.
+    def _above(self, base):
+        """Return whether what effects leave is more than the noise, whatever it is."""
+        fit, known = self.fit(base, 0), np.exp(self.sight(base).evidence.prior)
+        chance = np.where(fit.least > 0, chdtrc(fit.dof, fit.square), 0.0)
+        return known @ chance < self.problem.settings.significance * known.sum()
 
-    Attributes
-    ----------
-    fold : ndarray of int, shape (n,)
-        Which part each residual was held out with.
-    before, after : ndarray, shape (n, k)
-        Errors of models that never saw that part: with fewer effects, and with more.
-    """
+    def reshaped(self, base):
+        """Return the same effects, all but the last in the shape that is best beside the others."""
+        for i, effect in enumerate(base[:-1]):
+            shapes = self.problem.shapes.get(type(effect), ())
+            if len(shapes) > 1:
+                others = base[:i] + base[i + 1 :]
+                best = self.shaped(others, shapes, 0.0)
+                base = (*base[:i], best.effect, *base[i + 1 :]) if best else base
+        return base
 
-    fold: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-
-
-def folds(models, recording, available, settings, tests, whole=None):
-    """Return one search for each part of the poses that is held out, with a model of its own.
-
-    Each part is every so-manieth pose, so that a part is predicted by poses before and after it.
-    Model and choice of effects see only the other poses and the rotations between them; a rotation
-    belongs to the part of the pose that it starts from.
-    None where the other parts alone do not determine a calibration. `whole` is the search of all
-    poses that theirs start from.
-    """
-    part = np.arange(len(recording.poses)) % len(models)
-    keeps = [part != k for k in range(len(models))]
-    if any(models[0].undetermined(recording, keeps)):
-        return None
-    searches = [
-        Search(model, recording, keep, available, settings, tests, whole)
-        for model, keep in zip(models, keeps, strict=True)
-    ]
-    return None if any(search.lost() for search in searches) else searches
-
-
-def held_out(before, after):
-    """Return the HeldOut of each kind from lists, one entry a fold, of errors by kind."""
-    return {
-        kind: HeldOut(
-            np.concatenate([np.full(len(e[kind]), k) for k, e in enumerate(before)]),
-            *(np.concatenate([e[kind] for e in errors]) for errors in (before, after)),
-        )
-        for kind in before[0]
-    }
-
-
-def floor_variance(whole, searches):
-    """Return the variance, by kind, (n, k), that the noise alone gives the errors before.
-
-    Parameters
-    ----------
-    whole : Step
-        Fit of all poses without effects: its covariance and derivative.
-    searches : list of Search
-        The folds.
-    """
-    parts = []
-    for search in searches:
-        held = whole.linear.rows(lambda poses, s=search: ~s.keep[poses[:, 0]])
-        seen = whole.linear.rows(lambda poses, s=search: np.all(s.keep[poses], axis=1))
-        variance = np.full(len(held), np.nan)
-        variance[held] = held_out_variance(
-            whole.solution.covariance, whole.solution.fit.jacobian, seen, held
-        )
-        split = whole.linear.split(variance)
-        parts.append({kind: v[np.isfinite(v[:, 0])] for kind, v in split.items()})
-    return {kind: np.concatenate([p[kind] for p in parts]) for kind in parts[0]}
-
-
-def ratio_interval(held, settings):
-    """Return the 95 % interval of held-out error after over before, whole parts drawn again."""
-    parts = np.unique(held.fold)
-    sums = np.array(
-        [[(e[held.fold == k] ** 2).sum() for e in (held.before, held.after)] for k in parts]
-    )
-    draws = np.random.default_rng(settings.seed).integers(
-        len(parts), size=(settings.draws, len(parts))
-    )
-    before, after = sums[draws].sum(axis=1).T
-    return [float(q) for q in np.quantile(np.sqrt(after / before), [0.025, 0.975])]
+    def following(self, classes):
+        """Return effects of given classes, one after the other in the shape that is best here."""
+        if classes and classes not in self._following:
+            base = self.following(classes[:-1])
+            trial = self.trial(base, classes[-1])
+            self._following[classes] = self.reshaped((*base, trial.effect)) if trial else base
+        return self._following.get(classes, ())

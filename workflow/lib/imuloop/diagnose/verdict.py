@@ -1,5 +1,10 @@
 """The verdict on a residual, in the words of the contract."""
 
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
 # what a diagnosis holds where nothing could be tested
 NOTHING = {
     "residuals": {},
@@ -17,6 +22,32 @@ UNTRIED = {
     "detection_limit": None,
     "confounded_with": None,
 }
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a fit leaves, against the noise, which is known to alternatives only.
+
+    Attributes
+    ----------
+    p_value : float
+        Probability that the noise leaves as much.
+    estimated : float
+        The same by the noise as estimated, the first alternative.
+    reduced_chi2 : float
+        By the noise as estimated.
+    """
+
+    p_value: float
+    estimated: float
+    reduced_chi2: float
+
+    @classmethod
+    def of(cls, weights, found):
+        """Return it of probabilities, and of χ² and degrees of freedom by each alternative."""
+        chances = [float(chdtrc(dof, square)) for square, dof in found]
+        square, dof = found[0]
+        return cls(float(np.dot(weights, chances)), chances[0], square / dof)
 
 
 def verdict(above_before, above_after, effects):
@@ -63,7 +94,9 @@ def unseen(cls, limits):
     limits : dict of str to float
         Detection limit of each parameter, SI.
     """
-    least = min((v for v in limits.values() if v is not None), default=0.0)
+    least = min((v for v in limits.values() if v is not None), default=None)
+    if least is None:
+        return "whatever its size, parts that are held out do not confirm it for certain"
     if not least > cls.limit:
         return None
     return f"these data would show it from {least:.2g} on, and {cls.limit:g} is the most possible"

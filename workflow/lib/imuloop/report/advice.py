@@ -44,8 +44,6 @@ _LOOK = (
 
 def what_next(block):
     """Return what a person can do about the residual that is left."""
-    if block.get("slow_noise"):
-        return "Record two hours or more at rest: its slow noise may be all that is left."
     probe = leading(block)
     return _NEXT.get(probe["name"], _LOOK) if probe else _LOOK
 

@@ -39,11 +39,13 @@ CORRELATES = {
 }
 # those that have no article
 CHANNELS = ("time", "temperature")
-# of a residual that the noise model's limits do not exclude
+# of a residual at a floor that is more than the noise as estimated
 SLOW_NOISE = (
-    " Flicker or a random walk that these rests are too short to show could be all that lies above "
-    "the floor: a static record of two hours or more would tell."
+    " It takes more flicker or random walk than these rests show, within their intervals: a static "
+    "record of two hours or more would tell."
 )
+# share of the floor that its range is worth naming from
+WIDE = 0.1
 # probability of naming one of them by chance, and the share of the residual that is worth naming
 BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 # a reduced χ² below this, less likely than that with the noise as it is, is no luck: a floor that
@@ -78,7 +80,7 @@ def change(residual, changed):
     """Return how the held-out residual moved, and its floor."""
     if not residual:
         return "no held-out number"
-    floor = f"floor from noise alone {shown(residual, 'floor')}"
+    floor = f"floor from noise alone {shown(residual, 'floor')}{allowed(residual)}"
     if not changed:
         return f"held-out root mean square {shown(residual, 'after')}, {floor}"
     before, after = residual.get("before"), residual.get("after")
@@ -87,6 +89,16 @@ def change(residual, changed):
         f"held-out root mean square {verb} from {shown(residual, 'before')} to "
         f"{shown(residual, 'after')}, {floor}"
     )
+
+
+def allowed(residual):
+    """Return the range of a floor in words, where what is known of the noise leaves it wide."""
+    low, high = residual.get("floor_range") or (0.0, 0.0)
+    if high - low <= WIDE * residual["floor"]:
+        return ""
+    display = RESIDUAL[residual["unit"]]
+    low, high = (number(v * display.factor, 2) for v in (low, high))
+    return f" ({low} to {with_unit(high, display.unit)} by the intervals of the noise)"
 
 
 def verdict_of(block):
@@ -225,7 +237,7 @@ def sentence(sensor, block):
     moved += known_text(block)
     probe = leading(block)
     slow = SLOW_NOISE if block.get("slow_noise") else ""
-    left = f".{misfit(block)}{slow}" + (
+    left = f".{misfit(block)}" + (
         f" What is left goes most with {'' if probe['name'] in CHANNELS else 'the '}"
         f"{correlate_words(probe['name'])}, which "
         f"explains {percent(probe['share'])} of it."
@@ -233,8 +245,8 @@ def sentence(sensor, block):
         else ""
     )
     said = {
-        "consistent": f"consistent with its model and noise: {moved}.",
-        "explained": f"explained by {effects}: {moved}.",
+        "consistent": f"consistent with its model and noise: {moved}.{slow}",
+        "explained": f"explained by {effects}: {moved}.{slow}",
         "partly_explained": f"partly explained by {effects}, something is still missing: "
         f"{moved}{left}",
         "unexplained": f"unexplained, {tried}: {moved}{left}",

@@ -1,0 +1,29 @@
+"""How the sensors of a simulated device are fitted at the poses."""
+
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.diagnose.records.pose_fits import (
+    AccelerometerPoses,
+    GyroscopePoses,
+    fitted_calibration,
+)
+
+SETTINGS = CalibrateSettings()
+
+
+def accelerometer_poses(truth, noise=None):
+    """Return how the accelerometer is fitted, by the noise of the truth or another."""
+    noise = noise or known_noise(truth)
+    return AccelerometerPoses(noise, truth.gravity, ACCELERATION_UNIT, SETTINGS)
+
+
+def gyroscope_poses(force, recording, effects=()):
+    """Return how the gyroscope is fitted, gravity by the accelerometer's fit to a recording."""
+    calibration = fitted_calibration(force, force.fit(recording, effects))
+    return GyroscopePoses(force.noise, calibration, RATE_UNIT, force.settings)
+
+
+def pose_sensors(truth, recording, noise=None):
+    """Return how both are fitted."""
+    force = accelerometer_poses(truth, noise)
+    return {"accelerometer": force, "gyroscope": gyroscope_poses(force, recording)}

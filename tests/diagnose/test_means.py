@@ -1,0 +1,169 @@
+"""Means of a static record: which windows, what an effect sees in them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.samples import CHANNELS, Columns
+from imuloop.core.units import RawUnit
+from imuloop.diagnose.records import means
+from imuloop.diagnose.records.means import (
+    LEAST_MEANS,
+    LEAST_SAMPLES,
+    MOST_MEANS,
+    rests_to_use,
+    static_record,
+    window_length,
+)
+from imuloop.diagnose.records.static import StaticProblem
+from imuloop.diagnose.records.static_diagnosis import _probes
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.effects.bias_temperature_rate import lagged_rate
+from imuloop.effects.reorientation import creep
+from imuloop.effects.thermal_hysteresis import branch
+from imuloop.effects.vibration_rectification import vibration
+from imuloop.effects.warm_up import settling
+
+
+def calibration(scale=1.0):
+    def sensor(unit):
+        nominal = SensorCalibration.nominal(RawUnit(unit, 1.0, 0.0), "")
+        return SensorCalibration(nominal.raw_unit, nominal.T, scale * nominal.K, nominal.b + 0.5)
+
+    return Calibration("d", 9.8, sensor("m/s^2"), sensor("rad/s"))
+
+
+def log(seconds=2400.0, rate=10.0, seed=0):
+    n = int(seconds * rate)
+    t = np.arange(n) / rate
+    x = np.random.default_rng(seed).normal(size=(n, 6)) + np.arange(6)
+    columns = dict(zip(CHANNELS, x.T, strict=True))
+    return pd.DataFrame({"t": t, **columns, "temperature": 20 + t / 600})
+
+
+def segments(*rows):
+    start, end, kind = zip(*rows, strict=True)
+    return pd.DataFrame({"start_s": start, "end_s": end, "kind": kind})
+
+
+CUT = segments((0, 1190, "static"), (1190, 1210, "disturbed"), (1210, 2400, "static"))
+
+
+def made(samples=None, cut=CUT, mean_time=20.0, sensor="gyroscope", scale=1.0):
+    samples = log() if samples is None else samples
+    return static_record("s", samples, cut, calibration(scale), sensor, mean_time)
+
+
+def test_windows_lie_whole_in_undisturbed_stretches():
+    found = made()
+    assert len(found.windows) == 2 * 59
+    assert not np.any((found.windows[:, 1] > 1190) & (found.windows[:, 0] < 1210))
+    assert list(np.unique(found.stretch, return_counts=True)[1]) == [59, 59]
+
+
+def test_values_are_means_of_the_sensors_output():
+    samples, found = log(), made(scale=2.0)
+    t = samples["t"].to_numpy()
+    for k in (0, 58, 59, 117):
+        start, end = found.windows[k]
+        raw = samples[(t >= start) & (t < end)][["gx", "gy", "gz"]].mean()
+        np.testing.assert_allclose(found.values[k], 2 * (raw - 0.5), rtol=1e-12)
+    # at rest the output stands still for the effects
+    np.testing.assert_allclose(found.channels.output, np.tile(found.values.mean(0), (118, 1)))
+
+
+def test_what_is_remembered_is_averaged_over_each_window():
+    found = made()
+    squares = found.channels.remembered(lambda whole, power: whole.t**power, 2)
+    start, end = found.windows.T
+    # samples at 0.1 s: the mean of squares of an arithmetic series
+    middle, n = (start + end - 0.1) / 2, 200
+    np.testing.assert_allclose(squares, middle**2 + 0.01 * (n**2 - 1) / 12, rtol=1e-9)
+
+
+def test_windows_are_as_wanted_unless_the_record_is_short_or_long():
+    assert window_length(7200.0, 0.01, 60.0) == 60.0
+    assert window_length(51.2, 0.01, 60.0) == pytest.approx(51.2 / LEAST_MEANS)
+    assert window_length(5.0, 0.1, 60.0) == LEAST_SAMPLES * 0.1
+    assert window_length(400 * 3600.0, 60.0, 60.0) == pytest.approx(400 * 3600 / MOST_MEANS)
+
+
+@pytest.mark.parametrize("most", [10, 30, 118, 500])
+def test_merged_windows_keep_sums_and_stay_in_their_stretch(most):
+    found, few = made(), made().merged(most)
+    assert len(few.windows) <= most + 2
+    weight = few.length / found.length[0]
+    np.testing.assert_allclose(weight @ few.values, found.values.sum(axis=0), rtol=1e-10)
+    assert not np.any((few.windows[:, 1] > 1190) & (few.windows[:, 0] < 1210))
+    t = few.channels.remembered(lambda whole: whole.t)
+    np.testing.assert_allclose(t, few.channels.t - 0.05, atol=1e-9)
+
+
+def test_the_static_sessions_are_used_else_the_longest_rest():
+    moves = segments((0, 50, "static"), (50, 60, "motion"), (60, 70, "static"))
+    short = segments((0, 20, "static"), (20, 60, "motion"))
+    kinds = {"a": "static", "b": "multi_position", "c": "six_position"}
+    assert list(rests_to_use(kinds, {"a": CUT, "b": moves})) == ["a"]
+    alone = rests_to_use(kinds, {"b": moves, "c": short})
+    assert list(alone) == ["b"]
+    assert (*alone["b"]["start_s"], *alone["b"]["end_s"]) == (0, 50)
+    assert rests_to_use(kinds, {"c": short}) == {}
+    # a static session that holds no rest is as none
+    moved = segments((0, 100, "disturbed"))
+    assert list(rests_to_use(kinds, {"a": moved, "b": moves})) == ["b"]
+
+
+def test_windows_with_missing_values_are_left_out_and_spoil_no_other():
+    samples, found = log(), made()
+    samples.loc[5000:5010, "ax"] = np.nan
+    holed = made(samples)
+    missing = (found.windows[:, 0] <= 501.0) & (found.windows[:, 1] > 500.0)
+    assert missing.sum() == 1
+    np.testing.assert_array_equal(holed.windows, found.windows[~missing])
+    np.testing.assert_allclose(holed.values, found.values[~missing], rtol=1e-9)
+    assert np.isfinite(holed.channels.remembered(lambda whole: whole.other)).all()
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_a_log_is_the_same_in_parts(missing, monkeypatch, tmp_path):
+    samples = log(seconds=600.0, rate=50.0)
+    samples["temperature"] += np.sin(samples["t"] / 50)
+    if missing:
+        # longer than a part
+        samples.loc[9000:12000, ["ax", "gz"]] = np.nan
+        samples.loc[samples.index % 7 > 0, "temperature"] = np.nan
+    samples.to_parquet(tmp_path / "s.parquet", row_group_size=4000)
+    remembered = [
+        (vibration,),
+        (lagged_rate, 40.0),
+        (branch, 0.3),
+        (settling, 90.0),
+        (creep, 20.0),
+    ]
+    cut = segments((0, 290, "static"), (300, 600, "static"))
+    whole = made(samples, cut, 5.0, "accelerometer")
+    # not marked, so that each gets the whole log
+    expected = [
+        whole.channels.remembered(lambda c, *of, function=function: function(c, *of), *constants)
+        for function, *constants in remembered
+    ]
+    monkeypatch.setattr(means, "PART", 1000)
+    parts = made(Columns(tmp_path / "s.parquet"), cut, 5.0, "accelerometer")
+    np.testing.assert_array_equal(parts.windows, whole.windows)
+    np.testing.assert_allclose(parts.values, whole.values, rtol=1e-13)
+    for (function, *constants), values in zip(remembered, expected, strict=True):
+        found = parts.channels.remembered(function, *constants)
+        np.testing.assert_allclose(found, values, rtol=1e-9, atol=1e-12, err_msg=function.__name__)
+    found, expected = (
+        _probes(StaticProblem((each,), {}, DiagnoseSettings(), 1)) for each in (parts, whole)
+    )
+    for (name, _, columns), (_, _, own) in zip(found, expected, strict=True):
+        np.testing.assert_allclose(columns, own, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_an_axis_that_never_changes_has_the_same_mean_everywhere(monkeypatch):
+    samples = log()
+    samples["gy"] = 0.1
+    monkeypatch.setattr(means, "PART", 1000)
+    assert np.ptp(made(samples).values, axis=0)[1] == 0

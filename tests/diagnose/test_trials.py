@@ -1,0 +1,104 @@
+"""Trials: what a candidate takes off the residual, its test, and what the test would have found."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import f, kstest
+
+from diagnose.rows import Column, N, Other, T, rows, search
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.limits import detection_limits
+from imuloop.diagnose.records.poses import PATH, PoseProblem
+from imuloop.diagnose.variance import Part, likely_sizes
+
+LINE = np.column_stack([np.ones(N), T])
+WAVE = {Column(): np.sin(9 * T)}
+
+
+def test_trials_refit_everything_and_count_their_shapes():
+    rng = np.random.default_rng(1)
+    root = np.tril(rng.normal(size=(N, N))) / 8 + np.eye(N)
+    covariance = root @ root.T
+    columns = {Other(): np.sin(5 * T), Column(1): T**2, Column(2): T**3}
+    values = root @ rng.normal(size=N) + 4 * columns[Column(1)]
+    made, weight = search(values, LINE, columns, [covariance]), np.linalg.inv(covariance)
+
+    def chi2(design):
+        normal = design.T @ weight @ design
+        x = np.linalg.solve(normal, design.T @ weight @ values)
+        left = values - design @ x
+        return left @ weight @ left, x, normal
+
+    for cls, tried in ((Other, 1), (Column, 2)):
+        trial = made.trial((), cls)
+        square, x, normal = chi2(np.column_stack([LINE, columns[trial.effect]]))
+        scale = max(1, square / (N - 3))
+        found, std, _ = made.beside((), trial.effect)
+        np.testing.assert_allclose(found, x[2:], rtol=1e-8)
+        np.testing.assert_allclose(std, np.sqrt(np.linalg.inv(normal)[-1, -1] * scale), rtol=1e-8)
+        nuisances, theta = made.sight(()).solved(made.columns((trial.effect,), 0), 0)
+        assert theta == pytest.approx(found * np.linalg.norm(columns[trial.effect]))
+        np.testing.assert_allclose(nuisances[0], x[:2], rtol=1e-8)
+        expected = f.logsf((chi2(LINE)[0] - square) / scale, 1, N - 3) + np.log(tried)
+        assert trial.log_p == pytest.approx(expected)
+        assert trial.tries == np.log(tried)
+
+
+def test_what_the_base_model_takes_up_is_not_tried():
+    made = search(T * 0, LINE, {Column(): 3 + 2 * T, Other(): np.zeros(N)})
+    for cls in (Column, Other):
+        assert made.trial((), cls) is None
+        problem = SimpleNamespace(shapes={cls: (cls(),)})
+        assert "taken up by the base model" in PoseProblem.unseen(problem, made, cls)
+
+
+def test_p_values_are_uniform_without_an_effect():
+    rng = np.random.default_rng(2)
+    drawn = [search(rng.normal(size=N), LINE, WAVE).trial((), Column).p_value for _ in range(400)]
+    # conservative by a little: the scale is never below the noise model's
+    assert kstest(drawn, "uniform").pvalue > 1e-3
+
+
+def test_an_effect_of_its_detection_limit_is_found_with_the_stated_power():
+    rng, power, threshold = np.random.default_rng(3), 0.8, 0.005
+    wave = WAVE[Column()]
+
+    def choices(size):
+        return Choices(rows(rng.normal(size=N) + size * wave, LINE, WAVE, threshold=threshold))
+
+    quiet = []
+    for _ in range(20):
+        made = choices(0.0).search()
+        quiet.append(detection_limits(made, (), made.trial((), Column), power)["p"])
+    limit = np.median(quiet)
+    # it passes the test, and parts that are held out keep it
+    found = [choices(limit).choice().base == (Column(),) for _ in range(400)]
+    # a little less: the scale of the test is never below the noise model's
+    assert np.mean(found) == pytest.approx(power, abs=0.06)
+
+
+def test_a_walk_that_the_noise_model_does_not_exclude_passes_for_no_drift():
+    # walk of 0.5 a step beside white noise of 1; its limit is four times as much
+    limit = Part((2 / 1.96) ** 2 * np.minimum.outer(np.arange(N), np.arange(N)), 0.0, 1.0)
+    level, drift, wave = np.ones((N, 1)), 1 - np.exp(-5 * T), np.sin(40 * T)
+    rng, alone, guarded, found = np.random.default_rng(6), 0, 0, 0
+    for _ in range(200):
+        walk = np.cumsum(0.5 * rng.normal(size=N)) + rng.normal(size=N)
+        for column, size in ((drift, 0.0), (wave, 60.0)):
+            values = walk + size * column
+            (likely,) = likely_sizes(values, level, np.eye(N), [limit])
+            noise = [np.eye(N) + (s * likely) ** 2 * limit.covariance for s in PATH]
+            log_p = [
+                search(values, level, {Column(): column}, c).trial((), Column).log_p
+                for c in ((), noise)
+            ]
+            if size:
+                found += log_p[1] < np.log(0.01)
+            else:
+                alone += log_p[0] < np.log(0.01)
+                guarded += log_p[1] < np.log(0.01)
+    # one in a hundred by chance, and what no walk makes is found as before
+    assert alone > 60
+    assert guarded <= 6
+    assert found == 200

@@ -1,0 +1,75 @@
+"""Sizes of noise by the residuals: closed forms, the likelihood written out, known truth."""
+
+import numpy as np
+import pytest
+
+from imuloop.diagnose.variance import Part, likely_sizes, total
+
+N = 40
+T = np.arange(N)
+LINE = np.column_stack([np.ones(N), T])
+WALK = np.minimum.outer(T, T) / N
+ONE = Part(np.eye(N))
+
+
+def left_of(values):
+    return values - LINE @ np.linalg.lstsq(LINE, values, rcond=None)[0]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_more_of_the_same_noise_is_what_the_residual_has_more_per_degree_of_freedom(unit):
+    values = 1.7 * unit * np.random.default_rng(0).normal(size=N)
+    left = left_of(values)
+    part = Part(unit**2 * np.eye(N))
+    found = likely_sizes(values, LINE, unit**2 * np.eye(N), [part])
+    expected = np.sqrt(left @ left / (N - 2) / unit**2 - 1)
+    np.testing.assert_allclose(found, [expected], rtol=1e-4)
+    # whatever the unit of a parameter is
+    other = likely_sizes(values, LINE * [1e-9, 1e6], unit**2 * np.eye(N), [part])
+    np.testing.assert_allclose(other, found, rtol=1e-4)
+
+
+def test_what_the_known_noise_explains_has_no_size():
+    values = 0.5 * np.random.default_rng(1).normal(size=N)
+    assert likely_sizes(values, LINE, np.eye(N), [ONE, Part(WALK)]) == pytest.approx(0, abs=1e-6)
+    assert likely_sizes(values, LINE, np.eye(N), []).shape == (0,)
+
+
+def test_the_likelihood_is_the_one_that_is_written():
+    values = 1.5 * np.random.default_rng(2).normal(size=N) + 0.4 * T**0.5
+    parts = [Part(WALK, 0.8, 0.5), Part(np.diag(T < 20).astype(float))]
+
+    def log_probability(sizes):
+        covariance = total(np.eye(N), parts, sizes)
+        weight = np.linalg.inv(covariance)
+        normal = LINE.T @ weight @ LINE
+        left = values - LINE @ np.linalg.solve(normal, LINE.T @ weight @ values)
+        logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(normal)[1]
+        return -(logs + left @ weight @ left) / 2 - ((sizes[0] - 0.8) / 0.5) ** 2 / 2
+
+    found = likely_sizes(values, LINE, np.eye(N), parts)
+    best, step = log_probability(found), 0.02
+    assert np.all(found > step)
+    around = [found + step * np.array(d) for d in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1)]]
+    changes = [log_probability(sizes) - best for sizes in around]
+    assert max(changes) < 0
+    # the top is flat: as much either way
+    assert changes[0] == pytest.approx(changes[1], rel=0.1)
+    assert changes[2] == pytest.approx(changes[3], rel=0.1)
+
+
+def test_what_is_known_well_beforehand_stays():
+    values = 3 * np.random.default_rng(3).normal(size=N)
+    found = likely_sizes(values, LINE, np.eye(N), [Part(np.eye(N), 0.7, 1e-4)])
+    assert found == pytest.approx(0.7, abs=1e-3)
+
+
+def test_sizes_of_simulated_noise_are_found_on_average():
+    rng, truth, few = np.random.default_rng(4), (2.0, 1.5), T % 3 == 0
+    parts = [Part(WALK), Part(np.diag(few).astype(float))]
+    root = np.linalg.cholesky(total(np.eye(N), parts, truth))
+    found = [likely_sizes(root @ rng.normal(size=N), LINE, np.eye(N), parts) for _ in range(200)]
+    squares = np.square(found)
+    off = squares.mean(axis=0) - np.square(truth)
+    # none is negative, which adds a little
+    assert np.all(np.abs(off) < 3.5 * squares.std(axis=0) / np.sqrt(200))

@@ -1,0 +1,225 @@
+"""What is added: effects that pass the test, and lower the error of data that are held out."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.diagnose.search import Search, Trial
+
+
+@dataclass(frozen=True)
+class Added:
+    """An effect beside all others that were added.
+
+    Attributes
+    ----------
+    effect : Effect
+        In its shape.
+    trial : Trial
+        Its test.
+    kind : str
+        Kind of residual in which it shows most.
+    before, after : ndarray, shape (n, k)
+        Held-out errors of that kind without it and with it.
+    ratio : list of float
+        95 % interval of the ratio of their root mean squares.
+    """
+
+    effect: Effect
+    trial: Trial
+    kind: str
+    before: np.ndarray
+    after: np.ndarray
+    ratio: list
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a search adds.
+
+    Attributes
+    ----------
+    base : tuple of Effect
+        The effects, each in the shape that is best beside the others.
+    added : tuple of Added
+        The same, each beside all others.
+    failed : dict of type, or of tuple of types, to list of float
+        Interval of the ratio of those that passed the test alone.
+    """
+
+    base: tuple[Effect, ...] = ()
+    added: tuple[Added, ...] = ()
+    failed: dict = field(default_factory=dict)
+
+
+class Choices:
+    """The searches of all data and without some parts, and what each adds.
+
+    Parameters
+    ----------
+    problem : Problem
+        Data and settings.
+    """
+
+    def __init__(self, problem):
+        self.problem, self._searches, self._choices, self._errors = problem, {}, {}, {}
+
+    def search(self, out=frozenset()):
+        """Return the search that lacks some parts."""
+        if out not in self._searches:
+            self._searches[out] = Search(self.problem, out)
+        return self._searches[out]
+
+    def errors(self, chosen, out=frozenset()):
+        """Return the error of every residual, each part predicted by what is seen without it.
+
+        Parameters
+        ----------
+        chosen : callable
+            Takes the parts that are not seen, returns the effects.
+        out : frozenset of int
+            Parts that nobody sees at all.
+
+        Returns
+        -------
+        ndarray, shape (M, a)
+            SI; nan for those that touch the parts `out`.
+        """
+        found, problem = None, self.problem
+        for part in sorted(set(range(problem.parts)) - out):
+            unseen = out | {part}
+            search, base = self.search(unseen), chosen(unseen)
+            held = (problem.fold == part) & ~np.isin(problem.ends, list(out)).any(axis=1)
+            left = problem.left(search, base)
+            if found is None:
+                found = np.full(left.shape, np.nan)
+            found[held] = left[held]
+            search.sight(base).release()
+        return found
+
+    def following(self, classes, out=frozenset()):
+        """Return the errors with given effects, shapes and times found again for each part."""
+        key = classes, out
+        if key not in self._errors:
+            self._errors[key] = self.errors(lambda u: self.search(u).following(classes), out)
+        return self._errors[key]
+
+    def choice(self, out=frozenset()):
+        """Return the Choice of the search that lacks some parts.
+
+        The best effect that passes the test is added if it lowers the error of parts that are held
+        out of what is seen here; then everything is tested again, until nothing passes. What then
+        no longer lowers it beside all others goes again.
+        """
+        if out not in self._choices:
+            self._choices[out] = self._choice(out)
+        return self._choices[out]
+
+    def _choice(self, out):
+        search, base, failed = self.search(out), (), {}
+        while best := search.best(base, failed):
+            wide = search.reshaped((*base, *best.effects))
+            ratio = self._gate(base, best, wide, out)[-1]
+            if ratio[1] < 1 and not self.problem.lost(wide):
+                # what did not stand beside this effect's own pattern may stand without it
+                base, failed = wide, {}
+            else:
+                classes = tuple(map(type, best.effects))
+                failed[classes if len(classes) > 1 else classes[0]] = ratio
+        while True:
+            added = []
+            for effect in base:
+                others = tuple(e for e in base if e is not effect)
+                trial = search.test(others, effect)
+                # what those after it take up whole is none of its own
+                if trial is None:
+                    break
+                gate = self._gate(others, trial, base, out)
+                if gate[-1][1] >= 1:
+                    failed[type(effect)] = gate[-1]
+                    break
+                shapes = search.trial(others, type(effect))
+                tries = shapes.tries if shapes else 0.0
+                trial = Trial((effect,), trial.log_p + tries, trial.axis, trial.axes, tries)
+                added.append(Added(effect, trial, *gate))
+            else:
+                return Choice(base, tuple(added), failed)
+            base = others
+
+    def _gate(self, base, trial, wide, out):
+        """Return the kind of residual in which a trial shows most, and held-out errors there.
+
+        Returns
+        -------
+        str
+            Kind.
+        ndarray, ndarray, shape (n, k)
+            Without it and with it, in the axis where it shows most.
+        list of float
+            95 % interval of the ratio of their root mean squares.
+        """
+        try:
+            errors = [self.following(tuple(map(type, e)), out) for e in (base, wide)]
+        except np.linalg.LinAlgError:
+            # of few parts: without one of them more what is left determines nothing
+            return "", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf]
+        kind, rows, axes = self.problem.shows(self.search(out), base, trial)
+        before, after = (e[rows][:, axes] for e in errors)
+        known = np.isfinite(before[:, 0])
+        fold = self.problem.fold[rows][known]
+        before, after = before[known], after[known]
+        return kind, before, after, self.ratio(fold, before, after)
+
+    def ratio(self, fold, before, after):
+        """Return the 95 % interval of held-out error after over before, parts drawn again.
+
+        A part in which the prediction changes several times as much as in others, as the first
+        one does with a warm-up, is cut into as many: a draw without it would tell nothing.
+
+        Parameters
+        ----------
+        fold : ndarray of int, shape (n,)
+            Part of each error.
+        before, after : ndarray, shape (n, k)
+            Errors.
+        """
+        change = ((before - after) ** 2).sum(axis=1)
+        number, last, parts = np.empty(len(fold)), 0, np.unique(fold)
+        for k in parts:
+            own = change[fold == k]
+            # rounding shall not decide
+            count = max(1, int(len(parts) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
+            share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
+            number[fold == k] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
+            last += count
+        return ratio_interval(number, before, after, self.problem.settings)
+
+    def nested(self, out):
+        """Return the effects that the search without some parts adds.
+
+        None where the whole search adds none: a model without effects has the errors without
+        effects, whatever a part of the data would add.
+        """
+        return self.choice(out).base if self.choice().base else ()
+
+
+def ratio_interval(fold, before, after, settings):
+    """Return the 95 % interval of held-out error after over before, whole parts drawn again.
+
+    Parameters
+    ----------
+    fold : ndarray, shape (n,)
+        Which part each error was held out with.
+    before, after : ndarray, shape (n, k)
+        Errors.
+    settings : DiagnoseSettings
+        Draws and seed.
+    """
+    parts = np.unique(fold)
+    sums = np.array([[(e[fold == k] ** 2).sum() for e in (before, after)] for k in parts])
+    draws = np.random.default_rng(settings.seed).integers(
+        len(parts), size=(settings.draws, len(parts))
+    )
+    before, after = sums[draws].sum(axis=1).T
+    return [float(q) for q in np.quantile(np.sqrt(after / before), [0.025, 0.975])]

@@ -1,0 +1,120 @@
+"""What diagnosis.json holds of the search in one kind of record: effects and candidates."""
+
+from dataclasses import asdict
+
+from imuloop.diagnose.likeness import holder, twin
+from imuloop.diagnose.limits import detection_limits
+from imuloop.diagnose.residuals import size
+from imuloop.diagnose.verdict import UNTRIED, unseen
+
+
+def effect_entries(sensor, fitted, choices):
+    """Return the entries of the effects that were added.
+
+    Parameters
+    ----------
+    sensor : str
+        The sensor.
+    fitted : sequence of FittedEffect
+        The effects with their parameters.
+    choices : Choices
+        The searches and what they added.
+    """
+    problem = choices.problem
+    return [
+        {
+            **effect.to_dict(),
+            "units": effect.effect.units(sensor),
+            "p_value": own.trial.p_value,
+            "residual": own.kind,
+            "heldout_before": size_of(problem, own.kind, own.before),
+            "heldout_after": size_of(problem, own.kind, own.after),
+            "ratio_ci95": own.ratio,
+        }
+        for effect, own in zip(fitted, choices.choice().added, strict=True)
+    ]
+
+
+def candidate_entries(sensor, choices, others):
+    """Return the entry of every effect that was looked for, and of those that could not be.
+
+    Parameters
+    ----------
+    sensor : str
+        The sensor.
+    choices : Choices
+        The searches and what they added.
+    others : dict of type to (str, str)
+        Status and reason of what cannot be tried.
+    """
+    problem = choices.problem
+    return [
+        *(_candidate(sensor, choices, cls) for cls in (*problem.shapes, *problem.scans)),
+        *(
+            {"name": cls.name, "status": status, "why": why, **UNTRIED}
+            for cls, (status, why) in others.items()
+        ),
+    ]
+
+
+def _candidate(sensor, choices, cls):
+    problem, search, choice = choices.problem, choices.search(), choices.choice()
+    own = [a for a in choice.added if isinstance(a.effect, cls)]
+    before = tuple(e for e in choice.base if not isinstance(e, cls))
+    trial, name = own[0].trial if own else search.trial(choice.base, cls), None
+    status, why = "rejected", "the residual does not fall by more than chance"
+    if own:
+        status, why = "added", "lowers the residual in the fit and in held-out data"
+    elif trial is None:
+        name, before, trial = holder(search, choice.base, cls), (), search.trial((), cls)
+        if name is None:
+            return {"name": cls.name, "status": "not_observable", **UNTRIED} | {
+                "why": problem.unseen(search, cls)
+            }
+        status, why = "confounded", f"{name} adds all that it would: they are one in these data"
+    elif cls in choice.failed:
+        low, high = choice.failed[cls]
+        why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
+    elif trial.impossible:
+        why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
+    elif name := twin(search, choice.base, cls):
+        status = "confounded"
+        why = f"in these data it could stand in for {name}: neither adds to the other"
+    elif _by_slow_noise(search, before, trial):
+        why = "slow noise that these data do not exclude could look the same: record hours at rest"
+    limits = detection_limits(search, before, trial, problem.settings.power)
+    if status == "rejected" and (hidden := unseen(cls, limits)):
+        status, why, limits = "not_observable", hidden, None
+    elif not limits:
+        # what was found may be of a kind that held-out parts confirm by luck only
+        limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
+    kind, rows, _ = problem.shows(search, before, trial)
+    values, std, _ = search.beside(before, trial.effect)
+    names = list(trial.effect.parameters)
+    return {
+        "name": cls.name,
+        "status": status,
+        "why": why,
+        "residual": kind,
+        "p_value": trial.p_value,
+        "heldout_after": size_of(problem, kind, choices.following((cls,))[rows]),
+        "constants": asdict(trial.effect),
+        "parameters": dict(zip(names, values.tolist(), strict=True)),
+        "std": dict(zip(names, std.tolist(), strict=True)),
+        "confounded_with": name,
+        "detection_limit": limits,
+        "units": trial.effect.units(sensor),
+    }
+
+
+def _by_slow_noise(search, base, trial):
+    """Return whether nothing but noise slower than what was estimated speaks against a trial."""
+    if trial.log_p < search.threshold(len(base)):
+        return False
+    (plain,) = search.tests(base, trial.effects, search.sight(base).evidence.plain)
+    return bool(plain and plain.log_p + trial.tries < search.threshold(len(base)))
+
+
+def size_of(problem, kind, errors):
+    """Return the root mean square of the norms of errors of one kind, rows by axes."""
+    return size(errors.reshape(-1, problem.components(kind) * errors.shape[1]))

@@ -1,0 +1,114 @@
+"""Effects that these data cannot tell apart: before the data are seen, and after."""
+
+import numpy as np
+
+# an effect of three detection limits has nine times the noncentrality of one; what a twin leaves of
+# it is below the detection limit where the twin takes eight ninths
+SHARE = 8 / 9
+
+
+def imitated_share(sight, base, first, second):
+    """Return which share of a pattern another takes, and which share of that the first takes.
+
+    ``cos²`` of the largest principal angle between the columns that nuisances and base leave:
+    whatever its parameters, the other takes that share of its square at least. At the likeliest
+    noise of the base model.
+
+    Parameters
+    ----------
+    sight : Sight
+        What is seen.
+    base : tuple of int
+        Columns that are known.
+    first, second : tuple of int
+        Columns of the patterns.
+    """
+    columns = (*base, *first, *second)
+    k, m = len(base), len(base) + len(first)
+    gram = sight.gram(columns)[sight.point(sight.fit(base, 0))]
+    if k:
+        gram = gram - gram[:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k])
+    roots = [_root(gram[s, s]) for s in (slice(k, m), slice(m, None))]
+    if any(r is None for r in roots):
+        return 0.0, 0.0
+    cosines = np.linalg.svd(roots[0] @ gram[k:m, m:] @ roots[1].T, compute_uv=False)
+    least = float(cosines[-1] ** 2)
+    return (least if len(first) <= len(second) else 0.0), (
+        least if len(second) <= len(first) else 0.0
+    )
+
+
+def _root(gram):
+    """Return R with ``R G Rᵀ = 1``, None where the columns are not independent."""
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    if not size.all():
+        return None
+    values, axes = np.linalg.eigh(gram / np.outer(size, size))
+    if values[0] <= 1e-9:
+        return None
+    return (axes / np.sqrt(values)).T / size
+
+
+def imitated(search):
+    """Return which effects others imitate, from their patterns alone.
+
+    Parameters
+    ----------
+    search : Search
+        Of all data.
+
+    Returns
+    -------
+    list of dict
+        ``effect``, ``with`` and ``share``, where it is at least `SHARE`: of the middle one of the
+        effect's shapes, by the nearest one of the other's; of the axis where it is least.
+    """
+    sight, shapes = search.sight(()), {}
+    for cls, own in search.problem.shapes.items():
+        tried = search.tests((), own)
+        seen = [s for s, t in zip(own, tried, strict=True) if t]
+        if seen:
+            shapes[cls] = sight.evidence.patterns(seen)
+    found = []
+    for cls, own in shapes.items():
+        for other, theirs in shapes.items():
+            if other is cls:
+                continue
+            shares = [max(_share(sight, a, b) for b in theirs) for a in own]
+            share = float(np.median(shares))
+            if share >= SHARE:
+                found.append({"effect": cls.name, "with": other.name, "share": share})
+    return found
+
+
+def _share(sight, a, b):
+    """Return the share of one pattern that another takes on the axis where it takes least."""
+    own = [axis for axis, columns in enumerate(a.columns) if columns]
+    if not all(b.columns[axis] for axis in own):
+        return 0.0
+    return min(imitated_share(sight, (), a.columns[x], b.columns[x])[0] for x in own)
+
+
+def twin(search, base, cls):
+    """Return the name of an added effect that a candidate could stand in for, or None.
+
+    It could if in its place it passes the test, and the effect beside it then does not.
+    """
+    for effect in reversed(base):
+        others = tuple(e for e in base if e is not effect)
+        instead = search.trial(others, cls)
+        if not instead or instead.impossible or instead.log_p >= search.threshold(len(others)):
+            continue
+        beside = search.test((*others, instead.effect), effect)
+        if beside is None or beside.log_p >= search.threshold(len(base)):
+            return effect.name
+    return None
+
+
+def holder(search, base, cls):
+    """Return the added effect without which a candidate can be tried, or None."""
+    alone = search.trial((), cls)
+    for effect in base if alone else ():
+        if search.test(tuple(e for e in base if e is not effect), alone.effect):
+            return effect.name
+    return None

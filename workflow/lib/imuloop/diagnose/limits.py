@@ -1,0 +1,219 @@
+"""Detection limits: what would have been found, and kept, with the wanted power."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from imuloop.diagnose.evidence import averaged_log_p, fisher
+
+# logarithm of the p-value in the middle of chance, for the axes that show nothing
+CHANCE = np.log(0.5)
+# records of noise that are drawn, and parts of each drawn again
+RECORDS, DRAWS = 200, 200
+# sizes that are tried, in those that the test alone needs on average; the steps between them
+SMALLEST, LARGEST, STEP = 0.5, 16.0, 1.06
+
+
+def detection_limits(search, base, trial, power, kept=True):
+    """Return the smallest size of each parameter of a trial that these data would have shown.
+
+    A parameter of size s that alone is not zero is added to drawn records of noise, each hypothesis
+    as often as the data let expect. Each has to pass the test, its p-value averaged over the
+    hypotheses as it has them itself, and to lower the error of parts that are held out, for
+    certain by whole parts drawn again.
+
+    Parameters
+    ----------
+    search : Search
+        The search of all data.
+    base : tuple of Effect
+        The effects beside it.
+    trial : Trial
+        The candidate's trial beside `base`.
+    power : float
+        Probability of finding the effect.
+    kept : bool
+        Whether held-out parts have to confirm it.
+
+    Returns
+    -------
+    dict of str to float
+        By parameter; parameters that no axis shows, or at no size, are left out.
+    """
+    sight = search.sight(base)
+    (pattern,), limits = sight.evidence.patterns(trial.effects), {}
+    names = list(trial.effect.parameters)
+    needed = search.threshold(len(base)) - trial.tries
+    for axis, own in enumerate(pattern.columns):
+        columns = search.columns(base, axis)
+        fit = sight.fit((*columns, *own), axis) if own else None
+        if fit is None:
+            continue
+        drawn = _Drawn.of(search, sight, columns, own, axis)
+        for k, (parameter, scale) in enumerate(
+            zip(pattern.parameters[axis], pattern.scale[axis], strict=True)
+        ):
+            size = drawn.size(k, trial.axes, needed, power, kept)
+            if size is not None:
+                limits[names[parameter]] = size / scale
+    return {name: limits[name] for name in names if name in limits}
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """Drawn records of noise, and what a pattern adds to them.
+
+    Attributes
+    ----------
+    fits : tuple of Fit
+        To the data, without the pattern and with it.
+    prior : tuple of ndarray, shape (h,)
+        Of each fit, what its weights hold beside the residuals.
+    gram : ndarray, shape (h, k, k)
+        Products of the columns of the base model and, last, of the pattern.
+    product, square : ndarray, shape (h, k, m) and (h, m)
+        Of the columns with the records, and of the records.
+    errors : tuple of (ndarray, ndarray)
+        Held-out errors of the records, (N, m), and of the pattern's columns, (N, q), without the
+        pattern in the model and with it.
+    groups : list of list of ndarray of bool, shape (N,)
+        Rows of each part, for each kind of residual.
+    variance : ndarray, shape (N,)
+        Of the noise.
+    counts : ndarray, shape (d, parts)
+        How often each part is drawn.
+    """
+
+    fits: tuple
+    prior: tuple
+    gram: np.ndarray
+    product: np.ndarray
+    square: np.ndarray
+    errors: tuple
+    groups: list
+    variance: np.ndarray
+    counts: np.ndarray
+
+    @classmethod
+    def of(cls, search, sight, columns, own, axis):
+        """Return them for columns of a base model and of a pattern on an axis."""
+        evidence, settings = sight.evidence, search.problem.settings
+        rng = np.random.default_rng(settings.seed)
+        fits = sight.fit(columns, axis), sight.fit((*columns, *own), axis)
+        # each hypothesis as often as it is likely, by numbers that rounding does not move
+        share = np.cumsum(np.round(fits[1].weight, 6))
+        drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
+        records, variance = [], []
+        for block in evidence.blocks:
+            white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
+            for h in np.unique(drawn):
+                precision = block.noise.precision[h] / fits[1].scale[h]
+                # with L Lᵀ = P white numbers become noise by L⁻ᵀ
+                root = np.linalg.cholesky(precision).T
+                white[:, drawn == h] = np.linalg.solve(root, white[:, drawn == h])
+                spread = spread + (drawn == h).mean() / np.diag(precision)
+            records.append(white)
+            variance.append(spread)
+        product, square = 0.0, 0.0
+        for i, values in enumerate(records):
+            z = np.column_stack([evidence.columns[i][c] for c in (*columns, *own)])
+            each = [sight.precision(i, h) @ values for h in range(len(evidence.prior))]
+            product = product + np.array([z.T @ w for w in each])
+            square = square + np.array([(values * w).sum(axis=0) for w in each])
+        known = [block_diag(*(b.nuisance for b in evidence.blocks))]
+        stacked = [np.concatenate([c[k] for c in evidence.columns]) for k in (*columns, *own)]
+        known = np.column_stack([*known, *stacked[: len(columns)]])
+        pattern = np.column_stack(stacked[len(columns) :])
+        estimated = sight.point(fits[1])
+        weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
+        folds = np.concatenate([b.folds for b in evidence.blocks])
+        parts = sorted(set(folds[:, 0].tolist()) - {-1})
+        everything = np.column_stack([np.concatenate(records), pattern])
+        errors = [
+            _held_out(weights, folds, parts, design, everything)
+            for design in (known, np.column_stack([known, pattern]))
+        ]
+        return cls(
+            fits,
+            tuple(f.log_weight + _spent(f.square, f) for f in fits),
+            sight.gram((*columns, *own)),
+            product,
+            square,
+            tuple((e[:, :RECORDS], e[:, RECORDS:]) for e in errors),
+            [[rows & (folds[:, 0] == part) for part in parts] for rows in search.problem.groups()],
+            np.concatenate(variance),
+            rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), DRAWS),
+        )
+
+    def size(self, k, axes, needed, power, kept):
+        """Return the size of one parameter, in its column's unit, that is found; None at none."""
+        q = self.fits[1].theta.shape[1] - self.fits[0].theta.shape[1]
+        point = int(np.argmax(self.fits[1].log_weight))
+        own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
+        typical = np.sqrt(10.0 / own[k, k])
+        found, size = [], SMALLEST * typical
+        while size < LARGEST * typical:
+            found.append((self.found(k, size, axes, needed, kept), size))
+            if len(found) > 1 and found[-1][0] >= power > found[-2][0]:
+                (low, below), (high, above) = found[-2:]
+                return float(below + (above - below) * (power - low) / (high - low))
+            # the farther from the wanted power, the longer the step
+            size *= STEP ** (1 + 6 * max(power - found[-1][0] - 0.2, 0.0))
+        return None
+
+    def found(self, k, size, axes, needed, kept=True):
+        """Return the share of the records in which a parameter of some size is found."""
+        without, fit = self.fits
+        q = fit.theta.shape[1] - without.theta.shape[1]
+        column = self.gram.shape[1] - q + k
+        square = self.square + 2 * size * self.product[:, column]
+        square = square + size**2 * self.gram[:, column, column, None]
+        product = self.product + size * self.gram[:, :, column, None]
+        base = self.gram.shape[1] - q
+        left = [
+            square - (np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]).sum(1)
+            for n in (base, base + q)
+        ]
+        fits = [
+            replace(f, square=v, log_weight=p[:, None] - _spent(v, f))
+            for f, v, p in zip(self.fits, left, self.prior, strict=True)
+        ]
+        log_p = averaged_log_p(*fits, q)
+        passed = fisher([log_p] + [np.full(len(log_p), CHANCE)] * (axes - 1)) < needed
+        if not (kept and passed.any()):
+            return float(passed.mean())
+        # in the kind of residual where it changes most
+        (_, before), (_, after) = self.errors
+        change = (before[:, k] - after[:, k]) ** 2 / self.variance
+        groups = max(self.groups, key=lambda parts: sum(np.nansum(change[p]) for p in parts))
+        sums = []
+        for records, columns in self.errors:
+            squares = (records[:, passed] + size * columns[:, [k]]) ** 2
+            sums.append(np.array([np.nansum(squares[rows], axis=0) for rows in groups]))
+        lower = (self.counts @ sums[1]) < (self.counts @ sums[0])
+        return float((lower.mean(axis=0) >= 0.975).sum() / len(log_p))
+
+
+def _spent(square, fit):
+    """Return what residuals take from the logarithm of a fit's weight, (h,) or (h, m)."""
+    least = fit.least if square.ndim == 1 else fit.least[:, None]
+    scale = np.maximum(least, square / fit.dof)
+    return (fit.dof * np.log(scale) + square / scale) / 2
+
+
+def _held_out(weights, folds, parts, design, values):
+    """Return errors of values, (N, m), each part predicted by a fit of a design to the others."""
+    found = np.full(values.shape, np.nan)
+    size = np.linalg.norm(design, axis=0)
+    design = design / np.where(size > 0, size, 1.0)
+    for part in parts:
+        held, seen = folds[:, 0] == part, ~(folds == part).any(axis=1)
+        hidden = ~seen
+        own = weights[np.ix_(seen, seen)]
+        across = weights[np.ix_(seen, hidden)]
+        own = own - across @ np.linalg.solve(weights[np.ix_(hidden, hidden)], across.T)
+        weighted = design[seen].T @ own
+        fitted = np.linalg.lstsq(weighted @ design[seen], weighted @ values[seen], rcond=1e-12)[0]
+        found[held] = values[held] - design[held] @ fitted
+    return found

@@ -1,0 +1,1 @@
+"""Kinds of records: what each shows of a device."""

@@ -1,0 +1,184 @@
+"""Samples of static records without the effects that were added, and their noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from imuloop.core.effect import Channels
+from imuloop.core.files import replaced
+from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
+from imuloop.diagnose.records.means import COLUMNS, other_sensor
+from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
+
+# lines nearer than this share of their frequency are one
+SAME_LINE = 0.05
+
+
+def corrected(session, log, calibration, found):
+    """Return samples of a session less what the effects of both sensors add.
+
+    Parameters
+    ----------
+    session : str
+        Its name.
+    log : RestLog
+        Its samples.
+    calibration : Calibration
+        Turns SI as logged into ``K (raw - b)``.
+    found : dict of str to tuple of FittedEffect
+        Effects of each sensor.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Columns by name, SI as logged.
+    """
+    t, changed = log.t, {name: log.column(name) for name in CHANNELS}
+    levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in COLUMNS.items()}
+    for sensor, effects in found.items():
+        if not effects:
+            continue
+        own, other = getattr(calibration, sensor), other_sensor(sensor)
+        # at rest the outputs stand still
+        level = own.output(np.array([levels[sensor]]))
+        beside = getattr(calibration, other).output(np.array([levels[other]]))
+        for part, remembered in log.parts(sensor):
+            rows = (part.stop - part.start, 1)
+            temperature = None if log.temperature is None else log.temperature[part]
+            seen = Channels(
+                t[part], np.tile(level, rows), np.tile(beside, rows), temperature, remembered
+            )
+            total = sum(_output(e, session, seen) for e in effects)
+            total *= own.raw_unit.scale / own.K
+            for name, values in zip(COLUMNS[sensor], total.T, strict=True):
+                changed[name][part] -= values
+    warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
+    return {TIME: t, **changed, **warmth}
+
+
+def _output(fitted, session, channels):
+    """Return what an effect adds at instants, shape (n, 3)."""
+    if hasattr(fitted.effect, "in_session"):
+        instants = np.column_stack([channels.t, channels.t])
+        values = np.array([fitted.values[name] for name in fitted.effect.parameters])
+        return fitted.effect.in_session(session, instants) @ values
+    return fitted.output(channels)
+
+
+def noise_again(device, data, calibration, found, noise_settings):
+    """Return the noise of the corrected samples, and their Allan tables by session.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    data : StaticData
+        Samples and segments.
+    calibration : Calibration
+        Base calibration.
+    found : dict of str to tuple of FittedEffect
+        Effects of each sensor.
+    noise_settings : NoiseSettings
+        Settings of the noise stage.
+    """
+    # needed only where something was found, and long to load
+    from imuloop.noise.noise import estimate_noise
+    from imuloop.noise.records import Session
+
+    sessions = [
+        Session(
+            name,
+            data.kinds[name],
+            corrected(name, data.log(name), calibration, found),
+            data.segments[name],
+        )
+        for name in data.samples
+    ]
+    # the curves and the coefficients alone
+    alone = replace(noise_settings, views=(), m_samples=())
+    result = estimate_noise(device, sessions, alone, uncut=False)
+    tables = {
+        name: {c: np.asarray(table[c]) for c in table}
+        | {"stage": np.full(len(table["tau_s"]), "corrected")}
+        for name, table in result.allan.items()
+        if len(table["tau_s"])
+    }
+    return result.model, tables
+
+
+def with_found_noise(model, found, processes, lines=True):
+    """Return a noise model with the processes, and lines if wanted, that were found.
+
+    A line that was taken out of the record is noise elsewhere: there its phase is not known.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        Noise without them.
+    found : dict of str to tuple of FittedEffect
+        Effects of each sensor.
+    processes : dict of str to Coloured
+        Noise with a correlation time of the sensors that have it.
+    lines : bool
+        Whether lines are wanted.
+    """
+    axes = dict(model.axes)
+    for sensor, effects in found.items():
+        for effect in effects:
+            if lines and isinstance(effect.effect, SinusoidEffect):
+                for place, name in enumerate(COLUMNS[sensor]):
+                    axes[name] = _with_line(axes[name], effect, place)
+    for sensor, test in processes.items():
+        for place, name in enumerate(COLUMNS[sensor]):
+            axes[name] = _with_process(axes[name], test, place)
+    return NoiseModel(model.device, axes)
+
+
+def known(value, error):
+    """Return a coefficient with its standard error."""
+    low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
+    return Coefficient(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
+
+
+def _with_line(noise, fitted, place):
+    names = [n for n in fitted.values if n[1] == "xyz"[place]]
+    sessions = len(names) / 2
+    amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
+    error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
+    line = Sinusoid(known(amplitude, error), known(fitted.effect.frequency, 0.0))
+    # the noise stage may have found the same one
+    others = (
+        s for s in noise.sinusoid if abs(s.frequency.value / line.frequency.value - 1) > SAME_LINE
+    )
+    return replace(noise, sinusoid=(*others, line))
+
+
+def _with_process(noise, test, place):
+    """Return noise with flicker, walk and process of the spectrum in place of its own two."""
+    variances, std = test.variances[place], test.std[place]
+    if not variances[4] > 0:
+        return noise
+
+    def root(j, scale=1.0):
+        if not variances[j] > 0:
+            return Coefficient()
+        value = np.sqrt(scale * variances[j])
+        return known(value, scale * std[j] / (2 * value))
+
+    term = GaussMarkov(root(4, 2 / test.tc), known(test.tc, 0.0))
+    return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))
+
+
+def write_allan(raw, table, path):
+    """Write the Allan table of a session, its raw curves first, then the corrected if any."""
+    # `read_table` loads pandas
+    with pq.ParquetFile(raw) as file:
+        curves = file.read()
+    if table is not None:
+        more = pa.table({name: table[name] for name in curves.column_names}, curves.schema)
+        curves = pa.concat_tables([curves, more])
+    with replaced(path) as temporary:
+        pq.write_table(curves, temporary)

@@ -1,0 +1,232 @@
+"""The poses of a sensor: what is missing in its model, what it is, and what remains with it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import LinAlgError
+
+from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.diagnose.candidates import candidates
+from imuloop.diagnose.choice import Choices, ratio_interval
+from imuloop.diagnose.content import candidate_entries, effect_entries, size_of
+from imuloop.diagnose.correlates import correlates
+from imuloop.diagnose.likeness import imitated
+from imuloop.diagnose.records.pose_fits import Solution, fitted_calibration
+from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.records.probes import pose_probes
+from imuloop.diagnose.residuals import chi_square, floor_range, floor_variance, likely
+from imuloop.diagnose.verdict import NOTHING, UNTRIED, Judged, above_floor, verdict
+
+# kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
+# rate, rotation
+KINDS = 3
+
+
+@dataclass(frozen=True)
+class PoseResult:
+    """The diagnosis of a sensor at the poses.
+
+    Attributes
+    ----------
+    content : dict
+        The contract's fields.
+    solution : Solution or None
+        The fit with the effects that were added; None where nothing could be fitted.
+    choices : Choices or None
+        The searches; None where nothing could be tested.
+    """
+
+    content: dict
+    solution: Solution | None = None
+    choices: Choices | None = None
+
+    @property
+    def effects(self):
+        """The effects that were added."""
+        return self.choices.choice().base if self.choices else ()
+
+
+def pose_candidates(sensor, recording):
+    """Return what `candidates` does for a sensor at the poses; nothing to try without poses."""
+    poses = recording.poses
+    if not len(poses):
+        return {}, {}
+    other = poses.w if sensor == "accelerometer" else poses.f
+    return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
+
+
+def pose_problem(
+    sensor, recording, settings, tests, fold=None, found=(), told=None, directions=None
+):
+    """Return the PoseProblem of a sensor; parts are interleaved without others."""
+    available, _ = pose_candidates(sensor.sensor, recording)
+    known = set(map(type, found))
+    shapes = {cls: own for cls, own in available.items() if cls not in known}
+    if fold is None:
+        fold = interleaved(len(recording.poses), settings.folds)
+    return PoseProblem(
+        sensor, recording, shapes, settings, tests, fold, tuple(found), told, directions
+    )
+
+
+def diagnose_poses(sensor, recording, settings, tests=None, found=(), told=None, directions=None):
+    """Diagnose one sensor at the poses.
+
+    Parameters
+    ----------
+    sensor : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    recording : Recording
+        Poses and rotations.
+    settings : DiagnoseSettings
+        Settings.
+    tests : int, optional
+        Number of tests that share the significance; this sensor's own by default.
+    found : sequence of Effect
+        Effects that other records show.
+    told, directions : callable, optional
+        As of PoseProblem.
+
+    Returns
+    -------
+    PoseResult
+        What was found.
+    """
+    if reason := sensor.untestable(recording):
+        return PoseResult({"verdict": "not_testable", "why": reason, **NOTHING})
+    tests = tests or len(pose_candidates(sensor.sensor, recording)[0])
+    problem = pose_problem(sensor, recording, settings, tests, None, found, told, directions)
+    try:
+        if reason := problem.lost(()):
+            return PoseResult({"verdict": "not_testable", "why": reason, **NOTHING})
+        keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
+        if any(sensor.undetermined(recording, keeps)):
+            reason = f"{len(keeps[0])} poses do not determine the model with a part held out"
+            solution = final_solution(problem, ())
+            return PoseResult({"verdict": "not_testable", "why": reason, **NOTHING}, solution)
+        return _diagnosed(Choices(problem))
+    except LinAlgError:
+        return PoseResult({"verdict": "not_testable", "why": SINGULAR, **NOTHING})
+
+
+def _diagnosed(choices):
+    """Return the PoseResult of poses whose fit without effects is one."""
+    problem, choice = choices.problem, choices.choice()
+    sensor, settings = problem.sensor, problem.settings
+    before, after = choices.following(()), choices.errors(choices.nested)
+    base, final = problem.about(), problem.about(choice.base)
+    judged = [_judged(problem, about) for about in (base, final)]
+    weights = judged[1][0]
+    floors = [
+        floor_variance(c, base.jacobian, problem.ends)[:, None] for _, c in final.alternatives
+    ]
+    floor = np.tensordot(weights, floors, 1)
+    solution = final_solution(problem, choice.base)
+    share, residuals, above, slow = settings.significance / KINDS, {}, [False, False], False
+    for kind, (unit, _) in sensor.kinds.items():
+        rows = problem.of_kind(kind)
+        for side, errors in enumerate((before, after)):
+            ratio = ratio_interval(problem.fold[rows], np.sqrt(floor[rows]), errors[rows], settings)
+            sizes = (size_of(problem, kind, v[rows]) for v in (errors, np.sqrt(floor)))
+            own = judged[side][1][kind]
+            found = above_floor(own.p_value < share, *sizes, ratio)
+            above[side] |= found
+            slow |= bool(side and own.estimated < share)
+        least = size_of(problem, kind, np.sqrt(floor[rows]))
+        residuals[kind] = {
+            "unit": unit,
+            "n": int(rows.sum()) // problem.components(kind),
+            "floor": least,
+            "floor_range": floor_range(
+                weights, [size_of(problem, kind, np.sqrt(v[rows])) for v in floors], least
+            ),
+            "before": size_of(problem, kind, before[rows]),
+            "after": size_of(problem, kind, after[rows]),
+            "in_sample_before": size_of(problem, kind, base.values[rows][:, None]),
+            "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
+            "chi2_before": judged[0][1][kind].reduced_chi2,
+            "chi2_after": judged[1][1][kind].reduced_chi2,
+        }
+    _, others = pose_candidates(sensor.sensor, problem.recording)
+    fitted = solution.calibration.effects[len(problem.found) :]
+    content = {
+        "verdict": verdict(*above, choice.base),
+        "slow_noise": slow and not above[1],
+        "residuals": residuals,
+        "effects": effect_entries(sensor.sensor, fitted, choices),
+        "candidates": [
+            *candidate_entries(sensor.sensor, choices, others),
+            *(
+                {"name": e.name, "status": "added", "why": "found in the static record"} | UNTRIED
+                for e in problem.found
+            ),
+        ],
+        "confounded": imitated(choices.search()),
+        "correlates": correlates(choices.search(), choice.base, _probes(problem)),
+        "points": _points(problem, before, after, floor),
+    }
+    return PoseResult(content, solution, choices)
+
+
+def final_solution(problem, base):
+    """Return the fit with some effects, its covariance that of the noise's uncertainty too."""
+    solution = problem.about(base).solution
+    calibration = fitted_calibration(problem.sensor, solution, problem.covariance(base))
+    return replace(solution, calibration=calibration)
+
+
+def _judged(problem, about):
+    """Return probabilities of the noise's alternatives, and the Judged of each kind of residual."""
+    groups = [problem.of_kind(kind) for kind in problem.sensor.kinds]
+    found, likelihoods = zip(
+        *(chi_square(about.values, c, about.jacobian, groups) for _, c in about.alternatives),
+        strict=True,
+    )
+    weights = likely([weight for weight, _ in about.alternatives], likelihoods)
+    return weights, {
+        kind: Judged.of(weights, [each[k] for each in found])
+        for k, kind in enumerate(problem.sensor.kinds)
+    }
+
+
+def _probes(problem):
+    """Return name, kind and columns of what the residual may go with."""
+    probed, found = pose_probes(problem.recording, problem.sensor.sensor), []
+    for kind, (_, k) in problem.sensor.kinds.items():
+        for name, values in probed["rotation" if kind == "rotation" else "pose"].items():
+            columns = np.zeros((len(problem.fold), 1, k * values.shape[1]))
+            columns[problem.of_kind(kind), 0] = np.kron(values - values.mean(axis=0), np.eye(k))
+            found.append((name, kind, columns))
+    return found
+
+
+def _points(problem, before, after, floor):
+    """Return one entry a pose or rotation, for pictures: held-out errors and their size."""
+    poses, points = problem.recording.poses, []
+    direction = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
+    for kind, (_, k) in problem.sensor.kinds.items():
+        rows = problem.of_kind(kind)
+        ends, _ = problem.rows
+        of_pose = ends[rows[: len(ends)], 0][::k]
+        # what is left of the residual has its sign: the norm of gravity is too large or too small
+        parts = [-v[rows].reshape(-1, k) for v in (before, after)]
+        limit = np.sqrt(floor[rows].reshape(-1, k).sum(axis=1))
+        sizes = [v[:, 0] if k == 1 else np.linalg.norm(v, axis=1) for v in parts]
+        for i, pose in enumerate(of_pose):
+            points.append(
+                {
+                    "residual": kind,
+                    "index": int(pose),
+                    "session": int(poses.session[pose]),
+                    "start_s": float(poses.start_s[pose]),
+                    "direction": direction[pose].tolist(),
+                    "before": float(sizes[0][i]),
+                    "after": float(sizes[1][i]),
+                    "floor": float(limit[i]),
+                    "components": {
+                        when: v[i].tolist()
+                        for when, v in zip(("before", "after"), parts, strict=True)
+                    },
+                }
+            )
+    return points

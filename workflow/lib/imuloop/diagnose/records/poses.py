@@ -1,0 +1,338 @@
+"""The poses of a sensor and what lies between them: residuals of a calibration, and their noise."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.diagnose.evidence import ABSORBED, Block, Evidence, Hypotheses
+from imuloop.diagnose.records.pose_fits import residuals
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.variance import Part, likely_sizes, total
+
+# from the noise as estimated to what the residuals make of it
+PATH = (0.0, 0.3, 0.6, 1.0)
+
+
+@dataclass(frozen=True)
+class About:
+    """The residuals about the fit of all poses with some effects.
+
+    Attributes
+    ----------
+    solution : Solution
+        The fit.
+    model : AccelerometerModel or GyroscopeModel
+        At the solution.
+    values : ndarray, shape (N,)
+        Residuals.
+    jacobian : ndarray, shape (N, p)
+        Derivative with respect to the parameters.
+    alternatives : list of (float, ndarray)
+        What the noise may be, from what was estimated of it to what the residuals make of it:
+        probability beforehand and covariance, (N, N).
+    evidence : Evidence
+        The same as evidence.
+    """
+
+    solution: object
+    model: object
+    values: np.ndarray
+    jacobian: np.ndarray
+    alternatives: list
+    evidence: Evidence
+
+
+@dataclass(frozen=True, eq=False)
+class PoseProblem:
+    """The poses of one sensor: one block of rows, whose nuisances are the base parameters.
+
+    Attributes
+    ----------
+    sensor : AccelerometerPoses or GyroscopePoses
+        How the sensor is fitted.
+    recording : Recording
+        Poses and rotations.
+    shapes : dict of type to tuple of Effect
+        The effects to try, in their shapes.
+    settings : DiagnoseSettings
+        Settings.
+    tests : int
+        Number of tests of the family.
+    fold_of_pose : ndarray of int, shape (n,)
+        The part that each pose is held out with.
+    found : tuple of Effect
+        Effects that other records show, which every fit estimates.
+    told : callable, optional
+        Takes effects, gives what other records tell of their parameters, as `static.information`.
+    directions : callable, optional
+        Of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses
+        by an accelerometer that did not see them either; None as all poses give it.
+    """
+
+    sensor: object
+    recording: object
+    shapes: dict
+    settings: DiagnoseSettings
+    tests: int
+    fold_of_pose: np.ndarray
+    found: tuple = ()
+    told: object = None
+    directions: object = None
+    _about: dict = field(default_factory=dict, repr=False)
+    _columns: dict = field(default_factory=dict, repr=False)
+    scans: ClassVar = {}
+
+    @cached_property
+    def parts(self):
+        """Number of parts that are held out in turn."""
+        return int(self.fold_of_pose.max()) + 1
+
+    @cached_property
+    def told_rows(self):
+        """What other records tell of effects: rows ``R θ - z``, variance one, by effect, and z."""
+        if self.told is None:
+            return {}, np.zeros(0)
+        shapes = (s for own in self.shapes.values() for s in own)
+        effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
+        if not effects:
+            return {}, np.zeros(0)
+        information, moment = self.told(effects)
+        size = np.sqrt(np.maximum(np.diag(information), 0.0))
+        size[size == 0] = 1.0
+        values, axes = np.linalg.eigh(information / np.outer(size, size))
+        shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
+        roots, axes = np.sqrt(values[shown]), axes[:, shown].T
+        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        rows = roots[:, None] * axes * size
+        each = zip(effects, pairwise(ends), strict=True)
+        return {e: rows[:, i:j] for e, (i, j) in each}, axes @ (moment / size) / roots
+
+    @cached_property
+    def rows(self):
+        """Poses where each residual of the poses starts and ends, (n, 2), and its kind, (N,).
+
+        Rows of other records come last, of no kind.
+        """
+        ends, kind = self.sensor.rows(self.recording)
+        return ends, np.append(kind, np.full(len(self.told_rows[1]), -1))
+
+    @cached_property
+    def ends(self):
+        """The parts that each row touches, the one that it is held out with first, (N, 2)."""
+        own = self.fold_of_pose[self.rows[0]]
+        return np.concatenate([own, np.full((len(self.told_rows[1]), 2), -1)])
+
+    @property
+    def fold(self):
+        """The part that each row is held out with: that of its first pose, shape (N,)."""
+        return self.ends[:, 0]
+
+    def left(self, search, base):
+        """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1)."""
+        return search.sight(base).left(search.columns(base, 0), 0)[0][:, None]
+
+    def of_kind(self, kind):
+        """Return the rows, shape (N,), of one kind of residual."""
+        return self.rows[1] == list(self.sensor.kinds).index(kind)
+
+    def about(self, base=()):
+        """Return the residuals about the fit with some effects."""
+        if base not in self._about:
+            self._about[base] = self._made(base)
+        return self._about[base]
+
+    def _made(self, base):
+        count, effects = len(self.sensor.names), (*self.found, *base)
+        start = self.about(base[:-1]).solution.fit.x if base else None
+        # what effects add is taken about the fit without any
+        more = () if base else tuple(s for shapes in self.shapes.values() for s in shapes)
+        of_effects, z = self.told_rows
+        columns = [np.zeros((len(z), count))]
+        columns += [
+            of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in (*effects, *more)
+        ]
+        known = np.hstack(columns)
+        fitted = count + sum(len(e.parameters) for e in effects)
+        prior = (known[:, :fitted], z) if len(z) else None
+        solution = self.sensor.fit(self.recording, effects, start, prior)
+        x = solution.fit.x
+        values, jacobian = residuals(self.sensor.model(solution, self.recording, more), x)
+        values = np.append(values, known[:, :fitted] @ x - z)
+        jacobian = np.concatenate([jacobian, known])
+        nuisances = count + sum(len(e.parameters) for e in self.found)
+        ends = np.cumsum([nuisances, *(len(e.parameters) for e in (*base, *more))])
+        own = {
+            e: jacobian[:, None, i:j]
+            for e, (i, j) in zip((*base, *more), pairwise(ends), strict=True)
+        }
+        if not base:
+            self._columns.update(own)
+        jacobian = jacobian[:, :fitted]
+        covariance, slow = self._parts(solution)
+        estimated = np.array([part.size for part in slow])
+        # what is missing in a model need not follow the noise: the residual of a long rest is no
+        # smaller than that of a short one
+        missing = [
+            Part(np.diag(at * np.median(np.diag(covariance)[at])))
+            for at in map(self.of_kind, self.sensor.kinds)
+        ]
+        noisy = likely_sizes(values, jacobian, covariance, slow)
+        whole = likely_sizes(values, jacobian, covariance, [*slow, *missing])
+        first = np.append(estimated, np.zeros(len(missing)))
+        noise = Hypotheses.of(
+            (total(covariance, [*slow, *missing], first + s * (whole - first)) for s in PATH),
+            len(PATH),
+        )
+        off = (noisy - estimated) / [part.deviation for part in slow]
+        alternatives = [
+            (
+                np.exp(-off @ off * s**2 / 2),
+                total(covariance, slow, estimated + s * (noisy - estimated)),
+            )
+            for s in PATH
+        ]
+        block = Block(-values[:, None], jacobian[:, :nuisances], noise, self.ends)
+
+        def design(effect):
+            return own[effect] if effect in own else self._columns[effect]
+
+        prior = np.full(len(PATH), -np.log(len(PATH)))
+        evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
+        model = self.sensor.model(solution, self.recording)
+        return About(solution, model, values, jacobian, alternatives, evidence)
+
+    def _parts(self, solution):
+        """Return the covariance of the noise but for flicker and walk, and these axis by axis."""
+        sensor, recording = self.sensor, self.recording
+        axes = ACCELERATION if sensor.sensor == "accelerometer" else ANGULAR_RATE
+        terms = [(axis, name) for axis in axes for name in "BK"]
+        limits = {t: sensor.noise.known(*t) for t in terms}
+        loose = {t: known for t, known in limits.items() if known[1] > 0}
+        without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))
+        told = len(self.told_rows[1])
+
+        def covariance(noise):
+            """Return that of all rows; rows of other records are independent, of variance one."""
+            return block_diag(sensor.covariance(solution, recording, noise), np.eye(told))
+
+        fixed = covariance(without)
+        return fixed, [
+            Part(covariance(without.with_sizes({t: spread})) - fixed, size / spread, 1.0)
+            for t, (size, spread) in loose.items()
+        ]
+
+    def near(self, base):
+        """Return the residuals about the fit with the most of some effects that was asked for.
+
+        What is added to it the evidence holds as patterns: a part that chooses effects of its own
+        is not worth a fit of all data to them.
+        """
+        made = [b for b in self._about if set(b) <= set(base)]
+        return self.about(max(made, key=len, default=()))
+
+    def sight(self, base, out, only=None):
+        """Return what is seen without some parts, about a fit of all with some of the effects."""
+        about = self.near(base)
+        found = about.evidence.sight(out)
+        if out and self.directions is not None and found.values == about.evidence.values:
+            model = replace(about.model, directions=self.directions(out))
+            values = about.values.copy()
+            own = model.residuals(about.solution.fit.x)[0]
+            values[: len(own)] = own
+            found.values = about.evidence.enter(-values[None])
+        return found
+
+    def lost(self, base):
+        """Return why the fit with some effects is none, or None if it is one."""
+        return self.sensor.lost(self.about(base).solution, self.recording)
+
+    def shows(self, search, base, trial):
+        """Return kind, rows and axes in which a trial shows most."""
+        sight, columns = search.sight(base), search.columns(base, 0)
+        more = [p.columns[0] for p in sight.evidence.patterns(trial.effects)]
+        wide = (*columns, *(c for own in more for c in own))
+        # what it changes in the residual, in standard deviations
+        change = sight.left(columns, 0)[0] - sight.left(wide, 0)[0]
+        variance = np.diag(self.near(base).alternatives[0][1])
+        size = {
+            k: (change[self.of_kind(k)] ** 2 / variance[self.of_kind(k)]).sum()
+            for k in self.sensor.kinds
+        }
+        kind = max(size, key=size.get)
+        return kind, self.of_kind(kind), [0]
+
+    def covariance(self, base):
+        """Return the covariance of the parameters of the fit of all poses, (p, p), SI as logged.
+
+        Under every hypothesis that of generalised least squares, its scale that of the residual
+        where this is larger, and what the solution under it is off; averaged by the likelihood.
+        """
+        about = self.about(base)
+        fit = about.evidence.sight().fit(self._columns_of(base), 0)
+        total, design = 0.0, about.jacobian
+        size = np.linalg.norm(design, axis=0)
+        design = design / size
+        counted = fit.weight > 1e-6
+        for h in np.flatnonzero(counted):
+            weighted = design.T @ about.evidence.blocks[0].noise.precision[h]
+            inverse = np.linalg.inv(weighted @ design)
+            off = inverse @ (weighted @ about.values)
+            total = total + fit.weight[h] * (inverse * fit.scale[h] + np.outer(off, off))
+        return total / fit.weight[counted].sum() / np.outer(size, size)
+
+    def _columns_of(self, base):
+        return tuple(c for p in self.near(base).evidence.patterns(base) for c in p.columns[0])
+
+    def groups(self):
+        """Return the rows of each kind of residual."""
+        return [self.of_kind(kind) for kind in self.sensor.kinds]
+
+    def components(self, kind):
+        """Return how many rows make one residual."""
+        return self.sensor.kinds[kind][1]
+
+    def unseen(self, search, cls):
+        """Return why an effect has no trial."""
+        rows = search.sight(()).rows
+        least = min(len(shape.parameters) for shape in self.shapes[cls])
+        if rows <= least:
+            return f"{rows} residuals to spare do not determine {least} more parameters"
+        return "what it adds in these data is taken up by the base model"
+
+    def fitted(self, base, out=frozenset()):
+        """Return the Solution with some effects that does not see some parts."""
+        about, sight = self.near(base), self.sight(base, out)
+        patterns = sight.evidence.patterns(base)
+        nuisance, theta = sight.solved(self._columns_of(base), 0)
+        count, solution = len(self.sensor.names), about.solution
+        start = solution.fit.x.copy()
+        # the nuisances: the base model, and what other records show
+        start[: len(nuisance[0])] += nuisance[0]
+        x, at = {None: start[:count]}, count
+        for effect in solution.effects:
+            x[effect] = start[at : at + len(effect.parameters)]
+            at += len(effect.parameters)
+        for pattern in patterns:
+            used, scale = list(pattern.parameters[0]), pattern.scale[0]
+            own = x.setdefault(pattern.effect, np.zeros(len(pattern.effect.parameters)))
+            own[used] += theta[: len(used)] / scale
+            theta = theta[len(used) :]
+        effects = (*self.found, *base)
+        values = np.concatenate([x[e] for e in (None, *effects)])
+        # nobody asks how well a part determines them
+        fit = replace(solution.fit, x=values, covariance=np.zeros((len(values), len(values))))
+        return replace(solution, effects=effects, fit=fit)
+
+
+def interleaved(count, parts):
+    """Return the part of each pose: neighbours in different ones, so that both sides predict.
+
+    Of few parts two neighbours are in one: without two parts some have to stay neighbours.
+    """
+    parts = min(parts, count)
+    return np.arange(count) // (1 if parts > 4 else 2) % parts

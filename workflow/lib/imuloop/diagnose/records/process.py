@@ -1,0 +1,196 @@
+"""Noise with a correlation time in static records: its test, its held-out likelihood, its limit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.diagnose.records.spectrum import (
+    Coloured,
+    coefficients,
+    coloured,
+    held_out_ratio,
+    limits,
+    spectra,
+)
+from imuloop.diagnose.records.static import derivative, fold_of
+from imuloop.diagnose.residuals import size
+from imuloop.diagnose.verdict import UNTRIED
+from imuloop.effects.gauss_markov import GaussMarkov
+
+# means without a gap between them that a spectrum needs
+LEAST_IN_SPECTRUM = 16
+
+
+@dataclass(frozen=True)
+class Process:
+    """What the spectra say of noise with a correlation time.
+
+    Attributes
+    ----------
+    test : Coloured
+        Test.
+    spectra : list of Spectrum
+        Of the three axes, effects taken out.
+    window : float
+        Length of the windows of the spectra, s.
+    share : float
+        By how much it shrinks the error that held-out means are expected to have.
+    ratio : list of float
+        95 % interval of this share.
+    threshold : float
+        Logarithm of the largest p-value that passes.
+    """
+
+    test: Coloured
+    spectra: list
+    window: float
+    share: float
+    ratio: list
+    threshold: float
+
+    @property
+    def found(self):
+        """Whether the noise is there: it passes its test, and held-out data are likelier."""
+        return bool(self.test.log_p < self.threshold and self.ratio[1] < 1)
+
+
+def find_process(fine, choices):
+    """Return the Process of the means over the shortest windows; None without enough in a row.
+
+    Parameters
+    ----------
+    fine : sequence of StaticRecord
+        The means.
+    choices : Choices
+        What else was found.
+    """
+    problem, derivatives = choices.problem, {}
+
+    def left(out):
+        """Return the coefficients of all runs, and of their parts in each block, effects out."""
+        search, base = choices.search(out), choices.nested(out)
+        sight = search.sight(base)
+        each = [_vector(search, sight, base, axis) for axis in range(3)] if base else []
+        whole, parts = [], [[] for _ in range(problem.parts)]
+        for i, record in enumerate(fine):
+            values = record.values.copy()
+            for e in base:
+                if (i, e) not in derivatives:
+                    derivatives[i, e] = derivative(e, record)
+                for axis, own in enumerate(each):
+                    values[:, axis] -= derivatives[i, e][:, axis] @ own[e]
+            fold = fold_of(record, problem)
+            # a number for each run of windows that touch
+            gap = np.diff(record.windows[:, 0], prepend=-np.inf) > 1.5 * record.length
+            run = np.cumsum(gap | (np.diff(record.stretch, prepend=-1) != 0))
+            for number in np.unique(run):
+                rows = run == number
+                if rows.sum() >= LEAST_IN_SPECTRUM:
+                    whole.append(coefficients(values[rows]))
+                for k in range(problem.parts):
+                    if (rows & (fold == k)).sum() >= LEAST_IN_SPECTRUM:
+                        parts[k].append(coefficients(values[rows & (fold == k)]))
+        return whole, parts
+
+    whole, parts = left(frozenset())
+    if not whole or not all(parts):
+        return None
+    window, axes, pairs = float(np.median(fine[0].length)), spectra(whole), []
+    for k in range(problem.parts):
+        # without an effect every part's search leaves the same
+        if choices.choice().base:
+            _, parts = left(frozenset({k}))
+        others = [c for j, own in enumerate(parts) if j != k for c in own]
+        pairs.append((others, parts[k]))
+    share, ratio = held_out_ratio(pairs, problem.settings)
+    threshold = choices.search().threshold(len(choices.choice().base))
+    return Process(coloured(axes, window), axes, window, share, ratio, threshold)
+
+
+def _vector(search, sight, base, axis):
+    """Return the parameters of each effect as one axis has them."""
+    theta, found = sight.solved(search.columns(base, axis), axis)[1], {}
+    for pattern in sight.evidence.patterns(base):
+        own = np.zeros(pattern.design.shape[2])
+        count = len(pattern.columns[axis])
+        own[list(pattern.parameters[axis])] = theta[:count] / pattern.scale[axis]
+        theta, found[pattern.effect] = theta[count:], own
+    return found
+
+
+def process_effect(test):
+    """Return constants, parameters and standard errors of the process as an effect."""
+    q = np.sqrt(2 * test.variances[:, 4] / test.tc)
+    error = np.divide(
+        test.std[:, 4] / test.tc, q, out=np.zeros_like(q), where=test.variances[:, 4] > 0
+    )
+    names = list(GaussMarkov.parameters)
+    return {
+        "constants": {"tc": test.tc},
+        "parameters": dict(zip(names, q.tolist(), strict=True)),
+        "std": dict(zip(names, error.tolist(), strict=True)),
+    }
+
+
+def process_entry(sensor, process, after):
+    """Return the entry of the process among the effects that were added.
+
+    Parameters
+    ----------
+    sensor : str
+        The sensor.
+    process : Process
+        The process.
+    after : ndarray, shape (n, 3)
+        Held-out errors with all other effects.
+    """
+    before = size(after)
+    return {
+        "name": GaussMarkov.name,
+        **process_effect(process.test),
+        "units": GaussMarkov().units(sensor),
+        "p_value": process.test.p_value,
+        "residual": "bias",
+        "axis": None,
+        # the error itself does not fall: what is foreseen of it does
+        "heldout_before": before,
+        "heldout_after": process.share * before,
+        "ratio_ci95": process.ratio,
+    }
+
+
+def process_candidate(sensor, process, after, power):
+    """Return the entry of the process among the candidates; arguments as of `process_entry`."""
+    name = GaussMarkov.name
+    unseen = {"name": name, "status": "not_observable", **UNTRIED}
+    if process is None:
+        return unseen | {"why": "too few means without a gap for a spectrum"}
+    test, threshold = process.test, process.threshold
+    tc, found = limits(test, process.spectra, process.window, threshold, power)
+    if process.found:
+        status, tc = "added", test.tc
+        why = (
+            "the spectrum is likelier with it; held-out error is what is foreseen of it, by the "
+            "predictive likelihood, for noise cannot be subtracted"
+        )
+    elif not any(found):
+        return unseen | {"why": "flicker and walk would imitate it in records as short as these"}
+    else:
+        status, why = "rejected", "the spectrum is not likelier with it by more than chance"
+        if test.log_p < threshold:
+            low, high = process.ratio
+            why = f"held-out blocks are not likelier for certain: ratio {low:.3f} to {high:.3f}"
+    return {
+        "name": name,
+        "status": status,
+        "why": why,
+        "residual": "bias",
+        "p_value": test.p_value,
+        "heldout_after": process.share * size(after),
+        "constants": {"tc": tc},
+        "confounded_with": None,
+        "detection_limit": {
+            p: q for p, q in zip(GaussMarkov.parameters, found, strict=True) if q is not None
+        },
+        "units": GaussMarkov().units(sensor),
+    }

@@ -1,0 +1,172 @@
+"""Scans of a static record for a line of any frequency and a step at any time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.diagnose.evidence import log_f_tail
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps, share_after
+
+# periods of a line that a record must hold, and frequencies that are tried in a period's width
+LEAST_PERIODS, FINENESS = 2, 2
+# windows on either side of a step, and times that are tried within one
+BESIDE, WITHIN = 3, 4
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """The residual of one axis in the windows seen of one record, and how to weigh it.
+
+    Attributes
+    ----------
+    seen : ndarray of int, shape (m,)
+        The windows.
+    precision : ndarray, shape (m, m)
+        Of the windows, the level taken out, for the likeliest noise without the pattern.
+    residual : ndarray, shape (m,)
+        In units of the noise's N.
+    """
+
+    seen: np.ndarray
+    precision: np.ndarray
+    residual: np.ndarray
+
+
+def whitened(search, base, axis):
+    """Return what each record holds for a scan of one axis, None for those not seen, and dof."""
+    sight, columns = search.sight(base), search.columns(base, axis)
+    fit = sight.fit(columns, axis)
+    point = int(np.argmax(fit.log_weight))
+    noise = np.sqrt(fit.scale[point])
+    found = []
+    for i, held in enumerate(sight.held):
+        if held is None:
+            found.append(None)
+            continue
+        own = sight.evidence.columns[i]
+        left = own[sight.values[axis]]
+        left = left - sum(t * own[c] for t, c in zip(fit.theta[point], columns, strict=True))
+        seen = np.delete(np.arange(len(left)), held)
+        found.append(Whitened(seen, sight.precision(i, point), left[seen] / noise))
+    return found, fit.dof
+
+
+def frequencies(records):
+    """Return the frequencies to try: half a period of the longest record apart, Hz."""
+    span = max(np.ptp(r.windows) for r in records)
+    highest = 0.5 / max(np.median(r.length) for r in records)
+    steps = np.arange(FINENESS * LEAST_PERIODS, FINENESS * span * highest - 0.5)
+    return steps / (FINENESS * span)
+
+
+def line_scan(search, base):
+    """Return the most promising line of each axis with its log p, and how many were tried."""
+    records, held = search.problem.fitted, search.sight(base).held
+    tried = frequencies(records)
+    if not len(tried):
+        return (), 0
+    sessions = tuple(dict.fromkeys(r.session for r in records))
+    best, waves = [], [_waves(r, h, tried) for r, h in zip(records, held, strict=True)]
+    for axis in range(3):
+        parts, dof = whitened(search, base, axis)
+        total, q = np.zeros(len(tried)), 0
+        for part, wave in zip(parts, waves, strict=True):
+            if part is None:
+                continue
+            weighted = part.precision @ wave
+            score = np.einsum("kmf,m->fk", weighted, part.residual)
+            information = np.einsum("kmf,lmf->fkl", wave, weighted)
+            total += np.einsum("fk,fk->f", score, _solved(information, score))
+            q += 2
+        log_p = log_f_tail(total / q, q, dof - q)
+        at = int(np.argmin(log_p))
+        best.append((log_p[at], Sinusoid(float(tried[at]), sessions)))
+    return _distinct(best), len(tried)
+
+
+def _waves(record, held, tried):
+    """Return cosine and sine of each frequency at the windows that are seen, (2, m, f)."""
+    if held is None:
+        return None
+    phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
+    return np.stack([np.cos(phase), np.sin(phase)])
+
+
+def step_scan(search, base, taken=()):
+    """Return the most promising step of each axis with its log p, and how many were tried.
+
+    Parameters
+    ----------
+    search : Search
+        What is seen.
+    base : tuple of Effect
+        Effects beside it.
+    taken : tuple of Steps
+        Steps that are known; a few windows about each are left out.
+    """
+    records, best, count = search.problem.fitted, [], 0
+    for axis in range(3):
+        parts, dof = whitened(search, base, axis)
+        count, found = 0, []
+        for part, record in zip(parts, records, strict=True):
+            if part is None or len(part.seen) <= 2 * BESIDE:
+                continue
+            windows, length = record.windows[part.seen], np.median(record.length)
+            starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
+            for one in taken:
+                apart = np.abs(starts - one.times[0]) - one.spans[0] / 2
+                starts = starts[
+                    (apart > (BESIDE - 0.5) * length) | (one.sessions != (record.session,))
+                ]
+            if not len(starts):
+                continue
+            gain = _gain(part, windows, starts)
+            # within the windows beside the best start a step may lie anywhere
+            within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
+            gains = _gain(part, windows, within)
+            count += WITHIN * len(starts)
+            time, span = unseen(within[np.argmax(gains)], windows)
+            step = Steps((time,), (record.session,), (span,))
+            found.append((log_f_tail(gains.max(), 1, dof - 1), step))
+        if found:
+            best.append(min(found, key=lambda f: f[0]))
+    return _distinct(best), count
+
+
+def unseen(time, windows):
+    """Return the middle and the length of the span between windows that a time lies in.
+
+    Nothing that is seen tells times in it apart; a time within a window is itself, its span 0.
+    """
+    after = np.searchsorted(windows[:, 1], time, side="right")
+    if 0 < after < len(windows) and time <= windows[after, 0]:
+        start, end = windows[after - 1, 1], windows[after, 0]
+        return float(start + end) / 2, float(end - start)
+    return float(time), 0.0
+
+
+def _gain(part, windows, times):
+    """Return by how much χ² falls with a step at each time."""
+    after = share_after(windows, times)
+    weighted = part.precision @ after
+    information = np.einsum("mk,mk->k", after, weighted)
+    known = information > 1e-9 * information.max()
+    score = weighted.T @ part.residual
+    return np.where(known, score**2 / np.where(known, information, 1.0), 0.0)
+
+
+def _solved(matrices, vectors):
+    """Return the solutions of small systems, zero where one is singular."""
+    size = np.sqrt(np.maximum(np.einsum("fkk->fk", matrices), 1e-300))
+    scaled = matrices / size[:, :, None] / size[:, None, :]
+    inverse = np.linalg.pinv(scaled, rcond=1e-6, hermitian=True)
+    return np.einsum("fkl,fl->fk", inverse, vectors / size) / size
+
+
+def _distinct(best):
+    """Return (log p, effect), the best first, each effect once."""
+    smallest = {}
+    for log_p, effect in sorted(best, key=lambda f: f[0]):
+        smallest.setdefault(effect, log_p)
+    return tuple((log_p, effect) for effect, log_p in smallest.items())

@@ -1,0 +1,67 @@
+"""Noise of a static record that is not known in advance: white, flicker and walk on a grid."""
+
+import numpy as np
+
+from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.diagnose.evidence import Hypotheses
+
+# ratio of neighbouring variances of flicker, and of walk, on the grid
+STEP = 6.0
+# probability, before the data, that an axis has no flicker, and that it has no walk
+ABSENT = (1 / 2, 1 / 10)
+
+
+def ratios(span, length):
+    """Return the grid of flicker and walk, relative to white noise, with its prior.
+
+    Over a record of `span` S in windows of `length` τ the slow noise of mode k (half waves) has
+    the variance ``B² S/(π k τ)`` and ``K² S²/(π² k² τ)`` where the white noise has ``N²/τ``. The
+    grid goes from half the white noise in the slowest mode to thirty times it in the middle one.
+
+    Parameters
+    ----------
+    span, length : float
+        Length of the record and of its windows, s.
+
+    Returns
+    -------
+    ndarray, shape (g, 2)
+        ``B²/N²`` in Hz and ``K²/N²`` in Hz².
+    ndarray, shape (g,)
+        Logarithm of the prior, even in the logarithm of each ratio.
+    """
+    axes, priors = [], []
+    for power, absent in zip((1, 2), ABSENT, strict=True):
+        # white noise over that of a unit coefficient, in the slowest and in the middle mode
+        low, high = 0.5 * (np.pi / span) ** power, 30 * (0.5 * np.pi / length) ** power
+        count = max(2, int(np.ceil(np.log(high / low) / np.log(STEP))) + 1)
+        axes.append(np.concatenate([[0.0], low * STEP ** np.arange(count)]))
+        priors.append(np.concatenate([[absent], np.full(count, (1 - absent) / count)]))
+    flicker, walk = np.meshgrid(*axes, indexing="ij")
+    return (
+        np.column_stack([flicker.ravel(), walk.ravel()]),
+        np.log(np.outer(*priors)).ravel(),
+    )
+
+
+def unit_noise(name):
+    """Return noise of one process with coefficient 1."""
+    return AxisNoise(**{name: Coefficient(1.0, (1.0, 1.0), 1.0, True)})
+
+
+def mean_covariance(noise, windows):
+    """Return the covariance of means over windows of one axis' noise, shape (n, n)."""
+    times = np.unique(windows)
+    start, end = np.searchsorted(times, windows).T
+    times = times - times[0]
+    kernel = noise.kernel(times, times[-1])
+    length = np.diff(windows, axis=1)[:, 0]
+    k = kernel[end] - kernel[start]
+    k = k[:, end] - k[:, start]
+    return (k + k.T) / (2 * length[:, None] * length)
+
+
+def hypotheses(windows, grid):
+    """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
+    white, flicker, walk = (mean_covariance(unit_noise(name), windows) for name in "NBK")
+    return Hypotheses.of((white + b * flicker + k * walk for b, k in grid), len(grid))

@@ -1,0 +1,307 @@
+"""Static records: means at rest, whose slow noise nobody knows beforehand."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.core.effect import FittedEffect
+from imuloop.diagnose.evidence import ABSORBED, Block, Evidence
+from imuloop.diagnose.records.scan import line_scan, step_scan
+from imuloop.diagnose.records.slow_noise import hypotheses, ratios
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps, joined
+
+# more means than this are merged for the fit; held-out errors are those of all means
+FITTED = 200
+# steps in one record or another; logarithm of a p-value at which a second is not looked for
+MOST_STEPS, HOPELESS = 6, 6.0
+
+
+def derivative(effect, record):
+    """Return the derivative of an effect in a record, shape (n, 3, p)."""
+    if hasattr(effect, "in_session"):
+        return effect.in_session(record.session, record.windows)
+    return effect.design(record.channels)
+
+
+@dataclass(frozen=True)
+class StaticProblem:
+    """The static records of one sensor: each a block of rows with a level of its own.
+
+    The bias changes from one power-on to the next, and so does the attitude. Rows are the means
+    over windows, in long records over several neighbours; their axes are those of the sensor.
+
+    Attributes
+    ----------
+    records : sequence of StaticRecord
+        The records; parts of a session have its name.
+    shapes : dict of type to tuple of Effect
+        The effects whose shapes are listed.
+    settings : DiagnoseSettings
+        Settings.
+    tests : int
+        Number of tests of the family.
+    noise : tuple of Hypotheses, optional
+        That of the same windows, where the other sensor's problem has it already.
+    """
+
+    records: tuple
+    shapes: dict
+    settings: DiagnoseSettings
+    tests: int
+    noise: tuple | None = None
+    _derivatives: dict = field(default_factory=dict, repr=False)
+    residual = "bias"
+
+    @property
+    def parts(self):
+        """Number of parts that are held out in turn."""
+        return self.settings.blocks
+
+    @cached_property
+    def scans(self):
+        """What looks for patterns whose shapes cannot be listed, by effect."""
+        return {Sinusoid: _line, Steps: _steps}
+
+    @cached_property
+    def fitted(self):
+        """The records with so few windows that their covariance is handy."""
+        return tuple(r.merged(FITTED) for r in self.records)
+
+    @cached_property
+    def folds(self):
+        """In which part each window of the fit is held out, one array a record.
+
+        One block of time of every record, but not the same one: what happens at the start of each
+        is predicted from the starts of the others.
+        """
+        n = len(self.records)
+        shift = [i * self.parts // n for i in range(n)]
+        return [
+            (block_of(r, self.parts) + s) % self.parts
+            for r, s in zip(self.fitted, shift, strict=True)
+        ]
+
+    @cached_property
+    def fold(self):
+        """The part that each mean is held out with, shape (M,)."""
+        return np.concatenate([fold_of(r, self) for r in self.records])
+
+    @cached_property
+    def ends(self):
+        """The same, and the other part that it touches: none, (M, 2)."""
+        return np.column_stack([self.fold, np.full(len(self.fold), -1)])
+
+    @cached_property
+    def evidence(self):
+        """The rows."""
+        span = max(np.ptp(r.windows) for r in self.fitted)
+        length = min(np.median(r.length) for r in self.fitted)
+        grid, prior = ratios(span, length)
+        noise = self.noise or [hypotheses(r.windows, grid) for r in self.fitted]
+        blocks = [
+            Block(
+                r.values - r.values.mean(axis=0),
+                np.ones((len(r.values), 1)),
+                h,
+                np.column_stack([fold, np.full(len(fold), -1)]),
+            )
+            for r, h, fold in zip(self.fitted, noise, self.folds, strict=True)
+        ]
+        # what a model lacks is rarely noise: the weights of a walk would take the parameters from
+        # the fastest changes alone, where a lag that is not in the model counts most
+        # the first point is white noise: the level is the mean, as who knows no effect takes it
+        return Evidence(blocks, prior, self.design, still=grid[:, 1] == 0, even=0)
+
+    def design(self, effect):
+        """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
+        return np.concatenate([derivative(effect, r) for r in self.fitted])
+
+    def left(self, search, base):
+        """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
+        sight = search.sight(base)
+        patterns = sight.evidence.patterns(base)
+        found = [
+            r.values - f.values.mean(axis=0) for r, f in zip(self.records, self.fitted, strict=True)
+        ]
+        for axis in range(3):
+            levels, theta = sight.solved(search.columns(base, axis), axis)
+            for i, values in enumerate(found):
+                values[:, axis] -= levels[i][0]
+            for pattern in patterns:
+                own, used = len(pattern.columns[axis]), list(pattern.parameters[axis])
+                scaled, theta = theta[:own] / pattern.scale[axis], theta[own:]
+                for values, design in zip(found, self.derivatives(pattern.effect), strict=True):
+                    values[:, axis] -= design[:, axis, used] @ scaled
+        return np.concatenate(found)
+
+    def derivatives(self, effect):
+        """Return the derivative at all means of each record, (n, 3, p)."""
+        if effect not in self._derivatives:
+            self._derivatives[effect] = [derivative(effect, r) for r in self.records]
+        return self._derivatives[effect]
+
+    def sight(self, base, out, only=None):
+        """Return what is seen: means at rest are straight in every effect."""
+        return self.evidence.sight(out, only)
+
+    def lost(self, base):
+        """Return why a fit with some effects is none: here it always is one."""
+        return None
+
+    def shows(self, search, base, trial):
+        """Return kind, rows and axes in which a trial shows most."""
+        return self.residual, slice(None), [trial.axis]
+
+    def groups(self):
+        """Return the rows of each kind of residual."""
+        return [np.ones(sum(len(f.windows) for f in self.fitted), dtype=bool)]
+
+    def components(self, kind):
+        """Return how many rows make one residual."""
+        return 1
+
+    def unseen(self, search, cls):
+        """Return why an effect has no trial."""
+        return "what it adds in these data is taken up by the bias"
+
+
+def block_of(record, blocks):
+    """Return in which of equal blocks of time at rest each window of a record lies, shape (n,)."""
+    middle = np.cumsum(record.length) - record.length / 2
+    return np.minimum((middle / record.length.sum() * blocks).astype(int), blocks - 1)
+
+
+def fold_of(record, problem):
+    """Return in which part other windows of a session are held out, shape (n,), -1 in none.
+
+    A part is what its windows cover: what they saw no other window may share.
+    """
+    found = np.full(len(record.windows), -1)
+    for own, fold in zip(problem.fitted, problem.folds, strict=True):
+        for k in np.unique(fold) if own.session == record.session else ():
+            covered = own.windows[fold == k]
+            start, end = covered[0, 0], covered[-1, 1]
+            found[(record.windows[:, 0] >= start) & (record.windows[:, 1] <= end)] = k
+    return found
+
+
+def fitted(search, base, only=None):
+    """Return a FittedEffect of each effect; None where an axis does not determine them.
+
+    Parameters
+    ----------
+    search : Search
+        What is seen.
+    base : tuple of Effect
+        Effects.
+    only : frozenset of int, optional
+        Records to see; all by default.
+    """
+    names = [list(e.parameters) for e in base]
+    values, std = ([dict.fromkeys(n, 0.0) for n in names] for _ in "vs")
+    sight = search.problem.sight(base, search.out, only)
+    patterns = sight.evidence.patterns(base)
+    for axis in range(sight.evidence.axes):
+        columns = search.columns(base, axis)
+        if not columns:
+            continue
+        found, covariance = sight.estimate(columns, axis)
+        if found is None:
+            return None
+        scale = np.concatenate([np.zeros(0), *(p.scale[axis] for p in patterns)])
+        each = zip(found / scale, np.sqrt(np.diag(covariance)) / scale, strict=True)
+        for pattern, own, v, s in zip(patterns, names, values, std, strict=True):
+            for parameter in pattern.parameters[axis]:
+                v[own[parameter]], s[own[parameter]] = map(float, next(each))
+    return tuple(FittedEffect(e, v, s) for e, v, s in zip(base, values, std, strict=True))
+
+
+def information(search, base, effects):
+    """Return what static records tell of the parameters θ of effects, whichever they are.
+
+    As far as it is known there, the logarithm of the likelihood is ``-θᵀ A θ/2 + bᵀ θ``. With the
+    precision P̃ that leaves out the levels, ``A₀ = Dᵀ P̃ D`` and the noise Σ, averaged over the
+    hypotheses, ``A = A₀/κ``, κ on each axis the most by which the variance of a pattern,
+    ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``: so that errors are those of `fitted`. What else was
+    found is estimated beside them.
+
+    Parameters
+    ----------
+    search : Search
+        Of all data.
+    base : tuple of Effect
+        The effects that were found.
+    effects : sequence of Effect
+        The effects asked for.
+
+    Returns
+    -------
+    ndarray, ndarray, shape (q, q) and (q,)
+        A and b, SI; zero for what these records do not show.
+    """
+    others = tuple(e for e in base if e not in effects)
+    sight, count = search.sight(base), sum(len(e.parameters) for e in effects)
+    patterns = sight.evidence.patterns((*effects, *others))
+    design = np.concatenate([p.design for p in patterns], axis=2)
+    size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
+    size[size == 0] = 1.0
+    precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
+    for axis in range(sight.evidence.axes):
+        fit = sight.fit(search.columns(base, axis), axis)
+        point = sight.point(fit)
+        plain, spread, product = 0.0, 0.0, 0.0
+        for i, own in enumerate(sight.evidence.split(design[:, axis] / size)):
+            weighted = sight.precision(i, point) @ own
+            noise = sight.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
+            plain = plain + own.T @ weighted
+            spread = spread + weighted.T @ noise @ weighted
+            product = product + weighted.T @ sight.evidence.blocks[i].values[:, axis]
+        own, seen = np.diag(plain), np.diag(plain) > ABSORBED * np.diag(plain).max()
+        if seen.any():
+            beyond = np.max(np.diag(spread)[seen] / own[seen])
+            precision += plain / beyond
+            moment += product / beyond
+    beside = np.linalg.pinv(precision[count:, count:], rcond=ABSORBED, hermitian=True)
+    beside = precision[:count, count:] @ beside
+    own = precision[:count, :count] - beside @ precision[count:, :count]
+    left = moment[:count] - beside @ moment[count:]
+    return own * np.outer(size[:count], size[:count]), left * size[:count]
+
+
+def vectors(effects):
+    """Return the parameters of fitted effects, one array each."""
+    return [np.array([e.values[name] for name in e.effect.parameters]) for e in effects]
+
+
+def _line(search, base, hopeful):
+    """Return the best trial of a line."""
+    found, count = line_scan(search, base)
+    tries = np.log(max(count, 1))
+    shapes = tuple(e for log_p, e in found if not hopeful or log_p + np.log(3) + tries < 0)
+    return search.shaped(base, shapes, tries)
+
+
+def _steps(search, base, hopeful):
+    """Return the best trial of one step, or of several, each the best beside those before.
+
+    One step of two may tell nothing: the other looks like a walk. So one more is always tried.
+    """
+    best, taken, tries, beside = None, (), 0.0, ()
+    for number in range(1, MOST_STEPS + 1):
+        found, count = step_scan(search, base + beside, taken)
+        if not found:
+            break
+        promise, step = found[0]
+        tries += np.log(count / number)
+        if hopeful and number == 1 and promise + np.log(3) + tries > HOPELESS:
+            break
+        taken = (*taken, step)
+        beside = (joined(taken),)
+        trial = search.shaped(base, beside, tries)
+        if best is not None and (trial is None or trial.log_p >= best.log_p):
+            break
+        best = trial or best
+    return best
