@@ -7,13 +7,20 @@ import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
+from diagnose.records import LENGTH
+from diagnose.records import record as made_record
 from diagnose.test_means import calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.records import means
 from imuloop.diagnose.records.correction import corrected, write_allan
 from imuloop.diagnose.records.rests import StaticData
-from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
+from imuloop.diagnose.records.static_diagnosis import (
+    diagnose_static,
+    find,
+    static_content,
+    static_tests,
+)
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
@@ -256,3 +263,17 @@ def test_a_part_that_is_lost_to_a_move_leaves_the_other_sensor_its_own_windows()
     n = {s: result.content[s]["residuals"]["bias"]["n"] for s in SENSORS}
     assert n["gyroscope"] - n["accelerometer"] == 5
     assert result.content["gyroscope"]["verdict"] == "consistent"
+
+
+def test_means_that_gaps_part_have_no_spectrum():
+    """Of too few in a row the process is not observable; all else is tried."""
+    values = 0.01 * np.random.default_rng(4).standard_normal((64, 3))
+    one = made_record(values, stretch=np.arange(64) // 8)
+    found = find("gyroscope", [one], [one], DiagnoseSettings(), 20)
+    assert found.process is None
+    white = Coefficient(0.01 * np.sqrt(LENGTH), (0.0, 1.0), 1.0, True)
+    noise = NoiseModel("one", dict.fromkeys(CHANNELS, AxisNoise(N=white)))
+    content = static_content("gyroscope", found, noise, {})
+    process = next(c for c in content["candidates"] if c["name"] == "gauss_markov")
+    assert process["status"] == "not_observable" and "spectrum" in process["why"]
+    assert content["verdict"] == "consistent" and content["effects"] == []

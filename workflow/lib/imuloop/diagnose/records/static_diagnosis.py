@@ -287,6 +287,8 @@ def static_content(sensor, finding, noise, change):
     entries = effect_entries(sensor, finding.effects, choices)
     for entry, own in zip(entries, choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis]
+    if finding.has_process:
+        entries.append(process_entry(sensor, finding.process, finding.after))
     tried = candidate_entries(sensor, choices, finding.others)
     tried.append(process_candidate(sensor, finding.process, finding.after, settings.power))
     listed = {c["name"] for c in tried}
@@ -304,8 +306,7 @@ def static_content(sensor, finding, noise, change):
                 "sessions": _by_axis(axes, finding, floor),
             }
         },
-        "effects": entries
-        + [process_entry(sensor, finding.process, finding.after)] * finding.has_process,
+        "effects": entries,
         "candidates": tried
         + [
             {"name": name, "status": "not_observable", "why": _unseen(cls), **UNTRIED}
