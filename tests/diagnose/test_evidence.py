@@ -6,7 +6,8 @@ from scipy.stats import combine_pvalues
 from scipy.stats import f as f_distribution
 
 from diagnose.records import LENGTH, record, root, search
-from imuloop.diagnose.evidence import Block, Evidence, Hypotheses, fisher, log_f_tail
+from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.p_values import fisher, log_f_tail
 from imuloop.diagnose.records.slow_noise import mean_covariance, ratios, unit_noise
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.ramp import Ramp

@@ -17,7 +17,7 @@ from imuloop.diagnose.records.means import (
     window_length,
 )
 from imuloop.diagnose.records.static import StaticProblem
-from imuloop.diagnose.records.static_diagnosis import _probes
+from imuloop.diagnose.records.static_content import _probes
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.bias_temperature_rate import lagged_rate
 from imuloop.effects.reorientation import creep

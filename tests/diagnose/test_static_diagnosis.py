@@ -15,12 +15,8 @@ from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.records import means
 from imuloop.diagnose.records.correction import corrected, write_allan
 from imuloop.diagnose.records.rests import StaticData
-from imuloop.diagnose.records.static_diagnosis import (
-    diagnose_static,
-    find,
-    static_content,
-    static_tests,
-)
+from imuloop.diagnose.records.static_content import static_content
+from imuloop.diagnose.records.static_diagnosis import diagnose_static, find, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session

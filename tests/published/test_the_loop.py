@@ -87,7 +87,12 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
     assert all(effect["ratio_ci95"][1] < 1 for effect in found["effects"])
 
 
-@pytest.mark.parametrize("board", [1, 2, 3])
+NOT_MET = "one of nine is 3.2 standard errors, which simulated noise makes one of in 360"
+
+
+@pytest.mark.parametrize(
+    "board", [1, 2, pytest.param(3, marks=pytest.mark.xfail(strict=True, reason=NOT_MET))]
+)
 def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     folder = measured.folder / f"mpu9150_{board}"
     settings = CalibrateSettings()
@@ -106,8 +111,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     problem.about((drift,))
     # what no effect explains counts as noise
     values, std, _ = Choices(problem).search().beside((drift,), sensitivity)
-    # the 1 % level, both sides, that the 27 coefficients of three boards share
-    assert np.all(np.abs(values / std) < 3.56)
+    assert np.all(np.abs(values / std) < 3)
 
 
 def test_climate_chamber_is_temperature_and_its_past(measured):

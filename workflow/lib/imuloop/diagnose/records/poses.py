@@ -9,9 +9,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.diagnose.evidence import ABSORBED, Block, Evidence, Hypotheses
+from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.pose_fits import residuals
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.sight import ABSORBED
 from imuloop.diagnose.variance import Part, likely_sizes, total
 
 # from the noise as estimated to what the residuals make of it

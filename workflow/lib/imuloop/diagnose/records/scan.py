@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.diagnose.evidence import log_f_tail
+from imuloop.diagnose.p_values import log_f_tail
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, share_after
 

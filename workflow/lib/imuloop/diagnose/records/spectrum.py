@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtri
 
 from imuloop.core.root import root
-from imuloop.diagnose.evidence import fisher
+from imuloop.diagnose.p_values import fisher
 from imuloop.diagnose.records.spectrum_fit import CLOSE, likeliest, log_likelihood
 
 # bins of the spectrum a decade, and the correlation times that are tried

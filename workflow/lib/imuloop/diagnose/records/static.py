@@ -6,10 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from imuloop.core.effect import FittedEffect
-from imuloop.diagnose.evidence import ABSORBED, Block, Evidence
+from imuloop.diagnose.evidence import Block, Evidence
 from imuloop.diagnose.records.scan import line_scan, step_scan
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.sight import ABSORBED
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, joined
 

@@ -1,0 +1,61 @@
+"""Least squares of one axis under every hypothesis about the noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least squares of one axis under every hypothesis.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (h, k)
+        Parameters.
+    inverse : ndarray, shape (h, k, k)
+        Their covariance where the noise has the size of the hypothesis.
+    square : ndarray, shape (h,)
+        χ² of the residual.
+    log_weight : ndarray, shape (h,)
+        Logarithm of restricted likelihood times prior.
+    dof : int
+        Degrees of freedom.
+    least : ndarray, shape (h,)
+        Least size of the noise's variance.
+    """
+
+    theta: np.ndarray
+    inverse: np.ndarray
+    square: np.ndarray
+    log_weight: np.ndarray
+    dof: int
+    least: np.ndarray
+
+    @property
+    def scale(self):
+        """Variance of the noise, relative to that of each hypothesis, shape (h,)."""
+        return np.maximum(self.least, self.square / self.dof)
+
+    @property
+    def covariance(self):
+        """Covariance of the parameters, shape (h, k, k)."""
+        return self.inverse * self.scale[:, None, None]
+
+    @property
+    def weight(self):
+        """Share of each hypothesis, summing to 1."""
+        return np.exp(self.log_weight - log_sums(self.log_weight))
+
+    def averaged(self, weight):
+        """Return the parameters, and their covariance, averaged over the noise by weights, (h,)."""
+        values = weight @ self.theta
+        off = self.theta - values
+        spread = self.covariance + off[:, :, None] * off[:, None]
+        return values, np.einsum("h,hpq->pq", weight, spread)
+
+
+def log_sums(values):
+    """Return ``log Σ exp`` of values over the last axis."""
+    top = values.max(axis=-1)
+    return top + np.log(np.exp(values - top[..., None]).sum(axis=-1))

@@ -1,0 +1,95 @@
+"""P-values of the parameters that one fit has beyond another, whatever the noise is."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import betainc, betaln
+
+from imuloop.diagnose.fit import log_sums
+
+
+def log_f_tail(statistic, q, dof):
+    """Return the logarithm of the upper tail of F with q and `dof` degrees of freedom.
+
+    ``I_x(dof/2, q/2)`` at ``x = dof/(dof + q F)``; below the smallest double its leading term
+    ``x^a (1-x)^(b-1) / (a B(a, b))``.
+    """
+    a, b = dof / 2, q / 2
+    x = dof / (dof + q * np.asarray(statistic, dtype=float))
+    tail = betainc(a, b, x)
+    if np.all(tail > 1e-280):
+        return np.log(tail)
+    safe = np.minimum(x, 1 - 1e-16)
+    leading = a * np.log(safe) + (b - 1) * np.log1p(-safe) - np.log(a) - betaln(a, b)
+    with np.errstate(divide="ignore"):
+        return np.where(tail > 1e-280, np.log(tail), leading)
+
+
+def averaged_log_p(without, fit, q, points=slice(None)):
+    """Return the logarithm of the p-value of q parameters that one fit has beyond another.
+
+    Under each hypothesis the F test is exact. What the noise is, the fit with the parameters
+    tells: the p-values are averaged with its restricted likelihood as weight. So a pattern as
+    smooth as slow noise that the data cannot exclude gains nothing from being smooth. Where data
+    beside these tell how large the noise is, the fit without the parameters has half of the
+    weight: with few residuals a pattern of many parameters takes up what is noise.
+
+    Parameters
+    ----------
+    without, fit : Fit
+        Of the same data; of m records at once with squares and weights of shape (h, m).
+    q : int
+        Number of parameters.
+    points : index, optional
+        The hypotheses to count; all by default.
+
+    Returns
+    -------
+    float or ndarray, shape (m,)
+    """
+    least = fit.least if fit.square.ndim == 1 else fit.least[:, None]
+    scale = np.maximum(least, fit.square / fit.dof)
+    drop = np.maximum(without.square - fit.square, 0.0)
+    tail = log_f_tail(drop / q / scale, q, fit.dof)[points]
+    weight = _shares(fit.log_weight[points])
+    if fit.least.any():
+        weight = np.logaddexp(weight, _shares(without.log_weight[points])) - np.log(2)
+    return log_sums((weight + tail).T)
+
+
+def _shares(log_weight):
+    """Return logarithms of weights, (h, …), that sum to 1 over the hypotheses."""
+    return log_weight - log_sums(log_weight.T)
+
+
+def log_p_values(pairs, points=slice(None)):
+    """Return `averaged_log_p` of several pairs of fits, (without, with), as a list."""
+    found = [0.0] * len(pairs)
+    sizes = [fit.theta.shape[1] - without.theta.shape[1] for without, fit in pairs]
+    for key in {(q, fit.dof) for q, (_, fit) in zip(sizes, pairs, strict=True)}:
+        at = [k for k, q in enumerate(sizes) if (q, pairs[k][1].dof) == key]
+        beside = [
+            replace(
+                fits[0],
+                square=np.stack([f.square for f in fits], axis=1),
+                log_weight=np.stack([f.log_weight for f in fits], axis=1),
+            )
+            for fits in zip(*(pairs[k] for k in at), strict=True)
+        ]
+        for k, value in zip(at, averaged_log_p(*beside, key[0], points).tolist(), strict=True):
+            found[k] = value
+    return found
+
+
+def fisher(log_p):
+    """Return the logarithm of Fisher's combined p-value of k independent ones.
+
+    ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at
+    ``L = -Σ log p``.
+    """
+    total = -sum(log_p)
+    term = series = total * 0 + 1.0
+    for i in range(1, len(log_p)):
+        term = term * total / i
+        series = series + term
+    return np.log(series) - total

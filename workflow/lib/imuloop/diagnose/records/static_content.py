@@ -1,0 +1,228 @@
+"""What diagnosis.json holds of the static records of a sensor."""
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.core.memory import in_pieces
+from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.content import candidate_entries, effect_entries
+from imuloop.diagnose.correlates import correlates
+from imuloop.diagnose.likeness import imitated
+from imuloop.diagnose.records.means import COLUMNS
+from imuloop.diagnose.records.process import process_candidate, process_entry
+from imuloop.diagnose.records.slow_noise import mean_covariance
+from imuloop.diagnose.records.static import fitted, vectors
+from imuloop.diagnose.residuals import chi_square, floor_variance, size
+from imuloop.diagnose.verdict import UNTRIED, Judged, above_floor, verdict
+from imuloop.effects.axes import on_each_axis
+from imuloop.effects.gauss_markov import GaussMarkov
+from imuloop.effects.sinusoid import Sinusoid
+from imuloop.effects.steps import Steps
+
+UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
+
+def static_content(sensor, finding, noise, change):
+    """Return the contract's fields.
+
+    Parameters
+    ----------
+    sensor : str
+        The sensor.
+    finding : Finding
+        What was found.
+    noise : NoiseModel
+        Noise of the records without the effects: the floor.
+    change : dict
+        Noise coefficients of each axis before and after; empty where nothing was added.
+    """
+    choices, settings = finding.choices, finding.choices.problem.settings
+    problem, base = choices.problem, choices.choice().base
+    share, axes = settings.significance / len(COLUMNS), COLUMNS[sensor]
+    judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
+    floor = _floor(problem, noise, axes)
+    added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
+    above = [
+        above_floor(
+            judge.p_value < share,
+            size(errors),
+            size(np.sqrt(floor)),
+            ratio_interval(problem.fold, np.sqrt(floor), errors, settings),
+        )
+        for judge, errors in zip(judged, (finding.before, finding.after), strict=True)
+    ]
+    entries = effect_entries(sensor, finding.effects, choices)
+    for entry, own in zip(entries, choices.choice().added, strict=True):
+        entry["axis"] = axes[own.trial.axis]
+    if finding.has_process:
+        entries.append(process_entry(sensor, finding.process, finding.after))
+    tried = candidate_entries(sensor, choices, finding.others)
+    tried.append(process_candidate(sensor, finding.process, finding.after, settings.power))
+    listed = {c["name"] for c in tried}
+    return {
+        "verdict": verdict(*above, added),
+        "residuals": {
+            problem.residual: {
+                "unit": UNITS[sensor],
+                "n": len(finding.before),
+                "floor": size(np.sqrt(floor)),
+                "before": size(finding.before),
+                "after": size(finding.after),
+                "chi2_before": judged[0].reduced_chi2,
+                "chi2_after": judged[1].reduced_chi2,
+                "sessions": _by_axis(axes, finding, floor),
+            }
+        },
+        "effects": entries,
+        "candidates": tried
+        + [
+            {"name": name, "status": "not_observable", "why": _unseen(cls), **UNTRIED}
+            for name, cls in Effect.library.items()
+            if sensor in cls.sensors and name not in listed
+        ],
+        "confounded": imitated(choices.search()),
+        "correlates": correlates(choices.search(), base, _probes(problem)),
+        "by_session": _by_session(choices),
+        "noise": change,
+        "points": _points(finding, floor),
+    }
+
+
+def _unseen(cls):
+    if cls.name == "bias_drift":
+        return "in a static record it is called ramp"
+    if cls.name == "turn_on_bias":
+        return "every static record has a level of its own: see its scatter from run to run"
+    return "in one attitude, without a turn, it cannot be told from the bias"
+
+
+def _floor(problem, noise, axes):
+    """Return the variance that noise alone gives the errors without effects, (M, 3).
+
+    The slow noise at the windows of the fit, the rest at the means' own.
+    """
+    found = []
+    parts = zip(problem.records, problem.fitted, problem.evidence.blocks, strict=True)
+    for record, fitted_record, block in parts:
+        windows, length = fitted_record.windows, fitted_record.length
+        at = np.searchsorted(windows[:, 0], record.windows[:, 0], side="right") - 1
+        columns = []
+        for name in axes:
+            process = noise.axes[name]
+            # the level is the mean of what is seen
+            slow = floor_variance(
+                mean_covariance(process, windows), block.nuisance, block.folds, length
+            )
+            own, merged = (
+                process.N.square / t + 2 * process.Q.square / t**2
+                for t in (record.length, length[at])
+            )
+            columns.append(slow[at] + own - merged)
+        found.append(np.column_stack(columns))
+    return np.concatenate(found)
+
+
+def _judged(problem, effects, noise, axes):
+    """Return the Judged of the means less effects about their levels."""
+    shapes = [e.effect for e in effects]
+    taken = [problem.design(s) @ v for s, v in zip(shapes, vectors(effects), strict=True)]
+    left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
+    total = 0.0
+    dof = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
+    blocks = zip(problem.evidence.split(left), problem.evidence.blocks, problem.fitted, strict=True)
+    for values, block, record in blocks:
+        everything = [np.ones(len(values), dtype=bool)]
+        for axis, name in enumerate(axes):
+            covariance = mean_covariance(noise.axes[name], record.windows)
+            ((square, own),), _ = chi_square(
+                values[:, axis], covariance, block.nuisance, everything
+            )
+            total, dof = total + square, dof + own
+    return Judged.of([1.0], [(total, dof)])
+
+
+def _by_axis(axes, finding, floor):
+    """Return the held-out errors of each session and axis."""
+    problem = finding.choices.problem
+    session = np.concatenate([np.repeat(r.session, len(r.windows)) for r in problem.records])
+    squares = {"before": finding.before**2, "after": finding.after**2, "floor": floor}
+    return {
+        str(own): {
+            name: {key: float(np.sqrt(s[session == own, k].mean())) for key, s in squares.items()}
+            for k, name in enumerate(axes)
+        }
+        for own in dict.fromkeys(session)
+    }
+
+
+def _by_session(choices):
+    """Return the effects fitted to each session alone, together if it tells them apart."""
+    problem, search = choices.problem, choices.search()
+    base = tuple(e for e in choices.choice().base if not isinstance(e, (Sinusoid, Steps)))
+    found = {e.name: {} for e in base}
+    for session in dict.fromkeys(r.session for r in problem.records):
+        only = frozenset(i for i, r in enumerate(problem.records) if r.session == session)
+        own = fitted(search, base, only)
+        if own is None:
+            own = sum((fitted(search, (e,), only) or () for e in base), ())
+        for effect in own:
+            found[effect.name][session] = {
+                name: {"value": value, "std": effect.std[name]}
+                for name, value in effect.values.items()
+            }
+    return found
+
+
+def _probes(problem):
+    """Return name, kind and columns of what the residual may go with."""
+    records, found = problem.fitted, {}
+    span = max(np.ptp(r.channels.t) for r in records)
+    found["time"] = [on_each_axis(r.channels.t / span, (r.channels.t / span) ** 2) for r in records]
+    found["pose_variance"] = [on_each_axis(_variance(r.channels)) for r in records]
+    if all(r.channels.temperature is not None for r in records):
+        warmth = [(r.channels.t, r.channels.temperature) for r in records]
+        found["temperature"] = [on_each_axis(w, w**2) for _, w in warmth]
+        found["temperature_rate"] = [on_each_axis(np.gradient(w, t)) for t, w in warmth]
+    return [(name, problem.residual, np.concatenate(parts)) for name, parts in found.items()]
+
+
+def _variance(channels):
+    mean, square = np.split(channels.remembered(_moments), 2, axis=1)
+    return square - mean**2
+
+
+@in_pieces
+def _moments(channels):
+    """Return the output of each axis and its square, shape (n, 6)."""
+    values = channels.output
+    # about a mean, so that the difference of squares keeps its digits
+    centre = {} if channels.past is None else channels.past
+    values = values - centre.setdefault("mean", values.mean(axis=0))
+    return np.hstack([values, values**2])
+
+
+def _points(finding, floor):
+    """Return one entry a mean, for pictures."""
+    points, problem = [], finding.choices.problem
+    ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
+    parts = (np.split(v, ends) for v in (finding.before, finding.after, floor))
+    for i, (record, before, after, own) in enumerate(zip(problem.records, *parts, strict=True)):
+        left = record.values
+        for effect, vector in zip(finding.effects, vectors(finding.effects), strict=True):
+            left = left - problem.derivatives(effect.effect)[i] @ vector
+        raw, left = (v - v.mean(axis=0) for v in (record.values, left))
+        for k, start in enumerate(record.windows[:, 0]):
+            points.append(
+                {
+                    "residual": problem.residual,
+                    "index": k,
+                    "session": record.session,
+                    "start_s": float(start),
+                    "before": float(np.linalg.norm(before[k])),
+                    "after": float(np.linalg.norm(after[k])),
+                    "values": raw[k].tolist(),
+                    **({"corrected": left[k].tolist()} if finding.effects else {}),
+                    "floor": float(np.sqrt(own[k].sum())),
+                }
+            )
+    return points
