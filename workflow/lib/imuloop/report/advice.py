@@ -38,7 +38,7 @@ _NEXT = {
 }
 _LOOK = (
     "Nothing that it was compared with explains much of it: look in the pictures for poses or "
-    "times that stand out, and record longer at rest, which gives a surer floor."
+    "times that stand out."
 )
 
 
