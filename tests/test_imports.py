@@ -16,6 +16,7 @@ ARROWS = {
     "noise": {"ingest", "segment"},
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
+    "validate": {"effects", "calibrate", "diagnose"},
     "simulate": {"effects"},
     "export": {"effects", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "export"},

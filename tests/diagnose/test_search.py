@@ -12,10 +12,9 @@ from calibrate.devices import recording
 from diagnose.models import pose_sensors
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.core.effect import Channels, FittedEffect, find_effect
-from imuloop.diagnose.attitude_models import directions_without
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choice, Choices, ratio_interval
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, directions_without
 from imuloop.diagnose.records.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import floor_variance

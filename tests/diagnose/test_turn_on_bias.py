@@ -11,7 +11,6 @@ from diagnose.models import accelerometer_poses
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
-from imuloop.diagnose.drift import check_drift
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
 from imuloop.diagnose.records.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -19,6 +18,7 @@ from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import Session, example_truth
+from imuloop.validate.drift import check_drift
 
 SENSORS = ("accelerometer", "gyroscope")
 # 1 mg and 0.11 deg/s

@@ -8,9 +8,9 @@ from imuloop.calibrate.gyroscope import fit_gyroscope, gyroscope_model
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.diagnose.attitude_models import blocks
 from imuloop.diagnose.records.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.validate.attitude_models import blocks
 
 DEVICE = "xsens_mti"
 

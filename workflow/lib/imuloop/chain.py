@@ -202,10 +202,14 @@ def calibrate(device):
 
 def diagnose(device):
     """Write diagnosis.json, calibration.json, attitude.json and the Allan curves corrected."""
+    from imuloop.calibrate.calibrate import told
     from imuloop.calibrate.settings import CalibrateSettings
+    from imuloop.core.files import write_json
     from imuloop.diagnose.diagnose import diagnose_device, write_undiagnosed
     from imuloop.diagnose.settings import DiagnoseSettings
     from imuloop.noise.settings import NoiseSettings
+    from imuloop.noise.tables import write_table
+    from imuloop.validate.attitude import no_attitude, validate_attitude
 
     given = {name: device.file(f"{name}.json") for name in ("six_position", "multi_position")}
     what = {
@@ -214,23 +218,31 @@ def diagnose(device):
         **given,
         "diagnosis_path": device.file("diagnosis.json"),
         "calibration_path": device.file("calibration.json"),
-        "attitude_path": device.file("attitude.json"),
-        "attitude_series_path": device.file("attitude.parquet"),
     }
     noise_path = device.file("noise.json")
 
+    def write(attitude, table):
+        write_json(device.file("attitude.json"), attitude)
+        write_table(device.file("attitude.parquet"), table)
+
     def work():
-        diagnose_device(
+        settings = DiagnoseSettings(**device.diagnose)
+        diagnosed = diagnose_device(
             **what,
             gravity=device.gravity,
             noise=noise_path,
             calibrate_settings=CalibrateSettings(**device.calibrate),
-            settings=DiagnoseSettings(**device.diagnose),
+            settings=settings,
             noise_settings=NoiseSettings(**device.noise),
         )
+        attitude, table = validate_attitude(device.name, device.gravity, diagnosed, settings)
+        if "why" in attitude:
+            attitude["why"] = told(attitude["why"], device.sessions)
+        write(attitude, table)
 
     def instead(*why):
         write_undiagnosed(**what, why=why)
+        write(*no_attitude(device.name, why[0]))
 
     return attempt(device, "diagnose", work, instead, [noise_path, given["multi_position"]])
 

@@ -92,7 +92,7 @@ def share(text):
 def run(arguments):
     """Test a calibration on a log; return the exit status."""
     # loads for a second, and every command would wait for it
-    from imuloop.diagnose.drift import check_drift
+    from imuloop.validate.drift import check_drift
 
     calibration, log = Calibration.from_json(arguments.calibration), arguments.log
     if arguments.json:
@@ -212,7 +212,7 @@ def _moved(change):
 
 def _comment(change, sensor):
     """Return what is to be said of a change, beside its numbers."""
-    from imuloop.diagnose.drift import is_bias
+    from imuloop.validate.drift import is_bias
 
     if not is_bias(change.name):
         return "DRIFTED" if change.drifted else ""

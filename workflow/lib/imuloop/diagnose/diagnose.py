@@ -1,6 +1,6 @@
 """Diagnose a device: is anything missing in its model, what is it, and what remains with it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,24 +8,63 @@ import numpy as np
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.recording import Recording
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.diagnose.attitude import no_attitude, validate_attitude
-from imuloop.diagnose.attitude_models import directions_without
 from imuloop.diagnose.next_recording import next_recording
 from imuloop.diagnose.records.correction import write_allan
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, pose_candidates
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
+from imuloop.diagnose.records.pose_diagnosis import (
+    diagnose_poses,
+    directions_without,
+    pose_candidates,
+)
+from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses, Solution
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import NOTHING
 from imuloop.noise.settings import NoiseSettings
-from imuloop.noise.tables import write_table
 
 # version of the JSON file
 FORMAT = 1
 SENSORS = ("accelerometer", "gyroscope")
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """The diagnosis of a device, and what its validation takes from there.
+
+    Attributes
+    ----------
+    content : dict
+        Content of diagnosis.json.
+    calibration : Calibration
+        With the effects that were added.
+    sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
+        How each is fitted; an accelerometer that the poses do not determine is None.
+    recording : Recording
+        All poses and rotations.
+    whole : Solution or None
+        Fit of the gyroscope to all poses, effects included; None where they determine none.
+    effects : dict of str to tuple of Effect
+        Effects by sensor that all poses together show.
+    told : dict of str to (tuple of Effect, callable or None)
+        By sensor the effects that other records show, and what these tell, as of PoseProblem.
+    names : sequence of str
+        Names of the recording's sessions.
+    tests : int
+        Number of tests that share the significance.
+    """
+
+    content: dict
+    calibration: Calibration
+    sensors: dict
+    recording: Recording
+    whole: Solution | None
+    effects: dict
+    told: dict
+    names: list
+    tests: int
 
 
 def diagnose_device(
@@ -41,8 +80,6 @@ def diagnose_device(
     noise_settings=None,
     diagnosis_path,
     calibration_path,
-    attitude_path=None,
-    attitude_series_path=None,
 ):
     """Diagnose a device and write the diagnosis and the final calibration.
 
@@ -65,13 +102,11 @@ def diagnose_device(
         Settings of the noise stage, whose Allan curves are made again without the effects.
     diagnosis_path, calibration_path : path-like
         Where to write.
-    attitude_path, attitude_series_path : path-like, optional
-        Where to write the validation, JSON and Parquet; not made without.
 
     Returns
     -------
-    dict, Calibration
-        The diagnosis, and the calibration with the effects that were added.
+    Diagnosed
+        What was written, and what the validation takes.
     """
     model = NoiseModel.from_json(noise)
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
@@ -155,25 +190,17 @@ def diagnose_device(
         if "allan_raw" in session:
             write_allan(session["allan_raw"], still.allan.get(name), session["allan"])
     final.to_json(calibration_path)
-    if attitude_path:
-        names = [n for n, s in sessions.items() if usable({n: s}, "multi_position")]
-        attitude, table = validate_attitude(
-            device,
-            gravity,
-            {"accelerometer": force_model if force.choices else None, "gyroscope": turn_model},
-            recording,
-            turn.solution,
-            {"accelerometer": force.effects, "gyroscope": turn.effects},
-            shown,
-            names,
-            settings,
-            tests,
-        )
-        if "why" in attitude:
-            attitude["why"] = told(attitude["why"], sessions)
-        write_json(attitude_path, attitude)
-        write_table(attitude_series_path, table)
-    return diagnosis, final
+    return Diagnosed(
+        diagnosis,
+        final,
+        {"accelerometer": force_model if force.choices else None, "gyroscope": turn_model},
+        recording,
+        turn.solution,
+        {"accelerometer": force.effects, "gyroscope": turn.effects},
+        shown,
+        [n for n, s in sessions.items() if usable({n: s}, "multi_position")],
+        tests,
+    )
 
 
 def write_undiagnosed(
@@ -184,16 +211,13 @@ def write_undiagnosed(
     multi_position,
     diagnosis_path,
     calibration_path,
-    attitude_path,
-    attitude_series_path,
     why,
 ):
     """Write a diagnosis that tested nothing, with the calibration of the stage before it.
 
     Parameters
     ----------
-    device, sessions, six_position, multi_position, diagnosis_path, calibration_path, \
-    attitude_path, attitude_series_path
+    device, sessions, six_position, multi_position, diagnosis_path, calibration_path
         As of `diagnose_device`.
     why : (str, dict or None)
         Reason, and the content of the key ``failed``.
@@ -208,9 +232,6 @@ def write_undiagnosed(
     }
     write_json(diagnosis_path, content | ({"failed": failed} if failed else {}))
     calibrated(six_position, multi_position).to_json(calibration_path)
-    attitude, table = no_attitude(device, reason)
-    write_json(attitude_path, attitude)
-    write_table(attitude_series_path, table)
     for session in sessions.values():
         write_allan(session["allan_raw"], None, session["allan"])
 

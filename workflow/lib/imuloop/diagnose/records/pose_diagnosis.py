@@ -109,6 +109,23 @@ def diagnose_poses(sensor, recording, settings, tests=None, found=(), told=None,
         return PoseResult({"verdict": "not_testable", "why": SINGULAR, **NOTHING})
 
 
+def directions_without(choices, out, searched):
+    """Return gravity's direction at all poses by an accelerometer that does not see some parts.
+
+    Parameters
+    ----------
+    choices : Choices
+        Of the accelerometer.
+    out : frozenset of int
+        The parts.
+    searched : bool or collection
+        Whether it may choose effects.
+    """
+    problem = choices.problem
+    base = choices.choice(out).base if searched else ()
+    return problem.sensor.directions(problem.fitted(base, out), problem.recording)
+
+
 def _diagnosed(choices):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, choice = choices.problem, choices.choice()

@@ -6,7 +6,10 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.diagnose.attitude_errors import (
+from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.records.pose_fits import residuals
+from imuloop.diagnose.residuals import floor_variance
+from imuloop.validate.attitude_errors import (
     K_I,
     K_P,
     angle,
@@ -16,10 +19,7 @@ from imuloop.diagnose.attitude_errors import (
     gyroscope_errors,
     stretches,
 )
-from imuloop.diagnose.attitude_models import MODELS, blocks, held_out_models
-from imuloop.diagnose.choice import ratio_interval
-from imuloop.diagnose.records.pose_fits import residuals
-from imuloop.diagnose.residuals import floor_variance
+from imuloop.validate.attitude_models import MODELS, blocks, held_out_models
 
 # version of the JSON file
 FORMAT = 1
@@ -39,9 +39,7 @@ COLUMNS = {
 }
 
 
-def validate_attitude(
-    device, gravity, sensors, recording, whole, effects, told, names, settings, tests
-):
+def validate_attitude(device, gravity, diagnosed, settings):
     """Compare models of a device by the error of gravity's direction on held-out stretches.
 
     The mean of the accelerometer at the rests, with the final model that never saw them, is
@@ -54,22 +52,10 @@ def validate_attitude(
         Name of the device.
     gravity : float
         m/s^2.
-    sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
-        As of `held_out_models`.
-    recording : Recording
-        Poses, rotations, logs.
-    whole : Solution or None
-        Fit of the gyroscope to all poses, effects included; None where they determine none.
-    effects : dict of str to tuple of Effect
-        Effects by sensor that all poses show.
-    told : dict
-        As of `held_out_models`.
-    names : sequence of str
-        Names of the recording's sessions.
+    diagnosed : Diagnosed
+        The diagnosis of the device.
     settings : DiagnoseSettings
         Settings.
-    tests : int
-        Number of tests that share the significance.
 
     Returns
     -------
@@ -78,6 +64,7 @@ def validate_attitude(
     dict of str to ndarray
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
+    sensors, recording, whole = diagnosed.sensors, diagnosed.recording, diagnosed.whole
     turn = sensors["gyroscope"]
     reason = turn.untestable(recording)
     if reason is None and whole is None:
@@ -90,11 +77,20 @@ def validate_attitude(
         why = f"{len(block)} poses do not determine the model with a block of them held out"
         return no_attitude(device, why)
     try:
-        models = held_out_models(sensors, recording, block, effects, told, gravity, settings, tests)
+        models = held_out_models(
+            sensors,
+            recording,
+            block,
+            diagnosed.effects,
+            diagnosed.told,
+            gravity,
+            settings,
+            diagnosed.tests,
+        )
     except LinAlgError:
         return no_attitude(device, SINGULAR)
     u = [_directions(m, recording) for m in models]
-    table = _errors(recording, block, models, u, names)
+    table = _errors(recording, block, models, u, diagnosed.names)
     content = {
         **_head(device),
         "status": "ok",

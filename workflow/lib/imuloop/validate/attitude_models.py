@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.records.pose_diagnosis import directions_without, pose_problem
 from imuloop.diagnose.records.pose_fits import fitted_calibration
 
 MODELS = ("raw", "base", "final")
@@ -140,20 +140,3 @@ class _Fitted:
             base = choices.choice(out).base if self.searched[name] else ()
             found.append(fitted_calibration(problem.sensor, problem.fitted(base, out)))
         return found
-
-
-def directions_without(choices, out, searched):
-    """Return gravity's direction at all poses by an accelerometer that does not see some parts.
-
-    Parameters
-    ----------
-    choices : Choices
-        Of the accelerometer.
-    out : frozenset of int
-        The parts.
-    searched : bool or collection
-        Whether it may choose effects.
-    """
-    problem = choices.problem
-    base = choices.choice(out).base if searched else ()
-    return problem.sensor.directions(problem.fitted(base, out), problem.recording)

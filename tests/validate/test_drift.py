@@ -17,9 +17,9 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.departure import accelerometer_problem, as_logged, gyroscope_problem
-from imuloop.diagnose.drift import check_drift, holm
 from imuloop.simulate.truth import Noise, example_truth
+from imuloop.validate.departure import accelerometer_problem, as_logged, gyroscope_problem
+from imuloop.validate.drift import check_drift, holm
 
 SEEDS = 100
 

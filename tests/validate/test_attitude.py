@@ -11,8 +11,14 @@ from calibrate.devices import difference, recording
 from diagnose.models import pose_sensors
 from diagnose.test_search import G_SENSITIVITY, MATRIX, with_g_sensitivity
 from imuloop.core.rotation import matrix
-from imuloop.diagnose.attitude import chosen, validate_attitude
-from imuloop.diagnose.attitude_errors import (
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.diagnose import Diagnosed
+from imuloop.diagnose.records.pose_diagnosis import directions_without
+from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.simulate.truth import example_truth
+from imuloop.validate.attitude import chosen, validate_attitude
+from imuloop.validate.attitude_errors import (
     K_I,
     K_P,
     Stretch,
@@ -24,11 +30,7 @@ from imuloop.diagnose.attitude_errors import (
     mahony,
     stretches,
 )
-from imuloop.diagnose.attitude_models import blocks, directions_without, held_out_models
-from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.poses import PoseProblem
-from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.simulate.truth import example_truth
+from imuloop.validate.attitude_models import blocks, held_out_models
 
 SETTINGS = DiagnoseSettings()
 NOTHING = {"accelerometer": (), "gyroscope": ()}
@@ -38,8 +40,8 @@ TOLD = dict.fromkeys(NOTHING, ((), None))
 
 
 def validated(sensors, made, whole, effects=NOTHING):
-    arguments = effects, TOLD, ["turns"], SETTINGS, 20
-    return validate_attitude("d", 9.80665, sensors, made, whole, *arguments)
+    diagnosed = Diagnosed({}, None, sensors, made, whole, effects, TOLD, ["turns"], 20)
+    return validate_attitude("d", 9.80665, diagnosed, SETTINGS)
 
 
 def course(turns=3, rate=100.0, seed=0):

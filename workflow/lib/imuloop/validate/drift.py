@@ -8,13 +8,13 @@ from scipy.stats import chi2, norm
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.diagnose.departure import (
+from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.validate.departure import (
     BASE,
     accelerometer_problem,
     gyroscope_problem,
     testable,
 )
-from imuloop.effects.turn_on_bias import TurnOnBias
 
 # level at which a misfit of the new log widens the errors
 MISFIT = 0.01
