@@ -12,9 +12,9 @@ from imuloop.diagnose.settings import DiagnoseSettings
 LENGTH = 60.0
 
 
-def windows(n, length=LENGTH):
-    start = length * np.arange(n)
-    return np.column_stack([start, start + length])
+def windows(n):
+    start = LENGTH * np.arange(n)
+    return np.column_stack([start, start + LENGTH])
 
 
 def temperature(n):

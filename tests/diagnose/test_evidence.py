@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.stats import combine_pvalues
 from scipy.stats import f as f_distribution
 
 from diagnose.records import LENGTH, record, root, search
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
-from imuloop.diagnose.p_values import fisher, log_f_tail
+from imuloop.diagnose.p_values import log_f_tail
 from imuloop.diagnose.records.slow_noise import mean_covariance, ratios, unit_noise
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.ramp import Ramp
@@ -145,11 +144,6 @@ def test_tail_of_f_against_scipy_and_below_the_smallest_double():
     for dof, statistic in ((100, 1e9), (4000, 50.0), (4000, 3e3)):
         exact = -dof / 2 * np.log1p(2 * statistic / dof)
         assert log_f_tail(statistic, 2, dof) == pytest.approx(exact, rel=1e-9)
-
-
-def test_combined_p_values_are_those_of_fisher():
-    for p in ([0.3], [0.2, 1e-3], [0.9, 0.04, 1e-12]):
-        assert fisher(np.log(p)) == pytest.approx(np.log(combine_pvalues(p).pvalue), rel=1e-9)
 
 
 @pytest.mark.parametrize("flicker, walk", [(0, 0), (20, 0), (0, 5), (0, 300), (20, 30)])

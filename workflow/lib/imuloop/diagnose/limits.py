@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.diagnose.p_values import averaged_log_p, fisher
+from imuloop.core.fisher import fisher
+from imuloop.diagnose.p_values import averaged_log_p
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)

@@ -79,17 +79,3 @@ def log_p_values(pairs, points=slice(None)):
         for k, value in zip(at, averaged_log_p(*beside, key[0], points).tolist(), strict=True):
             found[k] = value
     return found
-
-
-def fisher(log_p):
-    """Return the logarithm of Fisher's combined p-value of k independent ones.
-
-    ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at
-    ``L = -Σ log p``.
-    """
-    total = -sum(log_p)
-    term = series = total * 0 + 1.0
-    for i in range(1, len(log_p)):
-        term = term * total / i
-        series = series + term
-    return np.log(series) - total

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
+from imuloop.core.fisher import fisher
 from imuloop.diagnose.likeness import SHARE, imitated_share
-from imuloop.diagnose.p_values import fisher, log_p_values
+from imuloop.diagnose.p_values import log_p_values
 
 # share of log p by which shapes may differ and count as equally telling
 ALIKE = 0.05

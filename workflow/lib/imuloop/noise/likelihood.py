@@ -15,6 +15,11 @@ ROUNDING = 1e-13
 DIGITS = 1e-12
 
 
+def log_likelihood(power, count, expected):
+    """Return ``-Σ n (ln s + p/s)/2`` over the last axis, as `Likelihood` has it."""
+    return -np.vecdot(count, np.log(expected) + power / expected) / 2
+
+
 @dataclass(frozen=True)
 class Fit:
     """Most likely variances.
@@ -153,7 +158,7 @@ class Likelihood:
 
     def value(self, power, expected, restricted=False):
         """Return the log-likelihood of an expected spectrum, or the restricted one."""
-        value = -(self.count @ (np.log(expected) + power / expected)) / 2
+        value = log_likelihood(power, self.count, expected)
         if restricted:
             value -= self._weight * np.log(self._seen(expected).sum()) / 2
         return float(value)

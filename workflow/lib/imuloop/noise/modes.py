@@ -190,7 +190,7 @@ class Modes:
                 part -= means[first : first + some, None]
                 squares += ((dct(part, norm="ortho", axis=1)[:, 1:] - slope * line) ** 2).sum(0)
         number = sum(len(piece.stretch) for piece in self._pieces)
-        return np.concatenate(slow), _binned(squares / number, self._bins)
+        return np.concatenate(slow), binned(squares / number, self._bins)
 
     def gauss_markov(self, tc):
         """Return the expected mean squares for a Gauss-Markov process of variance 1, shape (r,).
@@ -222,7 +222,7 @@ class Modes:
         levels = [level for piece in self._pieces for level in piece.levels]
         slow = [level.gauss_markov(self.m, self.dt, tc) for level in levels]
         fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
-        fast = np.array([_binned(row, self._bins) for row in fast])
+        fast = np.array([binned(row, self._bins) for row in fast])
         return np.concatenate([*slow, fast], axis=1)
 
 
@@ -254,8 +254,8 @@ def modes(layouts):
     blocks = sum(len(p.stretch) for p in pieces)
     if m > 1:
         squares = expected_squares(sample_covariances(m, dt))
-        units.append(np.column_stack([_binned(s, bins) for s in squares]))
-        frequency.append(_binned(k / (2 * m * dt), bins))
+        units.append(np.column_stack([binned(s, bins) for s in squares]))
+        frequency.append(binned(k / (2 * m * dt), bins))
     slow = sum(len(r) for r in ramp)
     count = np.concatenate([np.ones(slow), blocks * np.bincount(bins, minlength=0)])
     return Modes(
@@ -329,6 +329,6 @@ def _level(start, m):
     return _Level(start, False, vectors[:, :-1][:, ::-1])
 
 
-def _binned(values, bins):
+def binned(values, bins):
     """Return the mean over each bin."""
     return np.bincount(bins, values) / np.bincount(bins) if len(bins) else np.empty(0)

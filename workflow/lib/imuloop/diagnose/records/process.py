@@ -4,18 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.diagnose.records.spectrum import (
-    Coloured,
-    coefficients,
-    coloured,
-    held_out_ratio,
-    limits,
-    spectra,
-)
 from imuloop.diagnose.records.static import derivative, fold_of
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.verdict import UNTRIED
 from imuloop.effects.gauss_markov import GaussMarkov
+from imuloop.noise.coloured import Coloured, coloured, held_out_ratio, limits
+from imuloop.noise.spectrum import coefficients, spectra
 
 # means without a gap between them that a spectrum needs
 LEAST_IN_SPECTRUM = 16
@@ -102,7 +96,7 @@ def find_process(fine, choices):
             _, parts = left(frozenset({k}))
         others = [c for j, own in enumerate(parts) if j != k for c in own]
         pairs.append((others, parts[k]))
-    share, ratio = held_out_ratio(pairs, problem.settings)
+    share, ratio = held_out_ratio(pairs, problem.settings.draws, problem.settings.seed)
     threshold = choices.search().threshold(len(choices.choice().base))
     return Process(coloured(axes, window), axes, window, share, ratio, threshold)
 

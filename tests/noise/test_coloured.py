@@ -1,62 +1,12 @@
-"""The spectrum of window means against covariances, and noise with a correlation time in it."""
+"""Noise with a correlation time in window means: found where it is, and nowhere else."""
 
 import numpy as np
-import pytest
-from scipy.fft import dct
 
-from diagnose.records import windows
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
-from imuloop.diagnose.records.slow_noise import mean_covariance, unit_noise
-from imuloop.diagnose.records.spectrum import (
-    Spectrum,
-    coefficients,
-    coloured,
-    held_out_ratio,
-    limits,
-    process_spectrum,
-    spectra,
-    unit_spectra,
-)
-from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.noise.coloured import coloured, held_out_ratio, limits
+from imuloop.noise.spectrum import coefficients, spectra
 from imuloop.simulate.noise import flicker, gauss_markov, walk, white
 
 LENGTH, PER_WINDOW = 2.0, 10
-
-
-def transformed(noise, n=400):
-    """Return θ and the diagonal of the covariance of cosine coefficients, windows of length 1."""
-    transform = dct(np.eye(n), type=2, norm="ortho", axis=0)
-    covariance = mean_covariance(noise, windows(n, 1.0))
-    return np.pi * np.arange(1, n) / n, np.diag(transform @ covariance @ transform.T)[1:]
-
-
-@pytest.mark.parametrize("name, tolerance", [("N", 1e-9), ("K", 1e-6), ("B", 0.05)])
-def test_unit_spectra_are_the_variances_of_the_coefficients(name, tolerance):
-    theta, variance = transformed(unit_noise(name))
-    expected = unit_spectra(theta)[:, "QNBK".index(name)]
-    # flicker: the ends of the record count in the first few
-    inner = slice(8, None) if name == "B" else slice(None)
-    np.testing.assert_allclose(expected[inner], variance[inner], rtol=tolerance)
-
-
-@pytest.mark.parametrize("tc", [2.0, 8.0])
-def test_the_spectrum_of_a_process(tc):
-    known = Coefficient(tc, None, None, True)
-    q = Coefficient(np.sqrt(2 / tc), None, None, True)
-    theta, variance = transformed(AxisNoise(gauss_markov=(GaussMarkov(q, known),)))
-    np.testing.assert_allclose(process_spectrum(theta, tc)[5:], variance[5:], rtol=0.07)
-    # all of the variance of means, 2 (Tc/τ)² (τ/Tc - 1 + exp(-τ/Tc)), is in the spectrum
-    fine = (np.arange(20000) + 0.5) * np.pi / 20000
-    mean = 2 * tc**2 * (1 / tc - 1 + np.exp(-1 / tc))
-    assert process_spectrum(fine, tc).mean() == pytest.approx(mean, rel=1e-6)
-
-
-def test_a_fit_of_its_own_spectrum_is_exact():
-    theta = np.pi * np.arange(1, 500) / 500
-    units = unit_spectra(theta)
-    true = np.array([0.3, 2.0, 0.5, 1e-3])
-    found = Spectrum(theta, units @ true, np.full(499, 10)).fit(units)
-    np.testing.assert_allclose(found, true, rtol=0.05, atol=1e-3)
 
 
 def means(seed, n=1500, B=0.3, K=0.01, q=0.0, tc=1.0):
@@ -102,12 +52,10 @@ def test_a_process_of_its_detection_limit_is_found_and_three_of_it_measured():
 
 
 def test_held_out_blocks_tell_a_process_from_none():
-    settings = DiagnoseSettings()
-
     def ratio(values):
         blocks = [coefficients(b) for b in np.array_split(values, 8)]
         folds = [(blocks[:k] + blocks[k + 1 :], blocks[k : k + 1]) for k in range(8)]
-        return held_out_ratio(folds, settings)
+        return held_out_ratio(folds, 2000, 0)
 
     value, (low, high) = ratio(means(3, q=2.0, tc=30.0))
     assert low <= value <= high < 1

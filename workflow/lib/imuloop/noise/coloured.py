@@ -1,96 +1,21 @@
-"""The spectrum of a static record: noise with a correlation time beside the usual terms."""
+"""Noise with a correlation time in window means: its test, its limit, its held-out likelihood."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import log_ndtr, ndtri
 
+from imuloop.core.fisher import fisher
 from imuloop.core.root import root
-from imuloop.diagnose.p_values import fisher
-from imuloop.diagnose.records.spectrum_fit import CLOSE, likeliest, log_likelihood
+from imuloop.noise.likelihood import log_likelihood
+from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
+from imuloop.noise.spectrum import CLOSE, likeliest, spectra
 
-# bins of the spectrum a decade, and the correlation times that are tried
-BINS, TIMES = 12, 4
-# correlation times from so many windows to such a share of the record
+# correlation times that are tried a decade, from so many windows to such a share of the record
+TIMES = 4
 SHORTEST, LONGEST = 2.0, 1 / 16
 # of errors with and without a process: more says no more
 _LARGEST_RATIO = 1e9
-
-
-def unit_spectra(theta):
-    """Return the spectra of window means for unit Q, N, B, K and windows of unit length.
-
-    Parameters
-    ----------
-    theta : ndarray, shape (m,)
-        2π times frequency times length of a window.
-
-    Returns
-    -------
-    ndarray, shape (m, 4)
-        Expected square of the coefficients of an orthonormal cosine transform. The walk's holds
-        exactly but for the ends, flicker is summed over its aliases.
-    """
-    cosine = np.cos(theta)
-    aliases = np.abs(theta[:, None] / (2 * np.pi) + np.arange(-8, 9))
-    flicker = (np.sinc(aliases) ** 2 / (2 * np.pi * aliases)).sum(axis=1)
-    return np.column_stack(
-        [2 - 2 * cosine, np.ones_like(theta), flicker, (2 + cosine) / (6 * (1 - cosine))]
-    )
-
-
-def process_spectrum(theta, tc):
-    """Return the same for a Gauss-Markov process of variance 1, `tc` in lengths of a window."""
-    a, cosine = np.exp(-1 / tc), np.cos(theta)
-    same = 2 * tc**2 * (1 / tc - 1 + a)
-    next_one = tc**2 * (1 - a) ** 2
-    return same + 2 * next_one * (cosine - a) / (1 - 2 * a * cosine + a * a)
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """The spectrum of one axis in bins.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (m,)
-        Mean of 2π frequency times window length.
-    power : ndarray, shape (m,)
-        Mean square of the coefficients, SI squared.
-    count : ndarray, shape (m,)
-        Number of coefficients.
-    """
-
-    theta: np.ndarray
-    power: np.ndarray
-    count: np.ndarray
-
-    def fit(self, units):
-        """Return the likeliest variances, none negative, of unit spectra, shape (m, k)."""
-        return likeliest(self.power, self.count, units)
-
-
-def coefficients(values):
-    """Return θ, (n - 1,), and squares, (n - 1, 3), of the cosine transform of means (n, 3)."""
-    n = len(values)
-    # the even ones up, the odd ones down: their Fourier transform holds the cosine transform
-    order = np.concatenate([np.arange(0, n, 2), np.arange(1, n, 2)[::-1]])
-    transform = np.fft.fft((values - values.mean(axis=0))[order], axis=0)[1:]
-    theta = np.pi * np.arange(1, n) / n
-    return theta, 2 / n * (np.exp(-0.5j * theta)[:, None] * transform).real ** 2
-
-
-def spectra(parts):
-    """Return the Spectrum of each axis of coefficients (θ, squares), pooled."""
-    theta = np.concatenate([t for t, _ in parts])
-    squares = np.concatenate([s for _, s in parts])
-    number = np.floor(BINS * np.log10(theta / theta.min()) + 1e-9).astype(int)
-    _, number, count = np.unique(number, return_inverse=True, return_counts=True)
-
-    def mean(values):
-        return np.bincount(number, weights=values) / count
-
-    return [Spectrum(mean(theta), mean(column), count) for column in squares.T]
 
 
 @dataclass(frozen=True)
@@ -256,7 +181,7 @@ def limits(test, axes, length, threshold, power):
 def _limits(axes, tc, needed):
     """Return the variance of a process at which the root of twice the loss is as needed."""
     theta, count = axes[0].theta, axes[0].count
-    plain, process = unit_spectra(theta), process_spectrum(theta, tc)
+    plain, process = mean_spectra(theta), gauss_markov_mean_spectrum(theta, tc)
     base = likeliest(np.array([axis.power for axis in axes]), count, plain) @ plain.T
 
     def excess(log_v, base):
@@ -279,7 +204,7 @@ def _limits(axes, tc, needed):
     return found
 
 
-def held_out_ratio(folds, settings):
+def held_out_ratio(folds, draws, seed):
     """Return by how much a process shrinks the error that held-out means are expected to have.
 
     ``exp(-gain)`` with the gain in log-likelihood a coefficient: a normal error that is smaller by
@@ -289,8 +214,8 @@ def held_out_ratio(folds, settings):
     ----------
     folds : list of (list of (θ, squares), list of (θ, squares))
         Coefficients of the parts of the other blocks, and of each block.
-    settings : DiagnoseSettings
-        Draws and seed.
+    draws, seed : int
+        Bootstrap draws of the interval, and their seed.
 
     Returns
     -------
@@ -310,10 +235,8 @@ def held_out_ratio(folds, settings):
         gain = _value(power[known], count, units, fits.wide[fits.best][known])
         gains.append((gain - _value(power[known], count, units[:, :4], fits.plain[known])).sum())
         number += len(held) * count.sum()
-    draws = np.random.default_rng(settings.seed).integers(
-        len(gains), size=(settings.draws, len(gains))
-    )
-    losses = -len(gains) * np.array(gains)[draws].mean(axis=1) / number
+    drawn = np.random.default_rng(seed).integers(len(gains), size=(draws, len(gains)))
+    losses = -len(gains) * np.array(gains)[drawn].mean(axis=1) / number
     # of a block that the others call impossible the ratio has no bound
     ratio, *ratios = np.exp(np.minimum([-sum(gains) / number, *losses], np.log(_LARGEST_RATIO)))
     return float(ratio), [float(q) for q in np.quantile(ratios, [0.025, 0.975])]
@@ -326,6 +249,6 @@ def _value(power, count, units, variances):
 
 def _units(theta, tc):
     """Return the unit spectra, the process of each correlation time last, shape (..., m, 5)."""
-    process = process_spectrum(theta, np.asarray(tc)[..., None])
-    plain = np.broadcast_to(unit_spectra(theta), (*process.shape, 4))
+    process = gauss_markov_mean_spectrum(theta, np.asarray(tc)[..., None])
+    plain = np.broadcast_to(mean_spectra(theta), (*process.shape, 4))
     return np.concatenate([plain, process[..., None]], axis=-1)

@@ -1,10 +1,16 @@
-"""The likeliest variances of processes whose spectra add up, none negative, many fits at once."""
+"""The spectrum of window means, in bins, and the likeliest variances of the processes in it."""
 
-from functools import cache
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import dct
 
+from imuloop.noise.likelihood import log_likelihood
+from imuloop.noise.modes import binned
+from imuloop.noise.nonnegative import nonnegative
+
+# bins a decade
+BINS = 12
 # the fit ends where the likelihood grows by less
 CLOSE, ROUNDS = 1e-4, 60
 # share of the largest power that a bin has at least at first: one coefficient may happen to be as
@@ -12,13 +18,44 @@ CLOSE, ROUNDS = 1e-4, 60
 LEAST = 1e-6
 
 
-def log_likelihood(power, count, expected):
-    """Return ``-Σ n (log E + P/E)/2`` over the bins, the last axis."""
-    return -(count * (np.log(expected) + power / expected)).sum(axis=-1) / 2
+@dataclass(frozen=True)
+class Spectrum:
+    """The spectrum of one axis in bins.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (m,)
+        Mean of 2π frequency times window length.
+    power : ndarray, shape (m,)
+        Mean square of the coefficients, SI squared.
+    count : ndarray, shape (m,)
+        Number of coefficients.
+    """
+
+    theta: np.ndarray
+    power: np.ndarray
+    count: np.ndarray
+
+
+def coefficients(values):
+    """Return θ, (n - 1,), and squares, (n - 1, 3), of the cosine transform of means (n, 3)."""
+    n = len(values)
+    squares = dct(values - values.mean(axis=0), norm="ortho", axis=0)[1:] ** 2
+    return np.pi * np.arange(1, n) / n, squares
+
+
+def spectra(parts):
+    """Return the Spectrum of each axis of coefficients (θ, squares), pooled."""
+    theta = np.concatenate([t for t, _ in parts])
+    squares = np.concatenate([s for _, s in parts])
+    number = np.floor(BINS * np.log10(theta / theta.min()) + 1e-9).astype(int)
+    _, number, count = np.unique(number, return_inverse=True, return_counts=True)
+    theta = binned(theta, number)
+    return [Spectrum(theta, binned(column, number), count) for column in squares.T]
 
 
 def likeliest(power, count, units):
-    """Return the likeliest variances, none negative.
+    """Return the likeliest variances, none negative, of many spectra at once.
 
     Non-negative least squares, the weights those of the last fit, until the likelihood stays.
 
@@ -50,7 +87,8 @@ def likeliest(power, count, units):
     for _ in range(ROUNDS):
         weight = count / expected**2
         weighted = (units * weight[..., None]).swapaxes(1, 2)
-        variances = nonnegative(weighted @ units, (weighted @ power[..., None])[..., 0], guess)
+        each = zip(weighted @ units, (weighted @ power[..., None])[..., 0], guess, strict=True)
+        variances = np.array([nonnegative(*one) for one in each])
         found[open_] = variances
         new = np.maximum((units @ variances[..., None])[..., 0], floor)
         value = log_likelihood(power, count, new)
@@ -62,42 +100,3 @@ def likeliest(power, count, units):
         last, guess, open_ = value[more], variances[more] > 0, open_[more]
         power, count, units, floor = power[more], count[more], units[more], floor[more]
     return (found / size).reshape(*shape[:-1], k)
-
-
-def nonnegative(normal, moment, guess):
-    """Return the x, none negative, that minimise ``xᵀ A x - 2 bᵀ x`` of several small problems.
-
-    Where a guess of what is above zero does not hold, every subset is solved: the best of those
-    without a negative part is the solution.
-
-    Parameters
-    ----------
-    normal, moment : ndarray, shape (p, k, k) and (p, k)
-        A, positive definite, and b.
-    guess : ndarray of bool, shape (p, k)
-        What may be above zero.
-    """
-    size = np.sqrt(np.einsum("pkk->pk", normal))
-    a, b = normal / size[:, :, None] / size[:, None, :], moment / size
-    found = _solved(a, b, guess)
-    slope = b - (a @ found[..., None])[..., 0]
-    rounding = 1e-12 * np.abs(b).max(axis=1, keepdims=True)
-    wrong = np.any((found < 0) | (~guess & (slope > rounding)), axis=1)
-    if wrong.any():
-        subsets = _subsets(b.shape[1])
-        every = _solved(a[wrong][:, None], b[wrong][:, None], subsets)
-        gain = (every * b[wrong][:, None]).sum(axis=2)
-        best = np.where((every >= 0).all(axis=2), gain, -np.inf).argmax(axis=1)
-        found[wrong] = every[np.arange(len(best)), best]
-    return found / size
-
-
-@cache
-def _subsets(k):
-    return np.array(list(product((False, True), repeat=k)))
-
-
-def _solved(a, b, there):
-    """Return the solutions with some components alone, the others zero."""
-    alone = np.where(there[..., :, None] & there[..., None, :], a, np.eye(a.shape[-1]))
-    return np.linalg.solve(alone, np.where(there, b, 0.0)[..., None])[..., 0]
