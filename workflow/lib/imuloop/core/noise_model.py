@@ -1,11 +1,11 @@
-"""Noise coefficients of a device, and the covariance that they give means and angles."""
+"""Noise coefficients of a device, and the covariance that they give means."""
 
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from imuloop.core.files import read_json, write_json
-from imuloop.core.samples import ANGULAR_RATE, CHANNELS
+from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
 FORMAT = 1
@@ -314,25 +314,6 @@ class NoiseModel:
         ValueError
             Where `windows` has another shape or a window that does not end after its start.
         """
-        return self._mean_covariance(windows, CHANNELS)
-
-    def angle_covariance(self, windows):
-        """Return the covariance of the angular rate integrated over windows of time.
-
-        Parameters
-        ----------
-        windows : array_like, shape (n, 2)
-            Start and end of each window in s, as in `pose_mean_covariance`.
-
-        Returns
-        -------
-        ndarray, shape (3, n, n)
-            rad^2, for gx, gy, gz.
-        """
-        length = np.diff(np.asarray(windows, float))[:, 0]
-        return self._mean_covariance(windows, ANGULAR_RATE) * (length[:, None] * length)
-
-    def _mean_covariance(self, windows, axes):
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2:
             raise ValueError(f"windows: shape (n, 2) needed, got {windows.shape}")
@@ -340,15 +321,15 @@ class NoiseModel:
         if not np.all(length > 0):
             raise ValueError("windows: each must end after its start")
         if not len(windows):
-            return np.zeros((len(axes), 0, 0))
+            return np.zeros((len(CHANNELS), 0, 0))
         times = np.unique(windows)
         start, end = np.searchsorted(times, windows).T
         times = times - times[0]
 
-        covariance = np.empty((len(axes), len(length), len(length)))
+        covariance = np.empty((len(CHANNELS), len(length), len(length)))
         shared = lags(times, times[-1])
         # an axis at a time: a record of days has thousands of windows
-        for total, axis in zip(covariance, axes, strict=True):
+        for total, axis in zip(covariance, CHANNELS, strict=True):
             k = self.axes[axis].kernel(times, times[-1], shared)
             k = k[end] - k[start]
             k = k[:, end] - k[:, start]
