@@ -1,7 +1,9 @@
 """From the truth of a device to its diagnosis: the stages see its logs and nothing else."""
 
 import tempfile
+from contextlib import nullcontext
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -18,8 +20,11 @@ from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePose
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 
+# what takes longest, and is asked of devices without effects alone
+LIMITS = "imuloop.diagnose.content.detection_limits"
 
-def diagnosis_of(truth, seed, also=None):
+
+def diagnosis_of(truth, seed, also=None, limits=True):
     """Return diagnosis.json of a simulated device.
 
     Parameters
@@ -30,8 +35,11 @@ def diagnosis_of(truth, seed, also=None):
         Of its motion and noise.
     also : callable, optional
         Takes the truth, the sessions and the folder of the results; what it returns comes second.
+    limits : bool
+        Whether detection limits are wanted.
     """
-    with tempfile.TemporaryDirectory() as folder:
+    without = nullcontext() if limits else patch(LIMITS, return_value={})
+    with without, tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         kinds = {name: plan.kind for name, plan in truth.sessions.items()}
         device = Device(truth.name, folder, kinds, gravity=truth.gravity)

@@ -87,7 +87,7 @@ def _device(job):
     }
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
-        diagnosis = made["diagnosis"] = _small(diagnosis_of(truth, seed))
+        diagnosis = made["diagnosis"] = _small(diagnosis_of(truth, seed, limits=False))
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]

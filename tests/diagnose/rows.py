@@ -78,6 +78,10 @@ class Rows:
         """Return what effects leave of all rows."""
         return search.sight(base).left(search.columns(base, 0), 0)[0][:, None]
 
+    def slow(self, effect):
+        """Return False: what the noise may be is given."""
+        return False
+
     def groups(self):
         """Return the rows of each kind of residual: they are of one."""
         return [np.ones(len(self.fold), dtype=bool)]

@@ -129,7 +129,8 @@ def diagnose_device(
         else ((), None)
         for sensor in SENSORS
     }
-    noise = still.noise if any(still.effects.values()) else model
+    # without a ramp too, which the poses do not have, but which would count as slow noise there
+    noise = still.noise
     units = (multi.accelerometer.raw_unit, multi.gyroscope.raw_unit)
     force_model = AccelerometerPoses(noise, gravity, units[0], calibrate_settings)
     force = diagnose_poses(force_model, recording, settings, tests, *shown["accelerometer"])

@@ -1,6 +1,6 @@
 """Evidence: products of residuals and patterns under every hypothesis about the noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -166,6 +166,12 @@ class Evidence:
                 tuple(scale for _, scale, _ in own),
             )
         return tuple(self._patterns[effect] for effect in effects)
+
+    def under(self, noise):
+        """Return the same evidence under other Hypotheses about the noise of each block."""
+        blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
+        likewise = self.least, self.still, self.plain, self.even
+        return Evidence(blocks, self.prior, self.design, *likewise)
 
     def know(self, key, design):
         """Enter a pattern of any kind, (N, a, q), under a key that stands for an effect."""

@@ -1,6 +1,7 @@
 """Detection limits: what would have been found, and kept, with the wanted power."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -22,7 +23,8 @@ def detection_limits(search, base, trial, power, kept=True):
     A parameter of size s that alone is not zero is added to drawn records of noise, each hypothesis
     as often as the data let expect. Each has to pass the test, its p-value averaged over the
     hypotheses as it has them itself, and to lower the error of parts that are held out, for
-    certain by whole parts drawn again.
+    certain by whole parts drawn again. What changes with time or temperature can look like slow
+    noise: where data with it would let expect more, the hypotheses are those of such data.
 
     Parameters
     ----------
@@ -51,11 +53,16 @@ def detection_limits(search, base, trial, power, kept=True):
         fit = sight.fit((*columns, *own), axis) if own else None
         if fit is None:
             continue
-        drawn = _Drawn.of(search, sight, columns, own, axis)
+        records = _records(sight, fit, search.problem.settings.seed)
+        drawn = _Drawn.of(search, sight, columns, own, axis, records)
+        slow = any(search.problem.slow(effect) for effect in trial.effects)
         for k, (parameter, scale) in enumerate(
             zip(pattern.parameters[axis], pattern.scale[axis], strict=True)
         ):
             size = drawn.size(k, trial.axes, needed, power, kept)
+            if size and slow:
+                seen = search, base, trial, axis, k, records, needed, kept
+                size = _grown(partial(_with_pattern, *seen), size, power)
             if size is not None:
                 limits[names[parameter]] = size / scale
     return {name: limits[name] for name in names if name in limits}
@@ -97,31 +104,16 @@ class _Drawn:
     counts: np.ndarray
 
     @classmethod
-    def of(cls, search, sight, columns, own, axis):
+    def of(cls, search, sight, columns, own, axis, records):
         """Return them for columns of a base model and of a pattern on an axis."""
-        evidence, settings = sight.evidence, search.problem.settings
-        rng = np.random.default_rng(settings.seed)
+        evidence, (values, variance) = sight.evidence, records
         fits = sight.fit(columns, axis), sight.fit((*columns, *own), axis)
-        # each hypothesis as often as it is likely, by numbers that rounding does not move
-        share = np.cumsum(np.round(fits[1].weight, 6))
-        drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
-        records, variance = [], []
-        for block in evidence.blocks:
-            white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
-            for h in np.unique(drawn):
-                precision = block.noise.precision[h] / fits[1].scale[h]
-                # with L Lᵀ = P white numbers become noise by L⁻ᵀ
-                root = np.linalg.cholesky(precision).T
-                white[:, drawn == h] = np.linalg.solve(root, white[:, drawn == h])
-                spread = spread + (drawn == h).mean() / np.diag(precision)
-            records.append(white)
-            variance.append(spread)
         product, square = 0.0, 0.0
-        for i, values in enumerate(records):
+        for i, own_values in enumerate(values):
             z = np.column_stack([evidence.columns[i][c] for c in (*columns, *own)])
-            each = [sight.precision(i, h) @ values for h in range(len(evidence.prior))]
+            each = [sight.precision(i, h) @ own_values for h in range(len(evidence.prior))]
             product = product + np.array([z.T @ w for w in each])
-            square = square + np.array([(values * w).sum(axis=0) for w in each])
+            square = square + np.array([(own_values * w).sum(axis=0) for w in each])
         known = [block_diag(*(b.nuisance for b in evidence.blocks))]
         stacked = [np.concatenate([c[k] for c in evidence.columns]) for k in (*columns, *own)]
         known = np.column_stack([*known, *stacked[: len(columns)]])
@@ -130,7 +122,7 @@ class _Drawn:
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
         folds = np.concatenate([b.folds for b in evidence.blocks])
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
-        everything = np.column_stack([np.concatenate(records), pattern])
+        everything = np.column_stack([np.concatenate(values), pattern])
         errors = [
             _held_out(weights, folds, parts, design, everything)
             for design in (known, np.column_stack([known, pattern]))
@@ -143,8 +135,10 @@ class _Drawn:
             square,
             tuple((e[:, :RECORDS], e[:, RECORDS:]) for e in errors),
             [[rows & (folds[:, 0] == part) for part in parts] for rows in search.problem.groups()],
-            np.concatenate(variance),
-            rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), DRAWS),
+            variance,
+            np.random.default_rng(search.problem.settings.seed).multinomial(
+                len(parts), np.full(len(parts), 1 / len(parts)), DRAWS
+            ),
         )
 
     def size(self, k, axes, needed, power, kept):
@@ -194,6 +188,55 @@ class _Drawn:
             sums.append(np.array([np.nansum(squares[rows], axis=0) for rows in groups]))
         lower = (self.counts @ sums[1]) < (self.counts @ sums[0])
         return float((lower.mean(axis=0) >= 0.975).sum() / len(log_p))
+
+
+def _with_pattern(search, base, trial, axis, k, records, needed, kept, size):
+    """Return the share that is found where the noise is what data with the pattern let expect."""
+    sight, effects = search.sight(base), (base, trial.effects)
+    columns, own = _columns(sight.evidence, effects, axis)
+    left = sight.left((*columns, *own), axis)
+    added = [size * each[own[k]] for each in sight.evidence.columns]
+    values = [v + more for v, more in zip(left, added, strict=True)]
+    other = sight.evidence.under(search.problem.noise_with(base, values))
+    again = _Drawn.of(search, other.sight(), *_columns(other, effects, axis), axis, records)
+    return again.found(k, size, trial.axes, needed, kept)
+
+
+def _columns(evidence, effects, axis):
+    """Return the columns on an axis of each of several sets of effects."""
+    return [tuple(c for p in evidence.patterns(e) for c in p.columns[axis]) for e in effects]
+
+
+def _grown(share, size, power):
+    """Return the least size, this one or larger, that is found with the wanted power, or None."""
+    low, below, largest = None, size, LARGEST * size
+    while size < largest:
+        found = share(size)
+        if found >= power:
+            part = 1.0 if low is None else (power - low) / (found - low)
+            return float(below + (size - below) * part)
+        # the farther from the wanted power, the longer the step
+        low, below, size = found, size, size * (1 + max(power - found, 0.1))
+    return None
+
+
+def _records(sight, fit, seed):
+    """Return drawn noise, (n, m) of each block, and its variance, shape (N,)."""
+    rng, values, variance = np.random.default_rng(seed), [], []
+    # each hypothesis as often as it is likely, by numbers that rounding does not move
+    share = np.cumsum(np.round(fit.weight, 6))
+    drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
+    for block in sight.evidence.blocks:
+        white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
+        for h in np.unique(drawn):
+            precision = block.noise.precision[h] / fit.scale[h]
+            # with L Lᵀ = P white numbers become noise by L⁻ᵀ
+            root = np.linalg.cholesky(precision).T
+            white[:, drawn == h] = np.linalg.solve(root, white[:, drawn == h])
+            spread = spread + (drawn == h).mean() / np.diag(precision)
+        values.append(white)
+        variance.append(spread)
+    return values, np.concatenate(variance)
 
 
 def _spent(square, fit):

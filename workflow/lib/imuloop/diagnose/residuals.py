@@ -105,9 +105,9 @@ def floor_variance(covariance, jacobian, folds, weights=None):
     return found
 
 
-def likely(weights, likelihoods):
-    """Return what alternatives of some probability have after the data, summing to 1."""
-    log = np.log(weights) + np.array(likelihoods)
+def likely(log_priors, log_likelihoods):
+    """Return the probability of alternatives after the data, summing to 1."""
+    log = np.add(log_priors, log_likelihoods)
     found = np.exp(log - log.max())
     return found / found.sum()
 

@@ -29,7 +29,7 @@ def total(fixed, parts, sizes):
     return fixed + sum((s * s * p.covariance for s, p in zip(sizes, parts, strict=True)), 0.0)
 
 
-def likely_sizes(values, jacobian, fixed, parts):
+def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
     """Return the sizes of the parts that are likeliest, shape (k,), none negative.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
@@ -47,6 +47,10 @@ def likely_sizes(values, jacobian, fixed, parts):
         Covariance Σ₀ of what is known.
     parts : sequence of Part
         V_k, s_k0 and σ_k.
+    start : ndarray, shape (k,), optional
+        Sizes that are likely.
+    steps : int, optional
+        Of the search; as many as it takes by default.
 
     References
     ----------
@@ -76,8 +80,10 @@ def likely_sizes(values, jacobian, fixed, parts):
         off = sizes - known
         return value + off @ (weight * off) / 2, slope * sizes + weight * off
 
-    start = np.where(known > 0, known, 0.3 * np.minimum([p.deviation for p in parts], 1.0))
+    # at zero the slope is none
+    least = 0.3 * np.minimum([p.deviation for p in parts], 1.0)
+    start = np.where(known > 0, known, least) if start is None else np.maximum(start, least)
     bounds = [(0.0, None)] * len(parts)
     # to the last digits that processors have in common
-    close = {"ftol": 1e-15, "gtol": 1e-9}
+    close = {"ftol": 1e-15, "gtol": 1e-9} | ({"maxiter": steps} if steps else {})
     return minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=close).x

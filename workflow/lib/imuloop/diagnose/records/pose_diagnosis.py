@@ -199,7 +199,7 @@ def _judged(problem, about):
         *(chi_square(about.values, c, about.jacobian, groups) for _, c in about.alternatives),
         strict=True,
     )
-    weights = likely([weight for weight, _ in about.alternatives], likelihoods)
+    weights = likely([prior for prior, _ in about.alternatives], likelihoods)
     return weights, {
         kind: Judged.of(weights, [each[k] for each in found])
         for k, kind in enumerate(problem.sensor.kinds)

@@ -17,6 +17,8 @@ from imuloop.diagnose.variance import Part, likely_sizes, total
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
+# steps of the search for the noise of other residuals, from that of these on
+STEPS = 5
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,11 @@ class About:
         Derivative with respect to the parameters.
     alternatives : list of (float, ndarray)
         What the noise may be, from what was estimated of it to what the residuals make of it:
-        probability beforehand and covariance, (N, N).
+        logarithm of the probability beforehand and covariance, (N, N).
     evidence : Evidence
         The same as evidence.
+    noise_with : callable
+        Takes residuals, gives what the noise may be by these.
     """
 
     solution: object
@@ -46,6 +50,34 @@ class About:
     jacobian: np.ndarray
     alternatives: list
     evidence: Evidence
+    noise_with: object
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Noise of residuals whose parts have a size that is not known well.
+
+    Attributes
+    ----------
+    jacobian, fixed : ndarray
+        As of `likely_sizes`.
+    parts : list of Part
+        Flicker and walk of each axis, and what is missing in the model, by kind of residual.
+    """
+
+    jacobian: np.ndarray
+    fixed: np.ndarray
+    parts: list
+
+    def likeliest(self, values, start=None, steps=None):
+        """Return the sizes of the parts that residuals make likeliest."""
+        return likely_sizes(values, self.jacobian, self.fixed, self.parts, start, steps)
+
+    def hypotheses(self, likeliest):
+        """Return the Hypotheses from the sizes as estimated to the likeliest."""
+        first = np.array([part.size for part in self.parts])
+        sizes = (first + s * (likeliest - first) for s in PATH)
+        return Hypotheses.of((total(self.fixed, self.parts, each) for each in sizes), len(PATH))
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,21 +215,18 @@ class PoseProblem:
             for at in map(self.of_kind, self.sensor.kinds)
         ]
         noisy = likely_sizes(values, jacobian, covariance, slow)
-        whole = likely_sizes(values, jacobian, covariance, [*slow, *missing])
-        first = np.append(estimated, np.zeros(len(missing)))
-        noise = Hypotheses.of(
-            (total(covariance, [*slow, *missing], first + s * (whole - first)) for s in PATH),
-            len(PATH),
-        )
+        noise = _Noise(jacobian, covariance, [*slow, *missing])
+        likeliest = noise.likeliest(values)
         off = (noisy - estimated) / [part.deviation for part in slow]
         alternatives = [
             (
-                np.exp(-off @ off * s**2 / 2),
+                -off @ off * s**2 / 2,
                 total(covariance, slow, estimated + s * (noisy - estimated)),
             )
             for s in PATH
         ]
-        block = Block(-values[:, None], jacobian[:, :nuisances], noise, self.ends)
+        hypotheses = noise.hypotheses(likeliest)
+        block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses, self.ends)
 
         def design(effect):
             return own[effect] if effect in own else self._columns[effect]
@@ -205,7 +234,12 @@ class PoseProblem:
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
         model = self.sensor.model(solution, self.recording)
-        return About(solution, model, values, jacobian, alternatives, evidence)
+
+        def noise_with(residuals):
+            """Return what the noise may be by other residuals."""
+            return [noise.hypotheses(noise.likeliest(residuals, likeliest, STEPS))]
+
+        return About(solution, model, values, jacobian, alternatives, evidence, noise_with)
 
     def _parts(self, solution):
         """Return the covariance of the noise but for flicker and walk, and these axis by axis."""
@@ -247,6 +281,14 @@ class PoseProblem:
             values[: len(own)] = own
             found.values = about.evidence.enter(-values[None])
         return found
+
+    def slow(self, effect):
+        """Return whether noise could be larger for an effect: it changes as slow noise does."""
+        return effect.timed or "temperature" in effect.needs
+
+    def noise_with(self, base, values):
+        """Return what the noise of each block may be, were its residuals these."""
+        return self.near(base).noise_with(-values[0])
 
     def lost(self, base):
         """Return why the fit with some effects is none, or None if it is one."""

@@ -156,6 +156,10 @@ class StaticProblem:
         """Return kind, rows and axes in which a trial shows most."""
         return self.residual, slice(None), [trial.axis]
 
+    def slow(self, effect):
+        """Return False: the hypotheses are a grid, which holds the noise that looks like it."""
+        return False
+
     def groups(self):
         """Return the rows of each kind of residual."""
         return [np.ones(sum(len(f.windows) for f in self.fitted), dtype=bool)]
