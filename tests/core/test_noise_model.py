@@ -56,6 +56,12 @@ def test_density_filtered_by_the_allan_window_is_the_allan_variance(name, tau):
     assert np.trapezoid(window, f) == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-3)
 
 
+@pytest.mark.parametrize("tc", [1e4, 1e6])
+def test_a_process_far_slower_than_the_averages_is_a_walk(tc):
+    slow = AxisNoise(gauss_markov=(GaussMarkov(known(0.1), known(tc)),))
+    assert slow.allan_variance(0.1) == pytest.approx(0.1**2 * 0.1 / 3, rel=0.05)
+
+
 @pytest.mark.parametrize("n", [1, 7, 100])
 def test_density_of_quantisation_is_that_of_the_samples(n):
     # the means are sums of n samples: sin(pi f/rate) n in place of pi f tau

@@ -146,7 +146,9 @@ class AxisNoise:
         )
         for process in self.gauss_markov:
             u = tau / process.tc.value
-            bracket = 1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u)
+            # 3 - 4 exp(-u) + exp(-2 u) without cancellation where the process is slow
+            one_less = -np.expm1(-u)
+            bracket = 1 - one_less * (2 + one_less) / (2 * u)
             variance = variance + process.q.square * process.tc.value / u * bracket
         for line in self.sinusoid:
             u = np.pi * line.frequency.value * tau
