@@ -18,7 +18,7 @@ ARROWS = {
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "validate": {"effects", "calibrate", "diagnose"},
     "simulate": {"effects"},
-    "export": {"effects", "diagnose"},
+    "export": {"effects", "noise", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "export"},
 }
 # import name of packages that are called otherwise

@@ -12,6 +12,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.g_sensitivity import GSensitivity
+from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import Exported
 
 COUNT, DEGREES = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", DEGREE)
@@ -94,6 +95,24 @@ def without_effects(exported):
         accelerometer=replace(bare.accelerometer, effects=()),
         gyroscope=replace(bare.gyroscope, effects=()),
     )
+
+
+def without_flicker(exported):
+    """Return the device with white noise and walk alone."""
+    axes = {name: replace(noise, B=Coefficient()) for name, noise in exported.noise.axes.items()}
+    return replace(exported, noise=replace(exported.noise, axes=axes))
+
+
+def power_cycled(exported, sensors=("accelerometer", "gyroscope")):
+    """Return the device with the biases of three runs, and their deviation, 0.01 SI on x."""
+    effect = TurnOnBias(3)
+    values = dict.fromkeys(effect.parameters, 0.0) | {"s2x": 0.01, "s3x": 0.0, "s2z": 2e-3}
+    calibration = exported.calibration
+    for name in sensors:
+        sensor = getattr(calibration, name)
+        effects = (*sensor.effects, FittedEffect(effect, values, {}))
+        calibration = replace(calibration, **{name: replace(sensor, effects=effects)})
+    return replace(exported, calibration=calibration)
 
 
 def samples(n=200, seed=0):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from export.devices import HOSTILE, device, g_sensitivity, unknown, warm_bias
+from export.devices import HOSTILE, device, g_sensitivity, unknown, warm_bias, without_flicker
 from imuloop.core.errors import Lacking
-from imuloop.export.exported import comment, number, numbers, quoted
+from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.export.exported import comment, for_filter, number, numbers, quoted
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
@@ -64,6 +66,38 @@ def test_what_was_seen_is_given_and_what_was_not_by_its_limit():
 def test_the_worst_axis(sensor, term, axis, limit):
     worst = device().worst(sensor, term)
     assert (worst.axis, worst.limit) == (axis, limit)
+
+
+@pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
+@pytest.mark.parametrize("term", ["N", "K"])
+def test_white_noise_and_walk_alone_are_not_raised(sensor, term):
+    board = without_flicker(device())
+    worst = board.worst(sensor, term)
+    assert worst == board.density(worst.axis, term)
+    assert worst.raised_from is None
+
+
+def test_the_worst_axis_is_that_of_the_largest_raised_value():
+    # more white noise on gy, more flicker on gx
+    board = device()
+    axes = board.noise.axes
+    axes["gx"] = replace(axes["gx"], B=replace(axes["gx"].B, value=3e-4))
+    worst = board.worst("gyroscope", "N")
+    assert (worst.axis, worst.raised_from) == ("gx", board.density("gx", "N").value)
+    assert worst.value > board.density("gy", "N").value
+
+
+def test_a_limit_that_was_raised_is_said_to_be_both():
+    limited = Coefficient(upper95=2e-9)
+    seen = Coefficient(8e-5, (7e-5, 9e-5), 9e-5, True)
+    walk = for_filter(AxisNoise(N=seen, B=seen, K=limited), "gz", "K")
+    assert (walk.limit, walk.raised_from) == (True, 2e-9)
+    assert walk.words == (
+        "gz, not seen: its 95 % upper limit; raised from 2e-09 so that N and K bound its Allan "
+        "curve from 0.1 s to 1000 s"
+    )
+    assert walk.times(10.0).value == 10 * walk.value
+    assert walk.times(10.0).raised_from == pytest.approx(2e-8)
 
 
 def test_what_is_not_known_is_lacking():

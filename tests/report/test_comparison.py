@@ -6,6 +6,8 @@ import json
 import numpy as np
 import pytest
 
+from imuloop.core.noise_model import NoiseModel
+from imuloop.noise.filters import bounding
 from imuloop.report.answer import answers, best_words
 from imuloop.report.comparison import (
     COLUMNS,
@@ -111,16 +113,33 @@ def test_the_smallest_held_out_residual_is_named():
     assert best_words(devices[:1], COLUMNS) == []
 
 
-def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit(summaries, results):
-    noise = json.loads((results / "still" / "noise.json").read_text())["axes"]
+def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flicker(
+    summaries, results
+):
+    noise = NoiseModel.from_json(results / "still" / "noise.json")
     n_a, k_a, n_g, k_g = filter_cells(summaries["still"])
-    worst = max(noise[axis]["N"]["value"] for axis in ("ax", "ay", "az"))
-    assert n_a.value == worst and float(n_a.text) == pytest.approx(worst, rel=5e-3)
-    assert n_g.value == max(noise[axis]["N"]["value"] for axis in ("gx", "gy", "gz"))
-    assert k_a.value == k_g.value == 3e-6 and "not seen: 95 % limit" in k_a.below
+    for cell, term, sensor in ((n_a, "N", "a"), (k_a, "K", "a"), (n_g, "N", "g")):
+        axes = [noise.axes[f"{sensor}{axis}"] for axis in "xyz"]
+        raised = max(dict(zip("NK", bounding(each), strict=True))[term] for each in axes)
+        assert cell.value == raised and float(cell.text) == pytest.approx(raised, rel=5e-3)
+        # of all axes alike
+        own = getattr(axes[0], term).size
+        assert raised > own
+        limit = "x, not seen: 95 % limit" if term == "K" else "axis x"
+        assert cell.below == f"{limit}, raised from {own:.2e}"
+    # large enough beside the white noise that was raised
+    assert (k_g.value, k_g.below) == (3e-6, "x, not seen: 95 % limit")
     assert rate_cell(summaries["board"]).text == "20"
     nothing = summaries["nothing"]
     assert [c.text for c in (*filter_cells(nothing), rate_cell(nothing))] == ["—"] * 5
+
+
+@pytest.mark.parametrize(("limit", "words"), [(False, "axis z"), (True, "z, not seen: 95 % limit")])
+def test_what_was_not_raised_is_as_it_was_estimated(limit, words):
+    density = {"value": 1.25e-4, "axis": "z", "limit": limit, "raised_from": None}
+    cell, *others = filter_cells({"filter": {"accelerometer_N": density}})
+    assert (cell.text, cell.below, cell.value) == ("1.25e-04", words, 1.25e-4)
+    assert [c.text for c in others] == ["—"] * 3
 
 
 def test_misalignments_are_those_that_were_estimated(summaries, results):

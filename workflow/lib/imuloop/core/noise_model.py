@@ -43,6 +43,11 @@ class Coefficient:
         """Return the square of the value, 0 where not identifiable."""
         return 0.0 if self.value is None else self.value**2
 
+    @property
+    def size(self):
+        """Return the value, or the upper limit of a term that was not seen; None without both."""
+        return self.upper95 if self.value is None else self.value
+
     @classmethod
     def from_dict(cls, content):
         """Return the coefficient from its JSON form."""

@@ -40,7 +40,7 @@ def text(device):
         + "\n"
         + "rostopic: '/imu0'  # not ours: the topic of the bag\n"
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
-        + comment("Each axis:", *each)
+        + comment("Each axis, as estimated:", *each)
         + noise_left_out(device)
         + calibration_left_out(device)
     )

@@ -1,7 +1,8 @@
 """What the formats share that take one noise density and one bias random walk a sensor."""
 
-from imuloop.core.errors import Lacking
+from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import CHANNELS, comment, number
+from imuloop.noise.filters import RANGE
 
 # SI units of the coefficients
 UNITS = {
@@ -27,17 +28,28 @@ def density_field(device, key, sensor, term, indent=""):
 
 
 def noise_left_out(device):
-    """Return comments on the noise that a density and a walk of the worst axis do not carry."""
-    lines = ["Noise that is not carried: the other axes' own, Q, R, Gauss-Markov processes, lines,"]
-    lines.append("the intervals of all, dependence on temperature; see noise.json. And flicker:")
+    """Return comments on what N and K of the worst axis stand for, and on a filter's first bias."""
+    return comment(
+        f"From {RANGE}, N^2/tau + K^2 tau/3 is nowhere below the Allan variance of any axis,",
+        "lines left out; N and K are raised for flicker, Gauss-Markov processes, Q and R.",
+        "Not carried: lines, the other axes' own noise, the intervals of all, dependence on",
+        "temperature; see noise.json.",
+        *turn_on_lines(device),
+    )
+
+
+def turn_on_lines(device):
+    """Return a line for each sensor whose calibration holds `turn_on_bias`."""
+    lines = []
     for sensor, units in UNITS.items():
-        try:
-            flicker = device.worst(sensor, "B")
-        except Lacking:
-            continue
-        lines.append(f"{sensor}: B = {flicker.value:.2g} {units['B']} (axis {flicker.words})")
-    lines.append("A walk of size K falls short of it at times where B rules; filters take more.")
-    return comment(*lines)
+        for fitted in (e for e in device.sensor(sensor).effects if e.name == TurnOnBias.name):
+            std, _ = fitted.effect.run_to_run(fitted.values)
+            sizes = ", ".join(f"{each:.3g}" for each in std)
+            lines.append(
+                f"{sensor}: turn-on bias, run to run {sizes} {units['B']} (1 sigma of x, y, z; "
+                f"{fitted.effect.runs} runs): start a filter's bias with this standard deviation"
+            )
+    return lines
 
 
 def calibration_left_out(device):

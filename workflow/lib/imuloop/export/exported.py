@@ -1,7 +1,7 @@
 """What an export is made of: a device's calibration and noise, its numbers and words as text."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from imuloop.core.errors import Lacking, one_line
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.noise.filters import RANGE, bounding
 
 # channels of each sensor
 CHANNELS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
@@ -23,21 +24,61 @@ class Density:
     Attributes
     ----------
     value : float
-        SI: the estimate, or the one-sided 95 % upper limit of a term that was not seen.
+        SI: the estimate, or the one-sided 95 % upper limit of a term that was not seen, or what
+        it was raised to.
     axis : str
-        Its channel: ax, ay, az, gx, gy, gz.
+        Its axis or channel.
     limit : bool
-        Whether it is an upper limit.
+        Whether the term was not seen.
+    raised_from : float or None
+        SI: estimate or limit where the value is larger, so that N and K bound the Allan curve.
     """
 
     value: float
     axis: str
     limit: bool
+    raised_from: float | None = None
 
     @property
     def words(self):
         """What a comment says of it."""
-        return f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
+        words = f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
+        if self.raised_from is None:
+            return words
+        bound = f"so that N and K bound its Allan curve from {RANGE}"
+        return f"{words}; raised from {self.raised_from:.3g} {bound}"
+
+    def times(self, factor):
+        """Return the density in another unit."""
+        raised_from = None if self.raised_from is None else self.raised_from * factor
+        return replace(self, value=self.value * factor, raised_from=raised_from)
+
+
+def estimated(noise, axis, term):
+    """Return coefficient `term` (Q, N, B, K or R) of the AxisNoise `noise` of `axis`.
+
+    Raises
+    ------
+    Lacking
+        If the noise was not estimated.
+    """
+    coefficient = getattr(noise, term)
+    if coefficient.size is None:
+        raise Lacking(f"no noise: {term} of {axis} is neither known nor limited")
+    return Density(float(coefficient.size), axis, coefficient.value is None)
+
+
+def for_filter(noise, axis, term):
+    """Return N or K of the AxisNoise `noise` of `axis`, raised so that both bound its Allan curve.
+
+    Raises
+    ------
+    Lacking
+        If the noise was not estimated.
+    """
+    own = {each: estimated(noise, axis, each) for each in "NK"}[term]
+    value = dict(zip("NK", bounding(noise), strict=True))[term]
+    return own if value == own.value else replace(own, value=value, raised_from=own.value)
 
 
 @dataclass(frozen=True)
@@ -110,23 +151,19 @@ class Exported:
         return sensor.T * sensor.K
 
     def density(self, axis, term):
-        """Return coefficient `term` (Q, N, B, K or R) of a channel.
+        """Return coefficient `term` (Q, N, B, K or R) of a channel as it was estimated.
 
         Raises
         ------
         Lacking
             If the noise was not estimated.
         """
-        coefficient = getattr(self.noise.axes[axis], term)
-        limit = coefficient.value is None
-        value = coefficient.upper95 if limit else coefficient.value
-        if value is None:
-            raise Lacking(f"no noise: {term} of {axis} is neither known nor limited")
-        return Density(float(value), axis, limit)
+        return estimated(self.noise.axes[axis], axis, term)
 
     def worst(self, sensor, term):
-        """Return the largest coefficient of a sensor's axes, for formats with one a sensor."""
-        return max((self.density(axis, term) for axis in CHANNELS[sensor]), key=lambda d: d.value)
+        """Return the largest N or K that a filter needs for an axis of a sensor."""
+        densities = (for_filter(self.noise.axes[axis], axis, term) for axis in CHANNELS[sensor])
+        return max(densities, key=lambda density: density.value)
 
     def effects(self, sensor):
         """Return a line for each effect of a sensor: name, equation, sizes, constants."""

@@ -27,9 +27,9 @@ def text(device):
     rate = device.need_rate()
     lines = []
     for key, sensor, term, unit in FIELDS_OF_NOISE:
-        density = device.worst(sensor, term)
+        density = device.worst(sensor, term).times(sqrt(rate))
         words = f"{NAMES[term]}: {term} sqrt(rate), {unit}, discrete; worst axis: {density.words}"
-        lines.append(f"{key}: {number(density.value * sqrt(rate))}  {comment(words)}")
+        lines.append(f"{key}: {number(density.value)}  {comment(words)}")
     return (
         "%YAML:1.0\n"
         + heading(device, f"{TITLE}: the lines of its config on the sensor; all fields SI")

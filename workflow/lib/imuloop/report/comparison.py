@@ -159,16 +159,19 @@ def filter_cells(summary):
     White noise and random walk of the accelerometer, then of the gyroscope.
     """
     return [
-        Cell(
-            f"{found['value']:.2e}",
-            f"{found['axis']}, not seen: 95 % limit" if found["limit"] else f"axis {found['axis']}",
-            value=found["value"],
-        )
+        Cell(f"{found['value']:.2e}", _filter_words(found), value=found["value"])
         if (found := summary["filter"].get(f"{sensor}_{term}"))
         else Cell(NO_NUMBER)
         for sensor in SENSORS
         for term in "NK"
     ]
+
+
+def _filter_words(found):
+    """Return which axis it is of, and what it was before it was raised."""
+    axis, raised_from = found["axis"], found["raised_from"]
+    words = f"{axis}, not seen: 95 % limit" if found["limit"] else f"axis {axis}"
+    return words if raised_from is None else f"{words}, raised from {raised_from:.2e}"
 
 
 def write_comparison(path, summaries):

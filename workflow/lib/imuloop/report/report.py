@@ -7,6 +7,7 @@ import yaml
 from markupsafe import Markup
 
 from imuloop.core.files import plain, read_json, replaced
+from imuloop.noise.filters import RANGE
 from imuloop.report.answer import best_words, grouped
 from imuloop.report.comparison import (
     COLUMNS,
@@ -82,6 +83,7 @@ def write_report(
         verdict_parts=verdict_parts,
         rates=[rate_cell(d) for d in devices],
         filters=[filter_cells(d) for d in devices],
+        bounded=RANGE,
         exports=[sorted(read_json(path)["sha256"]) for path in exports],
         verdict_words=WORDS,
         allan=allan_spread(devices) if many else allan_comparison(devices),

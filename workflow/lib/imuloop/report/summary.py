@@ -4,6 +4,8 @@ from dataclasses import asdict
 
 import numpy as np
 
+from imuloop.core.noise_model import AxisNoise
+from imuloop.export.exported import for_filter
 from imuloop.report.allan_plot import curve
 from imuloop.report.answer import answers
 from imuloop.report.numbers import missing, sigma_of
@@ -52,9 +54,9 @@ def summarise(device, steps=()):
     dict
         Content of summary.json: ``figures`` {name: {value, std, unit, axis, upper95}}, the
         largest of three axes; ``axes`` {name: {unit, value, std}} for all three, or for the six
-        pairs of a misalignment; ``filter`` {name: {value, axis, limit}}, noise as a filter takes
-        it; ``allan`` {channel: {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``verdicts``,
-        ``rejected``, ``logs``.
+        pairs of a misalignment; ``filter`` {name: {value, axis, limit, raised_from}}, noise as a
+        filter takes it; ``allan`` {channel: {tau_s, adev}}; ``status``, ``failed``, ``answers``,
+        ``verdicts``, ``rejected``, ``logs``.
     """
     axes = _axes(device)
     return {
@@ -175,22 +177,18 @@ def _filter(device):
     """Return white noise and random walk as a filter takes them, SI; rate_hz where it is known.
 
     One number a sensor, that of the worst axis as logged; of a term that was not seen the 95 %
-    upper limit. The exports give the same.
+    upper limit; raised where N and K would not bound the Allan curve. The exports give the same.
     """
     rates = [s.quality.get("rate_hz") for s in device.used]
-    axes = device.noise.get("axes", {})
+    axes = {c: AxisNoise.from_dict(each) for c, each in device.noise.get("axes", {}).items()}
+    known = {c for c, noise in axes.items() if None not in (noise.N.size, noise.K.size)}
     found = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
     for sensor, channels in SENSORS.items():
+        named = [(axes[c], a) for c, a in zip(channels, XYZ, strict=True) if c in known]
         for key in ("N", "K"):
-            figure = _largest_noise(axes, channels, key)
-            if figure:
-                limit = not missing(figure["upper95"])
-                value, axis = ("upper95", "upper95_axis") if limit else ("value", "axis")
-                found[f"{sensor}_{key}"] = {
-                    "value": figure[value],
-                    "axis": figure[axis],
-                    "limit": limit,
-                }
+            densities = [for_filter(noise, axis, key) for noise, axis in named]
+            if densities:
+                found[f"{sensor}_{key}"] = asdict(max(densities, key=lambda d: d.value))
     return found
 
 

@@ -1,0 +1,163 @@
+"""N and K that bound an Allan curve: never below it, never below their own, and no larger."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, Sinusoid
+from imuloop.noise.filters import LONGEST, POINTS, SHORTEST, bounding
+
+# the times at which the bound is held, and nineteen between each two
+TAU = np.geomspace(SHORTEST, LONGEST, 20 * (POINTS - 1) + 1)
+HELD = TAU[::20]
+FLICKER = 2 * np.log(2) / np.pi
+
+
+def known(value):
+    return Coefficient(value, (value, value), value, True)
+
+
+def limited(value):
+    return Coefficient(None, None, value, False)
+
+
+def process(q, tc):
+    return GaussMarkov(known(q), known(tc))
+
+
+def curve(noise, tau=TAU):
+    return replace(noise, sinusoid=()).allan_variance(tau)
+
+
+def bound(pair, tau=TAU):
+    return pair[0] ** 2 / tau + pair[1] ** 2 * tau / 3
+
+
+def powers(low, high):
+    return st.floats(low, high).map(lambda power: 10**power)
+
+
+sizes = powers(-6, -2).map(known)
+absent = st.just(Coefficient())
+unseen = powers(-6, -2).map(limited)
+processes = st.builds(process, powers(-7, -2), powers(-1, 5))
+noises = st.builds(
+    AxisNoise,
+    Q=absent | sizes,
+    N=sizes | unseen,
+    B=absent | sizes,
+    K=sizes | unseen,
+    R=absent | sizes,
+    gauss_markov=st.lists(processes, max_size=3).map(tuple),
+)
+# white noise of a gyroscope, 0.3 deg/sqrt(h), and a walk that was not seen
+WHITE = AxisNoise(N=known(8e-5), K=limited(1e-7))
+RAISED = {
+    "flicker": replace(WHITE, B=known(4e-5)),
+    "strong flicker": replace(WHITE, B=known(1e-3)),
+    "flicker and a walk": replace(WHITE, B=known(4e-5), K=known(3e-6)),
+    **{
+        f"process of {tc:g} s": replace(WHITE, gauss_markov=(process(2e-5, tc),))
+        for tc in (5, 50, 500, 5000)
+    },
+    "ramp": replace(WHITE, R=known(1e-7)),
+    "quantisation": replace(WHITE, Q=known(1e-4)),
+    "all": replace(
+        WHITE, Q=known(1e-4), B=known(4e-5), R=known(1e-8), gauss_markov=(process(1e-5, 30.0),)
+    ),
+}
+each_raised = pytest.mark.parametrize("noise", RAISED.values(), ids=RAISED)
+
+
+@given(noises)
+def test_the_pair_bounds_the_curve_and_is_never_below_its_own(noise):
+    pair = bounding(noise)
+    assert pair[0] >= (noise.N.value or noise.N.upper95)
+    assert pair[1] >= (noise.K.value or noise.K.upper95)
+    assert (bound(pair, HELD) >= (1 - 1e-11) * curve(noise, HELD)).all()
+    assert (bound(pair) >= 0.999 * curve(noise)).all()
+
+
+@given(noises)
+def test_neither_can_be_lower(noise):
+    pair = np.array(bounding(noise))
+    own = np.array([noise.N.size, noise.K.size])
+    for lower in ([0.98, 1.0], [1.0, 0.98]):
+        below_own = (pair * lower < own).any()
+        assert below_own or (bound(pair * lower) < (1 - 1e-9) * curve(noise)).any()
+
+
+@each_raised
+def test_no_pair_exceeds_the_curve_less(noise):
+    def excess(pair):
+        return (bound(pair, HELD) / curve(noise, HELD)).sum()
+
+    found = bounding(noise)
+    least = np.inf
+    others = np.concatenate([np.linspace(noise.N.size, found[0], 999), found[0] * TAU[TAU > 1]])
+    for n in others:
+        missing = 3 * (curve(noise, HELD) - n**2 / HELD) / HELD
+        least = min(least, excess((n, np.sqrt(max(missing.max(), noise.K.size**2)))))
+    assert excess(found) == pytest.approx(least, rel=1e-9)
+
+
+@given(N=sizes | unseen, K=sizes | unseen)
+def test_white_noise_and_walk_alone_stay_as_they_are(N, K):
+    assert bounding(AxisNoise(N=N, K=K)) == (N.size, K.size)
+
+
+@each_raised
+def test_what_lies_above_raises(noise):
+    assert (bound((noise.N.size, noise.K.size)) < 0.99 * curve(noise)).any()
+    assert bounding(noise) != (noise.N.size, noise.K.size)
+
+
+def test_flicker_alone_touches_the_lowest_point_of_the_bound():
+    # N^2/tau + K^2 tau/3 is least at tau = sqrt(3) N/K, where it is 2 N K/sqrt(3)
+    B = 4e-5
+    N, K = bounding(AxisNoise(N=limited(1e-9), K=limited(1e-9), B=known(B)))
+    assert 2 * N * K / np.sqrt(3) == pytest.approx(FLICKER * B**2, rel=1e-3)
+    assert np.sqrt(3) * N / K == pytest.approx(np.sqrt(SHORTEST * LONGEST), rel=0.05)
+
+
+def test_a_ramp_alone_is_reached_at_the_longest_time():
+    noise = replace(WHITE, R=known(1e-7))
+    N, K = bounding(noise)
+    assert N == 8e-5
+    assert K == pytest.approx(np.sqrt(1.5 * LONGEST) * 1e-7, rel=1e-9)
+
+
+@pytest.mark.parametrize("tc", [1e5, 1e6])
+def test_a_process_slower_than_the_range_is_a_walk(tc):
+    N, K = bounding(replace(WHITE, K=limited(1e-9), gauss_markov=(process(2e-5, tc),)))
+    assert pytest.approx(8e-5, rel=1e-4) == N
+    assert pytest.approx(2e-5, rel=5e-3) == K
+
+
+def test_a_line_raises_nothing():
+    line = Sinusoid(known(1e-2), known(0.05))
+    assert bounding(replace(WHITE, sinusoid=(line,))) == (8e-5, 1e-7)
+    flicker = RAISED["flicker"]
+    assert bounding(replace(flicker, sinusoid=(line,))) == bounding(flicker)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1e6])
+@each_raised
+def test_another_unit_gives_the_same(noise, scale):
+    def scaled(c):
+        value, upper = (None if v is None else v * scale for v in (c.value, c.upper95))
+        return replace(c, value=value, upper95=upper)
+
+    other = replace(
+        noise,
+        **{term: scaled(getattr(noise, term)) for term in "QNBKR"},
+        gauss_markov=tuple(replace(p, q=scaled(p.q)) for p in noise.gauss_markov),
+    )
+    assert bounding(other) == pytest.approx(np.multiply(bounding(noise), scale), rel=1e-6)
+
+
+def test_nothing_at_all_stays_nothing():
+    assert bounding(AxisNoise(N=limited(0.0), K=limited(0.0))) == (0.0, 0.0)
