@@ -8,6 +8,7 @@ from unittest.mock import patch
 import numpy as np
 
 from imuloop import chain
+from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import raw_units, read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
@@ -57,6 +58,28 @@ def wanted(failures):
     """Raise an error where a stage failed: a study counts no such device."""
     if failures:
         raise RuntimeError(str(failures[0]))
+
+
+def base_pulls(truth, sessions, folder):
+    """Return the errors of T, K and b of calibration.json, in their standard errors.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        By sensor and parameter; without sensors that were not calibrated at the poses.
+    """
+    calibration, found = Calibration.from_json(folder / "calibration.json"), {}
+    for sensor, names in (("accelerometer", accelerometer.NAMES), ("gyroscope", gyroscope.NAMES)):
+        fitted, true = getattr(calibration, sensor), getattr(truth, sensor)
+        if fitted.method == "multi_position":
+            found[sensor] = {
+                n: float((_entry(fitted, n) - _entry(true, n)) / fitted.std[n]) for n in names
+            }
+    return found
+
+
+def _entry(sensor, name):
+    return getattr(sensor, name[0])[tuple(map(int, name[1:]))]
 
 
 def likeness(truth, sessions, folder):

@@ -5,7 +5,7 @@ import time
 from dataclasses import asdict
 
 from bench.study.cases import injected
-from bench.study.chain import diagnosis_of, likeness
+from bench.study.chain import base_pulls, diagnosis_of, likeness
 from bench.study.devices import DEVICES, in_shape, with_effects
 from bench.study.score import fitted
 
@@ -31,6 +31,7 @@ def run(cases, first, seeds, controls, workers, progress=print):
     dict of Case to list of dict
         Of each device: ``seed``, ``seconds``, ``diagnosis``, and but for controls ``control``,
         ``injected`` and ``found``; ``None`` for the diagnosis where the log cannot show the effect.
+        ``base_pulls`` of those that have a diagnosis.
     """
     with multiprocessing.get_context("fork").Pool(workers) as pool:
         plain = {}
@@ -69,9 +70,12 @@ def run(cases, first, seeds, controls, workers, progress=print):
 def _control(job):
     record, plan, seed = job
     start = time.process_time()
-    diagnosis, alike = diagnosis_of(DEVICES[record](plan), seed, likeness)
-    took = time.process_time() - start
-    return job, {"seed": seed, "seconds": took, "diagnosis": _small(diagnosis), "likeness": alike}
+    diagnosis, (alike, pulls) = diagnosis_of(
+        DEVICES[record](plan), seed, lambda *device: (likeness(*device), base_pulls(*device))
+    )
+    took, small = time.process_time() - start, _small(diagnosis)
+    made = {"seed": seed, "seconds": took, "diagnosis": small}
+    return job, made | {"likeness": alike, "base_pulls": pulls}
 
 
 def _device(job):
@@ -87,7 +91,8 @@ def _device(job):
     }
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
-        diagnosis = made["diagnosis"] = _small(diagnosis_of(truth, seed, limits=False))
+        diagnosis, made["base_pulls"] = diagnosis_of(truth, seed, base_pulls, limits=False)
+        made["diagnosis"] = _small(diagnosis)
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]

@@ -142,3 +142,29 @@ def pulls(outcome):
             if name in found["expected"]
         ]
     )
+
+
+def base_pulls(case, outcome):
+    """Return the errors of T, K and b of both sensors, in their standard errors.
+
+    Of devices that have what was put in, in its shape, and nothing else in their calibration: T, K
+    and b beside another effect are others.
+    """
+    judgement = judge(case, outcome)
+    if judgement["more"] or judgement.get("missed") or judgement.get("twins"):
+        return np.zeros(0)
+    shapes = {e["name"]: e["constants"] for e in outcome.get("injected", ())}
+    if any(f["constants"] != shapes[f["name"]] for f in outcome.get("found", ())):
+        return np.zeros(0)
+    return np.array([v for own in outcome["base_pulls"].values() for v in own.values()])
+
+
+def settled(outcome):
+    """Return held-out error over floor of everything said to be explained or consistent."""
+    return [
+        residual["after"] / residual["floor"]
+        for parts in outcome["diagnosis"]["sensors"].values()
+        for part in parts.values()
+        if part["verdict"] in ("explained", "consistent")
+        for residual in part["residuals"].values()
+    ]

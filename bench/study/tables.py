@@ -9,12 +9,12 @@ import scipy
 from scipy.stats import beta
 
 from bench.study.cases import OUTSIDE
-from bench.study.score import RATIO, SIGMAS, judge, pulls, ratio, whole_ratio
+from bench.study.score import RATIO, SIGMAS, base_pulls, judge, pulls, ratio, settled, whole_ratio
 
 RECORDS = {"poses": "at the poses", "static_record": "in static records"}
 NOTHING = "nothing"
 # bounds of the study
-RIGHT, ALARMS, INSIDE = 0.90, 0.05, 0.95
+RIGHT, ALARMS, INSIDE, INTERVALS = 0.90, 0.05, 0.95, (0.93, 0.97)
 
 
 def document(outcomes, command, commit, first):
@@ -94,6 +94,10 @@ def bounds(chosen):
     alien = [j for _, _, j in judged(chosen["outside"])]
     kept = sum(j["verdict"] == "unexplained" and not j["named"] for j in alien)
     inside = np.abs(errors) <= SIGMAS
+    every = [each for cases in chosen.values() for each in judged(cases)]
+    of_poses = [(case, made) for case, made, _ in every if case.record == "poses"]
+    base = np.concatenate([[], *(base_pulls(*each) for each in of_poses)])
+    held = np.array([r for _, made, _ in every for r in settled(made)])
     lines = [
         (f"right name or twin, at {limits:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
         (f"held-out error after ≤ {RATIO} × without the effect", "all",
@@ -101,6 +105,10 @@ def bounds(chosen):
         ("the same, steps, with the block of time that each happens in", "all",
          sum(r <= RATIO for r in steps), len(steps), 1.0),
         (f"parameters within {SIGMAS:g} σ", f"≥ {INSIDE:.0%}", inside.sum(), len(inside), INSIDE),
+        (f"95 % intervals of T, K and b, {len(of_poses)} devices", "93 to 97%",
+         np.sum(np.abs(base) <= 1.96), len(base), INTERVALS),
+        (f"`explained`, `consistent`: held-out error ≤ {RATIO} × floor", f"≥ {INSIDE:.0%}",
+         np.sum(held <= RATIO), len(held), INSIDE),
         ("controls with any effect", f"≤ {ALARMS:.0%}", sum(alarms), len(alarms), None),
         ("both of two effects", "all", sum(pairs), len(pairs), 1.0),
         ("outside the library: `unexplained`, nothing added", "all", kept, len(alien), 1.0),
@@ -108,7 +116,8 @@ def bounds(chosen):
     rows = []
     for what, bound, part, whole, least in lines:
         if whole:
-            good = part / whole <= ALARMS if least is None else part / whole >= least
+            good = part / whole <= ALARMS if least is None else part / whole >= np.min(least)
+            good &= part / whole <= np.max(least) if least is INTERVALS else True
             rows.append((what, bound, share(part, whole), "yes" if good else "**no**"))
     return table(("what", "bound", "found", "met"), rows)
 
