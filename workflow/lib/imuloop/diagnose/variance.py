@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+# size of a part, of which a deviation of what was known, or white noise, is one, that is none
+TINY = 1e-6
+
 
 @dataclass(frozen=True)
 class Part:
@@ -65,7 +68,8 @@ def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
     weight = np.array([p.deviation for p in parts]) ** -2.0
     scaled = jacobian / np.linalg.norm(jacobian, axis=0)
 
-    def loss(sizes):
+    def loss(squares):
+        sizes = np.sqrt(squares)
         root = cholesky(total(fixed, parts, sizes), lower=True)
         white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
         q, r = np.linalg.qr(white[:, 1:])
@@ -78,12 +82,13 @@ def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
         )
         value = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum() + rest @ rest / 2
         off = sizes - known
-        return value + off @ (weight * off) / 2, slope * sizes + weight * off
+        return value + off @ (weight * off) / 2, (slope + weight * off / sizes) / 2
 
-    # at zero the slope is none
     least = 0.3 * np.minimum([p.deviation for p in parts], 1.0)
     start = np.where(known > 0, known, least) if start is None else np.maximum(start, least)
-    bounds = [(0.0, None)] * len(parts)
+    # in squares, for the slope of a size is none at zero, and a search would stay there
+    bounds = [(TINY**2, None)] * len(parts)
     # to the last digits that processors have in common
     close = {"ftol": 1e-15, "gtol": 1e-9} | ({"maxiter": steps} if steps else {})
-    return minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=close).x
+    found = minimize(loss, start**2, jac=True, method="L-BFGS-B", bounds=bounds, options=close).x
+    return np.where(found > TINY**2, np.sqrt(found), 0.0)

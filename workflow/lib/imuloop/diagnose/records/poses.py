@@ -18,7 +18,7 @@ from imuloop.diagnose.variance import Part, likely_sizes, total
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
 # steps of the search for the noise of other residuals, from that of these on
-STEPS = 5
+STEPS = 10
 
 
 @dataclass(frozen=True)
