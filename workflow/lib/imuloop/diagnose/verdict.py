@@ -65,12 +65,12 @@ def verdict(above_before, above_after, effects):
     return "partly_explained" if above_after else "explained"
 
 
-def above_floor(in_sample, heldout, floor, ratio=None):
+def above_floor(in_sample, heldout, floor, ratio):
     """Return whether a residual is larger than the noise explains.
 
     It is where the fit leaves more than noise and the error of held-out data is above its floor
-    too; and, with effects, where that error is above it for certain and by more than a quarter,
-    however well the fit went: a model with a wrong effect fits what it was chosen by.
+    too; and where that error is above it for certain and by more than a quarter, however well the
+    fit went: a model with a wrong effect fits what it saw.
 
     Parameters
     ----------
@@ -78,11 +78,10 @@ def above_floor(in_sample, heldout, floor, ratio=None):
         Whether χ² of the fit is above its floor.
     heldout, floor : float
         Held-out error, and what the noise alone predicts for it.
-    ratio : (float, float), optional
-        95 % interval of the one over the other; None of a model without effects.
+    ratio : (float, float)
+        95 % interval of the one over the other.
     """
-    beyond = ratio is not None and ratio[0] > 1 and heldout > MARGIN * floor
-    return (in_sample and heldout > floor) or beyond
+    return (in_sample and heldout > floor) or (ratio[0] > 1 and heldout > MARGIN * floor)
 
 
 def unseen(cls, limits):

@@ -139,16 +139,15 @@ def _diagnosed(choices):
     ]
     floor = np.tensordot(weights, floors, 1)
     solution = final_solution(problem, choice.base)
-    share = settings.significance / KINDS / settings.family
-    residuals, above, slow = {}, [False, False], False
+    share, residuals, above, slow = settings.significance / KINDS, {}, [False, False], False
     for kind, (unit, _) in sensor.kinds.items():
         rows = problem.of_kind(kind)
         for side, errors in enumerate((before, after)):
-            sides = problem.fold[rows], np.sqrt(floor[rows]), errors[rows]
-            ratio = ratio_interval(*sides, settings) if side and choice.base else None
+            ratio = ratio_interval(problem.fold[rows], np.sqrt(floor[rows]), errors[rows], settings)
             sizes = (size_of(problem, kind, v[rows]) for v in (errors, np.sqrt(floor)))
             own = judged[side][1][kind]
-            above[side] |= above_floor(own.p_value < share, *sizes, ratio)
+            found = above_floor(own.p_value < share, *sizes, ratio)
+            above[side] |= found
             slow |= bool(side and own.estimated < share)
         least = size_of(problem, kind, np.sqrt(floor[rows]))
         residuals[kind] = {

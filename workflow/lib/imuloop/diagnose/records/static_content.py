@@ -38,17 +38,18 @@ def static_content(sensor, finding, noise, change):
     """
     choices, settings = finding.choices, finding.choices.problem.settings
     problem, base = choices.problem, choices.choice().base
-    share, axes = settings.significance / len(COLUMNS) / settings.family, COLUMNS[sensor]
+    share, axes = settings.significance / len(COLUMNS), COLUMNS[sensor]
     judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
-    least = size(np.sqrt(floor))
-    ratio = ratio_interval(problem.fold, np.sqrt(floor), finding.after, settings)
     above = [
-        above_floor(judged[0].p_value < share, size(finding.before), least),
         above_floor(
-            judged[1].p_value < share, size(finding.after), least, ratio if added else None
-        ),
+            judge.p_value < share,
+            size(errors),
+            size(np.sqrt(floor)),
+            ratio_interval(problem.fold, np.sqrt(floor), errors, settings),
+        )
+        for judge, errors in zip(judged, (finding.before, finding.after), strict=True)
     ]
     entries = effect_entries(sensor, finding.effects, choices)
     for entry, own in zip(entries, choices.choice().added, strict=True):
