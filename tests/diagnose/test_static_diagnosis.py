@@ -13,7 +13,7 @@ from diagnose.test_means import calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.records import means
-from imuloop.diagnose.records.correction import corrected, write_allan
+from imuloop.diagnose.records.correction import corrected
 from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, find, static_tests
@@ -21,6 +21,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.tables import write_allan
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02
 SENSORS = ("accelerometer", "gyroscope")

@@ -64,8 +64,13 @@ def validate_attitude(device, gravity, diagnosed, settings):
     dict of str to ndarray
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
-    sensors, recording, whole = diagnosed.sensors, diagnosed.recording, diagnosed.whole
-    turn = sensors["gyroscope"]
+    recording, whole = diagnosed.recording, diagnosed.solutions["gyroscope"]
+    force, turn = diagnosed.sensors["accelerometer"], diagnosed.sensors["gyroscope"]
+    effects = diagnosed.effects
+    # an accelerometer that the poses do not determine is given
+    sensors = {"accelerometer": force if effects["accelerometer"] is not None else None}
+    sensors["gyroscope"] = turn
+    effects = {sensor: found or () for sensor, found in effects.items()}
     reason = turn.untestable(recording)
     if reason is None and whole is None:
         reason = "the poses determine no calibration of the gyroscope"
@@ -81,7 +86,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
             sensors,
             recording,
             block,
-            diagnosed.effects,
+            effects,
             diagnosed.told,
             gravity,
             settings,

@@ -3,11 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from imuloop.core.effect import Channels
-from imuloop.core.files import replaced
 from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
 from imuloop.diagnose.records.means import COLUMNS, other_sensor
@@ -170,15 +167,3 @@ def _with_process(noise, test, place):
 
     term = GaussMarkov(root(4, 2 / test.tc), known(test.tc, 0.0))
     return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))
-
-
-def write_allan(raw, table, path):
-    """Write the Allan table of a session, its raw curves first, then the corrected if any."""
-    # `read_table` loads pandas
-    with pq.ParquetFile(raw) as file:
-        curves = file.read()
-    if table is not None:
-        more = pa.table({name: table[name] for name in curves.column_names}, curves.schema)
-        curves = pa.concat_tables([curves, more])
-    with replaced(path) as temporary:
-        pq.write_table(curves, temporary)

@@ -42,8 +42,8 @@ class PoseResult:
 
     @property
     def effects(self):
-        """The effects that were added."""
-        return self.choices.choice().base if self.choices else ()
+        """The effects that were added; None where nothing could be tested."""
+        return self.choices.choice().base if self.choices else None
 
 
 def pose_candidates(sensor, recording):
