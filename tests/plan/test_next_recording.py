@@ -7,12 +7,12 @@ import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, difference, known_noise
 from diagnose.models import accelerometer_poses, pose_sensors
+from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.records.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
 from imuloop.plan.outlook import outlook

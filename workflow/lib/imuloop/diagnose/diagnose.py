@@ -8,22 +8,22 @@ import numpy as np
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.records.pose_diagnosis import (
     diagnose_poses,
     directions_without,
     pose_candidates,
 )
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import NOTHING
 
 # version of the JSON file
 FORMAT = 1
-SENSORS = ("accelerometer", "gyroscope")
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import residuals
 from imuloop.diagnose.choice import ratio_interval
-from imuloop.diagnose.records.pose_fits import residuals
 from imuloop.diagnose.residuals import floor_variance
 from imuloop.validate.attitude_errors import (
     K_I,

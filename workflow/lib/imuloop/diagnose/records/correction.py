@@ -6,8 +6,8 @@ import numpy as np
 
 from imuloop.core.effect import Channels
 from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
-from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
-from imuloop.diagnose.records.means import COLUMNS, other_sensor
+from imuloop.core.rest_log import other_sensor
+from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
 from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
 
 # lines nearer than this share of their frequency are one
@@ -34,7 +34,7 @@ def corrected(session, log, calibration, found):
         Columns by name, SI as logged.
     """
     t, changed = log.t, {name: log.column(name) for name in CHANNELS}
-    levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in COLUMNS.items()}
+    levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in SENSORS.items()}
     for sensor, effects in found.items():
         if not effects:
             continue
@@ -50,7 +50,7 @@ def corrected(session, log, calibration, found):
             )
             total = sum(_output(e, session, seen) for e in effects)
             total *= own.raw_unit.scale / own.K
-            for name, values in zip(COLUMNS[sensor], total.T, strict=True):
+            for name, values in zip(SENSORS[sensor], total.T, strict=True):
                 changed[name][part] -= values
     warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
     return {TIME: t, **changed, **warmth}
@@ -126,10 +126,10 @@ def with_found_noise(model, found, processes, lines=True):
     for sensor, effects in found.items():
         for effect in effects:
             if lines and isinstance(effect.effect, SinusoidEffect):
-                for place, name in enumerate(COLUMNS[sensor]):
+                for place, name in enumerate(SENSORS[sensor]):
                     axes[name] = _with_line(axes[name], effect, place)
     for sensor, test in processes.items():
-        for place, name in enumerate(COLUMNS[sensor]):
+        for place, name in enumerate(SENSORS[sensor]):
             axes[name] = _with_process(axes[name], test, place)
     return NoiseModel(model.device, axes)
 

@@ -6,12 +6,12 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import Solution, fitted_calibration
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices, ratio_interval
 from imuloop.diagnose.content import candidate_entries, effect_entries, size_of
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
-from imuloop.diagnose.records.pose_fits import Solution, fitted_calibration
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import pose_probes
 from imuloop.diagnose.residuals import chi_square, floor_range, floor_variance, likely

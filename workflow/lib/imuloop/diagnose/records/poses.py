@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.calibrate.pose_fits import residuals
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
-from imuloop.diagnose.records.pose_fits import residuals
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.sight import ABSORBED
 from imuloop.diagnose.variance import Part, likely_sizes, total
@@ -244,8 +244,7 @@ class PoseProblem:
     def _parts(self, solution):
         """Return the covariance of the noise but for flicker and walk, and these axis by axis."""
         sensor, recording = self.sensor, self.recording
-        axes = ACCELERATION if sensor.sensor == "accelerometer" else ANGULAR_RATE
-        terms = [(axis, name) for axis in axes for name in "BK"]
+        terms = [(axis, name) for axis in SENSORS[sensor.sensor] for name in "BK"]
         limits = {t: sensor.noise.known(*t) for t in terms}
         loose = {t: known for t, known in limits.items() if known[1] > 0}
         without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))

@@ -4,11 +4,11 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.content import candidate_entries, effect_entries
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
-from imuloop.diagnose.records.means import COLUMNS
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.slow_noise import mean_covariance
 from imuloop.diagnose.records.static import fitted, vectors
@@ -38,7 +38,7 @@ def static_content(sensor, finding, noise, change):
     """
     choices, settings = finding.choices, finding.choices.problem.settings
     problem, base = choices.problem, choices.choice().base
-    share, axes = settings.significance / len(COLUMNS), COLUMNS[sensor]
+    share, axes = settings.significance / len(SENSORS), SENSORS[sensor]
     judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
