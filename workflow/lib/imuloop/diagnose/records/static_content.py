@@ -10,7 +10,6 @@ from imuloop.diagnose.content import candidate_entries, effect_entries
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
-from imuloop.diagnose.records.slow_noise import mean_covariance
 from imuloop.diagnose.records.static import fitted, vectors
 from imuloop.diagnose.residuals import chi_square, floor_variance, size
 from imuloop.diagnose.verdict import UNTRIED, Judged, above_floor, verdict
@@ -111,7 +110,7 @@ def _floor(problem, noise, axes):
             process = noise.axes[name]
             # the level is the mean of what is seen
             slow = floor_variance(
-                mean_covariance(process, windows), block.nuisance, block.folds, length
+                process.mean_covariance(windows), block.nuisance, block.folds, length
             )
             own, merged = (
                 process.N.square / t + 2 * process.Q.square / t**2
@@ -133,7 +132,7 @@ def _judged(problem, effects, noise, axes):
     for values, block, record in blocks:
         everything = [np.ones(len(values), dtype=bool)]
         for axis, name in enumerate(axes):
-            covariance = mean_covariance(noise.axes[name], record.windows)
+            covariance = noise.axes[name].mean_covariance(record.windows)
             ((square, own),), _ = chi_square(
                 values[:, axis], covariance, block.nuisance, everything
             )

@@ -15,7 +15,6 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.correction import noise_again, with_found_noise
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.process import find_process
-from imuloop.diagnose.records.slow_noise import mean_covariance
 from imuloop.diagnose.records.static import StaticProblem, fitted, information
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.verdict import NOTHING
@@ -213,7 +212,7 @@ def untestable(records, axes, settings):
     if not all(np.ptp(r.values, axis=0).all() for r in records):
         return "an axis never changes"
     # some windows show it, and many take long
-    covariances = np.stack([mean_covariance(a, records[0].windows[:ENOUGH]) for a in axes])
+    covariances = np.stack([a.mean_covariance(records[0].windows[:ENOUGH]) for a in axes])
     if without_weight(covariances)[1].any():
         return "an axis shows lines and no noise beside them: its noise is not known"
     return None
