@@ -193,18 +193,14 @@ class _Drawn:
 def _with_pattern(search, base, trial, axis, k, records, needed, kept, size):
     """Return the share that is found where the noise is what data with the pattern let expect."""
     sight, effects = search.sight(base), (base, trial.effects)
-    columns, own = _columns(sight.evidence, effects, axis)
+    columns, own = (sight.evidence.columns_of(e, axis) for e in effects)
     left = sight.left((*columns, *own), axis)
     added = [size * each[own[k]] for each in sight.evidence.columns]
     values = [v + more for v, more in zip(left, added, strict=True)]
     other = sight.evidence.under(search.problem.noise_with(base, values))
-    again = _Drawn.of(search, other.sight(), *_columns(other, effects, axis), axis, records)
+    columns = (other.columns_of(e, axis) for e in effects)
+    again = _Drawn.of(search, other.sight(), *columns, axis, records)
     return again.found(k, size, trial.axes, needed, kept)
-
-
-def _columns(evidence, effects, axis):
-    """Return the columns on an axis of each of several sets of effects."""
-    return [tuple(c for p in evidence.patterns(e) for c in p.columns[axis]) for e in effects]
 
 
 def _grown(share, size, power):

@@ -60,8 +60,7 @@ def _output(fitted, session, channels):
     """Return what an effect adds at instants, shape (n, 3)."""
     if hasattr(fitted.effect, "in_session"):
         instants = np.column_stack([channels.t, channels.t])
-        values = np.array([fitted.values[name] for name in fitted.effect.parameters])
-        return fitted.effect.in_session(session, instants) @ values
+        return fitted.effect.in_session(session, instants) @ fitted.vector
     return fitted.output(channels)
 
 

@@ -64,7 +64,7 @@ def find_process(fine, choices):
         """Return the coefficients of all runs, and of their parts in each block, effects out."""
         search, base = choices.search(out), choices.nested(out)
         sight = search.sight(base)
-        each = [_vector(search, sight, base, axis) for axis in range(3)] if base else []
+        each = [sight.parameters(base, axis)[1] for axis in range(3)] if base else []
         whole, parts = [], [[] for _ in range(problem.parts)]
         for i, record in enumerate(fine):
             values = record.values.copy()
@@ -99,17 +99,6 @@ def find_process(fine, choices):
     share, ratio = held_out_ratio(pairs, problem.settings.draws, problem.settings.seed)
     threshold = choices.search().threshold(len(choices.choice().base))
     return Process(coloured(axes, window), axes, window, share, ratio, threshold)
-
-
-def _vector(search, sight, base, axis):
-    """Return the parameters of each effect as one axis has them."""
-    theta, found = sight.solved(search.columns(base, axis), axis)[1], {}
-    for pattern in sight.evidence.patterns(base):
-        own = np.zeros(pattern.design.shape[2])
-        count = len(pattern.columns[axis])
-        own[list(pattern.parameters[axis])] = theta[:count] / pattern.scale[axis]
-        theta, found[pattern.effect] = theta[count:], own
-    return found
 
 
 def process_effect(test):

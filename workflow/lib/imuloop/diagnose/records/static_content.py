@@ -10,7 +10,7 @@ from imuloop.diagnose.content import candidate_entries, effect_entries
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
-from imuloop.diagnose.records.static import fitted, vectors
+from imuloop.diagnose.records.static import fitted
 from imuloop.diagnose.residuals import chi_square, floor_variance, size
 from imuloop.diagnose.verdict import UNTRIED, Judged, above_floor, verdict
 from imuloop.effects.axes import on_each_axis
@@ -124,7 +124,7 @@ def _floor(problem, noise, axes):
 def _judged(problem, effects, noise, axes):
     """Return the Judged of the means less effects about their levels."""
     shapes = [e.effect for e in effects]
-    taken = [problem.design(s) @ v for s, v in zip(shapes, vectors(effects), strict=True)]
+    taken = [problem.design(e.effect) @ e.vector for e in effects]
     left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
     total = 0.0
     dof = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
@@ -207,8 +207,8 @@ def _points(finding, floor):
     parts = (np.split(v, ends) for v in (finding.before, finding.after, floor))
     for i, (record, before, after, own) in enumerate(zip(problem.records, *parts, strict=True)):
         left = record.values
-        for effect, vector in zip(finding.effects, vectors(finding.effects), strict=True):
-            left = left - problem.derivatives(effect.effect)[i] @ vector
+        for effect in finding.effects:
+            left = left - problem.derivatives(effect.effect)[i] @ effect.vector
         raw, left = (v - v.mean(axis=0) for v in (record.values, left))
         for k, start in enumerate(record.windows[:, 0]):
             points.append(
