@@ -95,7 +95,7 @@ class Effect:
     name : str
         Name of the effect, as in results.
     sensors : tuple of str
-        The sensors that can have it: ``accelerometer``, ``gyroscope``.
+        The sensors that can have it: both if not said.
     parameters : dict of str to str
         Names of the parameters and their SI units; ``output`` in a unit is that of the sensor.
     equation, reference : str
@@ -117,7 +117,7 @@ class Effect:
     """
 
     name: ClassVar[str]
-    sensors: ClassVar[tuple[str, ...]]
+    sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
     parameters: ClassVar[dict[str, str]]
     equation: ClassVar[str]
     reference: ClassVar[str]
