@@ -44,6 +44,12 @@ class Coefficient:
         return 0.0 if self.value is None else self.value**2
 
     @classmethod
+    def of(cls, value, error):
+        """Return a coefficient that the data support, of its value and standard error."""
+        low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
+        return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
+
+    @classmethod
     def from_dict(cls, content):
         """Return the coefficient from its JSON form."""
         interval = content["ci95"]

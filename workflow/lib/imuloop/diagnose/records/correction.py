@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from imuloop.core.effect import Channels
-from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.noise_model import Coefficient, NoiseModel, Sinusoid
 from imuloop.core.rest_log import other_sensor
 from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
 from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
@@ -129,14 +129,8 @@ def with_found_noise(model, found, processes, lines=True):
                     axes[name] = _with_line(axes[name], effect, place)
     for sensor, test in processes.items():
         for place, name in enumerate(SENSORS[sensor]):
-            axes[name] = _with_process(axes[name], test, place)
+            axes[name] = test.beside(axes[name], place)
     return NoiseModel(model.device, axes)
-
-
-def known(value, error):
-    """Return a coefficient with its standard error."""
-    low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
-    return Coefficient(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
 
 
 def _with_line(noise, fitted, place):
@@ -144,25 +138,9 @@ def _with_line(noise, fitted, place):
     sessions = len(names) / 2
     amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
     error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
-    line = Sinusoid(known(amplitude, error), known(fitted.effect.frequency, 0.0))
+    line = Sinusoid(Coefficient.of(amplitude, error), Coefficient.of(fitted.effect.frequency, 0.0))
     # the noise stage may have found the same one
     others = (
         s for s in noise.sinusoid if abs(s.frequency.value / line.frequency.value - 1) > SAME_LINE
     )
     return replace(noise, sinusoid=(*others, line))
-
-
-def _with_process(noise, test, place):
-    """Return noise with flicker, walk and process of the spectrum in place of its own two."""
-    variances, std = test.variances[place], test.std[place]
-    if not variances[4] > 0:
-        return noise
-
-    def root(j, scale=1.0):
-        if not variances[j] > 0:
-            return Coefficient()
-        value = np.sqrt(scale * variances[j])
-        return known(value, scale * std[j] / (2 * value))
-
-    term = GaussMarkov(root(4, 2 / test.tc), known(test.tc, 0.0))
-    return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))

@@ -5,14 +5,13 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.choice import ratio_interval
-from imuloop.diagnose.content import candidate_entries, effect_entries
+from imuloop.diagnose.content import candidate_entries, effect_entries, residual_entry, untried
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted
-from imuloop.diagnose.residuals import chi_square, floor_variance, size
-from imuloop.diagnose.verdict import UNTRIED, Judged, above_floor, verdict
+from imuloop.diagnose.residuals import chi_square, floor_variance
+from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
 from imuloop.effects.sinusoid import Sinusoid
@@ -41,15 +40,10 @@ def static_content(sensor, finding, noise, change):
     judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
-    above = [
-        above_floor(
-            judge.p_value < share,
-            size(errors),
-            size(np.sqrt(floor)),
-            ratio_interval(problem.fold, np.sqrt(floor), errors, settings),
-        )
-        for judge, errors in zip(judged, (finding.before, finding.after), strict=True)
-    ]
+    kind, errors = problem.residual, (finding.before, finding.after)
+    residual, above = residual_entry(
+        problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share
+    )
     entries = effect_entries(sensor, finding.effects, choices)
     for entry, own in zip(entries, choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis]
@@ -60,22 +54,11 @@ def static_content(sensor, finding, noise, change):
     listed = {c["name"] for c in tried}
     return {
         "verdict": verdict(*above, added),
-        "residuals": {
-            problem.residual: {
-                "unit": UNITS[sensor],
-                "n": len(finding.before),
-                "floor": size(np.sqrt(floor)),
-                "before": size(finding.before),
-                "after": size(finding.after),
-                "chi2_before": judged[0].reduced_chi2,
-                "chi2_after": judged[1].reduced_chi2,
-                "sessions": _by_axis(axes, finding, floor),
-            }
-        },
+        "residuals": {kind: residual | {"sessions": _by_axis(axes, finding, floor)}},
         "effects": entries,
         "candidates": tried
         + [
-            {"name": name, "status": "not_observable", "why": _unseen(cls), **UNTRIED}
+            untried(name, "not_observable", _unseen(cls))
             for name, cls in Effect.library.items()
             if sensor in cls.sensors and name not in listed
         ],
