@@ -1,7 +1,8 @@
 """What the formats share that take one noise density and one bias random walk a sensor."""
 
 from imuloop.core.errors import Lacking
-from imuloop.export.exported import CHANNELS, comment, number
+from imuloop.core.samples import SENSORS
+from imuloop.export.exported import comment, number
 
 # SI units of the coefficients
 UNITS = {
@@ -52,7 +53,7 @@ def calibration_left_out(device):
 def effect_lines(device, carried=()):
     """Return a line for each effect of the calibration that a format does not carry."""
     lines = []
-    for sensor in CHANNELS:
+    for sensor in SENSORS:
         for line in device.effects(sensor):
             if line.split(":")[0] not in carried:
                 lines.append(f"Effect not carried, {sensor}: {line}")

@@ -8,10 +8,8 @@ import numpy as np
 from imuloop.core.errors import Lacking, one_line
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.samples import SENSORS
 
-# channels of each sensor
-CHANNELS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 # what follows K (raw - b) by the contract; every file says it
 MODEL = "x = T (K (raw - b) - e)"
 
@@ -86,13 +84,13 @@ class Exported:
         """Return a line for each sensor that is not fully calibrated, with the reason."""
         return [
             f"{name}: {sensor.method} ({sensor.not_testable})"
-            for name in CHANNELS
+            for name in SENSORS
             if (sensor := self.sensor(name)).not_testable
         ]
 
     def need_calibration(self):
         """Raise Lacking, with the reasons, where nothing was measured of either sensor."""
-        if not any(map(self.measured, CHANNELS)):
+        if not any(map(self.measured, SENSORS)):
             raise Lacking(f"no calibration; {'; '.join(self.limits())}")
 
     def need_rate(self):
@@ -126,7 +124,7 @@ class Exported:
 
     def worst(self, sensor, term):
         """Return the largest coefficient of a sensor's axes, for formats with one a sensor."""
-        return max((self.density(axis, term) for axis in CHANNELS[sensor]), key=lambda d: d.value)
+        return max((self.density(axis, term) for axis in SENSORS[sensor]), key=lambda d: d.value)
 
     def effects(self, sensor):
         """Return a line for each effect of a sensor: name, equation, sizes, constants."""
