@@ -129,7 +129,7 @@ class _Drawn:
         ]
         return cls(
             fits,
-            tuple(f.log_weight + _spent(f.square, f) for f in fits),
+            tuple(f.log_weight + f.spent for f in fits),
             sight.gram((*columns, *own)),
             product,
             square,
@@ -170,10 +170,9 @@ class _Drawn:
             square - (np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]).sum(1)
             for n in (base, base + q)
         ]
-        fits = [
-            replace(f, square=v, log_weight=p[:, None] - _spent(v, f))
-            for f, v, p in zip(self.fits, left, self.prior, strict=True)
-        ]
+        fits = [replace(f, square=v) for f, v in zip(self.fits, left, strict=True)]
+        each = zip(fits, self.prior, strict=True)
+        fits = [replace(f, log_weight=p[:, None] - f.spent) for f, p in each]
         log_p = averaged_log_p(*fits, q)
         passed = fisher([log_p] + [np.full(len(log_p), CHANCE)] * (axes - 1)) < needed
         if not (kept and passed.any()):
@@ -233,13 +232,6 @@ def _records(sight, fit, seed):
         values.append(white)
         variance.append(spread)
     return values, np.concatenate(variance)
-
-
-def _spent(square, fit):
-    """Return what residuals take from the logarithm of a fit's weight, (h,) or (h, m)."""
-    least = fit.least if square.ndim == 1 else fit.least[:, None]
-    scale = np.maximum(least, square / fit.dof)
-    return (fit.dof * np.log(scale) + square / scale) / 2
 
 
 def _held_out(weights, folds, parts, design, values):
