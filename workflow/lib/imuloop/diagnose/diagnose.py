@@ -183,7 +183,8 @@ def undiagnosed(device, why):
 def _content(device, blocks):
     """Return the content of diagnosis.json of each sensor's poses and static record."""
     sensors = {
-        s: dict(zip(("poses", "static_record"), own, strict=True)) for s, own in blocks.items()
+        sensor: {"poses": poses, "static_record": static}
+        for sensor, (poses, static) in blocks.items()
     }
     return {"format": FORMAT, "device": device, "sensors": sensors}
 

@@ -65,12 +65,11 @@ def validate_attitude(device, gravity, diagnosed, settings):
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
     recording, whole = diagnosed.recording, diagnosed.solutions["gyroscope"]
-    force, turn = diagnosed.sensors["accelerometer"], diagnosed.sensors["gyroscope"]
-    effects = diagnosed.effects
-    # an accelerometer that the poses do not determine is given
-    sensors = {"accelerometer": force if effects["accelerometer"] is not None else None}
-    sensors["gyroscope"] = turn
-    effects = {sensor: found or () for sensor, found in effects.items()}
+    sensors, turn = dict(diagnosed.sensors), diagnosed.sensors["gyroscope"]
+    if diagnosed.effects["accelerometer"] is None:
+        # where the poses cannot test it, it is given
+        sensors["accelerometer"] = None
+    effects = {sensor: found or () for sensor, found in diagnosed.effects.items()}
     reason = turn.untestable(recording)
     if reason is None and whole is None:
         reason = "the poses determine no calibration of the gyroscope"

@@ -148,9 +148,9 @@ def _diagnosed(choices):
     share, residuals, above, slow = settings.significance / KINDS, {}, (False, False), False
     for kind, (unit, _) in sensor.kinds.items():
         rows = problem.of_kind(kind)
-        own = [each[kind] for _, each in judged]
-        entry, over = residual_entry(problem, kind, unit, rows, own, errors, floor, share)
-        above = np.logical_or(above, over)
+        own = [side[kind] for _, side in judged]
+        entry, found = residual_entry(problem, kind, unit, rows, own, errors, floor, share)
+        above = np.logical_or(above, found)
         slow |= own[1].estimated < share
         each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
         residuals[kind] = entry | {
