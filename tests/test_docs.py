@@ -17,7 +17,6 @@ import yaml
 
 from imuloop import Calibration
 from imuloop.__main__ import main
-from imuloop.calibrate.planned import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config_faults import config_faults
 from imuloop.core.effect import Effect
@@ -27,6 +26,7 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import FORMATS
 from imuloop.noise.settings import NoiseSettings
+from imuloop.plan.planned import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.pose_plot import largest_hole
 from imuloop.report.recording_gain import WIDE_HOLE
 from imuloop.segment.settings import SegmentSettings

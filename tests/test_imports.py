@@ -17,9 +17,10 @@ ARROWS = {
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "validate": {"effects", "calibrate", "diagnose"},
+    "plan": {"calibrate", "diagnose"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
-    "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "export"},
+    "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},
 }
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}

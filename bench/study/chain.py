@@ -10,6 +10,7 @@ import numpy as np
 from imuloop import chain
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import raw_units, read_recording
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -17,7 +18,6 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 

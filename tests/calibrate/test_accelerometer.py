@@ -12,8 +12,9 @@ from imuloop.calibrate.accelerometer import (
     lost_accelerometer,
     untestable_accelerometer,
 )
-from imuloop.calibrate.calibrate import calibrate_accelerometer, direction_unknown
+from imuloop.calibrate.calibrate import calibrate_accelerometer
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import direction_unknown
 from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings

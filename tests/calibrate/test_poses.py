@@ -8,13 +8,13 @@ import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope, rest_bias
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.poses import gather_poses, gather_rotations
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()

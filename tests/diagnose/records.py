@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.effect import Channels
 from imuloop.diagnose.records.means import StaticRecord
-from imuloop.diagnose.records.slow_noise import mean_covariance, unit_noise
+from imuloop.diagnose.records.slow_noise import unit_noise
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -30,7 +30,7 @@ def root(n, flicker=0.0, walk=0.0):
     """
     span = n * LENGTH
     parts = (1.0, "N"), (flicker * np.pi / span, "B"), (walk * (np.pi / span) ** 2, "K")
-    covariance = sum(f * mean_covariance(unit_noise(name), windows(n)) for f, name in parts)
+    covariance = sum(f * unit_noise(name).mean_covariance(windows(n)) for f, name in parts)
     return np.linalg.cholesky(covariance)
 
 

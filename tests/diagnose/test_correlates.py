@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, known_noise, recording
+from imuloop.calibrate.pose_fits import AccelerometerPoses
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses
 from imuloop.diagnose.records.probes import harmonics
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth

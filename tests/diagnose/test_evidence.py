@@ -7,7 +7,7 @@ from scipy.stats import f as f_distribution
 from diagnose.records import LENGTH, record, root, search
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.p_values import log_f_tail
-from imuloop.diagnose.records.slow_noise import mean_covariance, ratios, unit_noise
+from imuloop.diagnose.records.slow_noise import ratios, unit_noise
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.ramp import Ramp
 from imuloop.effects.steps import Steps
@@ -71,7 +71,7 @@ def test_a_fit_is_that_of_generalised_least_squares(held):
                 axis=1,
             )
             covariance = sum(
-                f * mean_covariance(unit_noise(name), rec.windows[rows])
+                f * unit_noise(name).mean_covariance(rec.windows[rows])
                 for f, name in zip((1, *grid[point]), "NBK", strict=True)
             )
             parts.append((rec.values[rows, 1], np.ones((len(rows), 1)), own[rows], covariance))

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from imuloop.core import rest_log
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, Columns
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.records import means
 from imuloop.diagnose.records.means import (
     LEAST_MEANS,
     LEAST_SAMPLES,
@@ -148,7 +148,7 @@ def test_a_log_is_the_same_in_parts(missing, monkeypatch, tmp_path):
         whole.channels.remembered(lambda c, *of, function=function: function(c, *of), *constants)
         for function, *constants in remembered
     ]
-    monkeypatch.setattr(means, "PART", 1000)
+    monkeypatch.setattr(rest_log, "PART", 1000)
     parts = made(Columns(tmp_path / "s.parquet"), cut, 5.0, "accelerometer")
     np.testing.assert_array_equal(parts.windows, whole.windows)
     np.testing.assert_allclose(parts.values, whole.values, rtol=1e-13)
@@ -165,5 +165,5 @@ def test_a_log_is_the_same_in_parts(missing, monkeypatch, tmp_path):
 def test_an_axis_that_never_changes_has_the_same_mean_everywhere(monkeypatch):
     samples = log()
     samples["gy"] = 0.1
-    monkeypatch.setattr(means, "PART", 1000)
+    monkeypatch.setattr(rest_log, "PART", 1000)
     assert np.ptp(made(samples).values, axis=0)[1] == 0

@@ -8,9 +8,9 @@ import pytest
 from calibrate.devices import recording
 from diagnose.models import pose_sensors
 from diagnose.test_search import G_SENSITIVITY, MATRIX, problem_of, with_g_sensitivity
+from imuloop.calibrate.pose_fits import residuals
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_fits import residuals
 from imuloop.simulate.truth import example_truth
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.effect import find_effect
-from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_fits import (
+from imuloop.calibrate.pose_fits import (
     AccelerometerPoses,
     GyroscopePoses,
     fitted_calibration,
 )
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import find_effect
+from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import chi_square, floor_variance, held_out_variance, size
 from imuloop.diagnose.settings import DiagnoseSettings

@@ -11,11 +11,11 @@ import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import recording
 from diagnose.models import pose_sensors
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choice, Choices, ratio_interval
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, directions_without
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import floor_variance
 from imuloop.diagnose.search import Search, Trial

@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from diagnose.records import windows
-from imuloop.core.noise_model import Coefficient, NoiseModel
-from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.records.slow_noise import hypotheses, mean_covariance, ratios, unit_noise
-
-
-def test_kernels_are_those_of_the_noise_model():
-    at = windows(20)[[0, 1, 2, 5, 9, 19]]
-    for name in "QNBK":
-        noise = unit_noise(name)
-        expected = NoiseModel("d", dict.fromkeys(CHANNELS, noise)).pose_mean_covariance(at)[0]
-        np.testing.assert_allclose(mean_covariance(noise, at), expected, rtol=1e-12)
+from imuloop.core.noise_model import Coefficient
+from imuloop.diagnose.records.slow_noise import hypotheses, ratios, unit_noise
 
 
 def test_the_grid_holds_precisions_of_white_flicker_and_walk():
@@ -26,7 +17,7 @@ def test_the_grid_holds_precisions_of_white_flicker_and_walk():
         axis = type(unit_noise("N"))(
             N=unit_noise("N").N, B=_known(np.sqrt(b)), K=_known(np.sqrt(k))
         )
-        covariance = mean_covariance(axis, at)
+        covariance = axis.mean_covariance(at)
         np.testing.assert_allclose(noise.precision[point] @ covariance, np.eye(30), atol=1e-7)
         assert noise.log_det[point] == pytest.approx(np.linalg.slogdet(covariance)[1])
 

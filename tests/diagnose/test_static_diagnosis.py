@@ -10,10 +10,10 @@ import imuloop.effects  # noqa: F401  the library of effects
 from diagnose.records import LENGTH
 from diagnose.records import record as made_record
 from diagnose.test_means import calibration
+from imuloop.core import rest_log
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.records import means
-from imuloop.diagnose.records.correction import corrected, write_allan
+from imuloop.diagnose.records.correction import corrected
 from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, find, static_tests
@@ -21,6 +21,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.tables import write_allan
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02
 SENSORS = ("accelerometer", "gyroscope")
@@ -167,7 +168,7 @@ def test_corrected_samples_are_the_same_in_parts(warm, monkeypatch):
     made, _, result = warm
     arguments = "a", made.log("a"), calibration(), result.effects
     whole = corrected(*arguments)
-    monkeypatch.setattr(means, "PART", 1000)
+    monkeypatch.setattr(rest_log, "PART", 1000)
     for name, values in corrected(*arguments).items():
         np.testing.assert_array_equal(values, whole[name])
 

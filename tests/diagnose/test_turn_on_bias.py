@@ -8,11 +8,11 @@ import pytest
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import RATE_UNIT, known_noise
 from diagnose.models import accelerometer_poses
+from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.records.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings

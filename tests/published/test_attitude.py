@@ -5,10 +5,10 @@ import numpy as np
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import fit_gyroscope, gyroscope_model
+from imuloop.calibrate.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.validate.attitude_models import blocks
 

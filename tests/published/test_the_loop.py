@@ -5,16 +5,16 @@ import pytest
 
 import imuloop.effects  # noqa: F401  loads the library
 from imuloop.calibrate.calibrate import read_recording
+from imuloop.calibrate.pose_fits import (
+    AccelerometerPoses,
+    GyroscopePoses,
+    fitted_calibration,
+)
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_fits import (
-    AccelerometerPoses,
-    GyroscopePoses,
-    fitted_calibration,
-)
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.settings import DiagnoseSettings
 

@@ -40,7 +40,8 @@ TOLD = dict.fromkeys(NOTHING, ((), None))
 
 
 def validated(sensors, made, whole, effects=NOTHING):
-    diagnosed = Diagnosed({}, None, sensors, made, whole, effects, TOLD, ["turns"], 20)
+    solutions = {"gyroscope": whole}
+    diagnosed = Diagnosed({}, None, {}, sensors, made, solutions, effects, TOLD, ["turns"], 20)
     return validate_attitude("d", 9.80665, diagnosed, SETTINGS)
 
 

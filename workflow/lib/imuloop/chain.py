@@ -205,44 +205,47 @@ def diagnose(device):
     from imuloop.calibrate.calibrate import told
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
-    from imuloop.diagnose.diagnose import diagnose_device, write_undiagnosed
+    from imuloop.diagnose.diagnose import calibrated, diagnose_device, undiagnosed
     from imuloop.diagnose.settings import DiagnoseSettings
     from imuloop.noise.settings import NoiseSettings
-    from imuloop.noise.tables import write_table
+    from imuloop.noise.tables import write_allan, write_table
+    from imuloop.plan.next_recording import next_recording
     from imuloop.validate.attitude import no_attitude, validate_attitude
 
     given = {name: device.file(f"{name}.json") for name in ("six_position", "multi_position")}
-    what = {
-        "device": device.name,
-        "sessions": device.sessions,
-        **given,
-        "diagnosis_path": device.file("diagnosis.json"),
-        "calibration_path": device.file("calibration.json"),
-    }
     noise_path = device.file("noise.json")
 
-    def write(attitude, table):
+    def write(diagnosis, calibration, allan, attitude, table):
+        write_json(device.file("diagnosis.json"), diagnosis)
+        calibration.to_json(device.file("calibration.json"))
+        for name, files in device.sessions.items():
+            write_allan(files["allan_raw"], allan.get(name), files["allan"])
         write_json(device.file("attitude.json"), attitude)
         write_table(device.file("attitude.parquet"), table)
 
     def work():
         settings = DiagnoseSettings(**device.diagnose)
-        diagnosed = diagnose_device(
-            **what,
+        found = diagnose_device(
+            device=device.name,
             gravity=device.gravity,
+            sessions=device.sessions,
             noise=noise_path,
+            **given,
             calibrate_settings=CalibrateSettings(**device.calibrate),
             settings=settings,
             noise_settings=NoiseSettings(**device.noise),
         )
-        attitude, table = validate_attitude(device.name, device.gravity, diagnosed, settings)
+        what = found.sensors, found.solutions, found.calibration, found.recording
+        diagnosis = found.content | {"next_recording": next_recording(*what)}
+        attitude, table = validate_attitude(device.name, device.gravity, found, settings)
         if "why" in attitude:
             attitude["why"] = told(attitude["why"], device.sessions)
-        write(attitude, table)
+        write(diagnosis, found.calibration, found.allan, attitude, table)
 
-    def instead(*why):
-        write_undiagnosed(**what, why=why)
-        write(*no_attitude(device.name, why[0]))
+    def instead(reason, failed):
+        diagnosis = undiagnosed(device.name, reason) | {"next_recording": {}}
+        diagnosis |= {"failed": failed} if failed else {}
+        write(diagnosis, calibrated(**given), {}, *no_attitude(device.name, reason))
 
     return attempt(device, "diagnose", work, instead, [noise_path, given["multi_position"]])
 

@@ -8,14 +8,18 @@ from scipy.linalg import LinAlgError
 from imuloop.calibrate import accelerometer, gyroscope, six_position
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import (
+    AccelerometerPoses,
+    direction_unknown,
+    fitted_calibration,
+    in_raw_units,
+)
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.recording import Recording, record
 from imuloop.core.calibration_faults import sensor_fault
-from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import (
-    ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
     TEMPERATURE,
@@ -108,69 +112,6 @@ def raw_units(sessions, kinds):
     )
 
 
-def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
-    """Return the calibration that parameters in SI as logged stand for, in raw units.
-
-    ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``.
-
-    Parameters
-    ----------
-    unit : RawUnit
-        Unit of the log.
-    base : tuple of str
-        Names of the base parameters: misalignment, three scale factors, three biases.
-    x : ndarray, shape (p,)
-        The base parameters, then those of the effects; SI as logged.
-    covariance : ndarray, shape (p, p)
-        Theirs.
-    method : {'multi_position', 'six_position'}
-        What they come from.
-    effects : sequence of Effect
-        The effects whose parameters follow the base's.
-    known : sequence of FittedEffect
-        Effects that are known from elsewhere.
-    reduced_chi2 : float, optional
-        Of the fit.
-
-    Returns
-    -------
-    SensorCalibration
-        Names of an effect's parameters begin with its own: ``g_sensitivity.G00``.
-    """
-    count = len(base)
-    factor = np.ones(len(x))
-    factor[count - 6 : count - 3] = unit.scale
-    factor[count - 3 : count] = 1 / unit.scale
-    raw = x * factor
-    T = np.eye(3)
-    for name, value in zip(base[:-6], x[: count - 6], strict=True):
-        T[int(name[1]), int(name[2])] = value
-    std = np.sqrt(np.diag(covariance))
-    fitted, names, at = [], list(base), count
-    for effect in effects:
-        part = slice(at, at + len(effect.parameters))
-        fitted.append(
-            FittedEffect(
-                effect,
-                dict(zip(effect.parameters, x[part].tolist(), strict=True)),
-                dict(zip(effect.parameters, std[part].tolist(), strict=True)),
-            )
-        )
-        names += [f"{effect.name}.{p}" for p in effect.parameters]
-        at = part.stop
-    return SensorCalibration(
-        raw_unit=unit,
-        T=T,
-        K=raw[count - 6 : count - 3],
-        b=raw[count - 3 : count] + unit.offset,
-        names=tuple(names),
-        covariance=covariance * np.outer(factor, factor),
-        effects=(*known, *fitted),
-        method=method,
-        reduced_chi2=reduced_chi2,
-    )
-
-
 def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     """Return the multi-position calibration of the accelerometer.
 
@@ -192,45 +133,19 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     SensorCalibration
         Nominal, with the reason, where the poses do not determine it.
     """
-    reason = accelerometer.untestable_accelerometer(
-        poses, gravity, settings.largest_condition
-    ) or poses.unknown_noise(noise, ACCELERATION)
-    if reason:
+    sensor, recording = AccelerometerPoses(noise, gravity, unit, settings), Recording(poses)
+    if reason := sensor.untestable(recording):
         return SensorCalibration.nominal(unit, reason)
-    means = poses.mean_covariance(noise)[:3]
     try:
-        fit, _ = accelerometer.fit_accelerometer(Recording(poses), means, gravity)
+        solution = sensor.fit(recording)
     except LinAlgError:
         return SensorCalibration.nominal(unit, SINGULAR)
-    if reason := accelerometer.lost_accelerometer(fit, gravity, settings.largest_condition):
+    if reason := sensor.lost(solution, recording):
         return SensorCalibration.nominal(unit, reason)
-    made = in_raw_units(
-        unit,
-        accelerometer.NAMES,
-        fit.x,
-        fit.scaled_covariance,
-        method="multi_position",
-        reduced_chi2=fit.reduced_chi2,
-    )
+    made = fitted_calibration(sensor, solution)
     if fault := sensor_fault(made, "accelerometer"):
         return SensorCalibration.nominal(unit, f"the fit gives what no sensor has: {fault}")
     return made
-
-
-def direction_unknown(force):
-    """Return why the direction of gravity at the poses is not known, or None if it is.
-
-    An accelerometer as its data sheet has it may be degrees off: what a gyroscope fits to that is
-    no better than its own data sheet.
-
-    Parameters
-    ----------
-    force : SensorCalibration
-        The best of the accelerometer.
-    """
-    if force.method != "nominal":
-        return None
-    return f"direction of gravity not known: {force.not_testable}"
 
 
 def calibrate_gyroscope(recording, noise, force, unit, settings):

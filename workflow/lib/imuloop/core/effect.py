@@ -95,7 +95,7 @@ class Effect:
     name : str
         Name of the effect, as in results.
     sensors : tuple of str
-        The sensors that can have it: ``accelerometer``, ``gyroscope``.
+        The sensors that can have it: both if not said.
     parameters : dict of str to str
         Names of the parameters and their SI units; ``output`` in a unit is that of the sensor.
     equation, reference : str
@@ -117,7 +117,7 @@ class Effect:
     """
 
     name: ClassVar[str]
-    sensors: ClassVar[tuple[str, ...]]
+    sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
     parameters: ClassVar[dict[str, str]]
     equation: ClassVar[str]
     reference: ClassVar[str]
@@ -210,9 +210,13 @@ class FittedEffect:
         """Name of the effect in the library."""
         return self.effect.name
 
+    @property
+    def vector(self):
+        """Parameters in the order of the effect's derivative, shape (p,), SI."""
+        return np.array([self.values[name] for name in self.effect.parameters])
+
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
-        values = np.array([self.values[name] for name in self.effect.parameters])
         design = self.effect.design(channels)
         if self.seen:
             low, high = np.transpose(
@@ -223,7 +227,7 @@ class FittedEffect:
             if channels.held is not None:
                 channels.held[self.name] = np.any(held != design, axis=(1, 2))
             design = held
-        return design @ values
+        return design @ self.vector
 
     def held_to(self, channels):
         """Return the same, held to what its derivative is in these data.

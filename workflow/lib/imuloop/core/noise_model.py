@@ -49,6 +49,12 @@ class Coefficient:
         return self.upper95 if self.value is None else self.value
 
     @classmethod
+    def of(cls, value, error):
+        """Return a coefficient that the data support, of its value and standard error."""
+        low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
+        return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
+
+    @classmethod
     def from_dict(cls, content):
         """Return the coefficient from its JSON form."""
         interval = content["ci95"]
@@ -241,6 +247,34 @@ class AxisNoise:
             total = total + line.amplitude.square * np.cos(omega * d) / (2 * omega**2)
         return total
 
+    def mean_covariance(self, windows, shared=None):
+        """Return the covariance of the mean output over windows of time, shape (n, n).
+
+        The levels of flicker and walk, common to all windows, are the smallest natural ones (see
+        `kernel`, walk from the first window on): they are what a fitted bias absorbs.
+
+        Parameters
+        ----------
+        windows : ndarray, shape (n, 2)
+            Start and end of each window in s, in any order; they may touch or overlap.
+        shared : tuple, optional
+            `edges` of the same windows, where several axes have them.
+        """
+        times, start, end, common = shared or edges(windows)
+        k = self.kernel(times, times[-1], common)
+        k = k[end] - k[start]
+        k = k[:, end] - k[:, start]
+        length = windows[:, 1] - windows[:, 0]
+        return (k + k.T) / (2 * length[:, None] * length)
+
+
+def edges(windows):
+    """Return times at which windows start or end, from the first on, their places, and `lags`."""
+    times = np.unique(windows)
+    start, end = np.searchsorted(times, windows).T
+    times = times - times[0]
+    return times, start, end, lags(times, times[-1])
+
 
 def lags(t, span):
     """Return what the kernels of all axes share at times t: d, d², ln - 3/2, s² and t/2 - s/6."""
@@ -302,14 +336,12 @@ class NoiseModel:
         """Return the covariance of the mean outputs over windows of time.
 
         Coefficients that are not identifiable count as 0, so a model without any gives zeros.
-        The levels of flicker and walk, common to all windows, are the smallest natural ones (see
-        `AxisNoise.kernel`, walk from the first window on): they are what a fitted bias absorbs.
         The ramp is no random process and is not part of the covariance.
 
         Parameters
         ----------
         windows : array_like, shape (n, 2)
-            Start and end of each window in s, in any order; they may touch or overlap.
+            As of `AxisNoise.mean_covariance`.
 
         Returns
         -------
@@ -324,24 +356,14 @@ class NoiseModel:
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2:
             raise ValueError(f"windows: shape (n, 2) needed, got {windows.shape}")
-        length = windows[:, 1] - windows[:, 0]
-        if not np.all(length > 0):
+        if not np.all(windows[:, 1] > windows[:, 0]):
             raise ValueError("windows: each must end after its start")
         if not len(windows):
             return np.zeros((len(CHANNELS), 0, 0))
-        times = np.unique(windows)
-        start, end = np.searchsorted(times, windows).T
-        times = times - times[0]
-
-        covariance = np.empty((len(CHANNELS), len(length), len(length)))
-        shared = lags(times, times[-1])
+        shared, covariance = edges(windows), np.empty((len(CHANNELS), len(windows), len(windows)))
         # an axis at a time: a record of days has thousands of windows
         for total, axis in zip(covariance, CHANNELS, strict=True):
-            k = self.axes[axis].kernel(times, times[-1], shared)
-            k = k[end] - k[start]
-            k = k[:, end] - k[:, start]
-            np.add(k, k.T, out=total)
-            total /= 2 * length[:, None] * length
+            total[:] = self.axes[axis].mean_covariance(windows, shared)
         return covariance
 
     def to_dict(self):

@@ -21,6 +21,8 @@ ACCELERATION = ("ax", "ay", "az")
 ANGULAR_RATE = ("gx", "gy", "gz")
 # the six axes in the order of every table
 CHANNELS = ACCELERATION + ANGULAR_RATE
+# the columns of each sensor
+SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 # temperature, degC
 TEMPERATURE = "temperature"
 # time as the log's stamps have it, s from the first sample; beside a `t` that was rebuilt

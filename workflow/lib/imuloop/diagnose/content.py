@@ -2,10 +2,58 @@
 
 from dataclasses import asdict
 
+import numpy as np
+
+from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.likeness import holder, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import UNTRIED, unseen
+from imuloop.diagnose.verdict import above_floor, unseen
+
+
+def residual_entry(problem, kind, unit, rows, judged, errors, floor, share):
+    """Return the entry of one kind of residual, and whether it is above its floor.
+
+    Parameters
+    ----------
+    problem : Problem
+        Data and settings.
+    kind, unit : str
+        Kind of residual and its unit.
+    rows : index
+        Its rows.
+    judged : (Judged, Judged)
+        What the fits leave, without the effects and with them.
+    errors : (ndarray, ndarray), shape (M, a)
+        Held-out errors, without the effects and with them.
+    floor : ndarray, shape (M, a)
+        Variance that the noise alone gives them.
+    share : float
+        Significance of this kind.
+
+    Returns
+    -------
+    dict
+        The contract's fields that every kind has.
+    list of bool
+        Without the effects and with them.
+    """
+    noise, sizes, above = np.sqrt(floor[rows]), [], []
+    least = size_of(problem, kind, noise)
+    for judge, own in zip(judged, errors, strict=True):
+        sizes.append(size_of(problem, kind, own[rows]))
+        ratio = ratio_interval(problem.fold[rows], noise, own[rows], problem.settings)
+        above.append(above_floor(judge.p_value < share, sizes[-1], least, ratio))
+    entry = {
+        "unit": unit,
+        "n": len(noise) // problem.components(kind),
+        "floor": least,
+        "before": sizes[0],
+        "after": sizes[1],
+        "chi2_before": judged[0].reduced_chi2,
+        "chi2_after": judged[1].reduced_chi2,
+    }
+    return entry, above
 
 
 def effect_entries(sensor, fitted, choices):
@@ -50,11 +98,14 @@ def candidate_entries(sensor, choices, others):
     problem = choices.problem
     return [
         *(_candidate(sensor, choices, cls) for cls in (*problem.shapes, *problem.scans)),
-        *(
-            {"name": cls.name, "status": status, "why": why, **UNTRIED}
-            for cls, (status, why) in others.items()
-        ),
+        *(untried(cls.name, status, why) for cls, (status, why) in others.items()),
     ]
+
+
+def untried(name, status, why):
+    """Return the entry of a candidate that could not be tried."""
+    figures = ("p_value", "heldout_after", "detection_limit", "confounded_with")
+    return {"name": name, "status": status, "why": why, **dict.fromkeys(figures)}
 
 
 def _candidate(sensor, choices, cls):
@@ -68,9 +119,7 @@ def _candidate(sensor, choices, cls):
     elif trial is None:
         name, before, trial = holder(search, choice.base, cls), (), search.trial((), cls)
         if name is None:
-            return {"name": cls.name, "status": "not_observable", **UNTRIED} | {
-                "why": problem.unseen(search, cls)
-            }
+            return untried(cls.name, "not_observable", problem.unseen(search, cls))
         status, why = "confounded", f"{name} adds all that it would: they are one in these data"
     elif cls in choice.failed:
         low, high = choice.failed[cls]

@@ -8,46 +8,44 @@ import numpy as np
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_recording, told, usable
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
-from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.diagnose.next_recording import next_recording
-from imuloop.diagnose.records.correction import write_allan
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.records.pose_diagnosis import (
     diagnose_poses,
     directions_without,
     pose_candidates,
 )
-from imuloop.diagnose.records.pose_fits import AccelerometerPoses, GyroscopePoses, Solution
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import NOTHING
-from imuloop.noise.settings import NoiseSettings
 
 # version of the JSON file
 FORMAT = 1
-SENSORS = ("accelerometer", "gyroscope")
 
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """The diagnosis of a device, and what its validation takes from there.
+    """The diagnosis of a device, and what its validation and the next recording take from there.
 
     Attributes
     ----------
     content : dict
-        Content of diagnosis.json.
+        Content of diagnosis.json, but for the next recording.
     calibration : Calibration
         With the effects that were added.
+    allan : dict of str to dict of ndarray
+        Allan table of each session without the effects; empty where nothing was taken out.
     sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
-        How each is fitted; an accelerometer that the poses do not determine is None.
+        How each is fitted.
     recording : Recording
         All poses and rotations.
-    whole : Solution or None
-        Fit of the gyroscope to all poses, effects included; None where they determine none.
-    effects : dict of str to tuple of Effect
-        Effects by sensor that all poses together show.
+    solutions : dict of str to (Solution or None)
+        Fit of each to all poses, effects included; None where they determine none.
+    effects : dict of str to (tuple of Effect or None)
+        Effects by sensor that all poses together show; None where they could not be tested.
     told : dict of str to (tuple of Effect, callable or None)
         By sensor the effects that other records show, and what these tell, as of PoseProblem.
     names : sequence of str
@@ -58,9 +56,10 @@ class Diagnosed:
 
     content: dict
     calibration: Calibration
+    allan: dict
     sensors: dict
     recording: Recording
-    whole: Solution | None
+    solutions: dict
     effects: dict
     told: dict
     names: list
@@ -77,11 +76,9 @@ def diagnose_device(
     multi_position,
     calibrate_settings,
     settings,
-    noise_settings=None,
-    diagnosis_path,
-    calibration_path,
+    noise_settings,
 ):
-    """Diagnose a device and write the diagnosis and the final calibration.
+    """Diagnose a device.
 
     Parameters
     ----------
@@ -90,23 +87,19 @@ def diagnose_device(
     gravity : float
         Local gravity, m/s^2.
     sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session; ``allan_raw`` and ``allan``
-        where its Allan curves are to be written with the corrected ones.
+        ``kind``, ``samples`` and ``segments`` (paths) of each session.
     noise, six_position, multi_position : path-like
         Results of the stages before.
     calibrate_settings : CalibrateSettings
         Settings of the calibration that is repeated with effects.
     settings : DiagnoseSettings
         Settings.
-    noise_settings : NoiseSettings, optional
+    noise_settings : NoiseSettings
         Settings of the noise stage, whose Allan curves are made again without the effects.
-    diagnosis_path, calibration_path : path-like
-        Where to write.
 
     Returns
     -------
     Diagnosed
-        What was written, and what the validation takes.
     """
     model = NoiseModel.from_json(noise)
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
@@ -119,9 +112,7 @@ def diagnose_device(
     )
     # first the static records: the poses have their effects too, and the noise without these; but
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
-    still = diagnose_static(
-        data, records, base, model, settings, noise_settings or NoiseSettings(), tests
-    )
+    still = diagnose_static(data, records, base, model, settings, noise_settings, tests)
     of_own_session = "static" in data.kinds.values()
     shown = {
         sensor: still.told(sensor, recording.poses.temperature is not None)
@@ -165,76 +156,37 @@ def diagnose_device(
         },
     )
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
-    force_content, turn_content = force.content, turn.content
-    for block in (force_content, turn_content):
-        if "why" in block:
-            block["why"] = told(block["why"], sessions)
-    diagnosis = {
-        "format": FORMAT,
-        "device": device,
-        "sensors": {
-            "accelerometer": {
-                "poses": force_content,
-                "static_record": still.content["accelerometer"],
-            },
-            "gyroscope": {"poses": turn_content, "static_record": still.content["gyroscope"]},
-        },
-        "next_recording": next_recording(
-            dict(zip(SENSORS, (force_model, turn_model), strict=True)),
-            solutions,
-            final,
-            recording,
-        ),
-    }
-    write_json(diagnosis_path, diagnosis)
-    for name, session in sessions.items():
-        if "allan_raw" in session:
-            write_allan(session["allan_raw"], still.allan.get(name), session["allan"])
-    final.to_json(calibration_path)
+    found = dict(zip(SENSORS, (force, turn), strict=True))
+    for each in found.values():
+        if "why" in each.content:
+            each.content["why"] = told(each.content["why"], sessions)
     return Diagnosed(
-        diagnosis,
+        _content(device, {s: (found[s].content, still.content[s]) for s in SENSORS}),
         final,
-        {"accelerometer": force_model if force.choices else None, "gyroscope": turn_model},
+        still.allan,
+        dict(zip(SENSORS, (force_model, turn_model), strict=True)),
         recording,
-        turn.solution,
-        {"accelerometer": force.effects, "gyroscope": turn.effects},
+        solutions,
+        {sensor: each.effects for sensor, each in found.items()},
         shown,
         [n for n, s in sessions.items() if usable({n: s}, "multi_position")],
         tests,
     )
 
 
-def write_undiagnosed(
-    *,
-    device,
-    sessions,
-    six_position,
-    multi_position,
-    diagnosis_path,
-    calibration_path,
-    why,
-):
-    """Write a diagnosis that tested nothing, with the calibration of the stage before it.
+def undiagnosed(device, why):
+    """Return the content of diagnosis.json where nothing could be tested, with the reason."""
+    untested = {"verdict": "not_testable", "why": why, **NOTHING}
+    return _content(device, dict.fromkeys(SENSORS, (untested, untested)))
 
-    Parameters
-    ----------
-    device, sessions, six_position, multi_position, diagnosis_path, calibration_path
-        As of `diagnose_device`.
-    why : (str, dict or None)
-        Reason, and the content of the key ``failed``.
-    """
-    reason, failed = why
-    untested = {"verdict": "not_testable", "why": reason, **NOTHING}
-    content = {
-        "format": FORMAT,
-        "device": device,
-        "sensors": {s: {"poses": untested, "static_record": untested} for s in SENSORS},
-        "next_recording": {},
+
+def _content(device, blocks):
+    """Return the content of diagnosis.json of each sensor's poses and static record."""
+    sensors = {
+        sensor: {"poses": poses, "static_record": static}
+        for sensor, (poses, static) in blocks.items()
     }
-    write_json(diagnosis_path, content | ({"failed": failed} if failed else {}))
-    calibrated(six_position, multi_position).to_json(calibration_path)
-    for session in sessions.values():
-        write_allan(session["allan_raw"], None, session["allan"])
+    return {"format": FORMAT, "device": device, "sensors": sensors}
 
 
 def calibrated(six_position, multi_position):

@@ -84,11 +84,6 @@ class Pattern:
     parameters: tuple[tuple[int, ...], ...]
     scale: tuple[np.ndarray, ...]
 
-    @property
-    def name(self):
-        """Name of the effect."""
-        return self.effect.name
-
 
 class Evidence:
     """Rows of all blocks with the patterns that may explain them.
@@ -166,6 +161,10 @@ class Evidence:
                 tuple(scale for _, scale, _ in own),
             )
         return tuple(self._patterns[effect] for effect in effects)
+
+    def columns_of(self, effects, axis):
+        """Return the columns of effects on an axis."""
+        return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def under(self, noise):
         """Return the same evidence under other Hypotheses about the noise of each block."""

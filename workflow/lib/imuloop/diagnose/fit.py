@@ -16,8 +16,8 @@ class Fit:
     inverse : ndarray, shape (h, k, k)
         Their covariance where the noise has the size of the hypothesis.
     square : ndarray, shape (h,)
-        χ² of the residual.
-    log_weight : ndarray, shape (h,)
+        χ² of the residual; (h, m) of m records at once.
+    log_weight : ndarray, shape (h,) or (h, m)
         Logarithm of restricted likelihood times prior.
     dof : int
         Degrees of freedom.
@@ -34,8 +34,14 @@ class Fit:
 
     @property
     def scale(self):
-        """Variance of the noise, relative to that of each hypothesis, shape (h,)."""
-        return np.maximum(self.least, self.square / self.dof)
+        """Variance of the noise, relative to that of each hypothesis, shape (h,) or (h, m)."""
+        # a hypothesis after the other, whatever the number of records
+        return np.maximum(self.least, self.square.T / self.dof).T
+
+    @property
+    def spent(self):
+        """What the residuals take from the logarithm of the weight, shape (h,) or (h, m)."""
+        return (self.dof * np.log(self.scale) + self.square / self.scale) / 2
 
     @property
     def covariance(self):

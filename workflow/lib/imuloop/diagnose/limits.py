@@ -129,7 +129,7 @@ class _Drawn:
         ]
         return cls(
             fits,
-            tuple(f.log_weight + _spent(f.square, f) for f in fits),
+            tuple(f.log_weight + f.spent for f in fits),
             sight.gram((*columns, *own)),
             product,
             square,
@@ -170,10 +170,9 @@ class _Drawn:
             square - (np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]).sum(1)
             for n in (base, base + q)
         ]
-        fits = [
-            replace(f, square=v, log_weight=p[:, None] - _spent(v, f))
-            for f, v, p in zip(self.fits, left, self.prior, strict=True)
-        ]
+        fits = [replace(f, square=v) for f, v in zip(self.fits, left, strict=True)]
+        each = zip(fits, self.prior, strict=True)
+        fits = [replace(f, log_weight=p[:, None] - f.spent) for f, p in each]
         log_p = averaged_log_p(*fits, q)
         passed = fisher([log_p] + [np.full(len(log_p), CHANCE)] * (axes - 1)) < needed
         if not (kept and passed.any()):
@@ -193,18 +192,14 @@ class _Drawn:
 def _with_pattern(search, base, trial, axis, k, records, needed, kept, size):
     """Return the share that is found where the noise is what data with the pattern let expect."""
     sight, effects = search.sight(base), (base, trial.effects)
-    columns, own = _columns(sight.evidence, effects, axis)
+    columns, own = (sight.evidence.columns_of(e, axis) for e in effects)
     left = sight.left((*columns, *own), axis)
     added = [size * each[own[k]] for each in sight.evidence.columns]
     values = [v + more for v, more in zip(left, added, strict=True)]
     other = sight.evidence.under(search.problem.noise_with(base, values))
-    again = _Drawn.of(search, other.sight(), *_columns(other, effects, axis), axis, records)
+    columns = (other.columns_of(e, axis) for e in effects)
+    again = _Drawn.of(search, other.sight(), *columns, axis, records)
     return again.found(k, size, trial.axes, needed, kept)
-
-
-def _columns(evidence, effects, axis):
-    """Return the columns on an axis of each of several sets of effects."""
-    return [tuple(c for p in evidence.patterns(e) for c in p.columns[axis]) for e in effects]
 
 
 def _grown(share, size, power):
@@ -237,13 +232,6 @@ def _records(sight, fit, seed):
         values.append(white)
         variance.append(spread)
     return values, np.concatenate(variance)
-
-
-def _spent(square, fit):
-    """Return what residuals take from the logarithm of a fit's weight, (h,) or (h, m)."""
-    least = fit.least if square.ndim == 1 else fit.least[:, None]
-    scale = np.maximum(least, square / fit.dof)
-    return (fit.dof * np.log(scale) + square / scale) / 2
 
 
 def _held_out(weights, folds, parts, design, values):

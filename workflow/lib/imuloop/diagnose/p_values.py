@@ -47,10 +47,8 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     -------
     float or ndarray, shape (m,)
     """
-    least = fit.least if fit.square.ndim == 1 else fit.least[:, None]
-    scale = np.maximum(least, fit.square / fit.dof)
     drop = np.maximum(without.square - fit.square, 0.0)
-    tail = log_f_tail(drop / q / scale, q, fit.dof)[points]
+    tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]
     weight = _shares(fit.log_weight[points])
     if fit.least.any():
         weight = np.logaddexp(weight, _shares(without.log_weight[points])) - np.log(2)

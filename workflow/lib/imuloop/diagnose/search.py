@@ -82,12 +82,7 @@ class Search:
 
     def columns(self, base, axis):
         """Return the columns of effects on an axis."""
-        patterns = self.sight(base).evidence.patterns(base)
-        return tuple(c for p in patterns for c in p.columns[axis])
-
-    def fit(self, base, axis):
-        """Return the fit of an axis with effects; None where they are not independent."""
-        return self.sight(base).fit(self.columns(base, axis), axis)
+        return self.sight(base).evidence.columns_of(base, axis)
 
     def test(self, base, effect):
         """Return the Trial of one shape beside others; None where an axis cannot show it."""
@@ -252,7 +247,8 @@ class Search:
 
     def _above(self, base):
         """Return whether what effects leave is more than the noise, whatever it is."""
-        fit, known = self.fit(base, 0), np.exp(self.sight(base).evidence.prior)
+        sight = self.sight(base)
+        fit, known = sight.fit(self.columns(base, 0), 0), np.exp(sight.evidence.prior)
         chance = np.where(fit.least > 0, chdtrc(fit.dof, fit.square), 0.0)
         return known @ chance < self.problem.settings.significance * known.sum()
 

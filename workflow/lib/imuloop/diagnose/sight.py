@@ -260,6 +260,25 @@ class Sight:
             found[i] = self._nuisances[i][even] @ (own[0] - theta @ own[1:])
         return found, theta
 
+    def parameters(self, effects, axis):
+        """Return what is fitted to an axis of what is seen.
+
+        Returns
+        -------
+        dict of int to ndarray, shape (p,)
+            Nuisances of the blocks that are seen.
+        dict of Effect to ndarray, shape (q,)
+            Parameters of each effect, SI; zero for those that the axis does not have.
+        """
+        nuisances, theta = self.solved(self.evidence.columns_of(effects, axis), axis)
+        found = {}
+        for pattern in self.evidence.patterns(effects):
+            used, scale = list(pattern.parameters[axis]), pattern.scale[axis]
+            found[pattern.effect] = np.zeros(pattern.design.shape[2])
+            found[pattern.effect][used] = theta[: len(used)] / scale
+            theta = theta[len(used) :]
+        return nuisances, found
+
     def left(self, columns, axis):
         """Return what columns and nuisances, fitted to what is seen, leave of all rows.
 

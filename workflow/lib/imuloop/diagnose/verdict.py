@@ -15,13 +15,6 @@ NOTHING = {
 }
 # held-out error over its floor by which an interval of few parts may be wrong
 MARGIN = 1.25
-# the figures of a candidate that could not be tried
-UNTRIED = {
-    "p_value": None,
-    "heldout_after": None,
-    "detection_limit": None,
-    "confounded_with": None,
-}
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ class BiasDrift(Effect):
     """
 
     name = "bias_drift"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"d": "output per s"})
     equation = "e_i = d_i t"
     reference = "IEEE Std 952-1997, annex C, rate ramp"

@@ -33,7 +33,6 @@ class BiasTemperature(Effect):
     reference_temperature: float = ROOM
 
     name = "bias_temperature"
-    sensors = ("accelerometer", "gyroscope")
     equation = "e_i = Σ_k c_ki (θ - θ0)^k"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
     bounds: ClassVar = {"order": (1, 3), "reference_temperature": CELSIUS}

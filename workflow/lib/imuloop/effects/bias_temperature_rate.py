@@ -47,7 +47,6 @@ class BiasTemperatureRate(Effect):
     tau: float = LAGS[0]
 
     name = "bias_temperature_rate"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"r": "output per K/s"})
     equation = "e_i = r_i (θ - θ_lag)/τ"
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"

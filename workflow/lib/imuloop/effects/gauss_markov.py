@@ -24,7 +24,6 @@ class GaussMarkov(Effect):
     tc: float = 1.0
 
     name = "gauss_markov"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"q": "output per sqrt(s)"})
     equation = "dx_i/dt = -x_i/Tc + q_i·white, x_i added to the output"
     reference = "IEEE Std 952-1997, annex C, exponentially correlated noise"

@@ -31,7 +31,6 @@ class ScaleTemperature(Effect):
     reference_temperature: float = ROOM
 
     name = "scale_temperature"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"sT": "1 per K"})
     equation = "e_i = sT_i (θ - θ0) y_i"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"

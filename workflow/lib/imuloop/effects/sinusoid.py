@@ -27,7 +27,6 @@ class Sinusoid(Effect):
     sessions: tuple[str, ...] = ("",)
 
     name = "sinusoid"
-    sensors = ("accelerometer", "gyroscope")
     equation = "e_i = c_i cos(2π f t) + s_i sin(2π f t)"
     reference = "IEEE Std 952-1997, annex C, sinusoidal noise"
     records = ("static_record",)

@@ -31,7 +31,6 @@ class Steps(Effect):
     spans: tuple[float, ...] = (0.0,)
 
     name = "steps"
-    sensors = ("accelerometer", "gyroscope")
     equation = "e_i = Σ_k h_ki H(t - t_k)"
     reference = "IEEE Std 1293-2018, burst noise (telegraph noise)"
     records = ("static_record",)

@@ -39,7 +39,6 @@ class ThermalHysteresis(Effect):
     half_width: float = 5.0
 
     name = "thermal_hysteresis"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"h": "output"})
     equation = "e_i = h_i (θ - play_w θ)/w"
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"

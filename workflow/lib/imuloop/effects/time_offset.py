@@ -15,7 +15,6 @@ class TimeOffset(Effect):
     """
 
     name = "time_offset"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = {"dt": "s"}
     equation = "e = Δt dy/dt"
     reference = "Furgale et al., IROS 2013, temporal calibration"

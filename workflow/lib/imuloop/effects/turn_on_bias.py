@@ -31,7 +31,6 @@ class TurnOnBias(Effect):
     runs: int = 2
 
     name = "turn_on_bias"
-    sensors = ("accelerometer", "gyroscope")
     equation = "e_i = s_ki in run k, Σ_k s_ki = 0"
     reference = "IEEE Std 1554-2005, bias repeatability"
     needs: ClassVar = ("run",)

@@ -42,7 +42,6 @@ class WarmUp(Effect):
     tau: float = SETTLING[0]
 
     name = "warm_up"
-    sensors = ("accelerometer", "gyroscope")
     parameters: ClassVar = per_axis({"A": "output"})
     equation = "e_i = A_i exp(-t/τ)"
     reference = "IEEE Std 528-2001, warm-up time"

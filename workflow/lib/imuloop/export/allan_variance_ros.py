@@ -1,5 +1,6 @@
 """The imu.yaml that allan_variance_ros writes, with our coefficients in it."""
 
+from imuloop.core.samples import SENSORS
 from imuloop.export.densities import (
     NAMES,
     UNITS,
@@ -8,7 +9,7 @@ from imuloop.export.densities import (
     heading,
     noise_left_out,
 )
-from imuloop.export.exported import CHANNELS, comment, number
+from imuloop.export.exported import comment, number
 
 FILE = "allan_variance_ros_imu.yaml"
 TITLE = "allan_variance_ros"
@@ -24,7 +25,7 @@ def text(device):
         f"{axis}: {NAMES[term]}, {number(density.value)} {unit[term]}"
         + (" (95 % upper limit)" if density.limit else "")
         for sensor, unit in UNITS.items()
-        for axis in CHANNELS[sensor]
+        for axis in SENSORS[sensor]
         for term in NAMES
         for density in [device.density(axis, term)]
     ]

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from imuloop.core.samples import SENSORS
 from imuloop.export.densities import UNITS
-from imuloop.export.exported import CHANNELS, MODEL, comment
+from imuloop.export.exported import MODEL, comment
 from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
@@ -60,7 +61,7 @@ def text(device):
     (correct_sensor, polynomial_eval).
     """
     device.need_calibration()
-    sensors = {name: device.sensor(name) for name in CHANNELS}
+    sensors = {name: device.sensor(name) for name in SENSORS}
     span = device.temperature_range
     warms = span and any(bias_reference(sensor) is not None for sensor in sensors.values())
     body = comment(

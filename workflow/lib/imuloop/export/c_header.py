@@ -6,8 +6,9 @@ from string import Template
 import numpy as np
 
 from imuloop.core.errors import one_line
+from imuloop.core.samples import SENSORS
 from imuloop.export.densities import UNITS
-from imuloop.export.exported import CHANNELS, MODEL, number, numbers
+from imuloop.export.exported import MODEL, number, numbers
 from imuloop.export.per_axis import left_out
 
 FILE = "imu_calibration.h"
@@ -67,7 +68,7 @@ def text(device):
     body += f"#ifndef {guard}\n#define {guard}\n"
     if any(effect.seen for effect in device.calibration.effects):
         body += "\n" + HOLDING
-    for sensor in CHANNELS:
+    for sensor in SENSORS:
         body += "\n" + sensor_text(device, sensor, f"{prefix}_{sensor}")
     return body + "\n#endif\n"
 

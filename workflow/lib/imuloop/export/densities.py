@@ -1,7 +1,8 @@
 """What the formats share that take one noise density and one bias random walk a sensor."""
 
+from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
-from imuloop.export.exported import CHANNELS, comment, number
+from imuloop.export.exported import comment, number
 from imuloop.noise.filters import RANGE
 
 # SI units of the coefficients
@@ -64,7 +65,7 @@ def calibration_left_out(device):
 def effect_lines(device, carried=()):
     """Return a line for each effect of the calibration that a format does not carry."""
     lines = []
-    for sensor in CHANNELS:
+    for sensor in SENSORS:
         for line in device.effects(sensor):
             if line.split(":")[0] not in carried:
                 lines.append(f"Effect not carried, {sensor}: {line}")

@@ -8,11 +8,9 @@ import numpy as np
 from imuloop.core.errors import Lacking, one_line
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.samples import SENSORS
 from imuloop.noise.filters import RANGE, bounding
 
-# channels of each sensor
-CHANNELS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 # what follows K (raw - b) by the contract; every file says it
 MODEL = "x = T (K (raw - b) - e)"
 
@@ -127,13 +125,13 @@ class Exported:
         """Return a line for each sensor that is not fully calibrated, with the reason."""
         return [
             f"{name}: {sensor.method} ({sensor.not_testable})"
-            for name in CHANNELS
+            for name in SENSORS
             if (sensor := self.sensor(name)).not_testable
         ]
 
     def need_calibration(self):
         """Raise Lacking, with the reasons, where nothing was measured of either sensor."""
-        if not any(map(self.measured, CHANNELS)):
+        if not any(map(self.measured, SENSORS)):
             raise Lacking(f"no calibration; {'; '.join(self.limits())}")
 
     def need_rate(self):
@@ -162,7 +160,7 @@ class Exported:
 
     def worst(self, sensor, term):
         """Return the largest N or K that a filter needs for an axis of a sensor."""
-        densities = (for_filter(self.noise.axes[axis], axis, term) for axis in CHANNELS[sensor])
+        densities = (for_filter(self.noise.axes[axis], axis, term) for axis in SENSORS[sensor])
         return max(densities, key=lambda density: density.value)
 
     def effects(self, sensor):

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE, HOUR
-from imuloop.export.exported import CHANNELS, MODEL, comment, numbers
+from imuloop.export.exported import MODEL, comment, numbers
 from imuloop.export.per_axis import left_out, scale_and_offset
 
 # no module of the package's own name: it would hide the package beside it
@@ -59,13 +60,13 @@ def text(device):
         "is at its peak as high as the floor of flicker B, with the simulator's time constant.",
         "Not carried: scale factor K, quantisation Q, random walk K, ramp R, sinusoids.",
     )
-    for name in CHANNELS:
+    for name in SENSORS:
         body += comment(*left_out(device, name))
     body += "import numpy as np\n\nimu_err = {\n"
     for name, (prefix, white, bias_unit, bias_name, white_unit, white_name) in KEYS.items():
         offset = scale_and_offset(device.sensor(name))[1] / bias_unit
-        densities = [device.density(axis, "N") for axis in CHANNELS[name]]
-        drifts = [drift(device, axis) for axis in CHANNELS[name]]
+        densities = [device.density(axis, "N") for axis in SENSORS[name]]
+        drifts = [drift(device, axis) for axis in SENSORS[name]]
         body += entry(f"{prefix}_b", offset, f"{bias_name}, bias b: added to the truth")
         value = [d.value / white_unit for d in densities]
         limits = [d.words for d in densities if d.limit]

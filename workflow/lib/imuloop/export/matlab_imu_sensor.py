@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from imuloop.core.samples import SENSORS
 from imuloop.export.densities import UNITS
-from imuloop.export.exported import CHANNELS, MODEL, comment, number, numbers
+from imuloop.export.exported import MODEL, comment, number, numbers
 from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
@@ -65,7 +66,7 @@ def text(device):
         "TemperatureScaleFactor is left: no negative one is allowed, and it scales the bias too.",
         mark="%",
     )
-    for name in CHANNELS:
+    for name in SENSORS:
         body += "\n" + sensor_text(device, name)
     return body + (
         f"\nimu = imuSensor('accel-gyro', 'SampleRate', {number(rate)}, ...\n"
@@ -107,7 +108,7 @@ def sensor_text(device, name):
         ("RandomWalk", "K"),
         ("BiasInstability", "B"),
     ):
-        densities = [device.density(axis, term) for axis in CHANNELS[name]]
+        densities = [device.density(axis, term) for axis in SENSORS[name]]
         limits = [d.words for d in densities if d.limit]
         words = "; ".join([f"{UNITS[name][term]}: {term}", *limits])
         lines += field(key, [d.value for d in densities], words)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from imuloop.core.samples import SENSORS
 from imuloop.export.densities import UNITS
-from imuloop.export.exported import CHANNELS, MODEL, comment
+from imuloop.export.exported import MODEL, comment
 from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
@@ -74,7 +75,7 @@ def text(device):
         "Values are float32, as PX4 keeps them. PX4 takes no noise from its parameters of sensors.",
         "Vehicle 1, component 1: QGroundControl loads the file only into a vehicle of that number.",
     )
-    for name in CHANNELS:
+    for name in SENSORS:
         body += "#\n" + sensor_text(device, name)
     return body
 

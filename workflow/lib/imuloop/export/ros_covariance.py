@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from imuloop.core.samples import SENSORS
 from imuloop.export.densities import calibration_left_out, heading
-from imuloop.export.exported import CHANNELS, comment, number, numbers
+from imuloop.export.exported import comment, number, numbers
 
 FILE = "ros_imu_covariance.yaml"
 TITLE = "ROS sensor_msgs/Imu"
@@ -32,7 +33,7 @@ def text(device):
 
 
 def _field(device, key, sensor, rate):
-    densities = [device.density(axis, "N") for axis in CHANNELS[sensor]]
+    densities = [device.density(axis, "N") for axis in SENSORS[sensor]]
     limits = [density.words for density in densities if density.limit]
     words = "; ".join([_UNITS[sensor], *limits])
     covariance = np.diag([density.value**2 * rate for density in densities])

@@ -1,11 +1,12 @@
 """Noise with a correlation time in window means: its test, its limit, its held-out likelihood."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import log_ndtr, ndtri
 
 from imuloop.core.fisher import fisher
+from imuloop.core.noise_model import Coefficient, GaussMarkov
 from imuloop.core.root import root
 from imuloop.noise.likelihood import log_likelihood
 from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
@@ -46,6 +47,35 @@ class Coloured:
     def p_value(self):
         """Probability of such a spectrum without the process, at most 1."""
         return float(min(1.0, np.exp(self.log_p)))
+
+    @property
+    def drive(self):
+        """Density q of the drive on each axis, SI, and its standard error, shape (2, 3)."""
+        q = np.sqrt(2 * self.variances[:, 4] / self.tc)
+        there, error = q > 0, self.std[:, 4] / self.tc
+        return np.array([q, np.divide(error, q, out=np.zeros(3), where=there)])
+
+    def beside(self, noise, place):
+        """Return an axis' noise with the process, and with the flicker and walk found beside it.
+
+        Parameters
+        ----------
+        noise : AxisNoise
+            Noise of the axis.
+        place : int
+            The axis.
+        """
+        if not self.variances[place, 4] > 0:
+            return noise
+        term = GaussMarkov(Coefficient.of(*self.drive[:, place]), Coefficient.of(self.tc, 0.0))
+
+        def root(j):
+            if not self.variances[place, j] > 0:
+                return Coefficient()
+            value = np.sqrt(self.variances[place, j])
+            return Coefficient.of(value, self.std[place, j] / (2 * value))
+
+        return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))
 
 
 def correlation_times(axes):

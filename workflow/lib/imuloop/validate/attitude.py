@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import residuals
 from imuloop.diagnose.choice import ratio_interval
-from imuloop.diagnose.records.pose_fits import residuals
 from imuloop.diagnose.residuals import floor_variance
 from imuloop.validate.attitude_errors import (
     K_I,
@@ -64,8 +64,12 @@ def validate_attitude(device, gravity, diagnosed, settings):
     dict of str to ndarray
         Columns of attitude.parquet, a row a stretch, method, model and time.
     """
-    sensors, recording, whole = diagnosed.sensors, diagnosed.recording, diagnosed.whole
-    turn = sensors["gyroscope"]
+    recording, whole = diagnosed.recording, diagnosed.solutions["gyroscope"]
+    sensors, turn = dict(diagnosed.sensors), diagnosed.sensors["gyroscope"]
+    if diagnosed.effects["accelerometer"] is None:
+        # where the poses cannot test it, it is given
+        sensors["accelerometer"] = None
+    effects = {sensor: found or () for sensor, found in diagnosed.effects.items()}
     reason = turn.untestable(recording)
     if reason is None and whole is None:
         reason = "the poses determine no calibration of the gyroscope"
@@ -81,7 +85,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
             sensors,
             recording,
             block,
-            diagnosed.effects,
+            effects,
             diagnosed.told,
             gravity,
             settings,

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imuloop.calibrate.pose_fits import fitted_calibration
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.pose_diagnosis import directions_without, pose_problem
-from imuloop.diagnose.records.pose_fits import fitted_calibration
 
 MODELS = ("raw", "base", "final")
 # poses of a block, so that a stretch has several rotations, and the fewest blocks

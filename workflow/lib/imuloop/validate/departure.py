@@ -7,8 +7,8 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.calibrate import in_raw_units
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.pose_fits import in_raw_units
 from imuloop.core.effect import effect_design
 from imuloop.core.units import DEGREE
 

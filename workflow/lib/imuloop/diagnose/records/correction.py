@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from imuloop.core.effect import Channels
-from imuloop.core.files import replaced
-from imuloop.core.noise_model import Coefficient, GaussMarkov, NoiseModel, Sinusoid
-from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME
-from imuloop.diagnose.records.means import COLUMNS, other_sensor
+from imuloop.core.noise_model import Coefficient, NoiseModel, Sinusoid
+from imuloop.core.rest_log import other_sensor
+from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
 from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
 
 # lines nearer than this share of their frequency are one
@@ -37,7 +34,7 @@ def corrected(session, log, calibration, found):
         Columns by name, SI as logged.
     """
     t, changed = log.t, {name: log.column(name) for name in CHANNELS}
-    levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in COLUMNS.items()}
+    levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in SENSORS.items()}
     for sensor, effects in found.items():
         if not effects:
             continue
@@ -53,7 +50,7 @@ def corrected(session, log, calibration, found):
             )
             total = sum(_output(e, session, seen) for e in effects)
             total *= own.raw_unit.scale / own.K
-            for name, values in zip(COLUMNS[sensor], total.T, strict=True):
+            for name, values in zip(SENSORS[sensor], total.T, strict=True):
                 changed[name][part] -= values
     warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
     return {TIME: t, **changed, **warmth}
@@ -63,8 +60,7 @@ def _output(fitted, session, channels):
     """Return what an effect adds at instants, shape (n, 3)."""
     if hasattr(fitted.effect, "in_session"):
         instants = np.column_stack([channels.t, channels.t])
-        values = np.array([fitted.values[name] for name in fitted.effect.parameters])
-        return fitted.effect.in_session(session, instants) @ values
+        return fitted.effect.in_session(session, instants) @ fitted.vector
     return fitted.output(channels)
 
 
@@ -129,18 +125,12 @@ def with_found_noise(model, found, processes, lines=True):
     for sensor, effects in found.items():
         for effect in effects:
             if lines and isinstance(effect.effect, SinusoidEffect):
-                for place, name in enumerate(COLUMNS[sensor]):
+                for place, name in enumerate(SENSORS[sensor]):
                     axes[name] = _with_line(axes[name], effect, place)
     for sensor, test in processes.items():
-        for place, name in enumerate(COLUMNS[sensor]):
-            axes[name] = _with_process(axes[name], test, place)
+        for place, name in enumerate(SENSORS[sensor]):
+            axes[name] = test.beside(axes[name], place)
     return NoiseModel(model.device, axes)
-
-
-def known(value, error):
-    """Return a coefficient with its standard error."""
-    low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
-    return Coefficient(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
 
 
 def _with_line(noise, fitted, place):
@@ -148,37 +138,9 @@ def _with_line(noise, fitted, place):
     sessions = len(names) / 2
     amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
     error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
-    line = Sinusoid(known(amplitude, error), known(fitted.effect.frequency, 0.0))
+    line = Sinusoid(Coefficient.of(amplitude, error), Coefficient.of(fitted.effect.frequency, 0.0))
     # the noise stage may have found the same one
     others = (
         s for s in noise.sinusoid if abs(s.frequency.value / line.frequency.value - 1) > SAME_LINE
     )
     return replace(noise, sinusoid=(*others, line))
-
-
-def _with_process(noise, test, place):
-    """Return noise with flicker, walk and process of the spectrum in place of its own two."""
-    variances, std = test.variances[place], test.std[place]
-    if not variances[4] > 0:
-        return noise
-
-    def root(j, scale=1.0):
-        if not variances[j] > 0:
-            return Coefficient()
-        value = np.sqrt(scale * variances[j])
-        return known(value, scale * std[j] / (2 * value))
-
-    term = GaussMarkov(root(4, 2 / test.tc), known(test.tc, 0.0))
-    return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))
-
-
-def write_allan(raw, table, path):
-    """Write the Allan table of a session, its raw curves first, then the corrected if any."""
-    # `read_table` loads pandas
-    with pq.ParquetFile(raw) as file:
-        curves = file.read()
-    if table is not None:
-        more = pa.table({name: table[name] for name in curves.column_names}, curves.schema)
-        curves = pa.concat_tables([curves, more])
-    with replaced(path) as temporary:
-        pq.write_table(curves, temporary)

@@ -6,16 +6,22 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.pose_fits import Solution, fitted_calibration
 from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.choice import Choices, ratio_interval
-from imuloop.diagnose.content import candidate_entries, effect_entries, size_of
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.content import (
+    candidate_entries,
+    effect_entries,
+    residual_entry,
+    size_of,
+    untried,
+)
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
-from imuloop.diagnose.records.pose_fits import Solution, fitted_calibration
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import pose_probes
 from imuloop.diagnose.residuals import chi_square, floor_range, floor_variance, likely
-from imuloop.diagnose.verdict import NOTHING, UNTRIED, Judged, above_floor, verdict
+from imuloop.diagnose.verdict import NOTHING, Judged, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
 # rate, rotation
@@ -42,8 +48,8 @@ class PoseResult:
 
     @property
     def effects(self):
-        """The effects that were added."""
-        return self.choices.choice().base if self.choices else ()
+        """The effects that were added; None where nothing could be tested."""
+        return self.choices.choice().base if self.choices else None
 
 
 def pose_candidates(sensor, recording):
@@ -130,7 +136,7 @@ def _diagnosed(choices):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, choice = choices.problem, choices.choice()
     sensor, settings = problem.sensor, problem.settings
-    before, after = choices.following(()), choices.errors(choices.nested)
+    errors = choices.following(()), choices.errors(choices.nested)
     base, final = problem.about(), problem.about(choice.base)
     judged = [_judged(problem, about) for about in (base, final)]
     weights = judged[1][0]
@@ -139,48 +145,33 @@ def _diagnosed(choices):
     ]
     floor = np.tensordot(weights, floors, 1)
     solution = final_solution(problem, choice.base)
-    share, residuals, above, slow = settings.significance / KINDS, {}, [False, False], False
+    share, residuals, above, slow = settings.significance / KINDS, {}, (False, False), False
     for kind, (unit, _) in sensor.kinds.items():
         rows = problem.of_kind(kind)
-        for side, errors in enumerate((before, after)):
-            ratio = ratio_interval(problem.fold[rows], np.sqrt(floor[rows]), errors[rows], settings)
-            sizes = (size_of(problem, kind, v[rows]) for v in (errors, np.sqrt(floor)))
-            own = judged[side][1][kind]
-            found = above_floor(own.p_value < share, *sizes, ratio)
-            above[side] |= found
-            slow |= bool(side and own.estimated < share)
-        least = size_of(problem, kind, np.sqrt(floor[rows]))
-        residuals[kind] = {
-            "unit": unit,
-            "n": int(rows.sum()) // problem.components(kind),
-            "floor": least,
-            "floor_range": floor_range(
-                weights, [size_of(problem, kind, np.sqrt(v[rows])) for v in floors], least
-            ),
-            "before": size_of(problem, kind, before[rows]),
-            "after": size_of(problem, kind, after[rows]),
+        own = [side[kind] for _, side in judged]
+        entry, found = residual_entry(problem, kind, unit, rows, own, errors, floor, share)
+        above = np.logical_or(above, found)
+        slow |= own[1].estimated < share
+        each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
+        residuals[kind] = entry | {
+            "floor_range": floor_range(weights, each, entry["floor"]),
             "in_sample_before": size_of(problem, kind, base.values[rows][:, None]),
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
-            "chi2_before": judged[0][1][kind].reduced_chi2,
-            "chi2_after": judged[1][1][kind].reduced_chi2,
         }
     _, others = pose_candidates(sensor.sensor, problem.recording)
     fitted = solution.calibration.effects[len(problem.found) :]
     content = {
         "verdict": verdict(*above, choice.base),
-        "slow_noise": slow and not above[1],
+        "slow_noise": bool(slow and not above[1]),
         "residuals": residuals,
         "effects": effect_entries(sensor.sensor, fitted, choices),
         "candidates": [
             *candidate_entries(sensor.sensor, choices, others),
-            *(
-                {"name": e.name, "status": "added", "why": "found in the static record"} | UNTRIED
-                for e in problem.found
-            ),
+            *(untried(e.name, "added", "found in the static record") for e in problem.found),
         ],
         "confounded": imitated(choices.search()),
         "correlates": correlates(choices.search(), choice.base, _probes(problem)),
-        "points": _points(problem, before, after, floor),
+        "points": _points(problem, *errors, floor),
     }
     return PoseResult(content, solution, choices)
 

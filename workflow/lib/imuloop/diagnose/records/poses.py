@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.calibrate.pose_fits import residuals
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
-from imuloop.diagnose.records.pose_fits import residuals
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.sight import ABSORBED
 from imuloop.diagnose.variance import Part, likely_sizes, total
@@ -244,8 +244,7 @@ class PoseProblem:
     def _parts(self, solution):
         """Return the covariance of the noise but for flicker and walk, and these axis by axis."""
         sensor, recording = self.sensor, self.recording
-        axes = ACCELERATION if sensor.sensor == "accelerometer" else ANGULAR_RATE
-        terms = [(axis, name) for axis in axes for name in "BK"]
+        terms = [(axis, name) for axis in SENSORS[sensor.sensor] for name in "BK"]
         limits = {t: sensor.noise.known(*t) for t in terms}
         loose = {t: known for t, known in limits.items() if known[1] > 0}
         without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))
@@ -297,8 +296,7 @@ class PoseProblem:
     def shows(self, search, base, trial):
         """Return kind, rows and axes in which a trial shows most."""
         sight, columns = search.sight(base), search.columns(base, 0)
-        more = [p.columns[0] for p in sight.evidence.patterns(trial.effects)]
-        wide = (*columns, *(c for own in more for c in own))
+        wide = (*columns, *sight.evidence.columns_of(trial.effects, 0))
         # what it changes in the residual, in standard deviations
         change = sight.left(columns, 0)[0] - sight.left(wide, 0)[0]
         variance = np.diag(self.near(base).alternatives[0][1])
@@ -316,7 +314,7 @@ class PoseProblem:
         where this is larger, and what the solution under it is off; averaged by the likelihood.
         """
         about = self.about(base)
-        fit = about.evidence.sight().fit(self._columns_of(base), 0)
+        fit = about.evidence.sight().fit(about.evidence.columns_of(base, 0), 0)
         total, design = 0.0, about.jacobian
         size = np.linalg.norm(design, axis=0)
         design = design / size
@@ -327,9 +325,6 @@ class PoseProblem:
             off = inverse @ (weighted @ about.values)
             total = total + fit.weight[h] * (inverse * fit.scale[h] + np.outer(off, off))
         return total / fit.weight[counted].sum() / np.outer(size, size)
-
-    def _columns_of(self, base):
-        return tuple(c for p in self.near(base).evidence.patterns(base) for c in p.columns[0])
 
     def groups(self):
         """Return the rows of each kind of residual."""
@@ -349,9 +344,8 @@ class PoseProblem:
 
     def fitted(self, base, out=frozenset()):
         """Return the Solution with some effects that does not see some parts."""
-        about, sight = self.near(base), self.sight(base, out)
-        patterns = sight.evidence.patterns(base)
-        nuisance, theta = sight.solved(self._columns_of(base), 0)
+        about = self.near(base)
+        nuisance, vectors = self.sight(base, out).parameters(base, 0)
         count, solution = len(self.sensor.names), about.solution
         start = solution.fit.x.copy()
         # the nuisances: the base model, and what other records show
@@ -360,11 +354,8 @@ class PoseProblem:
         for effect in solution.effects:
             x[effect] = start[at : at + len(effect.parameters)]
             at += len(effect.parameters)
-        for pattern in patterns:
-            used, scale = list(pattern.parameters[0]), pattern.scale[0]
-            own = x.setdefault(pattern.effect, np.zeros(len(pattern.effect.parameters)))
-            own[used] += theta[: len(used)] / scale
-            theta = theta[len(used) :]
+        for effect, vector in vectors.items():
+            x[effect] = x.get(effect, 0.0) + vector
         effects = (*self.found, *base)
         values = np.concatenate([x[e] for e in (None, *effects)])
         # nobody asks how well a part determines them

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.diagnose.content import untried
 from imuloop.diagnose.records.static import derivative, fold_of
 from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import UNTRIED
 from imuloop.effects.gauss_markov import GaussMarkov
 from imuloop.noise.coloured import Coloured, coloured, held_out_ratio, limits
 from imuloop.noise.spectrum import coefficients, spectra
@@ -64,7 +64,7 @@ def find_process(fine, choices):
         """Return the coefficients of all runs, and of their parts in each block, effects out."""
         search, base = choices.search(out), choices.nested(out)
         sight = search.sight(base)
-        each = [_vector(search, sight, base, axis) for axis in range(3)] if base else []
+        each = [sight.parameters(base, axis)[1] for axis in range(3)] if base else []
         whole, parts = [], [[] for _ in range(problem.parts)]
         for i, record in enumerate(fine):
             values = record.values.copy()
@@ -101,31 +101,6 @@ def find_process(fine, choices):
     return Process(coloured(axes, window), axes, window, share, ratio, threshold)
 
 
-def _vector(search, sight, base, axis):
-    """Return the parameters of each effect as one axis has them."""
-    theta, found = sight.solved(search.columns(base, axis), axis)[1], {}
-    for pattern in sight.evidence.patterns(base):
-        own = np.zeros(pattern.design.shape[2])
-        count = len(pattern.columns[axis])
-        own[list(pattern.parameters[axis])] = theta[:count] / pattern.scale[axis]
-        theta, found[pattern.effect] = theta[count:], own
-    return found
-
-
-def process_effect(test):
-    """Return constants, parameters and standard errors of the process as an effect."""
-    q = np.sqrt(2 * test.variances[:, 4] / test.tc)
-    error = np.divide(
-        test.std[:, 4] / test.tc, q, out=np.zeros_like(q), where=test.variances[:, 4] > 0
-    )
-    names = list(GaussMarkov.parameters)
-    return {
-        "constants": {"tc": test.tc},
-        "parameters": dict(zip(names, q.tolist(), strict=True)),
-        "std": dict(zip(names, error.tolist(), strict=True)),
-    }
-
-
 def process_entry(sensor, process, after):
     """Return the entry of the process among the effects that were added.
 
@@ -138,10 +113,13 @@ def process_entry(sensor, process, after):
     after : ndarray, shape (n, 3)
         Held-out errors with all other effects.
     """
-    before = size(after)
+    before, names = size(after), list(GaussMarkov.parameters)
+    values, std = (dict(zip(names, v, strict=True)) for v in process.test.drive.tolist())
     return {
         "name": GaussMarkov.name,
-        **process_effect(process.test),
+        "constants": {"tc": process.test.tc},
+        "parameters": values,
+        "std": std,
         "units": GaussMarkov().units(sensor),
         "p_value": process.test.p_value,
         "residual": "bias",
@@ -156,9 +134,8 @@ def process_entry(sensor, process, after):
 def process_candidate(sensor, process, after, power):
     """Return the entry of the process among the candidates; arguments as of `process_entry`."""
     name = GaussMarkov.name
-    unseen = {"name": name, "status": "not_observable", **UNTRIED}
     if process is None:
-        return unseen | {"why": "too few means without a gap for a spectrum"}
+        return untried(name, "not_observable", "too few means without a gap for a spectrum")
     test, threshold = process.test, process.threshold
     tc, found = limits(test, process.spectra, process.window, threshold, power)
     if process.found:
@@ -168,7 +145,8 @@ def process_candidate(sensor, process, after, power):
             "predictive likelihood, for noise cannot be subtracted"
         )
     elif not any(found):
-        return unseen | {"why": "flicker and walk would imitate it in records as short as these"}
+        why = "flicker and walk would imitate it in records as short as these"
+        return untried(name, "not_observable", why)
     else:
         status, why = "rejected", "the spectrum is not likelier with it by more than chance"
         if test.log_p < threshold:

@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from imuloop.core.rest_log import RestLog
 from imuloop.core.samples import Columns, read_columns
 from imuloop.core.segments import STATIC, runs
-from imuloop.diagnose.records.means import RestLog, part_of, rests_to_use, static_record
+from imuloop.diagnose.records.means import part_of, rests_to_use, static_record
 
 
 @dataclass(frozen=True)

@@ -49,19 +49,7 @@ def unit_noise(name):
     return AxisNoise(**{name: Coefficient(1.0, (1.0, 1.0), 1.0, True)})
 
 
-def mean_covariance(noise, windows):
-    """Return the covariance of means over windows of one axis' noise, shape (n, n)."""
-    times = np.unique(windows)
-    start, end = np.searchsorted(times, windows).T
-    times = times - times[0]
-    kernel = noise.kernel(times, times[-1])
-    length = np.diff(windows, axis=1)[:, 0]
-    k = kernel[end] - kernel[start]
-    k = k[:, end] - k[:, start]
-    return (k + k.T) / (2 * length[:, None] * length)
-
-
 def hypotheses(windows, grid):
     """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
-    white, flicker, walk = (mean_covariance(unit_noise(name), windows) for name in "NBK")
+    white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
     return Hypotheses.of((white + b * flicker + k * walk for b, k in grid), len(grid))

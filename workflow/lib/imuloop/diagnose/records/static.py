@@ -123,19 +123,16 @@ class StaticProblem:
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
         sight = search.sight(base)
-        patterns = sight.evidence.patterns(base)
         found = [
             r.values - f.values.mean(axis=0) for r, f in zip(self.records, self.fitted, strict=True)
         ]
         for axis in range(3):
-            levels, theta = sight.solved(search.columns(base, axis), axis)
+            levels, vectors = sight.parameters(base, axis)
             for i, values in enumerate(found):
                 values[:, axis] -= levels[i][0]
-            for pattern in patterns:
-                own, used = len(pattern.columns[axis]), list(pattern.parameters[axis])
-                scaled, theta = theta[:own] / pattern.scale[axis], theta[own:]
-                for values, design in zip(found, self.derivatives(pattern.effect), strict=True):
-                    values[:, axis] -= design[:, axis, used] @ scaled
+            for effect, vector in vectors.items():
+                for values, design in zip(found, self.derivatives(effect), strict=True):
+                    values[:, axis] -= design[:, axis] @ vector
         return np.concatenate(found)
 
     def derivatives(self, effect):
@@ -274,11 +271,6 @@ def information(search, base, effects):
     own = precision[:count, :count] - beside @ precision[count:, :count]
     left = moment[:count] - beside @ moment[count:]
     return own * np.outer(size[:count], size[:count]), left * size[:count]
-
-
-def vectors(effects):
-    """Return the parameters of fitted effects, one array each."""
-    return [np.array([e.values[name] for name in e.effect.parameters]) for e in effects]
 
 
 def _line(search, base, hopeful):

@@ -4,16 +4,14 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
-from imuloop.diagnose.choice import ratio_interval
-from imuloop.diagnose.content import candidate_entries, effect_entries
+from imuloop.core.samples import SENSORS
+from imuloop.diagnose.content import candidate_entries, effect_entries, residual_entry, untried
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
-from imuloop.diagnose.records.means import COLUMNS
 from imuloop.diagnose.records.process import process_candidate, process_entry
-from imuloop.diagnose.records.slow_noise import mean_covariance
-from imuloop.diagnose.records.static import fitted, vectors
-from imuloop.diagnose.residuals import chi_square, floor_variance, size
-from imuloop.diagnose.verdict import UNTRIED, Judged, above_floor, verdict
+from imuloop.diagnose.records.static import fitted
+from imuloop.diagnose.residuals import chi_square, floor_variance
+from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
 from imuloop.effects.sinusoid import Sinusoid
@@ -38,19 +36,14 @@ def static_content(sensor, finding, noise, change):
     """
     choices, settings = finding.choices, finding.choices.problem.settings
     problem, base = choices.problem, choices.choice().base
-    share, axes = settings.significance / len(COLUMNS), COLUMNS[sensor]
+    share, axes = settings.significance / len(SENSORS), SENSORS[sensor]
     judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
-    above = [
-        above_floor(
-            judge.p_value < share,
-            size(errors),
-            size(np.sqrt(floor)),
-            ratio_interval(problem.fold, np.sqrt(floor), errors, settings),
-        )
-        for judge, errors in zip(judged, (finding.before, finding.after), strict=True)
-    ]
+    kind, errors = problem.residual, (finding.before, finding.after)
+    residual, above = residual_entry(
+        problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share
+    )
     entries = effect_entries(sensor, finding.effects, choices)
     for entry, own in zip(entries, choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis]
@@ -61,22 +54,11 @@ def static_content(sensor, finding, noise, change):
     listed = {c["name"] for c in tried}
     return {
         "verdict": verdict(*above, added),
-        "residuals": {
-            problem.residual: {
-                "unit": UNITS[sensor],
-                "n": len(finding.before),
-                "floor": size(np.sqrt(floor)),
-                "before": size(finding.before),
-                "after": size(finding.after),
-                "chi2_before": judged[0].reduced_chi2,
-                "chi2_after": judged[1].reduced_chi2,
-                "sessions": _by_axis(axes, finding, floor),
-            }
-        },
+        "residuals": {kind: residual | {"sessions": _by_axis(axes, finding, floor)}},
         "effects": entries,
         "candidates": tried
         + [
-            {"name": name, "status": "not_observable", "why": _unseen(cls), **UNTRIED}
+            untried(name, "not_observable", _unseen(cls))
             for name, cls in Effect.library.items()
             if sensor in cls.sensors and name not in listed
         ],
@@ -111,7 +93,7 @@ def _floor(problem, noise, axes):
             process = noise.axes[name]
             # the level is the mean of what is seen
             slow = floor_variance(
-                mean_covariance(process, windows), block.nuisance, block.folds, length
+                process.mean_covariance(windows), block.nuisance, block.folds, length
             )
             own, merged = (
                 process.N.square / t + 2 * process.Q.square / t**2
@@ -125,7 +107,7 @@ def _floor(problem, noise, axes):
 def _judged(problem, effects, noise, axes):
     """Return the Judged of the means less effects about their levels."""
     shapes = [e.effect for e in effects]
-    taken = [problem.design(s) @ v for s, v in zip(shapes, vectors(effects), strict=True)]
+    taken = [problem.design(e.effect) @ e.vector for e in effects]
     left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
     total = 0.0
     dof = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
@@ -133,7 +115,7 @@ def _judged(problem, effects, noise, axes):
     for values, block, record in blocks:
         everything = [np.ones(len(values), dtype=bool)]
         for axis, name in enumerate(axes):
-            covariance = mean_covariance(noise.axes[name], record.windows)
+            covariance = noise.axes[name].mean_covariance(record.windows)
             ((square, own),), _ = chi_square(
                 values[:, axis], covariance, block.nuisance, everything
             )
@@ -208,8 +190,8 @@ def _points(finding, floor):
     parts = (np.split(v, ends) for v in (finding.before, finding.after, floor))
     for i, (record, before, after, own) in enumerate(zip(problem.records, *parts, strict=True)):
         left = record.values
-        for effect, vector in zip(finding.effects, vectors(finding.effects), strict=True):
-            left = left - problem.derivatives(effect.effect)[i] @ vector
+        for effect in finding.effects:
+            left = left - problem.derivatives(effect.effect)[i] @ effect.vector
         raw, left = (v - v.mean(axis=0) for v in (record.values, left))
         for k, start in enumerate(record.windows[:, 0]):
             points.append(

@@ -9,13 +9,12 @@ from scipy.linalg import LinAlgError
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.core.effect import Channels
 from imuloop.core.noise_model import NoiseModel, without_weight
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.correction import noise_again, with_found_noise
-from imuloop.diagnose.records.means import COLUMNS
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.process import find_process
-from imuloop.diagnose.records.slow_noise import mean_covariance
 from imuloop.diagnose.records.static import StaticProblem, fitted, information
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.verdict import NOTHING
@@ -153,7 +152,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         Of both sensors.
     """
     findings, content, shared = {}, {}, None
-    for sensor, axes in COLUMNS.items():
+    for sensor, axes in SENSORS.items():
         own = whole = usable(records[sensor], settings)
         if sensor == "accelerometer" and own:
             own = separated(own, 2 * settings.blocks)
@@ -185,7 +184,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         changed = finding.effects or finding.has_process
         change = {
             name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
-            for name in (COLUMNS[sensor] if changed else ())
+            for name in (SENSORS[sensor] if changed else ())
         }
         content[sensor] = static_content(sensor, finding, lines_out, change)
     effects = {
@@ -193,8 +192,8 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         for sensor, fitted_ones in found.items()
     }
     return StaticResult(
-        {sensor: content[sensor] for sensor in COLUMNS},
-        {sensor: effects.get(sensor, ()) for sensor in COLUMNS},
+        {sensor: content[sensor] for sensor in SENSORS},
+        {sensor: effects.get(sensor, ()) for sensor in SENSORS},
         whole,
         allan,
         findings,
@@ -213,7 +212,7 @@ def untestable(records, axes, settings):
     if not all(np.ptp(r.values, axis=0).all() for r in records):
         return "an axis never changes"
     # some windows show it, and many take long
-    covariances = np.stack([mean_covariance(a, records[0].windows[:ENOUGH]) for a in axes])
+    covariances = np.stack([a.mean_covariance(records[0].windows[:ENOUGH]) for a in axes])
     if without_weight(covariances)[1].any():
         return "an axis shows lines and no noise beside them: its noise is not known"
     return None

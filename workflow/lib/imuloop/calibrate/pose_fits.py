@@ -6,11 +6,10 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.calibrate import direction_unknown, in_raw_units
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.least_squares import Fit
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.effect import Effect
+from imuloop.core.effect import Effect, FittedEffect
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
@@ -235,6 +234,69 @@ def residuals(model, x):
     return model.residuals(np.append(x, np.zeros(count - len(x))))
 
 
+def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
+    """Return the calibration that parameters in SI as logged stand for, in raw units.
+
+    ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``.
+
+    Parameters
+    ----------
+    unit : RawUnit
+        Unit of the log.
+    base : tuple of str
+        Names of the base parameters: misalignment, three scale factors, three biases.
+    x : ndarray, shape (p,)
+        The base parameters, then those of the effects; SI as logged.
+    covariance : ndarray, shape (p, p)
+        Theirs.
+    method : {'multi_position', 'six_position'}
+        What they come from.
+    effects : sequence of Effect
+        The effects whose parameters follow the base's.
+    known : sequence of FittedEffect
+        Effects that are known from elsewhere.
+    reduced_chi2 : float, optional
+        Of the fit.
+
+    Returns
+    -------
+    SensorCalibration
+        Names of an effect's parameters begin with its own: ``g_sensitivity.G00``.
+    """
+    count = len(base)
+    factor = np.ones(len(x))
+    factor[count - 6 : count - 3] = unit.scale
+    factor[count - 3 : count] = 1 / unit.scale
+    raw = x * factor
+    T = np.eye(3)
+    for name, value in zip(base[:-6], x[: count - 6], strict=True):
+        T[int(name[1]), int(name[2])] = value
+    std = np.sqrt(np.diag(covariance))
+    fitted, names, at = [], list(base), count
+    for effect in effects:
+        part = slice(at, at + len(effect.parameters))
+        fitted.append(
+            FittedEffect(
+                effect,
+                dict(zip(effect.parameters, x[part].tolist(), strict=True)),
+                dict(zip(effect.parameters, std[part].tolist(), strict=True)),
+            )
+        )
+        names += [f"{effect.name}.{p}" for p in effect.parameters]
+        at = part.stop
+    return SensorCalibration(
+        raw_unit=unit,
+        T=T,
+        K=raw[count - 6 : count - 3],
+        b=raw[count - 3 : count] + unit.offset,
+        names=tuple(names),
+        covariance=covariance * np.outer(factor, factor),
+        effects=(*known, *fitted),
+        method=method,
+        reduced_chi2=reduced_chi2,
+    )
+
+
 def fitted_calibration(sensor, solution, covariance=None):
     """Return the calibration of a solution; its variances grow with what it leaves unexplained."""
     fit = solution.fit
@@ -247,6 +309,22 @@ def fitted_calibration(sensor, solution, covariance=None):
         effects=solution.effects,
         reduced_chi2=fit.reduced_chi2,
     )
+
+
+def direction_unknown(force):
+    """Return why the direction of gravity at the poses is not known, or None if it is.
+
+    An accelerometer as its data sheet has it may be degrees off: what a gyroscope fits to that is
+    no better than its own data sheet.
+
+    Parameters
+    ----------
+    force : SensorCalibration
+        The best of the accelerometer.
+    """
+    if force.method != "nominal":
+        return None
+    return f"direction of gravity not known: {force.not_testable}"
 
 
 def size_of(design):

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.calibrate.least_squares import Fit
-from imuloop.diagnose.records.pose_fits import Solution, residuals
+from imuloop.calibrate.pose_fits import Solution, residuals
 
 
 @dataclass(frozen=True)

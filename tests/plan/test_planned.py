@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT
-from imuloop.calibrate.planned import (
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.rotation import exponential, matrix
+from imuloop.plan.planned import (
     FULL_TURN_S,
     Plan,
     full_turns,
@@ -12,8 +14,6 @@ from imuloop.calibrate.planned import (
     planned_recording,
     turns_between,
 )
-from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.rotation import exponential, matrix
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()

@@ -7,21 +7,21 @@ import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, difference, known_noise
 from diagnose.models import accelerometer_poses, pose_sensors
-from diagnose.planned_log import simulate_plan
-from imuloop.calibrate.planned import FULL_TURN_S
+from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.next_recording import candidate_plans, directions_of, next_recording
-from imuloop.diagnose.outlook import outlook
-from imuloop.diagnose.records.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
+from imuloop.plan.outlook import outlook
+from imuloop.plan.planned import FULL_TURN_S
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import Session, example_truth
+from plan.planned_log import simulate_plan
 
 SENSORS = ("accelerometer", "gyroscope")
 HOLD_S, MOVE_S = 4.0, 2.0

@@ -2,7 +2,10 @@
 
 import numpy as np
 
-from imuloop.calibrate.planned import (
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import DEGREE, HOUR
+from imuloop.plan.outlook import outlook
+from imuloop.plan.planned import (
     INITIAL_REST_S,
     MOVE_S,
     POSES,
@@ -13,9 +16,6 @@ from imuloop.calibrate.planned import (
     planned_recording,
     turns_between,
 )
-from imuloop.core.samples import CHANNELS
-from imuloop.core.units import DEGREE, HOUR
-from imuloop.diagnose.outlook import outlook
 
 # what a parameter's error is weighed with: the sensor's output in use
 USE = {"accelerometer": None, "gyroscope": 100 * DEGREE}

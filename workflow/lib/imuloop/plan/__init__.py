@@ -1,0 +1,1 @@
+"""From a calibration to the next recording: what another would bring, before it is made."""
