@@ -42,7 +42,7 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share):
     least = size_of(problem, kind, noise)
     for judge, own in zip(judged, errors, strict=True):
         sizes.append(size_of(problem, kind, own[rows]))
-        ratio = ratio_interval(problem.fold[rows], noise, own[rows], problem.settings)
+        ratio = ratio_interval(problem.fold[rows], noise, own[rows], problem.settings, share)
         above.append(above_floor(judge.p_value < share, sizes[-1], least, ratio))
     entry = {
         "unit": unit,

@@ -72,7 +72,7 @@ def above_floor(in_sample, heldout, floor, ratio):
     heldout, floor : float
         Held-out error, and what the noise alone predicts for it.
     ratio : (float, float)
-        95 % interval of the one over the other.
+        Interval of the one over the other.
     """
     return (in_sample and heldout > floor) or (ratio[0] > 1 and heldout > MARGIN * floor)
 

@@ -145,7 +145,8 @@ def _diagnosed(choices):
     ]
     floor = np.tensordot(weights, floors, 1)
     solution = final_solution(problem, choice.base)
-    share, residuals, above, slow = settings.significance / KINDS, {}, (False, False), False
+    share = settings.significance / KINDS / settings.family
+    residuals, above, slow = {}, (False, False), False
     for kind, (unit, _) in sensor.kinds.items():
         rows = problem.of_kind(kind)
         own = [side[kind] for _, side in judged]

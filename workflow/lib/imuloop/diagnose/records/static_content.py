@@ -36,7 +36,8 @@ def static_content(sensor, finding, noise, change):
     """
     choices, settings = finding.choices, finding.choices.problem.settings
     problem, base = choices.problem, choices.choice().base
-    share, axes = settings.significance / len(SENSORS), SENSORS[sensor]
+    share = settings.significance / len(SENSORS) / settings.family
+    axes = SENSORS[sensor]
     judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
