@@ -66,20 +66,21 @@ def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
         return np.zeros(0)
     known = np.array([p.size for p in parts])
     weight = np.array([p.deviation for p in parts]) ** -2.0
-    scaled = jacobian / np.linalg.norm(jacobian, axis=0)
+    scaled, every = (
+        jacobian / np.linalg.norm(jacobian, axis=0),
+        np.array([p.covariance for p in parts]),
+    )
 
     def loss(squares):
         sizes = np.sqrt(squares)
-        root = cholesky(total(fixed, parts, sizes), lower=True)
+        root = cholesky(fixed + np.tensordot(squares, every, 1), lower=True)
         white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
         q, r = np.linalg.qr(white[:, 1:])
         rest = white[:, 0] - q @ (q.T @ white[:, 0])
         inverse = solve_triangular(root, np.eye(len(values)), lower=True)
         without = inverse - q @ (q.T @ inverse)
         projected, left = inverse.T @ without, inverse.T @ rest
-        slope = np.array(
-            [np.vdot(projected, p.covariance) - left @ p.covariance @ left for p in parts]
-        )
+        slope = np.tensordot(every, projected, 2) - every @ left @ left
         value = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum() + rest @ rest / 2
         off = sizes - known
         return value + off @ (weight * off) / 2, (slope + weight * off / sizes) / 2
