@@ -139,6 +139,7 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         (False, 1.1, (1.02, 1.2), False),  # within what an interval of few parts may be wrong by
         (False, 1.7, (1.2, 2.4), True),  # a wrong effect, which fits what it saw
         (False, 1.7, (0.8, 3.0), False),
+        (False, 1.7, None, False),  # no effect that could be wrong
     ],
 )
 def test_a_residual_is_above_its_floor_in_the_fit_and_held_out(in_sample, heldout, interval, above):

@@ -11,7 +11,7 @@ from imuloop.diagnose.residuals import size
 from imuloop.diagnose.verdict import above_floor, unseen
 
 
-def residual_entry(problem, kind, unit, rows, judged, errors, floor, share):
+def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chosen):
     """Return the entry of one kind of residual, and whether it is above its floor.
 
     Parameters
@@ -30,6 +30,8 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share):
         Variance that the noise alone gives them.
     share : float
         Significance of this kind.
+    chosen : bool
+        Whether there are effects, which the data chose.
 
     Returns
     -------
@@ -40,9 +42,10 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share):
     """
     noise, sizes, above = np.sqrt(floor[rows]), [], []
     least = size_of(problem, kind, noise)
-    for judge, own in zip(judged, errors, strict=True):
+    for judge, own, by_data in zip(judged, errors, (False, chosen), strict=True):
         sizes.append(size_of(problem, kind, own[rows]))
-        ratio = ratio_interval(problem.fold[rows], noise, own[rows], problem.settings, share)
+        sides = problem.fold[rows], noise, own[rows], problem.settings, share
+        ratio = ratio_interval(*sides) if by_data else None
         above.append(above_floor(judge.p_value < share, sizes[-1], least, ratio))
     entry = {
         "unit": unit,

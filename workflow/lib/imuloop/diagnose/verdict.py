@@ -58,12 +58,12 @@ def verdict(above_before, above_after, effects):
     return "partly_explained" if above_after else "explained"
 
 
-def above_floor(in_sample, heldout, floor, ratio):
+def above_floor(in_sample, heldout, floor, ratio=None):
     """Return whether a residual is larger than the noise explains.
 
     It is where the fit leaves more than noise and the error of held-out data is above its floor
-    too; and where that error is above it for certain and by more than a quarter, however well the
-    fit went: a model with a wrong effect fits what it saw.
+    too; and, with effects, where that error is above it for certain and by more than a quarter,
+    however well the fit went: a model with a wrong effect fits what it was chosen by.
 
     Parameters
     ----------
@@ -71,10 +71,11 @@ def above_floor(in_sample, heldout, floor, ratio):
         Whether χ² of the fit is above its floor.
     heldout, floor : float
         Held-out error, and what the noise alone predicts for it.
-    ratio : (float, float)
-        Interval of the one over the other.
+    ratio : (float, float), optional
+        Interval of the one over the other; None of a model without effects.
     """
-    return (in_sample and heldout > floor) or (ratio[0] > 1 and heldout > MARGIN * floor)
+    beyond = ratio is not None and ratio[0] > 1 and heldout > MARGIN * floor
+    return (in_sample and heldout > floor) or beyond
 
 
 def unseen(cls, limits):

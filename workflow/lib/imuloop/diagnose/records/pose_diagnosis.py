@@ -145,12 +145,12 @@ def _diagnosed(choices):
     ]
     floor = np.tensordot(weights, floors, 1)
     solution = final_solution(problem, choice.base)
-    share = settings.significance / KINDS / settings.family
+    share, chosen = settings.significance / KINDS / settings.family, bool(choice.base)
     residuals, above, slow = {}, (False, False), False
     for kind, (unit, _) in sensor.kinds.items():
         rows = problem.of_kind(kind)
         own = [side[kind] for _, side in judged]
-        entry, found = residual_entry(problem, kind, unit, rows, own, errors, floor, share)
+        entry, found = residual_entry(problem, kind, unit, rows, own, errors, floor, share, chosen)
         above = np.logical_or(above, found)
         slow |= own[1].estimated < share
         each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]

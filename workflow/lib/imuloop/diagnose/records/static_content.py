@@ -43,7 +43,7 @@ def static_content(sensor, finding, noise, change):
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
     kind, errors = problem.residual, (finding.before, finding.after)
     residual, above = residual_entry(
-        problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share
+        problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )
     entries = effect_entries(sensor, finding.effects, choices)
     for entry, own in zip(entries, choices.choice().added, strict=True):
