@@ -187,6 +187,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
             for name in (SENSORS[sensor] if changed else ())
         }
         content[sensor] = static_content(sensor, finding, lines_out, change)
+    names = [e.name for own in found.values() for e in own] + list(processes)
     effects = {
         sensor: tuple(e for e in fitted_ones if not isinstance(e.effect, PASSING))
         for sensor, fitted_ones in found.items()
@@ -194,7 +195,8 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     return StaticResult(
         {sensor: content[sensor] for sensor in SENSORS},
         {sensor: effects.get(sensor, ()) for sensor in SENSORS},
-        whole,
+        # a line is noise elsewhere, and the noise as logged has it
+        noise if set(names) <= {Sinusoid.name} else whole,
         allan,
         findings,
     )
