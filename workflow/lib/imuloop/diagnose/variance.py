@@ -32,7 +32,7 @@ def total(fixed, parts, sizes):
     return fixed + sum((s * s * p.covariance for s, p in zip(sizes, parts, strict=True)), 0.0)
 
 
-def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
+def likely_sizes(values, jacobian, fixed, parts, start=None):
     """Return the sizes of the parts that are likeliest, shape (k,), none negative.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
@@ -52,8 +52,6 @@ def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
         V_k, s_k0 and σ_k.
     start : ndarray, shape (k,), optional
         Sizes that are likely.
-    steps : int, optional
-        Of the search; as many as it takes by default.
 
     References
     ----------
@@ -90,6 +88,6 @@ def likely_sizes(values, jacobian, fixed, parts, start=None, steps=None):
     # in squares, for the slope of a size is none at zero, and a search would stay there
     bounds = [(TINY**2, None)] * len(parts)
     # to the last digits that processors have in common
-    close = {"ftol": 1e-15, "gtol": 1e-9} | ({"maxiter": steps} if steps else {})
+    close = {"ftol": 1e-15, "gtol": 1e-9}
     found = minimize(loss, start**2, jac=True, method="L-BFGS-B", bounds=bounds, options=close).x
     return np.where(found > TINY**2, np.sqrt(found), 0.0)

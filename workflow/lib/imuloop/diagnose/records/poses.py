@@ -17,8 +17,6 @@ from imuloop.diagnose.variance import Part, likely_sizes, total
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
-# steps of the search for the noise of other residuals, from that of these on
-STEPS = 10
 
 
 @dataclass(frozen=True)
@@ -69,9 +67,9 @@ class _Noise:
     fixed: np.ndarray
     parts: list
 
-    def likeliest(self, values, start=None, steps=None):
+    def likeliest(self, values, start=None):
         """Return the sizes of the parts that residuals make likeliest."""
-        return likely_sizes(values, self.jacobian, self.fixed, self.parts, start, steps)
+        return likely_sizes(values, self.jacobian, self.fixed, self.parts, start)
 
     def hypotheses(self, likeliest):
         """Return the Hypotheses from the sizes as estimated to the likeliest."""
@@ -237,7 +235,7 @@ class PoseProblem:
 
         def noise_with(residuals):
             """Return what the noise may be by other residuals."""
-            return [noise.hypotheses(noise.likeliest(residuals, likeliest, STEPS))]
+            return [noise.hypotheses(noise.likeliest(residuals, likeliest))]
 
         return About(solution, model, values, jacobian, alternatives, evidence, noise_with)
 
