@@ -36,8 +36,9 @@ def run(cases, first, seeds, controls, workers, progress=print):
     with multiprocessing.get_context("fork").Pool(workers) as pool:
         plain = {}
         (plan,) = {case.plan for case in cases}
+        # limits size what is put into a device: other controls go without
         jobs = [
-            (record, plan, seed)
+            (record, plan, seed, seed < first + seeds)
             for record in sorted({case.record for case in cases})
             for seed in range(
                 first,
@@ -47,7 +48,7 @@ def run(cases, first, seeds, controls, workers, progress=print):
                 ),
             )
         ]
-        for (record, _, seed), made in pool.imap(_control, jobs):
+        for (record, _, seed, _), made in pool.imap(_control, jobs):
             plain[record, seed] = made
             progress(f"control {record} {seed}: {made['seconds']:.1f} s")
         jobs = [
@@ -68,11 +69,13 @@ def run(cases, first, seeds, controls, workers, progress=print):
 
 
 def _control(job):
-    record, plan, seed = job
+    record, plan, seed, limits = job
     start = time.process_time()
-    diagnosis, (alike, pulls) = diagnosis_of(
-        DEVICES[record](plan), seed, lambda *device: (likeness(*device), base_pulls(*device))
-    )
+
+    def also(*device):
+        return likeness(*device), base_pulls(*device)
+
+    diagnosis, (alike, pulls) = diagnosis_of(DEVICES[record](plan), seed, also, limits)
     took, small = time.process_time() - start, _small(diagnosis)
     made = {"seed": seed, "seconds": took, "diagnosis": small}
     return job, made | {"likeness": alike, "base_pulls": pulls}

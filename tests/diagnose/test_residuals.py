@@ -13,9 +13,15 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
-from imuloop.diagnose.residuals import chi_square, floor_variance, held_out_variance, size
+from imuloop.diagnose.residuals import (
+    chance,
+    chi_square,
+    floor_variance,
+    held_out_operator,
+    size,
+)
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.verdict import above_floor, unseen
+from imuloop.diagnose.verdict import Judged, above_floor, unseen
 from imuloop.simulate.truth import example_truth
 
 
@@ -103,7 +109,10 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     design = np.column_stack([np.ones(40), rng.normal(size=40)])
     held = (t >= 12) & (t < 20)
     seen = ~held & (t != 20)
-    predicted = held_out_variance(covariance, design, seen, held)
+    folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
+    operator = held_out_operator(covariance, design, folds)
+    spread = (operator @ covariance @ operator.T)[np.ix_(held, held)]
+    predicted = floor_variance(covariance, design, folds)[held]
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
     weight = np.linalg.inv(covariance[np.ix_(seen, seen)])
     normal = design[seen].T @ weight
@@ -111,6 +120,18 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     errors = drawn[held] - design[held] @ fitted
     np.testing.assert_allclose(predicted, errors.var(axis=1), rtol=0.05)
     assert predicted.max() < 60
+    np.testing.assert_allclose(operator @ drawn, np.where(held[:, None], pad(errors, held), 0.0))
+    squares = (errors**2).sum(axis=0)
+    for tail in (0.5, 0.1, 0.01, 0.002):
+        largest = np.quantile(squares, 1 - tail)
+        assert chance(largest, [spread]) == pytest.approx(tail, rel=0.3), tail
+
+
+def pad(errors, held):
+    """Return errors in the rows that are held out, zero elsewhere."""
+    found = np.zeros((len(held), errors.shape[1]))
+    found[held] = errors
+    return found
 
 
 def test_held_out_errors_of_a_good_model_are_at_their_floor():
@@ -131,19 +152,22 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
 
 
 @pytest.mark.parametrize(
-    ("in_sample", "heldout", "interval", "above"),
+    ("in_sample", "heldout", "by_chance", "chosen", "above"),
     [
-        (False, 0.9, (0.8, 1.0), False),
-        (True, 0.9, (0.8, 1.0), False),  # patterns in what is smaller than the noise
-        (True, 1.1, (0.9, 1.3), True),
-        (False, 1.1, (1.02, 1.2), False),  # within what an interval of few parts may be wrong by
-        (False, 1.7, (1.2, 2.4), True),  # a wrong effect, which fits what it saw
-        (False, 1.7, (0.8, 3.0), False),
-        (False, 1.7, None, False),  # no effect that could be wrong
+        (False, 0.9, 0.0, True, False),
+        (True, 0.9, 0.5, True, False),  # patterns in what is smaller than the noise
+        (True, 1.1, 0.5, True, True),
+        (False, 1.1, 0.0, True, False),  # within what the floor may be wrong by
+        (False, 1.7, 0.0, True, True),  # a wrong effect, which fits what it saw
+        (False, 1.7, 0.1, True, False),
+        (False, 1.7, 0.0, False, False),  # no effect that could be wrong
     ],
 )
-def test_a_residual_is_above_its_floor_in_the_fit_and_held_out(in_sample, heldout, interval, above):
-    assert above_floor(in_sample, heldout, 1.0, interval) == above
+def test_a_residual_is_above_its_floor_in_the_fit_or_held_out(
+    in_sample, heldout, by_chance, chosen, above
+):
+    judged = Judged(0.0 if in_sample else 0.5, by_chance, 0.5, 1.0)
+    assert above_floor(judged, 0.01, heldout, 1.0, chosen) == above
 
 
 def test_data_that_show_an_effect_beyond_all_physics_alone_cannot_show_it():

@@ -204,8 +204,8 @@ class Choices:
         return self.choice(out).base if self.choice().base else ()
 
 
-def ratio_interval(fold, before, after, settings, tail=0.025):
-    """Return the interval of held-out error after over before, whole parts drawn again.
+def ratio_interval(fold, before, after, settings):
+    """Return the 95 % interval of held-out error after over before, whole parts drawn again.
 
     Parameters
     ----------
@@ -215,8 +215,6 @@ def ratio_interval(fold, before, after, settings, tail=0.025):
         Errors.
     settings : DiagnoseSettings
         Draws and seed.
-    tail : float
-        Probability on each side of it.
     """
     parts = np.unique(fold)
     sums = np.array([[(e[fold == k] ** 2).sum() for e in (before, after)] for k in parts])
@@ -224,4 +222,4 @@ def ratio_interval(fold, before, after, settings, tail=0.025):
         len(parts), size=(settings.draws, len(parts))
     )
     before, after = sums[draws].sum(axis=1).T
-    return [float(q) for q in np.quantile(np.sqrt(after / before), [tail, 1 - tail])]
+    return [float(q) for q in np.quantile(np.sqrt(after / before), [0.025, 0.975])]

@@ -4,7 +4,6 @@ from dataclasses import asdict
 
 import numpy as np
 
-from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.likeness import holder, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
@@ -44,9 +43,7 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chos
     least = size_of(problem, kind, noise)
     for judge, own, by_data in zip(judged, errors, (False, chosen), strict=True):
         sizes.append(size_of(problem, kind, own[rows]))
-        sides = problem.fold[rows], noise, own[rows], problem.settings, share
-        ratio = ratio_interval(*sides) if by_data else None
-        above.append(above_floor(judge.p_value < share, sizes[-1], least, ratio))
+        above.append(above_floor(judge, share, sizes[-1], least, by_data))
     entry = {
         "unit": unit,
         "n": len(noise) // problem.components(kind),

@@ -5,17 +5,19 @@ from functools import partial
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.p_values import averaged_log_p
+from imuloop.diagnose.residuals import held_out_operator
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)
 # records of noise that are drawn, and parts of each drawn again
 RECORDS, DRAWS = 200, 200
-# sizes that are tried, in those that the test alone needs on average; the steps between them
-SMALLEST, LARGEST, STEP = 0.5, 16.0, 1.06
+# sizes that are tried, in those that the test alone needs on average; the steps between them, and
+# how often the last one is made smaller
+SMALLEST, LARGEST, STEP, CLOSER = 1.0, 16.0, 2.0, 2
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -65,7 +67,7 @@ def detection_limits(search, base, trial, power, kept=True):
             size = drawn.size(k, trial.axes, needed, power, kept)
             if size and slow:
                 seen = search, base, trial, axis, k, records, needed, kept
-                size = _grown(partial(_with_pattern, *seen), size, power)
+                size = _least(partial(_with_pattern, *seen), size, LARGEST * size, power)
             if size is not None:
                 limits[names[parameter]] = size / scale
     return {name: limits[name] for name in names if name in limits}
@@ -122,12 +124,13 @@ class _Drawn:
         known = np.column_stack([*known, *stacked[: len(columns)]])
         pattern = np.column_stack(stacked[len(columns) :])
         estimated = sight.point(fits[1])
-        weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
+        noise = [np.linalg.inv(b.noise.precision[estimated]) for b in evidence.blocks]
+        noise = block_diag(*noise)
         folds = np.concatenate([b.folds for b in evidence.blocks])
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
         everything = np.column_stack([np.concatenate(values), pattern])
         errors = [
-            _held_out(weights, folds, parts, design, everything)
+            held_out_operator(noise, design, folds) @ everything
             for design in (known, np.column_stack([known, pattern]))
         ]
         return cls(
@@ -150,15 +153,8 @@ class _Drawn:
         point = int(np.argmax(self.fits[1].log_weight))
         own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
         typical = np.sqrt(10.0 / own[k, k])
-        found, size = [], SMALLEST * typical
-        while size < LARGEST * typical:
-            found.append((self.found(k, size, axes, needed, kept), size))
-            if len(found) > 1 and found[-1][0] >= power > found[-2][0]:
-                (low, below), (high, above) = found[-2:]
-                return float(below + (above - below) * (power - low) / (high - low))
-            # the farther from the wanted power, the longer the step
-            size *= STEP ** (1 + 6 * max(power - found[-1][0] - 0.2, 0.0))
-        return None
+        share = partial(self.found, k, axes=axes, needed=needed, kept=kept)
+        return _least(share, SMALLEST * typical, LARGEST * typical, power)
 
     def found(self, k, size, axes, needed, kept=True):
         """Return the share of the records in which a parameter of some size is found."""
@@ -185,11 +181,11 @@ class _Drawn:
         # in the kind of residual where it changes most
         (_, before), (_, after) = self.errors
         change = (before[:, k] - after[:, k]) ** 2 / self.variance
-        groups = max(self.groups, key=lambda parts: sum(np.nansum(change[p]) for p in parts))
+        groups = max(self.groups, key=lambda parts: sum(change[p].sum() for p in parts))
         sums = []
         for records, columns in self.errors:
             squares = (records[:, near] + size * columns[:, [k]]) ** 2
-            sums.append(np.array([np.nansum(squares[rows], axis=0) for rows in groups]))
+            sums.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
         highest = np.quantile((self.counts @ sums[1]) / (self.counts @ sums[0]), 0.975, axis=0)
         lower = ndtr(-np.log(highest) / SOFT)
         return float((passed[near] * lower).sum() / len(passed))
@@ -208,17 +204,30 @@ def _with_pattern(search, base, trial, axis, k, records, needed, kept, size):
     return again.found(k, size, trial.axes, needed, kept)
 
 
-def _grown(share, size, power):
-    """Return the least size, this one or larger, that is found with the wanted power, or None."""
-    low, below, largest = None, size, LARGEST * size
-    while size < largest:
-        found = share(size)
-        if found >= power:
-            part = 1.0 if low is None else (power - low) / (found - low)
-            return float(below + (size - below) * part)
-        # the farther from the wanted power, the longer the step
-        low, below, size = found, size, size * (1 + max(power - found, 0.1))
-    return None
+def _least(share, smallest, largest, power):
+    """Return the size, not below the smallest, of which a share is found; None at none."""
+
+    def missing(size):
+        """Return what a size lacks, in normal quantiles, which go about linearly with it."""
+        return float(ndtri(power) - ndtri(np.clip(share(size), 1 / RECORDS, 1 - 1 / RECORDS)))
+
+    high = smallest
+    lacking = excess = missing(high)
+    while excess > 0:
+        low, lacking, high = high, excess, high * STEP
+        if high > largest:
+            return None
+        excess = missing(high)
+    if high == smallest:
+        return smallest
+    # where two processors take different sides of a zero they still find the same size
+    for _ in range(CLOSER):
+        size = low + (high - low) * lacking / (lacking - excess)
+        if (between := missing(size)) > 0:
+            low, lacking = size, between
+        else:
+            high, excess = size, between
+    return low + (high - low) * lacking / (lacking - excess)
 
 
 def _records(sight, fit, seed):
@@ -238,20 +247,3 @@ def _records(sight, fit, seed):
         values.append(white)
         variance.append(spread)
     return values, np.concatenate(variance)
-
-
-def _held_out(weights, folds, parts, design, values):
-    """Return errors of values, (N, m), each part predicted by a fit of a design to the others."""
-    found = np.full(values.shape, np.nan)
-    size = np.linalg.norm(design, axis=0)
-    design = design / np.where(size > 0, size, 1.0)
-    for part in parts:
-        held, seen = folds[:, 0] == part, ~(folds == part).any(axis=1)
-        hidden = ~seen
-        own = weights[np.ix_(seen, seen)]
-        across = weights[np.ix_(seen, hidden)]
-        own = own - across @ np.linalg.solve(weights[np.ix_(hidden, hidden)], across.T)
-        weighted = design[seen].T @ own
-        fitted = np.linalg.lstsq(weighted @ design[seen], weighted @ values[seen], rcond=1e-12)[0]
-        found[held] = values[held] - design[held] @ fitted
-    return found

@@ -2,9 +2,12 @@
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.special import chdtrc
 
 # probability of an alternative of the noise that a range does not hold
 NEGLIGIBLE = 0.025
+# of its largest, below which a direction is no parameter's own
+SINGULAR = 1e-12
 
 
 def chi_square(values, covariance, jacobian, groups):
@@ -49,15 +52,13 @@ def chi_square(values, covariance, jacobian, groups):
     return found, float(likelihood)
 
 
-def held_out_variance(covariance, jacobian, seen, held, weights=None):
-    """Return the variance that the noise alone gives to the errors of held-out residuals.
+def held_out_operator(covariance, jacobian, folds, weights=None):
+    """Return what takes residuals to their errors, each part predicted by the others.
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
-    ``A = (Jᵀ W J)⁻¹ Jᵀ W`` and ``W = Σ⁻¹`` of the seen part; a held-out residual then has
-
-        var(r_h - J_h A r) = Σ_hh - 2 J_h A Σ_sh + J_h A Σ_ss Aᵀ J_hᵀ
-
-    so that slow noise which both parts share, and a fitted bias takes up, does not count.
+    ``A = (Jᵀ W J)⁻¹ Jᵀ W`` and ``W = Σ⁻¹`` of the seen part; the error of what is held out is
+    ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up, does not
+    count in its covariance ``E Σ Eᵀ``.
 
     Parameters
     ----------
@@ -65,44 +66,65 @@ def held_out_variance(covariance, jacobian, seen, held, weights=None):
         Predicted covariance Σ of all residuals.
     jacobian : ndarray, shape (n, p)
         Derivative J with respect to the parameters.
-    seen, held : ndarray of bool, shape (n,)
-        The residuals of the fit, and those to predict.
+    folds : ndarray of int, shape (n, 2)
+        The part that each row is held out with, and the other that it touches; -1 for none.
     weights : ndarray, shape (n,), optional
         Diagonal of W, where the fit takes other weights.
 
     Returns
     -------
-    ndarray, shape (number held,)
-        Variances.
+    ndarray, shape (n, n)
+        E; zero in the rows of no part.
     """
-    among, design, ahead = covariance[np.ix_(seen, seen)], jacobian[seen], jacobian[held]
-    if weights is None:
-        root = cholesky(among, lower=True)
-        white = solve_triangular(root, design, lower=True)
-        weighted = solve_triangular(root, white, lower=True, trans=1)
-    else:
-        weighted = design * weights[seen, None]
-    gain = ahead @ np.linalg.solve(design.T @ weighted, weighted.T)
-    shared = np.einsum("hs,hs->h", gain, covariance[np.ix_(held, seen)])
-    own = np.einsum("hs,st,ht->h", gain, among, gain)
-    return np.diag(covariance)[held] - 2 * shared + own
+    size = np.linalg.norm(jacobian, axis=0)
+    jacobian = jacobian / np.where(size > 0, size, 1.0)
+    operator = np.zeros_like(covariance)
+    for part in set(folds[:, 0].tolist()) - {-1}:
+        held, seen = folds[:, 0] == part, ~(folds == part).any(axis=1)
+        design = jacobian[seen]
+        if weights is None:
+            root = cholesky(covariance[np.ix_(seen, seen)], lower=True)
+            white = solve_triangular(root, design, lower=True)
+            weighted = solve_triangular(root, white, lower=True, trans=1)
+        else:
+            weighted = design * weights[seen, None]
+        gain = np.linalg.lstsq(design.T @ weighted, weighted.T, rcond=SINGULAR)[0]
+        operator[np.ix_(held, held)] = np.eye(held.sum())
+        operator[np.ix_(held, seen)] = -jacobian[held] @ gain
+    return operator
 
 
 def floor_variance(covariance, jacobian, folds, weights=None):
-    """Return `held_out_variance` of all rows, each part predicted by the others, shape (n,).
+    """Return the variance that the noise alone gives to held-out errors, shape (n,).
+
+    Takes what `held_out_operator` does.
+    """
+    operator = held_out_operator(covariance, jacobian, folds, weights)
+    return np.einsum("ij,ij->i", operator @ covariance, operator)
+
+
+def chance(square, covariances):
+    """Return the probability that independent groups of normal errors have a larger square.
+
+    By the mean, variance and skewness of ``Σ eᵀe``, which a scaled and shifted χ² shares with it.
 
     Parameters
     ----------
-    covariance, jacobian, weights
-        As of `held_out_variance`.
-    folds : ndarray of int, shape (n, 2)
-        The part that each row is held out with, and the other that it touches; -1 for none.
+    square : float
+        Sum of the squares of all errors.
+    covariances : sequence of ndarray, shape (n, n)
+        Covariance of each group.
+
+    References
+    ----------
+    Hall, Ann. Statist. 11 (1983) 1028; Buckley & Eagleson, Austral. J. Statist. 30A (1988) 150.
     """
-    found = np.zeros(len(covariance))
-    for part in set(folds[:, 0].tolist()) - {-1}:
-        held, seen = folds[:, 0] == part, ~(folds == part).any(axis=1)
-        found[held] = held_out_variance(covariance, jacobian, seen, held, weights)
-    return found
+    moments = np.zeros(3)
+    for own in covariances:
+        twice = own @ own
+        moments += np.trace(own), np.trace(twice), np.sum(twice * own)
+    dof = moments[1] ** 3 / moments[2] ** 2
+    return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
 
 
 def likely(log_priors, log_likelihoods):

@@ -7,6 +7,8 @@ from scipy.linalg import cholesky, solve_triangular
 
 # size of a part, of which a deviation of what was known, or white noise, is one, that is none
 TINY = 1e-6
+# and one from which a search still gets away
+SMALL = 1e-2
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ def total(fixed, parts, sizes):
     return fixed + sum((s * s * p.covariance for s, p in zip(sizes, parts, strict=True)), 0.0)
 
 
-def likely_sizes(values, jacobian, fixed, parts, start=None):
+def likely_sizes(values, jacobian, fixed, parts):
     """Return the sizes of the parts that are likeliest, shape (k,), none negative.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
@@ -50,8 +52,6 @@ def likely_sizes(values, jacobian, fixed, parts, start=None):
         Covariance Σ₀ of what is known.
     parts : sequence of Part
         V_k, s_k0 and σ_k.
-    start : ndarray, shape (k,), optional
-        Sizes that are likely.
 
     References
     ----------
@@ -64,30 +64,40 @@ def likely_sizes(values, jacobian, fixed, parts, start=None):
         return np.zeros(0)
     known = np.array([p.size for p in parts])
     weight = np.array([p.deviation for p in parts]) ** -2.0
-    scaled, every = (
-        jacobian / np.linalg.norm(jacobian, axis=0),
-        np.array([p.covariance for p in parts]),
-    )
+    scaled = jacobian / np.linalg.norm(jacobian, axis=0)
+    every = np.array([p.covariance for p in parts])
 
-    def loss(squares):
-        sizes = np.sqrt(squares)
+    def projected(squares):
+        """Return ``P r``, P and what the residuals alone lose by it."""
         root = cholesky(fixed + np.tensordot(squares, every, 1), lower=True)
         white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
         q, r = np.linalg.qr(white[:, 1:])
         rest = white[:, 0] - q @ (q.T @ white[:, 0])
         inverse = solve_triangular(root, np.eye(len(values)), lower=True)
-        without = inverse - q @ (q.T @ inverse)
-        projected, left = inverse.T @ without, inverse.T @ rest
-        slope = np.tensordot(every, projected, 2) - every @ left @ left
-        value = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum() + rest @ rest / 2
+        size = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
+        return inverse.T @ rest, inverse.T @ (inverse - q @ (q.T @ inverse)), size + rest @ rest / 2
+
+    def loss(scaled_squares, unit):
+        squares = scaled_squares * unit
+        sizes = np.sqrt(squares)
+        left, p, value = projected(squares)
+        slope = np.tensordot(every, p, 2) - every @ left @ left
         off = sizes - known
-        return value + off @ (weight * off) / 2, (slope + weight * off / sizes) / 2
+        return value + off @ (weight * off) / 2, (slope + weight * off / sizes) / 2 * unit
+
+    def search(squares, unit, **close):
+        bounds = [(TINY**2 / u, None) for u in unit]
+        what = {"jac": True, "method": "L-BFGS-B", "bounds": bounds, "options": close}
+        return minimize(loss, squares / unit, unit, **what).x * unit
 
     least = 0.3 * np.minimum([p.deviation for p in parts], 1.0)
-    start = np.where(known > 0, known, least) if start is None else np.maximum(start, least)
-    # in squares, for the slope of a size is none at zero, and a search would stay there
-    bounds = [(TINY**2, None)] * len(parts)
-    # to the last digits that processors have in common
-    close = {"ftol": 1e-15, "gtol": 1e-9}
-    found = minimize(loss, start**2, jac=True, method="L-BFGS-B", bounds=bounds, options=close).x
-    return np.where(found > TINY**2, np.sqrt(found), 0.0)
+    # in squares, for the slope of a size is none at zero, and a search would stay there; in wide
+    # steps to the right one of several hills
+    squares = search(np.where(known > 0, known, least) ** 2, np.ones(len(parts)), ftol=1e-4)
+    # then, each square in its standard error, to the last digits that processors have in common
+    squares = np.maximum(squares, SMALL**2)
+    _, p, _ = projected(squares)
+    information = [np.sum((v @ p) * (v @ p).T) / 2 for v in every]
+    unit = 1 / np.sqrt(information + weight / (4 * squares))
+    squares = search(squares, unit, ftol=1e-15, gtol=1e-7)
+    return np.where(squares > 1.01 * TINY**2, np.sqrt(squares), 0.0)

@@ -13,7 +13,7 @@ NOTHING = {
     "confounded": [],
     "correlates": [],
 }
-# held-out error over its floor by which an interval of few parts may be wrong
+# held-out error over its floor up to which the floor itself may be wrong
 MARGIN = 1.25
 
 
@@ -25,6 +25,8 @@ class Judged:
     ----------
     p_value : float
         Probability that the noise leaves as much.
+    heldout : float
+        Probability that the noise gives as large errors of what is held out.
     estimated : float
         The same by the noise as estimated, the first alternative.
     reduced_chi2 : float
@@ -32,15 +34,17 @@ class Judged:
     """
 
     p_value: float
+    heldout: float
     estimated: float
     reduced_chi2: float
 
     @classmethod
-    def of(cls, weights, found):
-        """Return it of probabilities, and of χ² and degrees of freedom by each alternative."""
+    def of(cls, weights, found, heldout):
+        """Return it of probabilities, χ² and degrees of freedom, and chances, by alternative."""
         chances = [float(chdtrc(dof, square)) for square, dof in found]
         square, dof = found[0]
-        return cls(float(np.dot(weights, chances)), chances[0], square / dof)
+        averaged = (float(np.dot(weights, each)) for each in (chances, heldout))
+        return cls(*averaged, chances[0], square / dof)
 
 
 def verdict(above_before, above_after, effects):
@@ -58,24 +62,27 @@ def verdict(above_before, above_after, effects):
     return "partly_explained" if above_after else "explained"
 
 
-def above_floor(in_sample, heldout, floor, ratio=None):
+def above_floor(judged, share, heldout, floor, chosen):
     """Return whether a residual is larger than the noise explains.
 
     It is where the fit leaves more than noise and the error of held-out data is above its floor
-    too; and, with effects, where that error is above it for certain and by more than a quarter,
-    however well the fit went: a model with a wrong effect fits what it was chosen by.
+    too; and, with effects, where that error is above it by more than a quarter and by more than
+    noise makes it, however well the fit went: a model with a wrong effect fits what it was chosen
+    by.
 
     Parameters
     ----------
-    in_sample : bool
-        Whether χ² of the fit is above its floor.
+    judged : Judged
+        Of the fit and of held-out data.
+    share : float
+        Significance.
     heldout, floor : float
         Held-out error, and what the noise alone predicts for it.
-    ratio : (float, float), optional
-        Interval of the one over the other; None of a model without effects.
+    chosen : bool
+        Whether there are effects, which the data chose.
     """
-    beyond = ratio is not None and ratio[0] > 1 and heldout > MARGIN * floor
-    return (in_sample and heldout > floor) or beyond
+    beyond = chosen and judged.heldout < share and heldout > MARGIN * floor
+    return (judged.p_value < share and heldout > floor) or beyond
 
 
 def unseen(cls, limits):

@@ -20,7 +20,14 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import pose_probes
-from imuloop.diagnose.residuals import chi_square, floor_range, floor_variance, likely
+from imuloop.diagnose.residuals import (
+    chance,
+    chi_square,
+    floor_range,
+    floor_variance,
+    held_out_operator,
+    likely,
+)
 from imuloop.diagnose.verdict import NOTHING, Judged, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
@@ -138,7 +145,8 @@ def _diagnosed(choices):
     sensor, settings = problem.sensor, problem.settings
     errors = choices.following(()), choices.errors(choices.nested)
     base, final = problem.about(), problem.about(choice.base)
-    judged = [_judged(problem, about) for about in (base, final)]
+    sides = zip((base, final), errors, strict=True)
+    judged = [_judged(problem, about, own) for about, own in sides]
     weights = judged[1][0]
     floors = [
         floor_variance(c, base.jacobian, problem.ends)[:, None] for _, c in final.alternatives
@@ -184,16 +192,30 @@ def final_solution(problem, base):
     return replace(solution, calibration=calibration)
 
 
-def _judged(problem, about):
-    """Return probabilities of the noise's alternatives, and the Judged of each kind of residual."""
+def _judged(problem, about, errors):
+    """Return probabilities of the noise's alternatives, and the Judged of each kind of residual.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        The poses.
+    about : About
+        About the fit with some effects.
+    errors : ndarray, shape (N, 1)
+        Held-out errors with them.
+    """
     groups = [problem.of_kind(kind) for kind in problem.sensor.kinds]
-    found, likelihoods = zip(
-        *(chi_square(about.values, c, about.jacobian, groups) for _, c in about.alternatives),
-        strict=True,
-    )
+    found, likelihoods, heldout = [], [], []
+    for _, covariance in about.alternatives:
+        left, likelihood = chi_square(about.values, covariance, about.jacobian, groups)
+        operator = held_out_operator(covariance, about.jacobian, problem.ends)
+        spread = operator @ covariance @ operator.T
+        likelihoods.append(likelihood)
+        found.append(left)
+        heldout.append([chance((errors[g] ** 2).sum(), [spread[np.ix_(g, g)]]) for g in groups])
     weights = likely([prior for prior, _ in about.alternatives], likelihoods)
     return weights, {
-        kind: Judged.of(weights, [each[k] for each in found])
+        kind: Judged.of(weights, [each[k] for each in found], [each[k] for each in heldout])
         for k, kind in enumerate(problem.sensor.kinds)
     }
 

@@ -67,9 +67,9 @@ class _Noise:
     fixed: np.ndarray
     parts: list
 
-    def likeliest(self, values, start=None):
+    def likeliest(self, values):
         """Return the sizes of the parts that residuals make likeliest."""
-        return likely_sizes(values, self.jacobian, self.fixed, self.parts, start)
+        return likely_sizes(values, self.jacobian, self.fixed, self.parts)
 
     def hypotheses(self, likeliest):
         """Return the Hypotheses from the sizes as estimated to the likeliest."""
@@ -235,7 +235,7 @@ class PoseProblem:
 
         def noise_with(residuals):
             """Return what the noise may be by other residuals."""
-            return [noise.hypotheses(noise.likeliest(residuals, likeliest))]
+            return [noise.hypotheses(noise.likeliest(residuals))]
 
         return About(solution, model, values, jacobian, alternatives, evidence, noise_with)
 

@@ -10,7 +10,7 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted
-from imuloop.diagnose.residuals import chi_square, floor_variance
+from imuloop.diagnose.residuals import chance, chi_square, floor_variance, held_out_operator
 from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
@@ -38,10 +38,11 @@ def static_content(sensor, finding, noise, change):
     problem, base = choices.problem, choices.choice().base
     share = settings.significance / len(SENSORS) / settings.family
     axes = SENSORS[sensor]
-    judged = [_judged(problem, effects, noise, axes) for effects in ((), finding.effects)]
+    kind, errors = problem.residual, (finding.before, finding.after)
+    sides = zip(((), finding.effects), errors, strict=True)
+    judged = [_judged(problem, *side, noise, axes) for side in sides]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
-    kind, errors = problem.residual, (finding.before, finding.after)
     residual, above = residual_entry(
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )
@@ -105,23 +106,34 @@ def _floor(problem, noise, axes):
     return np.concatenate(found)
 
 
-def _judged(problem, effects, noise, axes):
-    """Return the Judged of the means less effects about their levels."""
+def _judged(problem, effects, errors, noise, axes):
+    """Return the Judged of the means less effects about their levels, and of held-out errors."""
     shapes = [e.effect for e in effects]
     taken = [problem.design(e.effect) @ e.vector for e in effects]
     left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
-    total = 0.0
+    total, square, spreads = 0.0, 0.0, []
     dof = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
-    blocks = zip(problem.evidence.split(left), problem.evidence.blocks, problem.fitted, strict=True)
-    for values, block, record in blocks:
+    ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
+    blocks = zip(
+        problem.evidence.split(left),
+        np.split(errors, ends),
+        problem.evidence.blocks,
+        problem.records,
+        problem.fitted,
+        strict=True,
+    )
+    for values, wrong, block, every, record in blocks:
+        first = np.searchsorted(every.windows[:, 0], record.windows[:, 0])
+        counts = np.diff(np.append(first, len(wrong)))
+        square += ((np.add.reduceat(wrong, first) / counts[:, None]) ** 2).sum()
         everything = [np.ones(len(values), dtype=bool)]
         for axis, name in enumerate(axes):
             covariance = noise.axes[name].mean_covariance(record.windows)
-            ((square, own),), _ = chi_square(
-                values[:, axis], covariance, block.nuisance, everything
-            )
-            total, dof = total + square, dof + own
-    return Judged.of([1.0], [(total, dof)])
+            ((chi2, own),), _ = chi_square(values[:, axis], covariance, block.nuisance, everything)
+            total, dof = total + chi2, dof + own
+            operator = held_out_operator(covariance, block.nuisance, block.folds)
+            spreads.append(operator @ covariance @ operator.T)
+    return Judged.of([1.0], [(total, dof)], [chance(square, spreads)])
 
 
 def _by_axis(axes, finding, floor):
