@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from export.devices import HOSTILE, device, unknown
-from export.warm_device import COLD, WARM, carried, fitted, warm_device, warm_samples
+from export.warm_device import (
+    COLD,
+    WARM,
+    carried,
+    fitted,
+    narrow_device,
+    warm_device,
+    warm_samples,
+)
 from imuloop.core.errors import Lacking
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
@@ -50,10 +58,10 @@ def corrected(found, sensor, values, temperature):
     return values * vector(found, "INS_ACCSCAL") if sensor == "ACC" else values
 
 
-def check(board, effects):
-    table = warm_samples()
-    found = load(ardupilot.text(board))
-    theta = table["temperature"].to_numpy()
+def check(board, effects, found=None, held=(COLD, WARM)):
+    """Compare with the calibration of `board` at temperatures held to a range."""
+    table, theta = warm_samples(*held), warm_samples()["temperature"].to_numpy()
+    found = found or load(ardupilot.text(board))
     expected = carried(board, effects, aligned=False).apply(table)
     x = corrected(found, "ACC", table[list(ACCELERATION)].to_numpy(), theta)
     np.testing.assert_allclose(x, expected[list(ACCELERATION)], rtol=0, atol=4 * HALF * 20)
@@ -79,6 +87,30 @@ def test_a_reference_outside_the_data():
     board = warm_device(accelerometer=(hot,))
     assert load(ardupilot.text(board))["INS_ACC1_CALTEMP"] == WARM
     check(board, ("bias_temperature",))
+
+
+def test_temperatures_are_held_to_those_at_which_both_effects_were_seen():
+    board = narrow_device(accelerometer=(10.0, 30.0), gyroscope=(5.0, 25.0))
+    text = ardupilot.text(board)
+    found = load(text)
+    assert (found["INS_TCAL1_TMIN"], found["INS_TCAL1_TMAX"]) == (10, 25)
+    assert "# accelerometer: bias_temperature was seen from 10 to 30 degC" in text
+    assert "# gyroscope: bias_temperature was seen from 5 to 25 degC" in text
+    check(warm_device(), ("bias_temperature",), found, (10.0, 25.0))
+
+
+def test_the_range_of_a_sensor_without_the_effect_does_not_count():
+    found = load(ardupilot.text(narrow_device(warm_device(gyroscope=()), (12.0, 28.0))))
+    assert (found["INS_TCAL1_TMIN"], found["INS_TCAL1_TMAX"]) == (12, 28)
+
+
+def test_effects_that_were_seen_at_no_common_temperature_are_not_written():
+    board = narrow_device(accelerometer=(10.0, 20.0), gyroscope=(25.0, 35.0))
+    text = ardupilot.text(board)
+    assert not any("TCAL" in name or "CALTEMP" in name for name in load(text))
+    assert "Not carried of the gyroscope: bias_temperature" in text
+    assert "was seen from 10 to 20 degC" in text
+    check(board, (), load(text))
 
 
 def test_one_warm_sensor_leaves_no_old_coefficients_of_the_other():

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from export.devices import HOSTILE, device, g_sensitivity, unknown
-from export.warm_device import SENSORS, carried, warm_device, warm_samples
-from imuloop.core.effect import Channels
+from export.warm_device import SENSORS, carried, narrow_device, warm_device, warm_samples
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.export import c_header
@@ -101,23 +100,6 @@ def agrees(found, board, table):
     assert (np.abs(found - expected) <= 1e-14 * size).all()
 
 
-def narrow_device():
-    """Return the warm device, its effects seen in the middle of the temperatures and in 0.5 g."""
-    board, low, high = warm_device(), 10.0, 30.0
-    n = 200
-    temperature = np.linspace(low, high, n)
-    phase = np.linspace(0, 6, n)[:, None] + np.arange(3)
-    f = 4.9 * np.sin(phase)
-    seen = [Channels(np.zeros(n), f, f, temperature)]
-    sensors = {
-        name: replace(
-            board.sensor(name), effects=tuple(e.held_to(seen) for e in board.sensor(name).effects)
-        )
-        for name in SENSORS
-    }
-    return replace(board, calibration=replace(board.calibration, **sensors))
-
-
 @pytest.mark.parametrize("compiled", [True, False])
 def test_effects_are_held_to_what_the_data_showed(compiled, tmp_path, request):
     board, table = narrow_device(), warm_samples()
@@ -129,6 +111,29 @@ def test_effects_are_held_to_what_the_data_showed(compiled, tmp_path, request):
         )
     else:
         agrees(read(board, table), board, table)
+
+
+def test_what_was_not_seen_of_one_axis_alone_is_not_held_there():
+    board, table = narrow_device(), warm_samples()
+    for name, lacking in (("accelerometer", {"c1y", "sTz"}), ("gyroscope", {"c2x", "G12"})):
+        sensor = board.sensor(name)
+        effects = tuple(
+            replace(e, seen={k: ends for k, ends in e.seen.items() if k not in lacking})
+            for e in sensor.effects
+        )
+        sensor = replace(sensor, effects=effects)
+        board = replace(board, calibration=replace(board.calibration, **{name: sensor}))
+    agrees(read(board, table), board, table)
+
+
+def test_the_range_of_an_effect_is_not_taken_for_that_of_the_logs():
+    text = c_header.text(narrow_device())
+    assert "Temperatures of the logs: -5 to 45 degC" in text
+    assert "bias_temperature was seen from 10 to 30 degC; held to that" in text
+    assert re.search(
+        "g_sensitivity was seen with f_x from -4.8.* to 4.8.*, f_z .* m/s.2; held", text
+    )
+    assert "was seen" not in c_header.text(warm_device())
 
 
 @pytest.mark.parametrize("make", [warm_device, device], ids=["warm", "no temperature"])

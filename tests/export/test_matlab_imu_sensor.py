@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from export.devices import HOSTILE, K, N, device, g_sensitivity, unknown
-from export.warm_device import carried, fitted, warm_device, warm_samples
+from export.warm_device import carried, fitted, narrow_device, warm_device, warm_samples
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.effects.bias_temperature import BiasTemperature
@@ -68,6 +68,18 @@ def test_of_a_curve_it_has_the_tangent_at_the_reference():
     np.testing.assert_allclose(back[list(ACCELERATION)], f, rtol=0, atol=2e-4 * 1e-6)
     assert "Not carried of bias_temperature: its curvature" in text
     assert "Not carried of the accelerometer: scale_temperature" in text
+
+
+def test_the_range_of_what_it_cannot_hold_is_said():
+    board = narrow_device(gyroscope=(5.0, 25.0))
+    text = matlab_imu_sensor.text(board)
+    comments = [line.partition("% ")[2] for line in text.splitlines() if "was seen" in line]
+    bias = "bias_temperature was seen from {} to {} degC; imuSensor holds it to no range"
+    assert comments[:2] == [bias.format(10, 30), bias.format(5, 25)]
+    assert comments[2].startswith("g_sensitivity was seen with f_x from -4.8")
+    assert len(comments) == 3
+    assert "was seen" not in matlab_imu_sensor.text(warm_device())
+    assert str(load(text)) == str(load(matlab_imu_sensor.text(warm_device())))
 
 
 def test_noise_densities_are_ours_and_single_sided():

@@ -5,6 +5,7 @@ import pytest
 
 from export.devices import device, samples, without_effects
 from export.test_densities import opencv
+from export.warm_device import narrow_device, warm_device
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.export.openvins import text
 
@@ -45,6 +46,17 @@ def test_g_sensitivity_matters_here():
     _, w = through_openvins(device(), table)
     bare = without_effects(device()).apply(table)[list(ANGULAR_RATE)].to_numpy()
     assert np.abs(w - bare).max() > 1e-3
+
+
+def test_the_range_of_what_it_cannot_hold_is_said():
+    board = narrow_device()
+    seen = board.sensor("gyroscope").effects[1].seen
+    line = next(line for line in text(board).splitlines() if "g_sensitivity was seen" in line)
+    assert line.endswith("m/s^2; OpenVINS holds it to no range")
+    for axis, (low, high) in zip("xyz", (seen[f"G0{j}"] for j in range(3)), strict=True):
+        assert f"f_{axis} from {low:g} to {high:g}" in line
+    assert "was seen" not in text(device())
+    assert opencv(text(board))["imu0"] == opencv(text(warm_device()))["imu0"]
 
 
 def test_rotations_are_rotations():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from export.devices import HOSTILE, device, unknown
-from export.warm_device import COLD, WARM, carried, warm_device, warm_samples
+from export.warm_device import COLD, WARM, carried, narrow_device, warm_device, warm_samples
 from imuloop.core.errors import Lacking
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
@@ -66,6 +66,39 @@ def test_outside_the_data_the_polynomial_is_held():
     ends = thermal(found, "A", np.array([COLD, WARM]))
     assert (thermal(found, "A", np.array([-40.0, 85.0])) == ends).all()
     assert (found["TC_A0_TMIN"], found["TC_G0_TMAX"]) == (COLD, WARM)
+
+
+def test_each_sensor_is_held_to_the_temperatures_at_which_its_effect_was_seen():
+    seen = {"accelerometer": (10.0, 30.0), "gyroscope": (5.0, 25.0)}
+    found = load(px4.text(narrow_device(**seen)))
+    for name, letter in (("accelerometer", "A"), ("gyroscope", "G")):
+        ends = found[f"TC_{letter}0_TMIN"], found[f"TC_{letter}0_TMAX"]
+        assert ends == tuple(map(np.float32, seen[name]))
+        # the same polynomial as without a range, at temperatures held to it
+        free, table = warm_device(), warm_samples(*seen[name])
+        sensor, columns = free.sensor(name), {"A": ACCELERATION, "G": ANGULAR_RATE}[letter]
+        base, full = (
+            carried(free, effects, aligned=False).apply(table)[list(columns)].to_numpy()
+            for effects in ((), ("bias_temperature",))
+        )
+        expected = (base - full) * (sensor.raw_unit.scale / sensor.K)
+        offset = thermal(found, letter, warm_samples()["temperature"].to_numpy())
+        np.testing.assert_allclose(offset, expected, rtol=0, atol=2e-6 * np.abs(expected).max())
+
+
+def test_the_range_of_an_effect_needs_no_temperatures_of_the_logs():
+    found = load(px4.text(replace(narrow_device(), temperature_range=None)))
+    assert (found["TC_A0_TMIN"], found["TC_A0_TMAX"]) == (10, 30)
+
+
+def test_without_a_range_of_its_own_an_effect_has_that_of_the_logs():
+    board = narrow_device()
+    sensor = board.sensor("accelerometer")
+    effects = tuple(replace(e, seen={"c2x": (0.0, 1.0)}) for e in sensor.effects[:1])
+    calibration = replace(board.calibration, accelerometer=replace(sensor, effects=effects))
+    found = load(px4.text(replace(board, calibration=calibration)))
+    assert (found["TC_A0_TMIN"], found["TC_A0_TMAX"]) == (COLD, WARM)
+    assert (found["TC_G0_TMIN"], found["TC_G0_TMAX"]) == (10, 30)
 
 
 def test_values_are_float32_to_the_last_bit():

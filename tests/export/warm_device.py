@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from export.devices import device, g_sensitivity, samples
-from imuloop.core.effect import FittedEffect
+from imuloop.core.effect import Channels, FittedEffect
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.scale_temperature import ScaleTemperature
 
@@ -35,10 +35,22 @@ def warm_device(label="Board A", accelerometer=None, gyroscope=None):
     return replace(board, temperature_range=(COLD, WARM))
 
 
-def warm_samples():
-    """Return samples at temperatures across the range of the device."""
+def narrow_device(board=None, accelerometer=(10.0, 30.0), gyroscope=(10.0, 30.0)):
+    """Return a device, mostly the warm one, its effects seen at these temperatures, in 0.5 g."""
+    board, n = board or warm_device(), 200
+    f = 4.9 * np.sin(np.linspace(0, 6, n)[:, None] + np.arange(3))
+    for name, ends in zip(SENSORS, (accelerometer, gyroscope), strict=True):
+        seen = [Channels(np.zeros(n), f, f, np.linspace(*ends, n))]
+        sensor = board.sensor(name)
+        held = replace(sensor, effects=tuple(e.held_to(seen) for e in sensor.effects))
+        board = replace(board, calibration=replace(board.calibration, **{name: held}))
+    return board
+
+
+def warm_samples(cold=COLD, warm=WARM):
+    """Return samples at temperatures across those of the data, held between `cold` and `warm`."""
     table = samples()
-    table["temperature"] = np.linspace(COLD, WARM, len(table))
+    table["temperature"] = np.clip(np.linspace(COLD, WARM, len(table)), cold, warm)
     return table
 
 

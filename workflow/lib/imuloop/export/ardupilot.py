@@ -13,6 +13,7 @@ from imuloop.export.per_axis import (
     scale_and_offset,
     scale_left_out,
 )
+from imuloop.export.seen import common_temperatures, seen_lines
 
 FILE = "ardupilot.param"
 TITLE = "ArduPilot parameters, text of Mission Planner and MAVProxy"
@@ -21,6 +22,7 @@ TITLE = "ArduPilot parameters, text of Mission Planner and MAVProxy"
 REFERENCE = 35.0
 # of the polynomial's coefficients
 SCALE = 1e6
+HELD = "INS_TCAL1 holds both sensors to what they have in common"
 NAMES = {"accelerometer": "ACC", "gyroscope": "GYR"}
 
 
@@ -62,8 +64,7 @@ def text(device):
     """
     device.need_calibration()
     sensors = {name: device.sensor(name) for name in SENSORS}
-    span = device.temperature_range
-    warms = span and any(bias_reference(sensor) is not None for sensor in sensors.values())
+    span = common_temperatures(device, *SENSORS)
     body = comment(
         f"{device.label} ({device.device}): calibration for ArduPilot, first IMU",
         f"Ours: {MODEL}, SI. ArduPilot: x = (z - P(temperature) + P(CALTEMP) - OFFS) SCAL,",
@@ -74,14 +75,15 @@ def text(device):
         "INS_GYR_CAL 1, the default, finds INS_GYROFFS anew at each start; 0 keeps this one.",
     )
     for name, sensor in sensors.items():
-        body += "#\n" + comment(*left_out(device, name, (BIAS,) if warms else ()))
-        body += offsets(name, sensor, span if warms else None)
-    if not warms:
+        body += "#\n" + comment(*left_out(device, name, (BIAS,) if span else ()))
+        body += comment(*(f"{name}: {line}" for line in seen_lines(sensor, BIAS, HELD)))
+        body += offsets(name, sensor, span)
+    if span is None:
         return body
     body += comment(
         "",
         f"Effect {BIAS}: k-th coefficient about 35 degC, 1e6 times SI per K^k before the scale;",
-        "subtracted. TMIN, TMAX: temperatures of the data, degC; outside the value at the end.",
+        "subtracted. TMIN, TMAX: where it was seen, degC; outside the value at the end.",
         "The thermometer of the log must be the one of this IMU.",
     )
     body += parameter("INS_TCAL1_ENABLE", 1)

@@ -9,11 +9,14 @@ from imuloop.core.errors import one_line
 from imuloop.core.samples import SENSORS
 from imuloop.export.densities import UNITS
 from imuloop.export.exported import MODEL, number, numbers
-from imuloop.export.per_axis import left_out
+from imuloop.export.per_axis import BIAS, left_out
+from imuloop.export.seen import seen_lines
 
 FILE = "imu_calibration.h"
 TITLE = "C99 header, plain numbers and functions that apply them"
 
+# of what is held to no range
+LARGEST = np.finfo(float).max
 HELD = "imu_calibration_held"
 HOLDING = f"""\
 #ifndef {HELD.upper()}
@@ -64,7 +67,7 @@ def text(device):
     )
     if device.temperature_range:
         cold, warm = device.temperature_range
-        body += remark(f"Temperatures of the data: {cold:g} to {warm:g} degC.")
+        body += remark(f"Temperatures of the logs: {cold:g} to {warm:g} degC.")
     body += f"#ifndef {guard}\n#define {guard}\n"
     if any(effect.seen for effect in device.calibration.effects):
         body += "\n" + HOLDING
@@ -83,6 +86,8 @@ def sensor_text(device, sensor_name, name):
     body += remark(f"b: bias, {unit}, subtracted from raw") + vector(f"{name}_b", sensor.b)
     body += remark(f"K: scale factor, {si} per {unit}, multiplies") + vector(f"{name}_K", sensor.K)
     body += remark("T: misalignment, row by row, multiplies last") + matrix(f"{name}_T", sensor.T)
+    for effect in (BIAS, "g_sensitivity"):
+        body += remark(*seen_lines(sensor, effect, "held to that"))
     terms = ""
     for index, fitted in enumerate(e for e in sensor.effects if e.name in EFFECTS):
         arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
@@ -127,12 +132,16 @@ def warmer(fitted):
     return f"(temperature - {number(fitted.effect.reference_temperature)})"
 
 
+def ends(fitted, keys):
+    """Return between what the derivatives with respect to parameters were seen, low and high."""
+    return np.transpose([fitted.seen.get(key, (-LARGEST, LARGEST)) for key in keys])
+
+
 def held(fitted, name, kind, derivative):
     """Return arrays and the expression of a derivative, held to what the data of an effect show."""
-    ends = [fitted.seen.get(f"{kind}{axis}") for axis in "xyz"]
-    if None in ends:
+    if not fitted.seen:
         return "", derivative
-    low, high = np.transpose(ends)
+    low, high = ends(fitted, [f"{kind}{axis}" for axis in "xyz"])
     arrays = vector(f"{name}_{kind}_low", low) + vector(f"{name}_{kind}_high", high)
     return arrays, f"{HELD}({derivative}, {name}_{kind}_low[i], {name}_{kind}_high[i])"
 
@@ -157,13 +166,11 @@ def g_sensitivity(fitted, name):
     """Return the matrix and the expression of ``Σ_j G_ij f_j``."""
     G = [[fitted.values[f"G{i}{j}"] for j in range(3)] for i in range(3)]
     arrays, terms = matrix(f"{name}_G", G), []
-    ends = [[fitted.seen.get(f"G{i}{j}") for j in range(3)] for i in range(3)]
-    known = all(end for row in ends for end in row)
-    if known:
-        for k, end in enumerate(("low", "high")):
-            arrays += matrix(f"{name}_{end}", [[pair[k] for pair in row] for row in ends])
+    if fitted.seen:
+        low, high = ends(fitted, fitted.effect.parameters).reshape(2, 3, 3)
+        arrays += matrix(f"{name}_low", low) + matrix(f"{name}_high", high)
     for j in range(3):
-        f = f"{HELD}(f[{j}], {name}_low[i][{j}], {name}_high[i][{j}])" if known else f"f[{j}]"
+        f = f"{HELD}(f[{j}], {name}_low[i][{j}], {name}_high[i][{j}])" if fitted.seen else f"f[{j}]"
         terms.append(f"{name}_G[i][{j}] * {f}")
     return arrays, f"({' + '.join(terms)})"
 

@@ -12,6 +12,7 @@ from imuloop.export.per_axis import (
     left_out,
     scale_and_offset,
 )
+from imuloop.export.seen import seen_lines
 
 FILE = "matlab_imu_sensor.m"
 TITLE = "MATLAB imuSensor, a model of the device for simulation"
@@ -23,6 +24,7 @@ POLES = 1000
 # effects: of the first the slope, of the other a matrix to apply by hand
 CARRIED = (BIAS, "g_sensitivity")
 VARIABLES = {"accelerometer": "accel", "gyroscope": "gyro"}
+HELD = "imuSensor holds it to no range"
 # imuSensor's accelerometer reads gravity less acceleration, the negative of specific force
 SIGN = {"accelerometer": -1.0, "gyroscope": 1.0}
 
@@ -119,6 +121,7 @@ def sensor_text(device, name):
     if reference is not None:
         words = f"{unit}/K: slope of {BIAS} at {reference:g} degC, times unit/K{negated}"
         lines += field("TemperatureBias", sign * slope, words)
+        lines += comment(*seen_lines(sensor, BIAS, HELD), mark="%")
         if c[2:].any():
             curve = ", ".join(f"{np.abs(c[k]).max():.2g} {unit}/K^{k}" for k in (2, 3))
             lines += comment(f"Not carried of {BIAS}: its curvature, up to {curve}", mark="%")
@@ -130,6 +133,7 @@ def sensor_text(device, name):
         lines += comment(
             "Not carried by AccelerationBias, which takes the acceleration without gravity and on",
             "navigation axes. Add by hand: w + f*gSensitivity', f the specific force on body axes.",
+            *seen_lines(sensor, fitted.name, HELD),
             mark="%",
         )
     return lines

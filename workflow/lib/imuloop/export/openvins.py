@@ -4,9 +4,12 @@ import numpy as np
 
 from imuloop.export.densities import density_field, effect_lines, heading, noise_left_out
 from imuloop.export.exported import comment, number, numbers
+from imuloop.export.seen import seen_lines
 
 FILE = "openvins_kalibr_imu_chain.yaml"
 TITLE = "OpenVINS"
+# the effect that it takes
+G = "g_sensitivity"
 
 
 def text(device):
@@ -51,7 +54,10 @@ def text(device):
         + matrix("Ta", np.linalg.inv(acceleration), "inverse of Da, the accelerometer's M = T K")
         + matrix("R_IMUtoACC", np.eye(3), "identity: body axes are the accelerometer's")
         + matrix("Tg", g_sensitivity(device), "K^-1 G, rad/s per m/s^2; zero where none was found")
-        + comment(*effect_lines(device, carried=("g_sensitivity",)))
+        + comment(
+            *seen_lines(device.sensor("gyroscope"), G, "OpenVINS holds it to no range"),
+            *effect_lines(device, carried=(G,)),
+        )
         + comment("Not carried: covariances of all these, temperature.", *device.limits())
         + noise_left_out(device)
     )
@@ -65,7 +71,7 @@ def in_si(sensor):
 def g_sensitivity(device):
     """Return Tg, as ``T (K (raw - b) - G f) = M (raw - b - K^-1 G f)``; zero without the effect."""
     sensor = device.sensor("gyroscope")
-    found = [each for each in sensor.effects if each.name == "g_sensitivity"]
+    found = [each for each in sensor.effects if each.name == G]
     if not found:
         return np.zeros((3, 3))
     values = found[0].values

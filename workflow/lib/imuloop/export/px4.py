@@ -13,6 +13,7 @@ from imuloop.export.per_axis import (
     scale_and_offset,
     scale_left_out,
 )
+from imuloop.export.seen import common_temperatures
 
 FILE = "px4.params"
 TITLE = "PX4 parameters, text of QGroundControl"
@@ -85,8 +86,8 @@ def sensor_text(device, name):
     sensor, (calibration, thermal) = device.sensor(name), NAMES[name]
     unit = UNITS[name]["B"]
     scale, offset = scale_and_offset(sensor)
-    carried = (BIAS,) if device.temperature_range else ()
-    lines = comment(*left_out(device, name, carried))
+    span = common_temperatures(device, name)
+    lines = comment(*left_out(device, name, (BIAS,) if span else ()))
     if sensor.method == "nominal":
         lines += comment(
             f"The {name} has no calibration: {sensor.not_testable}",
@@ -100,20 +101,19 @@ def sensor_text(device, name):
             lines += triple("CAL_ACC0_{axis}SCALE", scale)
         else:
             lines += comment(*scale_left_out(scale))
-    reference = bias_reference(sensor)
-    if reference is None or not carried:
+    if span is None:
         return lines
+    reference = bias_reference(sensor)
     tc = f"TC_{thermal}0_"
     lines += comment(
         f"Effect {BIAS}: Xk in {unit} per K^k before the scale, so c_k K_nominal/K; subtracted.",
-        "TMIN, TMAX: temperatures of the data, degC; outside PX4 holds the value at the end.",
+        "TMIN, TMAX: where the effect was seen, degC; outside PX4 holds the value at the end.",
         "The thermometer of the log must be the one of this sensor.",
         f"To be set by hand, the number of this sensor as in CAL_{calibration}0_ID: {tc}ID",
     )
     lines += parameter(f"TC_{thermal}_ENABLE", 1, INT32)
     for k, c in enumerate(bias_polynomial(sensor, reference)):
         lines += triple(f"{tc}X{k}_{{index}}", c / scale)
-    cold, warm = device.temperature_range
-    for end, value in (("TREF", reference), ("TMIN", cold), ("TMAX", warm)):
+    for end, value in zip(("TREF", "TMIN", "TMAX"), (reference, *span), strict=True):
         lines += parameter(tc + end, value)
     return lines
