@@ -1,0 +1,248 @@
+"""The same linear problem as every kind of record has the same p-value, that of the book."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.stats import f as f_distribution
+
+from diagnose.records import LENGTH, windows
+from imuloop.calibrate import least_squares
+from imuloop.calibrate.pose_fits import Solution
+from imuloop.core.effect import Channels
+from imuloop.diagnose.evidence import Hypotheses
+from imuloop.diagnose.records.means import StaticRecord
+from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.diagnose.records.slow_noise import ratios
+from imuloop.diagnose.records.static import StaticProblem
+from imuloop.diagnose.search import Search
+from imuloop.diagnose.settings import DiagnoseSettings
+
+SETTINGS, TESTS = DiagnoseSettings(), 20
+# rows of each block, whose noise is independent of the other's
+ROWS = (30, 45)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A candidate: one column of the problem."""
+
+    number: int
+    name = "column"
+    parameters = {"p": "1"}  # noqa: RUF012
+    limit = np.inf
+
+    def design(self, channels):
+        """Return the column on the first axis, (n, 3, 1), where a record has it."""
+        return channels.other[:, [self.number], None] * np.eye(3)[0][:, None]
+
+
+class Beside(Column):
+    """The candidate beside which others are tested."""
+
+
+BESIDE, CANDIDATE, LIKE_IT = Beside(0), Column(1), Column(2)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """``y = A β + D θ + v``, block by block.
+
+    Attributes
+    ----------
+    y : ndarray, shape (n,)
+        Values.
+    nuisance : ndarray, shape (n, 2)
+        A: the level of each block.
+    columns : ndarray, shape (n, 3)
+        D.
+    covariances : list of ndarray
+        Of the noise v of each block.
+    part : ndarray of int, shape (n,)
+        The part that each row is held out with.
+    """
+
+    y: np.ndarray
+    nuisance: np.ndarray
+    columns: np.ndarray
+    covariances: list
+    part: np.ndarray
+
+    def split(self, rows):
+        """Return rows of all blocks, shape (n, …), block by block."""
+        return np.split(rows, np.cumsum(ROWS)[:-1])
+
+    def squares(self, base, candidate, out=()):
+        """Return χ² without and with a candidate, and the degrees of freedom with it."""
+        seen = ~np.isin(self.part, list(out))
+        root = np.linalg.cholesky(block_diag(*self.covariances)[np.ix_(seen, seen)])
+        white = np.linalg.solve(root, np.column_stack([self.y, self.nuisance, self.columns])[seen])
+        without = white[:, [1, 2, *(3 + e.number for e in base)]]
+        fit = np.column_stack([without, white[:, 3 + candidate.number]])
+        left = [
+            np.sum((white[:, 0] - x @ np.linalg.lstsq(x, white[:, 0], rcond=None)[0]) ** 2)
+            for x in (without, fit)
+        ]
+        return *left, len(fit) - fit.shape[1]
+
+    def p_value(self, base, candidate, out, least):
+        """Return the p-value of generalised least squares, by the book."""
+        before, after, dof = self.squares(base, candidate, out)
+        return f_distribution.sf((before - after) / max(least, after / dof), 1, dof)
+
+
+def linear(size):
+    """Return a problem whose residual has about `size` squared times the variance of its noise.
+
+    The columns and what is in the noise beyond its variance change slowly, as its covariance does:
+    white noise added to it makes nothing likelier, so that the covariance is the only hypothesis.
+    """
+    rng = np.random.default_rng(11)
+    y, covariances, columns = [], [], []
+    for n in ROWS:
+        t = np.arange(n)
+        covariance = np.eye(n) + 40 * np.exp(-np.abs(t[:, None] - t) / 15)
+        values, axes = np.linalg.eigh(covariance)
+        slow = np.where(values > np.quantile(values, 2 / 3), np.sqrt(3.0), 0.2)
+        own = axes @ (np.sqrt(values)[:, None] * slow[:, None] * rng.normal(size=(n, 4)))
+        columns.append(own[:, 1:])
+        y.append(size * own[:, 0] + own[:, 1:] @ [0.3, 0.4, 0.3] * size + 5 * rng.normal())
+        covariances.append(covariance)
+    parts, level = SETTINGS.blocks, np.repeat([0, 1], ROWS)
+    shift = [0, parts // 2]
+    part = np.concatenate(
+        [
+            (((np.arange(n) + 0.5) / n * parts).astype(int) + s) % parts
+            for n, s in zip(ROWS, shift, strict=True)
+        ]
+    )
+    return Linear(np.concatenate(y), np.eye(2)[level], np.concatenate(columns), covariances, part)
+
+
+class LinearSensor:
+    """A sensor whose residuals at the poses, ``A β + D θ - y``, are straight in the parameters."""
+
+    sensor, names, kinds = "accelerometer", ("level 1", "level 2"), {"gravity_norm": ("m/s^2", 1)}
+    # its size is known, without flicker and walk
+    noise = SimpleNamespace(known=lambda *_: (0.0, 0.0), with_sizes=lambda _: None)
+
+    def rows(self, problem):
+        """Return the one pose of each residual and its kind."""
+        poses = np.arange(len(problem.y))
+        return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
+
+    def design(self, problem, effects):
+        """Return A, D of effects."""
+        return np.column_stack([problem.nuisance, problem.columns[:, [e.number for e in effects]]])
+
+    def fit(self, problem, effects=(), start=None, prior=None):
+        """Return the Solution."""
+        design = self.design(problem, effects)
+
+        def residuals(x):
+            return design @ x - problem.y, design
+
+        start = np.zeros(design.shape[1])
+        covariance = block_diag(*problem.covariances)
+        return Solution(tuple(effects), least_squares.fit(residuals, start, covariance), None)
+
+    def model(self, solution, problem, shapes=()):
+        """Return residuals about a solution with further effects."""
+        design = self.design(problem, (*solution.effects, *shapes))
+        return SimpleNamespace(
+            start=lambda: np.zeros(design.shape[1]),
+            residuals=lambda x: (design @ x - problem.y, design),
+        )
+
+    def covariance(self, solution, problem, noise=None):
+        """Return that of the residuals."""
+        return block_diag(*problem.covariances)
+
+
+def poses(problem, shapes):
+    """Return the problem as poses: one block, its nuisances the parameters of the sensor."""
+    return PoseProblem(LinearSensor(), problem, shapes, SETTINGS, TESTS, problem.part)
+
+
+def static(problem, shapes):
+    """Return the problem as static records: a block each, with its level; candidates on an axis."""
+    values, columns = (problem.split(each) for each in (problem.y, problem.columns))
+    records = []
+    for number, (y, d) in enumerate(zip(values, columns, strict=True)):
+        n = len(y)
+        channels = Channels(windows(n).mean(axis=1), np.zeros((n, 3)), d)
+        still = windows(n), np.zeros(n, dtype=int)
+        records.append(StaticRecord(f"s{number}", *still, np.tile(y[:, None], 3), channels))
+    # every hypothesis of the grid is the same
+    count = len(ratios(LENGTH * max(ROWS), LENGTH)[0])
+    noise = tuple(Hypotheses.of([c] * count, count) for c in problem.covariances)
+    return StaticProblem(tuple(records), shapes, SETTINGS, TESTS, noise)
+
+
+# each kind of record, and the least share of the noise's variance that a residual can have: 1 where
+# the size of the noise is known, 0 where the residual alone tells it
+KINDS = {"poses": (poses, 1.0), "static": (static, 0.0)}
+OF_CLASS = {Beside: (BESIDE,), Column: (CANDIDATE, LIKE_IT)}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("size", [1.6, 0.5], ids=["above the noise", "below it"])
+@pytest.mark.parametrize("base", [(), (BESIDE,)], ids=["alone", "beside"])
+@pytest.mark.parametrize("out", [(), (2,)], ids=["all", "held out"])
+def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, out):
+    """With the covariance Σ of the rows seen, and χ² = min (y - X β)ᵀ Σ⁻¹ (y - X β) without and
+    with the q columns of a candidate, ν degrees of freedom in the second,
+
+        F = (χ²_without - χ²_with) / (q s),   s = max(least, χ²_with / ν),
+
+    and p is the upper tail of F with q and ν degrees of freedom. The excess s is estimated; it is
+    never less than 1 where the size of the noise is known, so smaller residuals prove nothing.
+    Of an effect in several shapes, p is the least times their number.
+    """
+    make, least = KINDS[kind]
+    problem = linear(size)
+    search = Search(make(problem, OF_CLASS), frozenset(out))
+    expected = [problem.p_value(base, e, out, least) for e in (CANDIDATE, LIKE_IT)]
+    found = [search.test(base, e).p_value for e in (CANDIDATE, LIKE_IT)]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    trial = search.trial(base, Column)
+    assert trial.p_value == pytest.approx(2 * min(expected), rel=1e-9)
+
+
+@pytest.mark.parametrize("out", [(), (2,)], ids=["all", "held out"])
+def test_all_kinds_of_record_say_the_same(out):
+    """Where the residual is no smaller than the noise, the excess is estimated in every kind."""
+    problem = linear(1.6)
+    found = [
+        Search(make(problem, OF_CLASS), frozenset(out)).test((), CANDIDATE).p_value
+        for make, _ in KINDS.values()
+    ]
+    assert 1e-9 < found[0] < 1e-3
+    np.testing.assert_allclose(found, found[0], rtol=1e-9)
+
+
+def test_poses_average_over_how_much_they_are_above_their_noise():
+    """Under white noise of variance 1, with χ² above ν, a variance c = 1 + (s m)² is as possible,
+    s = 0, 0.3, 0.6, 1, and c = χ²/ν of the fit without the candidate the likeliest. The p-values
+    of the F test with χ²/c are averaged, half by the restricted likelihood of the fit without the
+    candidate and half by that with it:
+
+        -(ν log c + ν log s + χ²/(c s))/2,   s = max(1, χ²/(c ν)).
+    """
+    problem = linear(1.0)
+    y = 2.5 * np.random.default_rng(4).normal(size=sum(ROWS)) + 0.15 * problem.columns[:, 1]
+    problem = replace(problem, y=y, covariances=[np.eye(n) for n in ROWS])
+    before, after, dof = problem.squares((), CANDIDATE)
+    c = 1 + np.array([0.0, 0.3, 0.6, 1.0]) ** 2 * (before / (dof + 1) - 1)
+    shares = []
+    for square, freedom in ((before, dof + 1), (after, dof)):
+        s = np.maximum(1.0, square / c / freedom)
+        log = -(freedom * np.log(c * s) + square / (c * s)) / 2
+        shares.append(np.exp(log - log.max()) / np.exp(log - log.max()).sum())
+    expected = np.mean(shares, axis=0) @ f_distribution.sf((before - after) / c / s, 1, dof)
+    found = Search(poses(problem, OF_CLASS), frozenset()).test((), CANDIDATE).p_value
+    assert 1e-9 < expected < 1e-2
+    # the likeliest c is found to the square root of the digits of the likelihood
+    assert found == pytest.approx(expected, rel=1e-6)
