@@ -1,16 +1,16 @@
 """Calibrate a device: six-position and multi-position, from its sessions' segments."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate import accelerometer, gyroscope, six_position
-from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate import accelerometer, six_position
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import (
     AccelerometerPoses,
-    direction_unknown,
+    GyroscopePoses,
     fitted_calibration,
     in_raw_units,
 )
@@ -115,103 +115,77 @@ def raw_units(sessions, kinds):
 def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     """Return the multi-position calibration of the accelerometer.
 
+    Nominal, with the reason, where the poses do not determine it.
+
     Parameters
     ----------
     poses : Poses
         Poses.
-    noise : NoiseModel
-        Noise of the device.
-    gravity : float
-        m/s^2.
-    unit : RawUnit
-        Unit of the log.
-    settings : CalibrateSettings
-        Settings.
-
-    Returns
-    -------
-    SensorCalibration
-        Nominal, with the reason, where the poses do not determine it.
+    noise, gravity, unit, settings
+        As of `AccelerometerPoses`.
     """
-    sensor, recording = AccelerometerPoses(noise, gravity, unit, settings), Recording(poses)
-    if reason := sensor.untestable(recording):
-        return SensorCalibration.nominal(unit, reason)
-    try:
-        solution = sensor.fit(recording)
-    except LinAlgError:
-        return SensorCalibration.nominal(unit, SINGULAR)
-    if reason := sensor.lost(solution, recording):
-        return SensorCalibration.nominal(unit, reason)
-    made = fitted_calibration(sensor, solution)
-    if fault := sensor_fault(made, "accelerometer"):
-        return SensorCalibration.nominal(unit, f"the fit gives what no sensor has: {fault}")
-    return made
+    sensor = AccelerometerPoses(noise, gravity, unit, settings)
+    return calibrated(sensor, Recording(poses), partial(SensorCalibration.nominal, unit))
 
 
 def calibrate_gyroscope(recording, noise, force, unit, settings):
     """Return the multi-position calibration of the gyroscope.
 
+    With the bias alone, and the reason, where the rotations do not determine the rest; nominal
+    where the noise of an axis is not known.
+
     Parameters
     ----------
     recording : Recording
         Poses and rotations.
-    noise : NoiseModel
-        Noise of the device.
-    force : SensorCalibration
-        Calibration of the accelerometer.
-    unit : RawUnit
-        Unit of the log.
-    settings : CalibrateSettings
-        Settings.
-
-    Returns
-    -------
-    SensorCalibration
-        With the bias alone, and the reason, where the rotations do not determine the rest; nominal
-        where the noise of an axis is not known.
+    noise, force, unit, settings
+        As of `GyroscopePoses`, `force` its accelerometer.
     """
-    poses = recording.poses
-    if not len(poses):
-        return SensorCalibration.nominal(unit, without_pose({}, "multi_position"))
-    if reason := poses.unknown_noise(noise, ANGULAR_RATE):
-        return SensorCalibration.nominal(unit, reason)
-    force = calibrated_force(force, recording, noise)
-    reason = gyroscope.untestable_gyroscope(recording, force, settings.largest_condition)
-    if reason:
-        return rest_bias(poses, noise, unit, reason)
-    held = poses.w[0] if settings.gyroscope_bias == "initial_rest" else None
+    poses, held = recording.poses, None
+    if settings.gyroscope_bias == "initial_rest" and len(poses):
+        # its error is that of the first rest's mean
+        held = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
+    sensor = GyroscopePoses(noise, force, unit, settings, held)
+    return calibrated(sensor, recording, partial(rest_bias, poses, noise, unit), "; bias only")
+
+
+def calibrated(sensor, recording, without, left=""):
+    """Return the calibration of a sensor that its poses determine.
+
+    Parameters
+    ----------
+    sensor : AccelerometerPoses or GyroscopePoses
+        How it is fitted.
+    recording : Recording
+        Poses and rotations.
+    without : callable
+        Takes the reason why there is none, gives what calibration there is instead.
+    left : str
+        What the reason says of that where a fit fails.
+    """
+    if reason := sensor.untestable(recording):
+        return without(reason)
     try:
-        fit, model, _ = gyroscope.fit_gyroscope(recording, force, noise, bias=held)
+        solution = sensor.fit(recording)
     except LinAlgError:
-        return rest_bias(poses, noise, unit, f"{SINGULAR}; bias only")
-    turns = len(recording.rotations)
-    if reason := gyroscope.lost_gyroscope(fit, turns, settings.largest_condition):
-        return rest_bias(poses, noise, unit, reason)
-    free = model.free()
-    covariance = np.zeros((len(fit.x), len(fit.x)))
-    covariance[np.ix_(free, free)] = fit.scaled_covariance
-    if held is not None:
-        # the bias was not fitted: its error is that of the first rest's mean
-        covariance[9:12, 9:12] = np.diag(poses.mean_covariance(noise)[3:, 0, 0])
-    made = in_raw_units(
-        unit,
-        gyroscope.NAMES,
-        fit.x,
-        covariance,
-        method="multi_position",
-        reduced_chi2=fit.reduced_chi2,
-    )
-    if fault := sensor_fault(made, "gyroscope"):
-        return rest_bias(
-            poses, noise, unit, f"the fit gives what no sensor has: {fault}; bias only"
-        )
+        return without(f"{SINGULAR}{left}")
+    if reason := sensor.lost(solution, recording):
+        return without(reason)
+    made = fitted_calibration(sensor, solution)
+    if fault := sensor_fault(made, sensor.sensor):
+        return without(f"the fit gives what no sensor has: {fault}{left}")
     return made
 
 
 def rest_bias(poses, noise, unit, reason):
-    """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise."""
-    if silent := poses.unknown_noise(noise, ANGULAR_RATE):
-        return SensorCalibration.nominal(unit, f"{reason}; {silent}")
+    """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise.
+
+    Nominal without a rest, or where the noise of an axis is not known.
+    """
+    silent = poses.unknown_noise(noise, ANGULAR_RATE)
+    if silent or not len(poses):
+        reasons = dict.fromkeys(filter(None, (reason, silent)))
+        return SensorCalibration.nominal(unit, "; ".join(reasons))
     covariance = poses.mean_covariance(noise)[3:]
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
     total = weights.sum(axis=1)
@@ -304,10 +278,7 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
     known = best(force, six_sensors[0])
-    if len(multi.poses) and (reason := direction_unknown(known)):
-        turn = rest_bias(multi.poses, model, units[1], reason)
-    else:
-        turn = calibrate_gyroscope(multi, model, known, units[1], settings)
+    turn = calibrate_gyroscope(multi, model, known, units[1], settings)
     if not len(multi.poses) and len(static):
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)

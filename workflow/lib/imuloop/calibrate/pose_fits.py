@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.force import calibrated_force
@@ -144,12 +145,15 @@ class GyroscopePoses:
         Unit of the log.
     settings : CalibrateSettings
         Settings of the calibration.
+    bias : tuple of two ndarrays, shape (3,), optional
+        Bias and its variance, rad/s as logged, where it is held instead of estimated.
     """
 
     noise: NoiseModel
     accelerometer: SensorCalibration
     unit: RawUnit
     settings: CalibrateSettings
+    bias: tuple[np.ndarray, np.ndarray] | None = None
     sensor = "gyroscope"
     names = gyroscope.NAMES
     kinds: ClassVar = {"pose_rate": ("rad/s", 3), "rotation": ("rad", 2)}
@@ -188,6 +192,7 @@ class GyroscopePoses:
             self._force(recording),
             self.noise,
             effects=effects,
+            bias=None if self.bias is None else self.bias[0],
             start=start,
             prior=prior,
         )
@@ -300,11 +305,15 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
 def fitted_calibration(sensor, solution, covariance=None):
     """Return the calibration of a solution; its variances grow with what it leaves unexplained."""
     fit = solution.fit
+    covariance = fit.scaled_covariance if covariance is None else covariance
+    if len(covariance) < len(fit.x):
+        # of a bias that was held
+        covariance = block_diag(covariance, np.diag(sensor.bias[1]))
     return in_raw_units(
         sensor.unit,
         sensor.names,
         fit.x,
-        fit.scaled_covariance if covariance is None else covariance,
+        covariance,
         method="multi_position",
         effects=solution.effects,
         reduced_chi2=fit.reduced_chi2,
@@ -315,14 +324,14 @@ def direction_unknown(force):
     """Return why the direction of gravity at the poses is not known, or None if it is.
 
     An accelerometer as its data sheet has it may be degrees off: what a gyroscope fits to that is
-    no better than its own data sheet.
+    no better than its own data sheet. One that is nominal for no reason is taken as known.
 
     Parameters
     ----------
     force : SensorCalibration
         The best of the accelerometer.
     """
-    if force.method != "nominal":
+    if force.method != "nominal" or force.not_testable is None:
         return None
     return f"direction of gravity not known: {force.not_testable}"
 
