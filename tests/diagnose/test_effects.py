@@ -272,6 +272,19 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
     np.testing.assert_allclose(wider.output(whole), free.output(whole), atol=1e-12)
 
 
+def test_beyond_the_temperatures_that_were_seen_a_polynomial_stays_at_its_end():
+    def at(*temperature):
+        n = len(temperature)
+        return Channels(
+            np.arange(n) / 10, np.ones((n, 3)), np.zeros((n, 3)), np.array(temperature, float)
+        )
+
+    shape = find_effect("bias_temperature")(order=3, reference_temperature=18.0)
+    held = fitted(shape, 6).held_to([at(*range(10, 31))])
+    cold, warm = held.output(at(10, 30))
+    np.testing.assert_allclose(held.output(at(6, 45)), [cold, warm], rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     "seen", [{"d0": [0, 1]}, {"dx": [1, 0]}, {"dx": [0, 1, 2]}, {"dx": [0, 1e999]}]
 )

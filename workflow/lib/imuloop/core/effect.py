@@ -131,6 +131,11 @@ class Effect:
 
     library: ClassVar[dict[str, type]] = {}
 
+    def held(self, design, low, high):
+        """Return a derivative, shape (n, 3, p), held to the ranges of its parameters, (p,) each."""
+        # a parameter that an axis does not have is zero there
+        return np.where(design == 0, 0.0, np.clip(design, low, high))
+
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
         Effect.library[cls.name] = cls
@@ -222,8 +227,7 @@ class FittedEffect:
             low, high = np.transpose(
                 [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
             )
-            # a parameter that an axis does not have is zero there
-            held = np.where(design == 0, 0.0, np.clip(design, low, high))
+            held = self.effect.held(design, low, high)
             if channels.held is not None:
                 channels.held[self.name] = np.any(held != design, axis=(1, 2))
             design = held

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
 from imuloop.effects.thermometer import CELSIUS, ROOM, span, temperature, whole_degrees
@@ -56,3 +58,8 @@ class BiasTemperature(Effect):
         """Return the powers of the temperature on each axis, shape (n, 3, 3 order)."""
         warmer = temperature(channels) - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
+
+    def held(self, design, low, high):
+        """Return the powers of a temperature that is held: an even one has but one end."""
+        first = super().held(design[:, :, :3], low[:3], high[:3])
+        return np.concatenate([first**k for k in range(1, self.order + 1)], axis=2)

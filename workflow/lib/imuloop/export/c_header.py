@@ -148,11 +148,11 @@ def held(fitted, name, kind, derivative):
 
 def bias_temperature(fitted, name):
     """Return the arrays and the expression of ``Σ_k c_ki (θ - θ0)^k``."""
-    arrays, terms = "", []
+    arrays, warmth = held(fitted, name, "c1", warmer(fitted))
+    terms = []
     for k in range(1, fitted.effect.order + 1):
-        more, power = held(fitted, name, f"c{k}", " * ".join([warmer(fitted)] * k))
-        arrays += vector(f"{name}_c{k}", by_axis(fitted, f"c{k}")) + more
-        terms.append(f"{name}_c{k}[i] * {power}")
+        arrays += vector(f"{name}_c{k}", by_axis(fitted, f"c{k}"))
+        terms.append(f"{name}_c{k}[i] * {' * '.join([warmth] * k)}")
     return arrays, f"({' + '.join(terms)})"
 
 
