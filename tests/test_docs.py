@@ -163,7 +163,6 @@ def results(tmp_path, monkeypatch):
     residuals = {name: errors | {"unit": unit} for name, unit in units.items()}
     residuals["bias"] = errors | {"unit": "m/s^2"} | {"sessions": {"static": {"az": errors}}}
     effect = {"name": "sinusoid", "p_value": 0.5, "constants": {"frequency": 0.1}}
-    components = {"before": [0.2, 0.1, 0.1], "after": [0.1, 0.1, 0.0]}
     block = {
         "verdict": "consistent",
         "residuals": residuals,
@@ -171,7 +170,6 @@ def results(tmp_path, monkeypatch):
         "candidates": [
             {"name": "g_sensitivity", "parameters": {"G00": 1e-3}, "std": {"G00": 1e-3}}
         ],
-        "points": [{"residual": "pose_rate", "components": components}],
     }
     sensor = {"poses": block, "static_record": block}
     boards = [f"mpu9150_{number}" for number in (1, 2, 3)]
@@ -185,6 +183,8 @@ def results(tmp_path, monkeypatch):
                 {"device": device, "sensors": {"accelerometer": sensor, "gyroscope": sensor}}
             )
         )
+    rates = {f"pose_rate_{when}_{axis}": [0.1] for when in ("before", "after") for axis in "xyz"}
+    pd.DataFrame(rates).to_parquet("results/xsens_mti/poses.parquet")
     errors = {
         "models": {model: {"rms_deg": 0.1} for model in ("raw", "base", "final")},
         "base_over_final": 3.0,

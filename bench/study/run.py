@@ -76,8 +76,8 @@ def _control(job):
         return likeness(*device), base_pulls(*device)
 
     diagnosis, (alike, pulls) = diagnosis_of(DEVICES[record](plan), seed, also, limits)
-    took, small = time.process_time() - start, _small(diagnosis)
-    made = {"seed": seed, "seconds": took, "diagnosis": small}
+    took = time.process_time() - start
+    made = {"seed": seed, "seconds": took, "diagnosis": diagnosis}
     return job, made | {"likeness": alike, "base_pulls": pulls}
 
 
@@ -95,7 +95,7 @@ def _device(job):
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
         diagnosis, made["base_pulls"] = diagnosis_of(truth, seed, base_pulls, limits=False)
-        made["diagnosis"] = _small(diagnosis)
+        made["diagnosis"] = diagnosis
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
@@ -106,10 +106,3 @@ def _device(job):
         ]
     made["seconds"] = time.process_time() - start
     return case, made
-
-
-def _small(diagnosis):
-    """Return a diagnosis without what is for pictures."""
-    for parts in diagnosis["sensors"].values():
-        parts["poses"].pop("points", None)
-    return diagnosis

@@ -18,10 +18,10 @@ from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, find, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.noise.allan import write_allan
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
-from imuloop.noise.tables import write_allan
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02
 SENSORS = ("accelerometer", "gyroscope")

@@ -14,6 +14,7 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import read_columns
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -60,8 +61,11 @@ def test_xsens_accelerometer_has_coloured_noise_on_z(measured):
 def test_xsens_gyroscope_is_g_sensitive(measured):
     found = part(measured, "xsens_mti", "gyroscope")
     assert names(found)[:1] == ["g_sensitivity"]
-    points = [p["components"] for p in found["points"] if p["residual"] == "pose_rate"]
-    error = {when: np.degrees([p[when] for p in points]) for when in ("before", "after")}
+    poses = read_columns(measured.folder / "xsens_mti/poses.parquet")
+    error = {
+        when: np.degrees(np.column_stack([poses[f"pose_rate_{when}_{axis}"] for axis in "xyz"]))
+        for when in ("before", "after")
+    }
     # the mean over poses and axes of the absolute error
     absolute = {when: np.abs(e).mean() for when, e in error.items()}
     assert absolute["before"] > 0.055

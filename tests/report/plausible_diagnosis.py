@@ -2,9 +2,20 @@
 
 import numpy as np
 
+from imuloop.calibrate.poses import gather_poses
+from imuloop.core.samples import read_columns
+from imuloop.core.tables import joined
+from imuloop.diagnose.records.pose_tables import MOVES, poses_table
+
 PER_AXIS = "xyz"
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 GAIN = "rad/s per m/s^2"
+# held-out errors before and after, and floor, SI
+SIZES = {
+    "gravity_norm": (1.6e-3, 1.6e-3, 1.5e-3),
+    "pose_rate": (2e-3, 2e-4, 1.8e-4),
+    "rotation": (9.1e-3, 2.4e-3, 2.1e-3),
+}
 # share of a twin, and what a residual goes with
 SHARE, PROBE = 0.97, 0.62
 
@@ -56,31 +67,14 @@ def _effect(name, values, unit, p, residual, before, after, constants=None):
     }
 
 
-def pose_diagnosis(gain, rng):
+def pose_diagnosis(gain):
     """Return a diagnosis of poses: accelerometer consistent, gyroscope explained by two effects.
 
     Parameters
     ----------
     gain : dict
         Parameters of g_sensitivity.
-    rng : Generator
-        Of the points.
     """
-
-    def points(kind, before, after, floor):
-        return [
-            {
-                "residual": kind,
-                "index": i,
-                "start_s": 10.0 * i,
-                "direction": [0.0, 0.0, 1.0],
-                "before": before * rng.normal(),
-                "after": after * rng.normal(),
-                "floor": floor,
-            }
-            for i in range(24)
-        ]
-
     cubic = _candidate(
         "cubic",
         "rejected",
@@ -139,18 +133,17 @@ def pose_diagnosis(gain, rng):
     return {
         "accelerometer": {
             "verdict": "consistent",
-            "residuals": {"gravity_norm": residual("m/s^2", 1.6e-3, 1.6e-3, 1.5e-3)},
+            "residuals": {"gravity_norm": residual("m/s^2", *SIZES["gravity_norm"])},
             "effects": [],
             "candidates": [warm, lever, cubic, quadratic],
             "confounded": [{"effect": "quadratic", "with": "asymmetry", "share": 0.9964}],
             "correlates": [],
-            "points": points("gravity_norm", 1.6e-3, 1.6e-3, 1.5e-3),
         },
         "gyroscope": {
             "verdict": "explained",
             "residuals": {
-                "pose_rate": residual("rad/s", 2e-3, 2e-4, 1.8e-4),
-                "rotation": residual("rad", 9.1e-3, 2.4e-3, 2.1e-3),
+                "pose_rate": residual("rad/s", *SIZES["pose_rate"]),
+                "rotation": residual("rad", *SIZES["rotation"]),
             },
             "effects": [
                 _effect("g_sensitivity", gain, GAIN, 1e-12, "pose_rate", 2e-3, 5e-4),
@@ -160,10 +153,41 @@ def pose_diagnosis(gain, rng):
             ],
             "candidates": [earth, warm, drift, g],
             "confounded": [{"effect": "earth_rate", "with": "g_sensitivity", "share": SHARE}],
-            "points": points("pose_rate", 2e-3, 2e-4, 1.8e-4)
-            + points("rotation", 9.1e-3, 2.4e-3, 2.1e-3),
         },
     }
+
+
+def pose_tables(folder, rng):
+    """Return the columns of poses.parquet and moves.parquet of the same diagnosis, by name.
+
+    Parameters
+    ----------
+    folder : Path
+        The device's results: poses on `faces`, and `turns` that were diagnosed.
+    rng : Generator
+        Of the errors and of the moves.
+    """
+    faces, turns = (
+        gather_poses([read_columns(folder / session / "segments.parquet")])
+        for session in ("faces", "turns")
+    )
+    n = len(turns)
+    errors = {
+        f"{kind}_{when}": size * (rng.normal(size=n) if when != "floor" else np.ones(n))
+        for kind, sizes in SIZES.items()
+        for when, size in zip(("before", "after", "floor"), sizes, strict=True)
+    }
+    poses = [poses_table(faces, ["faces"], {}), poses_table(turns, ["turns"], errors)]
+    moves = dict.fromkeys(MOVES, np.full(n - 1, np.nan))
+    moves |= {"session": np.full(n - 1, "turns", dtype=object), "pose": np.arange(n - 1)}
+    moves |= {"start_s": turns.end_s[:-1], "end_s": turns.start_s[1:]}
+    axis = rng.normal(size=(3, n - 1))
+    moves |= dict(
+        zip(("axis_x", "axis_y", "axis_z"), axis / np.linalg.norm(axis, axis=0), strict=True)
+    )
+    moves |= {name: rng.uniform(0, 3, n - 1) for name in ("angle_rad", "speed_rad_s")}
+    moves |= {name: values[1:] for name, values in errors.items() if name in MOVES}
+    return {"poses": joined(poses), "moves": moves}
 
 
 def static_diagnosis(sensor, sessions, verdict, rng):

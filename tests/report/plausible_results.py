@@ -16,10 +16,12 @@ from imuloop.core.files import write_json
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table, write_segments
+from imuloop.core.tables import write_table
 from imuloop.core.units import RawUnit
+from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.export.export import write_exports
-from report.plausible_diagnosis import pose_diagnosis, static_diagnosis
+from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_views, statistics
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
@@ -241,6 +243,7 @@ def _device(folder, device, sessions, rng):
     multi, final, diagnosis = six, six, {"accelerometer": {}, "gyroscope": {}}
     blank = {"residuals": {}, "effects": [], "candidates": []}
     poses = {s: {"verdict": "not_testable", "why": none, **blank} for s in diagnosis}
+    tables = no_tables()
     if device == "board":
         gain = {f"G{i}{j}": 1e-4 * rng.normal() for i in range(3) for j in range(3)}
         effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 2e-6))
@@ -250,7 +253,7 @@ def _device(folder, device, sessions, rng):
         turn = _fitted(UNIT_G, full + base, seed=2)
         multi = Calibration(device, 9.80665, force, turn)
         final = replace(multi, gyroscope=replace(turn, effects=(effect,)))
-        poses = pose_diagnosis(gain, rng)
+        poses, tables = pose_diagnosis(gain), pose_tables(folder, rng)
     elif device in ("still", "partly"):
         turn = _fitted(UNIT_G, bias, method="static", seed=4)
         multi = final = Calibration(device, 9.80665, six.accelerometer, turn)
@@ -264,4 +267,6 @@ def _device(folder, device, sessions, rng):
     multi.to_json(folder / "multi_position.json")
     final.to_json(folder / "calibration.json")
     write_json(folder / "noise.json", _noise(device, known=device != "nothing"))
+    for name, columns in tables.items():
+        write_table(folder / f"{name}.parquet", columns)
     write_json(folder / "diagnosis.json", {"format": 1, "device": device, "sensors": diagnosis})

@@ -84,7 +84,10 @@ def device(path, **changed):
         session("rest", "static", duration_s=7200.0, path=path),
     )
     values = {"noise": noise(), "diagnosis": diagnosis(), "sessions": sessions} | changed
-    return Device("imu", "IMU", None, calibrations={}, **values)
+    posed = [s for s in values["sessions"] if "n" in s.segments]
+    table = {c: np.concatenate([[], *(s.segments[f"{c}_mean"] for s in posed)]) for c in CHANNELS}
+    table["session"] = np.repeat([s.name for s in posed], [len(s.segments["n"]) for s in posed])
+    return Device("imu", "IMU", None, calibrations={}, poses=table, **values)
 
 
 def test_a_healthy_device_needs_nothing(plain_samples):

@@ -8,23 +8,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.core.samples import ANGULAR_RATE
 from imuloop.core.units import DEGREE
 from imuloop.report import axes
 from imuloop.report.allan_plot import allan_pictures
 from imuloop.report.calibration_tables import correlations
-from imuloop.report.columns import from_records
+from imuloop.report.columns import rows
 from imuloop.report.parameter_plot import correlation_matrices
 from imuloop.report.pose_plot import pose_picture
 from imuloop.report.ranking_plot import ranking_pictures
-from imuloop.report.residual_plot import _ranks, against, goes_with, residual_pictures
-from imuloop.report.results import Session, read_device
+from imuloop.report.residual_plot import _ranks, against, goes_with, residual_pictures, turn_axis
+from imuloop.report.results import read_device
 from imuloop.report.time_series import session_pictures
-from imuloop.report.turns import pose_temperatures, turns
 from report.build import build, joined_report
 from report.plausible_results import write_results
-
-RATE = 50.0
 
 
 @pytest.fixture(scope="module")
@@ -44,66 +40,55 @@ def plain(text):
     return text.replace("\u202f", " ").replace("\u00a0", " ")
 
 
-class Turned:
-    """A session of three rests with a turn of 90° about +z and one of 40° about −x between."""
-
-    kind, rests = "multi_position", Session.rests
-    t = np.arange(0, 30, 1 / RATE)
-
-    def __init__(self, bias):
-        rate = np.zeros((len(self.t), 3))
-        for start, axis, angle in ((8, 2, 90), (18, 0, -40)):
-            inside = (self.t >= start) & (self.t <= start + 2)
-            rate[inside, axis] = angle * DEGREE * (1 - np.cos(np.pi * (self.t[inside] - start))) / 2
-        self.rate = rate + bias
-        self.segments = {
-            "start_s": np.array([0.0, 8.0, 10.02, 18.0, 20.02]),
-            "end_s": np.array([8.0, 10.02, 18.0, 20.02, 30.0]),
-            "kind": np.array(["static", "motion"] * 2 + ["static"]),
-            "pose": np.array([0, -1, 1, -1, 2]),
-            "temperature_mean": np.array([20.0, 21, 22, 23, 24]),
-        }
-        self.samples = {"t": self.t, **dict(zip(ANGULAR_RATE, self.rate.T, strict=True))}
-
-
-def turned(device):
-    final = device.calibrations["final"]
-    # as logged, the bias of the device's calibration is in the rate
-    bias = final.gyroscope.raw_unit.to_si(final.gyroscope.b)
-    return replace(device, sessions=(Turned(bias),), calibrations=device.calibrations)
-
-
-def test_turns_are_told_by_angle_speed_and_axis(devices, monkeypatch):
-    device = turned(devices["board"])
-    monkeypatch.setattr(type(device), "used", property(lambda d: d.sessions))
-    found = turns(device)
-    assert list(found) == [0, 1]
-    # scale factors are off by below 1 %
-    for key in ("angle_rad", "speed_rad_s"):
-        degrees = [turn[key] / DEGREE for turn in found.values()]
-        assert degrees == pytest.approx([90, 40], rel=0.02)
-    assert [turn["axis"] for turn in found.values()] == ["+z", "−x"]
-    assert list(pose_temperatures(device)) == [20, 22, 24]
+def test_a_turn_is_about_an_axis_or_none():
+    directions = [(0.0, 0.0, 1.0), (-0.9, 0.3, 0.3), (0.7, 0.7, 0.1), (0.0, 0.0, 0.0)]
+    assert [turn_axis(u) for u in directions] == ["+z", "−x", "mixed", "mixed"]
 
 
 def test_a_residual_is_shown_against_time_attitude_and_turn(devices):
     device = devices["board"]
-    points = block(device)["points"]
-    rate, turn = (
-        [p for p in points if p["residual"] == kind] for kind in ("pose_rate", "rotation")
-    )
-    panels = against(device, "pose_rate", from_records(rate))
+    poses = rows(device.poses, device.poses["session"] == "turns")
+    panels = against("pose_rate", poses)
     assert list(panels) == ["time_s", "up_x", "up_y", "up_z"]
-    panels = against(device, "rotation", from_records(turn[:-1]))
+    up = np.array([panels[f"up_{axis}"][1] for axis in "xyz"])
+    np.testing.assert_allclose(np.linalg.norm(up, axis=0), 1)
+    assert "temperature_degC" in against("pose_rate", poses | {"temperature": np.arange(24.0)})
+    panels = against("rotation", device.moves)
     assert list(panels) == ["time_s", "angle_deg", "speed_deg_s", "axis"]
-    assert all(len(values) == len(turn) - 1 for _, values in panels.values())
+    np.testing.assert_allclose(panels["angle_deg"][1] * DEGREE, device.moves["angle_rad"])
+    assert all(len(values) == len(device.moves["pose"]) for _, values in panels.values())
+
+
+def two_sessions(table):
+    """Return the first rows of a table as two of the session `day` and two of `night`."""
+    table = rows(table, slice(4))
+    changes = {"start_s": [0.0, 50.0, 0.0, 20.0], "end_s": [10.0, 60.0, 8.0, 30.0]}
+    changes |= {"pose": [0, 1, 0, 1], "session": ["day", "day", "night", "night"]}
+    return table | {name: np.array(values) for name, values in changes.items()}
 
 
 def test_sessions_stand_one_after_the_other(devices):
-    points = from_records(block(devices["board"])["points"][:4])
-    points |= {"session": [0, 0, 1, 1], "start_s": [0.0, 50.0, 0.0, 20.0]}
-    _, time = against(devices["board"], "pose_rate", points)["time_s"]
-    assert list(time) == [0, 50, 50, 70]
+    table = two_sessions(devices["board"].moves)
+    _, time = against("rotation", table)["time_s"]
+    assert list(time) == [0, 50, 60, 80]
+
+
+def test_a_session_is_marked_where_it_begins(devices, tmp_path):
+    device = devices["board"]
+    alone, one = (p.svg for p in residual_pictures(device, "gyroscope", block(device), tmp_path))
+    assert ">turns</text>" not in alone + one
+    both = replace(device, moves=two_sessions(device.moves))
+    _, turn = residual_pictures(both, "gyroscope", block(device), tmp_path)
+    # once, in the panel of time
+    assert turn.svg.count(">day</text>") == turn.svg.count(">night</text>") == 1
+    at = re.findall(r'translate\((\d+) 30\)rotate\(-90\)"[^>]*>(\w+)<', turn.svg)
+    assert [name for _, name in at] == ["day", "night"]
+    # of 80 s with margins of 4 % on both sides the second begins at 60
+    area = float(re.search(r'<rect width="([\d.]+)"', turn.svg)[1])
+    assert (int(at[1][0]) - int(at[0][0])) / area == pytest.approx(60 / (80 * 1.08), abs=1e-3)
+    assert re.search(r"Largest left: .* turn [01] of (day|night);", plain(turn.caption))
+    table = pd.read_csv(tmp_path / "gyroscope_rotation.csv")
+    assert table["session"].tolist() == ["day", "day", "night", "night"]
 
 
 def test_what_grows_with_the_angle_is_told_and_chance_is_not():
@@ -132,8 +117,10 @@ def test_residual_pictures_hold_before_and_after(devices, tmp_path):
     assert "falls from 0.521° to 0.138°" in turn and "turn" in turn
     table = pd.read_csv(tmp_path / "gyroscope_pose_rate.csv")
     worst = table.loc[table["after"].abs().idxmax()]
-    assert f"pose {worst['index']:.0f};" in rate
-    assert {"time_s", "up_x", "before", "after", "floor"} <= set(table)
+    assert f"pose {worst['pose']:.0f};" in rate
+    assert {"session", "time_s", "up_x", "before", "after", "floor"} <= set(table)
+    # poses on six faces are not diagnosed
+    assert set(table["session"]) == {"turns"}
     # each mark says what it is
     assert pictures[0].svg.count("<title>") == len(table)
 

@@ -32,6 +32,16 @@ EFFECTS = {
         scale_asymmetry earth_rate time_offset turn_on_bias gauss_markov sinusoid steps
         ramp""".split(),
 }
+ERRORS = ("before", "after", "in_sample_before", "in_sample_after")
+# residuals of the rows of a table, with their components
+ROWS = {
+    "poses": {"gravity_norm": "", "pose_rate": "xyz"},
+    "moves": {"rotation": "12"},
+}
+MEASURED = {
+    "poses": (*CHANNELS, "temperature"),
+    "moves": ("angle_rad", "speed_rad_s", "axis_x", "axis_y", "axis_z"),
+}
 DEVICES = ("posed", "resting")
 
 
@@ -220,6 +230,59 @@ def check_diagnosis(path, device):
             assert added == {effect["name"] for effect in found["effects"]}
 
 
+def check_poses_and_moves(folder, kinds):
+    """Check both tables; `kinds` has the kind of each session."""
+    found = read(folder / "diagnosis.json")["sensors"]
+    told = {k: r for each in found.values() for k, r in each["poses"]["residuals"].items()}
+    tables = {name: pq.read_table(folder / f"{name}.parquet") for name in ROWS}
+    for name, table in tables.items():
+        errors = [
+            column
+            for kind, parts in ROWS[name].items()
+            for column in (
+                *(f"{kind}_{e}{p}" for e in ERRORS for p in ("", *(f"_{p}" for p in parts))),
+                f"{kind}_floor",
+            )
+        ]
+        columns = ["session", "pose", "start_s", "end_s", *MEASURED[name], *errors]
+        assert table.column_names == columns
+        types = ["large_string", "int64"] + ["double"] * (len(columns) - 2)
+        assert [str(column.type) for column in table.schema] == types
+        rows = table.to_pandas()
+        assert (rows["start_s"] < rows["end_s"]).all()
+        for kind in ROWS[name]:
+            values = rows[rows["session"].map(kinds) == "multi_position"]
+            for when in (*ERRORS, "floor"):
+                error = values[f"{kind}_{when}"]
+                if kind not in told:
+                    assert error.isna().all()
+                    continue
+                assert np.sqrt((error**2).mean()) == pytest.approx(told[kind][when], rel=1e-9)
+                assert len(error) == told[kind]["n"]
+    poses, moves = (table.to_pandas() for table in tables.values())
+    for session, kind in kinds.items():
+        segments = pq.read_table(folder / session / "segments.parquet").to_pandas()
+        rests = segments[segments["pose"] >= 0].groupby("pose")
+        own = poses[poses["session"] == session].reset_index()
+        assert len(own) == (len(rests) if kind != "static" else 0)
+        if len(own):
+            assert list(own["pose"]) == list(range(len(own)))
+            np.testing.assert_array_equal(own["start_s"], rests["start_s"].min())
+            np.testing.assert_array_equal(own["end_s"], rests["end_s"].max())
+            for channel in CHANNELS:
+                means = rests[f"{channel}_mean"]
+                assert (own[channel] >= means.min().to_numpy() - 1e-12).all()
+                assert (own[channel] <= means.max().to_numpy() + 1e-12).all()
+        turned = moves[moves["session"] == session]
+        # a move lies between its pose and the next
+        assert set(turned["pose"]) <= set(range(len(own) - 1))
+        for move in turned.itertuples():
+            assert own["end_s"][move.pose] == pytest.approx(move.start_s, abs=0.1)
+            assert own["start_s"][move.pose + 1] == pytest.approx(move.end_s, abs=0.1)
+    assert (moves["angle_rad"] >= 0).all()
+    assert np.isfinite(moves[list(MEASURED["moves"])]).to_numpy().all()
+
+
 def check_attitude(path, device):
     content, series = read(path), pq.read_table(path.with_suffix(".parquet")).to_pandas()
     assert (content["format"], content["device"]) == (1, device)
@@ -242,7 +305,10 @@ def check_attitude(path, device):
 
 
 def check_device(folder, device, sessions):
-    """Check everything that the contract says of one device's folder of results."""
+    """Check everything that the contract says of one device's folder of results.
+
+    `sessions` has the kind of each session by its name.
+    """
     assert sessions
     logs = []
     for session in sessions:
@@ -255,6 +321,7 @@ def check_device(folder, device, sessions):
     for name in ("six_position", "multi_position", "calibration"):
         check_calibration(folder / f"{name}.json", device, max(logs, key=len))
     check_diagnosis(folder / "diagnosis.json", device)
+    check_poses_and_moves(folder, sessions)
     check_attitude(folder / "attitude.json", device)
 
 
@@ -270,7 +337,9 @@ def test_every_json_file_of_a_device_fits_its_schema(finished, device):
 @pytest.mark.parametrize("device", DEVICES)
 def test_every_field_of_a_device_is_as_the_contract_says(finished, config, device):
     folder, _ = finished
-    check_device(folder / "results" / device, device, list(config["devices"][device]["sessions"]))
+    sessions = config["devices"][device]["sessions"]
+    kinds = {name: session["kind"] for name, session in sessions.items()}
+    check_device(folder / "results" / device, device, kinds)
 
 
 def test_comparison_has_a_row_a_device_and_units_in_its_header(finished):

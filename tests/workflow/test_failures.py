@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -106,6 +107,13 @@ def test_what_follows_is_not_testable_with_the_reason(runs, stage):
             for part in sensor.values():
                 assert (part["verdict"], part["why"]) == ("not_testable", reason)
         assert read("attitude.json")["why"] == reason
+        for name, count in (("poses", 6), ("moves", 0)):
+            good, bad = (
+                pq.read_table(path / f"{name}.parquet")
+                for path in (folder.parent / GOOD[0], folder)
+            )
+            assert (len(good), len(bad)) == (count, 0)
+            assert good.schema == bad.schema
     if stage in ("noise", "calibrate", "diagnose", "export"):
         assert list(read("exports.json")["sha256"]) == ["README.txt"]
         assert reason in (folder / "exports/README.txt").read_text()

@@ -16,6 +16,8 @@ for number, (names, devices) in enumerate(ALIKE.items(), 1):
             calibration="results/{device}/calibration.json",
             attitude="results/{device}/attitude.json",
             attitude_series="results/{device}/attitude.parquet",
+            poses="results/{device}/poses.parquet",
+            moves="results/{device}/moves.parquet",
             allan=expand("results/{{device}}/{name}/allan.parquet", name=names),
         log:
             "logs/diagnose/{device}.log",

@@ -16,6 +16,8 @@ rule report_device:
         diagnosis="results/{device}/diagnosis.json",
         attitude="results/{device}/attitude.json",
         attitude_series="results/{device}/attitude.parquet",
+        poses="results/{device}/poses.parquet",
+        moves="results/{device}/moves.parquet",
         exports="results/{device}/exports.json",
     output:
         page="results/{device}/report.html",

@@ -24,9 +24,11 @@ SESSION = (
     "quality.json samples.parquet segments.parquet allan_raw.parquet allan.parquet views.parquet"
 ).split()
 JSON = "noise six_position multi_position calibration diagnosis attitude summary exports".split()
-FILES = [*(f"{name}.json" for name in JSON), "attitude.parquet", "exports/README.txt"]
+TABLES = "attitude poses moves".split()
+FILES = [*(f"{name}.json" for name in JSON), *(f"{name}.parquet" for name in TABLES)]
+FILES += ["exports/README.txt"]
 # columns in which a value may be missing
-MAY_LACK = re.compile(r"temperature.*|t_logged")
+MAY_LACK = re.compile(r"temperature.*|t_logged|(gravity_norm|pose_rate|rotation)_.*")
 VOID = {"meta", "br", "link", "img", "input", "hr", "wbr"}
 NO_NUMBER = re.compile(r"(?<![\w.-])-?(nan|inf|infinity|none|null)(?![\w-])", re.IGNORECASE)
 

@@ -152,10 +152,10 @@ def segment(device):
 def noise(device):
     """Write noise.json and the Allan curves and other views of each session, as logged."""
     from imuloop.core.samples import Columns, read_columns
+    from imuloop.core.tables import write_table
     from imuloop.noise.noise import estimate_noise, no_noise
     from imuloop.noise.records import Session
     from imuloop.noise.settings import NoiseSettings
-    from imuloop.noise.tables import write_table
 
     def write(result, failed=None):
         result.to_json(device.file("noise.json"), failed)
@@ -201,27 +201,30 @@ def calibrate(device):
 
 
 def diagnose(device):
-    """Write diagnosis.json, calibration.json, attitude.json and the Allan curves corrected."""
+    """Write diagnosis, calibration, attitude, tables of poses and moves, corrected Allan curves."""
     from imuloop.calibrate.calibrate import told
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
+    from imuloop.core.tables import write_table
     from imuloop.diagnose.diagnose import calibrated, diagnose_device, undiagnosed
+    from imuloop.diagnose.records.pose_tables import no_tables
     from imuloop.diagnose.settings import DiagnoseSettings
+    from imuloop.noise.allan import write_allan
     from imuloop.noise.settings import NoiseSettings
-    from imuloop.noise.tables import write_allan, write_table
     from imuloop.plan.next_recording import next_recording
     from imuloop.validate.attitude import no_attitude, validate_attitude
 
     given = {name: device.file(f"{name}.json") for name in ("six_position", "multi_position")}
     noise_path = device.file("noise.json")
 
-    def write(diagnosis, calibration, allan, attitude, table):
+    def write(diagnosis, calibration, allan, attitude, tables):
         write_json(device.file("diagnosis.json"), diagnosis)
         calibration.to_json(device.file("calibration.json"))
         for name, files in device.sessions.items():
             write_allan(files["allan_raw"], allan.get(name), files["allan"])
         write_json(device.file("attitude.json"), attitude)
-        write_table(device.file("attitude.parquet"), table)
+        for name, table in tables.items():
+            write_table(device.file(f"{name}.parquet"), table)
 
     def work():
         settings = DiagnoseSettings(**device.diagnose)
@@ -237,15 +240,18 @@ def diagnose(device):
         )
         what = found.sensors, found.solutions, found.calibration, found.recording
         diagnosis = found.content | {"next_recording": next_recording(*what)}
-        attitude, table = validate_attitude(device.name, device.gravity, found, settings)
+        attitude, series = validate_attitude(device.name, device.gravity, found, settings)
         if "why" in attitude:
             attitude["why"] = told(attitude["why"], device.sessions)
-        write(diagnosis, found.calibration, found.allan, attitude, table)
+        tables = {"attitude": series, **found.tables}
+        write(diagnosis, found.calibration, found.allan, attitude, tables)
 
     def instead(reason, failed):
         diagnosis = undiagnosed(device.name, reason) | {"next_recording": {}}
         diagnosis |= {"failed": failed} if failed else {}
-        write(diagnosis, calibrated(**given), {}, *no_attitude(device.name, reason))
+        attitude, series = no_attitude(device.name, reason)
+        tables = {"attitude": series, **no_tables()}
+        write(diagnosis, calibrated(**given), {}, attitude, tables)
 
     return attempt(device, "diagnose", work, instead, [noise_path, given["multi_position"]])
 

@@ -6,18 +6,20 @@ import numpy as np
 
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.calibrate import best, read_recording, told, usable
+from imuloop.calibrate.calibrate import best, read_poses, read_recording, told, usable
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
+from imuloop.core.tables import joined
 from imuloop.diagnose.records.pose_diagnosis import (
     diagnose_poses,
     directions_without,
     pose_candidates,
 )
+from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import NOTHING
@@ -52,6 +54,8 @@ class Diagnosed:
         Names of the recording's sessions.
     tests : int
         Number of tests that share the significance.
+    tables : dict of str to dict of ndarray
+        Columns of poses.parquet and moves.parquet.
     """
 
     content: dict
@@ -64,6 +68,7 @@ class Diagnosed:
     told: dict
     names: list
     tests: int
+    tables: dict
 
 
 def diagnose_device(
@@ -160,6 +165,24 @@ def diagnose_device(
     for each in found.values():
         if "why" in each.content:
             each.content["why"] = told(each.content["why"], sessions)
+    names, faces = (
+        [name for name, session in sessions.items() if usable({name: session}, kind)]
+        for kind in ("multi_position", "six_position")
+    )
+    residuals = force.residuals | turn.residuals
+    # with the effects of the rotations alone: those at rest may need what is not logged here
+    turned = turn.solution.calibration if turn.solution else base.gyroscope
+    seen_force = calibrated_force(turn_model.accelerometer, recording, noise)
+    tables = {
+        "poses": joined(
+            [
+                poses_table(recording.poses, names, residuals),
+                # these are not diagnosed
+                poses_table(read_poses(sessions, "six_position"), faces, {}),
+            ]
+        ),
+        "moves": moves_table(recording, names, turned, seen_force, residuals),
+    }
     return Diagnosed(
         _content(device, {s: (found[s].content, still.content[s]) for s in SENSORS}),
         final,
@@ -169,8 +192,9 @@ def diagnose_device(
         solutions,
         {sensor: each.effects for sensor, each in found.items()},
         shown,
-        [n for n, s in sessions.items() if usable({n: s}, "multi_position")],
+        names,
         tests,
+        tables,
     )
 
 

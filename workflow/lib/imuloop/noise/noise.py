@@ -8,6 +8,7 @@ import numpy as np
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
+from imuloop.core.tables import joined, table
 from imuloop.noise import views
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
@@ -16,7 +17,6 @@ from imuloop.noise.fit import TERMS, fit_curve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import all_rests, note_conditions, one_rate, record_of, static_records
 from imuloop.noise.statistics import repeatability, summary
-from imuloop.noise.tables import joined, table
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from imuloop.core.tables import joined, table
 from imuloop.noise import allan
 from imuloop.noise.allan import averaging_factors
 from imuloop.noise.deviations import (
@@ -14,7 +15,6 @@ from imuloop.noise.deviations import (
     modified_variance,
     total_variance,
 )
-from imuloop.noise.tables import joined, table
 
 # columns of views.parquet
 COLUMNS = ("view", "axis", "x", "value", "ci_low", "ci_high")

@@ -144,11 +144,21 @@ class Axes:
         style, wide = stroke(color, lw, ls), round(10 * self.width)
         self._inside.append(lambda p: f'<path{style} d="M0 {_whole(p([y], [y])[1])}h{wide}"/>')
 
-    def axvline(self, x, color=INK, lw=0.8, ls="-"):
-        """Draw an upright from bottom to top."""
+    def axvline(self, x, color=INK, lw=0.8, ls="-", label=""):
+        """Draw an upright from bottom to top, named along its upper end."""
         self._seen["x"].append([x])
         style, tall = stroke(color, lw, ls), round(10 * self.height)
         self._inside.append(lambda p: f'<path{style} d="M{_whole(p([x], [x])[0])} 0v{tall}"/>')
+        if label:
+            name = (
+                f'font-size="{10 * FONT:g}" text-anchor="end">{escape(label, quote=False)}</text>'
+            )
+
+            def item(p):
+                beside = _whole(p([x], [x])[0]) + 10 * FONT
+                return f'<text transform="translate({beside} 30)rotate(-90)" {name}'
+
+            self._free.append(item)
 
     def flag(self, x, color):
         """Set a triangle at the upper edge."""

@@ -36,8 +36,7 @@ def bias_pictures(device, sensor, block, folder):
     """
     sessions = {}
     for point in block.get("points") or []:
-        if "values" in point:
-            sessions.setdefault(point["session"], []).append(point)
+        sessions.setdefault(point["session"], []).append(point)
     return [
         _picture(device, sensor, session, from_records(points), block, folder)
         for session, points in sessions.items()

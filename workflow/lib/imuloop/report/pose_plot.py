@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.numbers import joined, number
 from imuloop.report.svg import BLUE, GRID, ORANGE, VERMILLION, Picture, draw, write_csv
@@ -51,12 +52,13 @@ def pose_directions(device):
     """Return the direction of each pose that feels any, shape (n, 3), by kind of session."""
     found = {}
     for session in device.used:
-        if session.kind in MARKS and len(session.poses):
-            norm = np.linalg.norm(session.poses, axis=1, keepdims=True)
+        if session.kind in MARKS:
+            own = device.poses["session"] == session.name
+            force = np.column_stack([device.poses[c][own] for c in ACCELERATION])
+            norm = np.linalg.norm(force, axis=1, keepdims=True)
             felt = norm[:, 0] > 0
             if felt.any():
-                u = session.poses[felt] / norm[felt]
-                found.setdefault(session.kind, []).append(u)
+                found.setdefault(session.kind, []).append(force[felt] / norm[felt])
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 

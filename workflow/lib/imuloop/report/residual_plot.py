@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from imuloop.report.columns import from_records
+from imuloop.core.samples import ACCELERATION, TEMPERATURE
+from imuloop.report.columns import rows
 from imuloop.report.numbers import DEGREE_PER_SECOND, DEGREES, RESIDUAL, number, with_unit
 from imuloop.report.results import XYZ
 from imuloop.report.svg import BLUE, INK, ORANGE, Picture, draw, write_csv
 from imuloop.report.time_series import clock
-from imuloop.report.turns import MIXED, pose_temperatures, turns
 from imuloop.report.verdict import RESIDUAL_WORDS, change
 
 NOTE = (
@@ -20,13 +20,16 @@ SHORT_WORDS = {
     "pose_rate": "angular rate",
     "rotation": "direction error",
 }
+# cosine of the angle within which a turn is about one axis, 30 degrees
+ABOUT = 0.87
+MIXED = "mixed"
 TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), MIXED]
 # standard deviations of a rank correlation that chance does not reach in a dozen panels
 SURE = 3.5
 
 
 def residual_pictures(device, sensor, block, folder):
-    """Return a picture for each kind of residual of a sensor that has points.
+    """Return a picture for each kind of residual of a sensor.
 
     Parameters
     ----------
@@ -39,60 +42,61 @@ def residual_pictures(device, sensor, block, folder):
     folder : Path
         Where the CSV files go.
     """
-    kinds = {}
-    for point in sorted(block.get("points") or [], key=lambda point: point["index"]):
-        kinds.setdefault(point["residual"], []).append(point)
-    return [
-        _picture(device, sensor, name, from_records(kinds[name]), block, folder) for name in kinds
-    ]
+    found = []
+    for name in block["residuals"]:
+        table = device.moves if name == "rotation" else device.poses
+        # poses on six faces are not diagnosed
+        table = rows(table, np.isfinite(table[f"{name}_after"]))
+        found.append(_picture(device, sensor, name, table, block, folder))
+    return found
 
 
-def against(device, name, points):
+def in_line(table):
+    """Return the start of each row with the sessions one after the other, s, and theirs by name."""
+    length = {name: table["end_s"][table["session"] == name].max() for name in table["session"]}
+    first = dict(zip(length, np.cumsum([0.0, *length.values()]).tolist(), strict=False))
+    return table["start_s"] + [first[name] for name in table["session"]], first
+
+
+def against(name, table):
     """Return what the residuals of one kind are shown against.
 
     Parameters
     ----------
-    device : Device
-        The device.
     name : str
         Kind of residual.
-    points : dict of str to list
-        Its points, a column each.
+    table : dict of str to ndarray, shape (n,)
+        Its poses or moves.
 
     Returns
     -------
     dict of str to (str, ndarray, shape (n,))
         By the name of a column of the CSV file: words with unit, and values in it.
     """
-    start, index = np.array(points["start_s"], float), points["index"]
-    session = np.array(points.get("session", [0] * len(start)))
-    # sessions one after the other
-    length = [start[session == s].max(initial=0.0) for s in range(session.max() + 1)]
-    elapsed = start + np.concatenate([[0.0], np.cumsum(length)])[session]
+    elapsed, _ = in_line(table)
     unit, size = clock(elapsed.max())
     found = {f"time_{unit}": (f"time, {unit}", elapsed / size)}
     if name == "rotation":
-        known = turns(device)
-        if not set(index) <= set(known):
-            return found
-        turned = [known[i] for i in index]
-        angle, speed = (
-            np.array([turn[c] for turn in turned], float) * d.factor
-            for c, d in (("angle_rad", DEGREES), ("speed_rad_s", DEGREE_PER_SECOND))
-        )
-        axis = np.array([TURN_AXES.index(turn["axis"]) for turn in turned])
+        axes = zip(*(table[f"axis_{axis}"] for axis in XYZ), strict=True)
         return found | {
-            "angle_deg": ("angle turned, °", angle),
-            "speed_deg_s": ("greatest speed, °/s", speed),
-            "axis": ("about axis", axis),
+            "angle_deg": ("angle turned, °", table["angle_rad"] * DEGREES.factor),
+            "speed_deg_s": ("greatest speed, °/s", table["speed_rad_s"] * DEGREE_PER_SECOND.factor),
+            "axis": ("about axis", np.array([TURN_AXES.index(turn_axis(u)) for u in axes])),
         }
-    direction = np.array(points["direction"], float)
-    for axis, values in zip(XYZ, direction.T, strict=True):
+    force = np.array([table[channel] for channel in ACCELERATION])
+    for axis, values in zip(XYZ, force / np.linalg.norm(force, axis=0), strict=True):
         found[f"up_{axis}"] = f"{axis} of “up”, 1", values
-    warm = pose_temperatures(device)
-    if warm is not None and max(index, default=0) < len(warm):
-        found["temperature_degC"] = "temperature, °C", warm[index]
+    if np.isfinite(table[TEMPERATURE]).any():
+        found["temperature_degC"] = "temperature, °C", table[TEMPERATURE]
     return found
+
+
+def turn_axis(direction):
+    """Return the axis of a turn, as ``+z``, or `MIXED`."""
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) < ABOUT:
+        return MIXED
+    return f"{'+' if direction[axis] > 0 else '−'}{XYZ[axis]}"
 
 
 def goes_with(panels, error):
@@ -121,24 +125,27 @@ def _ranks(values):
     return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
-def _picture(device, sensor, name, points, block, folder):
-    residual = block["residuals"].get(name, {})
-    display = RESIDUAL[residual.get("unit") or "rad"]
-    index = points["index"]
-    before, after, floor = (
-        np.array(points[c], float) * display.factor for c in ("before", "after", "floor")
-    )
-    panels = against(device, name, points)
-    columns = {k: v for k, v in points.items() if k not in ("direction", "residual", "components")}
+def _picture(device, sensor, name, table, block, folder):
+    residual = block["residuals"][name]
+    display = RESIDUAL[residual["unit"]]
+    errors = {when: table[f"{name}_{when}"] for when in ("before", "after", "floor")}
+    before, after, floor = (values * display.factor for values in errors.values())
+    panels, (elapsed, sessions) = against(name, table), in_line(table)
+    columns = {column: table[column] for column in ("session", "pose", "start_s")} | errors
     for key, (_, x) in panels.items():
         columns[key] = [TURN_AXES[v] for v in x] if key == "axis" else x
     csv = write_csv(folder, f"{sensor}_{name}", columns)
     words, changed = RESIDUAL_WORDS[name], bool(block.get("effects"))
     thing = "turn" if name == "rotation" else "pose"
-    signed = np.nanmin(np.concatenate([before, after])) < 0
+    several = len(sessions) > 1
+    things = [
+        f"{thing} {i}" + f" of {session}" * several
+        for session, i in zip(table["session"], table["pose"], strict=True)
+    ]
+    signed = min(before.min(), after.min()) < 0
     said = [
-        f"{thing} {i}: {f'{number(b)} → ' if changed else ''}{number(a)} {display.unit}"
-        for i, b, a in zip(index, before, after, strict=True)
+        f"{one}: {f'{number(b)} → ' if changed else ''}{number(a)} {display.unit}"
+        for one, b, a in zip(things, before, after, strict=True)
     ]
 
     def plot(axes):
@@ -147,7 +154,7 @@ def _picture(device, sensor, name, points, block, folder):
             order = np.argsort(x, kind="stable")
             handles = []
             # over time the floor of each; elsewhere it would jump from mark to mark
-            level = floor if key.startswith("time") else np.full(len(x), np.nanmedian(floor))
+            level = floor if ax is axes[0] else np.full(len(x), np.median(floor))
             for sign in (1, -1) if signed else (1,):
                 handles = ax.plot(x[order], sign * level[order], color=INK, ls="--", lw=1)
             names = ["floor from noise"]
@@ -163,13 +170,17 @@ def _picture(device, sensor, name, points, block, folder):
             if key == "axis":
                 ax.set_xlim(-0.6, len(TURN_AXES) - 0.4)
                 ax.set_xticks(range(len(TURN_AXES)), [*TURN_AXES[:-1], "mix"])
+        if several:
+            size = clock(elapsed.max())[1]
+            for session, first in sessions.items():
+                axes[0].axvline(first / size, label=session)
         axes[0].set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
         axes[-1].legend(handles, names)
 
-    worst = np.nanargmax(np.abs(after))
+    worst = np.abs(after).argmax()
     caption = (
         f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
-        f"{with_unit(number(np.nanmax(np.abs(after))), display.unit)}, {thing} {index[worst]}; "
+        f"{with_unit(number(abs(after[worst])), display.unit)}, {things[worst]}; "
         f"{goes_with(panels, after)}."
     )
     identity = f"{device.name}.{sensor}_{name}"

@@ -1,6 +1,6 @@
 """What the stages found out about a device, read from its folder."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -70,13 +70,6 @@ class Session:
         failed = self.segmentation.get("failed")
         return (self.quality.get("reasons") or []) + ([str(Failure(**failed))] if failed else [])
 
-    @cached_property
-    def poses(self):
-        """Mean specific force of each pose over its rests, SI, shape (poses, 3)."""
-        s = self.segments
-        force = np.column_stack([s[f"{c}_mean"] for c in ACCELERATION])
-        return np.array([s["n"][at] @ force[at] / s["n"][at].sum() for at in self.rests.values()])
-
     @property
     def rests(self):
         """Which segments are rests of each pose, by its number."""
@@ -116,6 +109,8 @@ class Device:
         Content of noise.json and diagnosis.json; empty where there is none.
     failures : tuple of (str or None, Failure)
         What went wrong in its stages, and in which session.
+    poses, moves : dict of str to ndarray
+        Columns of poses.parquet and moves.parquet; empty where there is none.
     """
 
     name: str
@@ -126,6 +121,8 @@ class Device:
     noise: dict
     diagnosis: dict
     failures: tuple = ()
+    poses: dict = field(default_factory=dict)
+    moves: dict = field(default_factory=dict)
 
     @property
     def simulated(self):
@@ -197,6 +194,7 @@ def read_device(name, label, folder, sessions):
         content["noise"],
         content["diagnosis"],
         tuple(read_failures(folder, sessions)),
+        *(read_columns(folder / f"{name}.parquet") for name in ("poses", "moves")),
     )
 
 

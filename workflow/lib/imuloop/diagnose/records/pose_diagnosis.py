@@ -1,6 +1,6 @@
 """The poses of a sensor: what is missing in its model, what it is, and what remains with it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -18,6 +18,7 @@ from imuloop.diagnose.content import (
 )
 from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
+from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import pose_probes
 from imuloop.diagnose.residuals import (
@@ -47,11 +48,14 @@ class PoseResult:
         The fit with the effects that were added; None where nothing could be fitted.
     choices : Choices or None
         The searches; None where nothing could be tested.
+    residuals : dict of str to ndarray
+        As of `residual_columns`; empty where nothing could be tested.
     """
 
     content: dict
     solution: Solution | None = None
     choices: Choices | None = None
+    residuals: dict = field(default_factory=dict)
 
     @property
     def effects(self):
@@ -180,9 +184,10 @@ def _diagnosed(choices):
         ],
         "confounded": imitated(choices.search()),
         "correlates": correlates(choices.search(), choice.base, _probes(problem)),
-        "points": _points(problem, *errors, floor),
     }
-    return PoseResult(content, solution, choices)
+    # what is left of a residual has its sign
+    left = (*(-each[:, 0] for each in errors), base.values, final.values)
+    return PoseResult(content, solution, choices, residual_columns(problem, left, floor[:, 0]))
 
 
 def final_solution(problem, base):
@@ -229,35 +234,3 @@ def _probes(problem):
             columns[problem.of_kind(kind), 0] = np.kron(values - values.mean(axis=0), np.eye(k))
             found.append((name, kind, columns))
     return found
-
-
-def _points(problem, before, after, floor):
-    """Return one entry a pose or rotation, for pictures: held-out errors and their size."""
-    poses, points = problem.recording.poses, []
-    direction = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
-    for kind, (_, k) in problem.sensor.kinds.items():
-        rows = problem.of_kind(kind)
-        ends, _ = problem.rows
-        of_pose = ends[rows[: len(ends)], 0][::k]
-        # what is left of the residual has its sign: the norm of gravity is too large or too small
-        parts = [-v[rows].reshape(-1, k) for v in (before, after)]
-        limit = np.sqrt(floor[rows].reshape(-1, k).sum(axis=1))
-        sizes = [v[:, 0] if k == 1 else np.linalg.norm(v, axis=1) for v in parts]
-        for i, pose in enumerate(of_pose):
-            points.append(
-                {
-                    "residual": kind,
-                    "index": int(pose),
-                    "session": int(poses.session[pose]),
-                    "start_s": float(poses.start_s[pose]),
-                    "direction": direction[pose].tolist(),
-                    "before": float(sizes[0][i]),
-                    "after": float(sizes[1][i]),
-                    "floor": float(limit[i]),
-                    "components": {
-                        when: v[i].tolist()
-                        for when, v in zip(("before", "after"), parts, strict=True)
-                    },
-                }
-            )
-    return points

@@ -34,15 +34,3 @@ def write_table(path, columns):
     }
     with replaced(path) as temporary:
         pq.write_table(pa.table(arrays), temporary)
-
-
-def write_allan(raw, table, path):
-    """Write the Allan table of a session, its raw curves first, then the corrected if any."""
-    # `read_table` loads pandas
-    with pq.ParquetFile(raw) as file:
-        curves = file.read()
-    if table is not None:
-        more = pa.table({name: table[name] for name in curves.column_names}, curves.schema)
-        curves = pa.concat_tables([curves, more])
-    with replaced(path) as temporary:
-        pq.write_table(curves, temporary)
