@@ -16,7 +16,7 @@ from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import (
     chance,
     chi_square,
-    floor_variance,
+    held_out_covariance,
     held_out_operator,
     size,
 )
@@ -110,9 +110,9 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     held = (t >= 12) & (t < 20)
     seen = ~held & (t != 20)
     folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
-    operator = held_out_operator(covariance, design, folds)
-    spread = (operator @ covariance @ operator.T)[np.ix_(held, held)]
-    predicted = floor_variance(covariance, design, folds)[held]
+    operator = held_out_operator(np.linalg.inv(covariance), design, folds)
+    spread = held_out_covariance(covariance, design, folds)[np.ix_(held, held)]
+    predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
     weight = np.linalg.inv(covariance[np.ix_(seen, seen)])
     normal = design[seen].T @ weight
@@ -142,7 +142,9 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         for sensor in sensors(truth, made):
             problem = problem_of(sensor, made, parts=5)
             about, errors = problem.about(), Choices(problem).following(())
-            variance = floor_variance(about.alternatives[0][1], about.jacobian, problem.ends)
+            variance = np.diag(
+                held_out_covariance(about.alternatives[0][1], about.jacobian, problem.ends)
+            )
             for kind, (_, k) in sensor.kinds.items():
                 rows = problem.of_kind(kind)
                 sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))

@@ -17,7 +17,7 @@ from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choice, Choices, ratio_interval
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, directions_without
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
-from imuloop.diagnose.residuals import floor_variance
+from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import Search, Trial
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
@@ -218,7 +218,9 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     problem, out = first.problem, frozenset({0})
     assert first.choice(out).base == again.choice(out).base == (G_SENSITIVITY,)
     about = problem.about((G_SENSITIVITY,))
-    std = np.sqrt(floor_variance(about.alternatives[0][1], about.jacobian, problem.ends))
+    std = np.sqrt(
+        np.diag(held_out_covariance(about.alternatives[0][1], about.jacobian, problem.ends))
+    )
     own = np.arange(len(std)) < 3
     others = (problem.fold == 0) & ~own
     for effects in ((), (G_SENSITIVITY,)):

@@ -41,7 +41,7 @@ TOLD = dict.fromkeys(NOTHING, ((), None))
 
 def validated(sensors, made, whole, effects=NOTHING):
     solutions = {"gyroscope": whole}
-    diagnosed = Diagnosed({}, None, {}, sensors, made, solutions, effects, TOLD, ["turns"], 20)
+    diagnosed = Diagnosed({}, None, {}, sensors, made, solutions, effects, TOLD, ["turns"], 20, {})
     return validate_attitude("d", 9.80665, diagnosed, SETTINGS)
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imuloop.core.precision import precision
 from imuloop.diagnose.sight import Sight
 
 
@@ -25,19 +26,18 @@ class Hypotheses:
     @classmethod
     def of(cls, covariances, count):
         """Return those of `count` covariances, shape (n, n), taken one at a time."""
-        precision, log_det = None, np.empty(count)
+        inverses, log_det = None, np.empty(count)
         for h, covariance in enumerate(covariances):
-            if precision is None:
-                precision = np.empty((count, *covariance.shape))
-            root = np.linalg.inv(np.linalg.cholesky(covariance))
-            precision[h] = root.T @ root
-            log_det[h] = -2 * np.log(np.diag(root)).sum()
-        return cls(precision, log_det)
+            if inverses is None:
+                inverses = np.empty((count, *covariance.shape))
+            inverses[h], root = precision(covariance)
+            log_det[h] = 2 * np.log(np.diag(root)).sum()
+        return cls(inverses, log_det)
 
     def mean(self, weights):
         """Return the covariance, averaged with weights, shape (h,), not of what counts nothing."""
         counted = np.flatnonzero(weights > 1e-9 * weights.max())
-        return sum(weights[h] * np.linalg.inv(self.precision[h]) for h in counted)
+        return sum(weights[h] * precision(self.precision[h])[0] for h in counted)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ CHANCE = np.log(0.5)
 RECORDS, DRAWS = 200, 200
 # sizes that are tried, in those that the test alone needs on average; the steps between them, and
 # how often the last one is made smaller
-SMALLEST, LARGEST, STEP, CLOSER = 1.0, 16.0, 2.0, 2
+SMALLEST, LARGEST, STEP, CLOSER = 1.0, 16.0, 2.0, 1
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -60,14 +60,15 @@ def detection_limits(search, base, trial, power, kept=True):
             continue
         records = _records(sight, fit, search.problem.settings.seed)
         drawn = _Drawn.of(search, sight, columns, own, axis, records)
-        slow = any(search.problem.slow(effect) for effect in trial.effects)
+        slow = any(map(search.problem.slow, trial.effects))
+        seen = search, base, trial, axis, records, needed, kept
         for k, (parameter, scale) in enumerate(
             zip(pattern.parameters[axis], pattern.scale[axis], strict=True)
         ):
-            size = drawn.size(k, trial.axes, needed, power, kept)
+            share = partial(drawn.found, k, axes=trial.axes, needed=needed, kept=kept)
+            size = _least(share, *drawn.range(k), power)
             if size and slow:
-                seen = search, base, trial, axis, k, records, needed, kept
-                size = _least(partial(_with_pattern, *seen), size, LARGEST * size, power)
+                size = _least(partial(_with_pattern, *seen, k), size, LARGEST * size, power)
             if size is not None:
                 limits[names[parameter]] = size / scale
     return {name: limits[name] for name in names if name in limits}
@@ -124,13 +125,12 @@ class _Drawn:
         known = np.column_stack([*known, *stacked[: len(columns)]])
         pattern = np.column_stack(stacked[len(columns) :])
         estimated = sight.point(fits[1])
-        noise = [np.linalg.inv(b.noise.precision[estimated]) for b in evidence.blocks]
-        noise = block_diag(*noise)
+        weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
         folds = np.concatenate([b.folds for b in evidence.blocks])
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
         everything = np.column_stack([np.concatenate(values), pattern])
         errors = [
-            held_out_operator(noise, design, folds) @ everything
+            held_out_operator(weights, design, folds) @ everything
             for design in (known, np.column_stack([known, pattern]))
         ]
         return cls(
@@ -147,14 +147,13 @@ class _Drawn:
             ),
         )
 
-    def size(self, k, axes, needed, power, kept):
-        """Return the size of one parameter, in its column's unit, that is found; None at none."""
+    def range(self, k):
+        """Return the least and the largest size of one parameter to try, in its column's unit."""
         q = self.fits[1].theta.shape[1] - self.fits[0].theta.shape[1]
         point = int(np.argmax(self.fits[1].log_weight))
         own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
         typical = np.sqrt(10.0 / own[k, k])
-        share = partial(self.found, k, axes=axes, needed=needed, kept=kept)
-        return _least(share, SMALLEST * typical, LARGEST * typical, power)
+        return SMALLEST * typical, LARGEST * typical
 
     def found(self, k, size, axes, needed, kept=True):
         """Return the share of the records in which a parameter of some size is found."""
@@ -191,7 +190,7 @@ class _Drawn:
         return float((passed[near] * lower).sum() / len(passed))
 
 
-def _with_pattern(search, base, trial, axis, k, records, needed, kept, size):
+def _with_pattern(search, base, trial, axis, records, needed, kept, k, size):
     """Return the share that is found where the noise is what data with the pattern let expect."""
     sight, effects = search.sight(base), (base, trial.effects)
     columns, own = (sight.evidence.columns_of(e, axis) for e in effects)
@@ -208,26 +207,26 @@ def _least(share, smallest, largest, power):
     """Return the size, not below the smallest, of which a share is found; None at none."""
 
     def missing(size):
-        """Return what a size lacks, in normal quantiles, which go about linearly with it."""
+        """Return what a size lacks of the power in normal quantiles."""
         return float(ndtri(power) - ndtri(np.clip(share(size), 1 / RECORDS, 1 - 1 / RECORDS)))
 
-    high = smallest
-    lacking = excess = missing(high)
+    low, high = None, smallest
+    excess = missing(high)
     while excess > 0:
         low, lacking, high = high, excess, high * STEP
         if high > largest:
             return None
         excess = missing(high)
-    if high == smallest:
+    if low is None:
         return smallest
     # where two processors take different sides of a zero they still find the same size
     for _ in range(CLOSER):
-        size = low + (high - low) * lacking / (lacking - excess)
+        size = low * (high / low) ** (lacking / (lacking - excess))
         if (between := missing(size)) > 0:
             low, lacking = size, between
         else:
             high, excess = size, between
-    return low + (high - low) * lacking / (lacking - excess)
+    return low * (high / low) ** (lacking / (lacking - excess))
 
 
 def _records(sight, fit, seed):

@@ -4,6 +4,8 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
+from imuloop.core.precision import precision
+
 # probability of an alternative of the noise that a range does not hold
 NEGLIGIBLE = 0.025
 # of its largest, below which a direction is no parameter's own
@@ -52,24 +54,22 @@ def chi_square(values, covariance, jacobian, groups):
     return found, float(likelihood)
 
 
-def held_out_operator(covariance, jacobian, folds, weights=None):
+def held_out_operator(weights, jacobian, folds):
     """Return what takes residuals to their errors, each part predicted by the others.
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
-    ``A = (Jᵀ W J)⁻¹ Jᵀ W`` and ``W = Σ⁻¹`` of the seen part; the error of what is held out is
-    ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up, does not
-    count in its covariance ``E Σ Eᵀ``.
+    ``A = (Jᵀ W J)⁻¹ Jᵀ W``, W the inverse of the covariance of what is seen; the error of what is
+    held out is ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up,
+    does not count in its covariance ``E Σ Eᵀ``.
 
     Parameters
     ----------
-    covariance : ndarray, shape (n, n)
-        Predicted covariance Σ of all residuals.
+    weights : ndarray, shape (n, n)
+        Inverse of the covariance of all residuals by which a fit weighs them.
     jacobian : ndarray, shape (n, p)
         Derivative J with respect to the parameters.
     folds : ndarray of int, shape (n, 2)
         The part that each row is held out with, and the other that it touches; -1 for none.
-    weights : ndarray, shape (n,), optional
-        Diagonal of W, where the fit takes other weights.
 
     Returns
     -------
@@ -78,29 +78,33 @@ def held_out_operator(covariance, jacobian, folds, weights=None):
     """
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
-    operator = np.zeros_like(covariance)
+    operator = np.zeros_like(weights)
     for part in set(folds[:, 0].tolist()) - {-1}:
-        held, seen = folds[:, 0] == part, ~(folds == part).any(axis=1)
-        design = jacobian[seen]
-        if weights is None:
-            root = cholesky(covariance[np.ix_(seen, seen)], lower=True)
-            white = solve_triangular(root, design, lower=True)
-            weighted = solve_triangular(root, white, lower=True, trans=1)
-        else:
-            weighted = design * weights[seen, None]
+        held, hidden = folds[:, 0] == part, (folds == part).any(axis=1)
+        seen = ~hidden
+        design, across = jacobian[seen], weights[np.ix_(hidden, seen)]
+        # W is what the weights of all rows leave without those that are hidden
+        lost = np.linalg.solve(weights[np.ix_(hidden, hidden)], across @ design)
+        weighted = weights[np.ix_(seen, seen)] @ design - across.T @ lost
         gain = np.linalg.lstsq(design.T @ weighted, weighted.T, rcond=SINGULAR)[0]
         operator[np.ix_(held, held)] = np.eye(held.sum())
         operator[np.ix_(held, seen)] = -jacobian[held] @ gain
     return operator
 
 
-def floor_variance(covariance, jacobian, folds, weights=None):
-    """Return the variance that the noise alone gives to held-out errors, shape (n,).
+def held_out_covariance(covariance, jacobian, folds, weights=None):
+    """Return the covariance that the noise alone gives to held-out errors, shape (n, n).
 
-    Takes what `held_out_operator` does.
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        Predicted covariance Σ of all residuals.
+    jacobian, folds, weights
+        As of `held_out_operator`; the inverse of Σ without other weights.
     """
-    operator = held_out_operator(covariance, jacobian, folds, weights)
-    return np.einsum("ij,ij->i", operator @ covariance, operator)
+    weights = precision(covariance)[0] if weights is None else weights
+    operator = held_out_operator(weights, jacobian, folds)
+    return operator @ covariance @ operator.T
 
 
 def chance(square, covariances):

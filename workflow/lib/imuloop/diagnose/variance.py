@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import solve_triangular
+
+from imuloop.core.precision import precision
 
 # size of a part, of which a deviation of what was known, or white noise, is one, that is none
 TINY = 1e-6
@@ -69,13 +71,13 @@ def likely_sizes(values, jacobian, fixed, parts):
 
     def projected(squares):
         """Return ``P r``, P and what the residuals alone lose by it."""
-        root = cholesky(fixed + np.tensordot(squares, every, 1), lower=True)
+        inverse, root = precision(fixed + np.tensordot(squares, every, 1))
         white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
         q, r = np.linalg.qr(white[:, 1:])
         rest = white[:, 0] - q @ (q.T @ white[:, 0])
-        inverse = solve_triangular(root, np.eye(len(values)), lower=True)
         size = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
-        return inverse.T @ rest, inverse.T @ (inverse - q @ (q.T @ inverse)), size + rest @ rest / 2
+        back = solve_triangular(root, np.column_stack([rest, q]), lower=True, trans=1)
+        return back[:, 0], inverse - back[:, 1:] @ back[:, 1:].T, size + rest @ rest / 2
 
     def loss(scaled_squares, unit):
         squares = scaled_squares * unit

@@ -8,7 +8,7 @@ from scipy.linalg import LinAlgError
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import residuals
 from imuloop.diagnose.choice import ratio_interval
-from imuloop.diagnose.residuals import floor_variance
+from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.validate.attitude_errors import (
     K_I,
     K_P,
@@ -235,7 +235,9 @@ def _rotation_floor(turn, whole, recording, block):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
     ends, kind = turn.rows(recording)
-    variance = floor_variance(turn.covariance(whole, recording), jacobian, block[ends])
+    variance = np.diag(
+        held_out_covariance(turn.covariance(whole, recording), jacobian, block[ends])
+    )
     return np.sqrt(2 * variance[kind == 1].mean())
 
 

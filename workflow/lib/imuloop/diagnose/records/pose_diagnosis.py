@@ -25,8 +25,7 @@ from imuloop.diagnose.residuals import (
     chance,
     chi_square,
     floor_range,
-    floor_variance,
-    held_out_operator,
+    held_out_covariance,
     likely,
 )
 from imuloop.diagnose.verdict import NOTHING, Judged, verdict
@@ -153,7 +152,8 @@ def _diagnosed(choices):
     judged = [_judged(problem, about, own) for about, own in sides]
     weights = judged[1][0]
     floors = [
-        floor_variance(c, base.jacobian, problem.ends)[:, None] for _, c in final.alternatives
+        np.diag(held_out_covariance(c, base.jacobian, problem.ends))[:, None]
+        for _, c in final.alternatives
     ]
     floor = np.tensordot(weights, floors, 1)
     solution = final_solution(problem, choice.base)
@@ -213,8 +213,7 @@ def _judged(problem, about, errors):
     found, likelihoods, heldout = [], [], []
     for _, covariance in about.alternatives:
         left, likelihood = chi_square(about.values, covariance, about.jacobian, groups)
-        operator = held_out_operator(covariance, about.jacobian, problem.ends)
-        spread = operator @ covariance @ operator.T
+        spread = held_out_covariance(covariance, about.jacobian, problem.ends)
         likelihoods.append(likelihood)
         found.append(left)
         heldout.append([chance((errors[g] ** 2).sum(), [spread[np.ix_(g, g)]]) for g in groups])

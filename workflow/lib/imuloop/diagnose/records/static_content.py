@@ -10,7 +10,7 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted
-from imuloop.diagnose.residuals import chance, chi_square, floor_variance, held_out_operator
+from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
 from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
@@ -94,9 +94,9 @@ def _floor(problem, noise, axes):
         for name in axes:
             process = noise.axes[name]
             # the level is the mean of what is seen
-            slow = floor_variance(
-                process.mean_covariance(windows), block.nuisance, block.folds, length
-            )
+            slow = held_out_covariance(
+                process.mean_covariance(windows), block.nuisance, block.folds, np.diag(length)
+            ).diagonal()
             own, merged = (
                 process.N.square / t + 2 * process.Q.square / t**2
                 for t in (record.length, length[at])
@@ -131,8 +131,7 @@ def _judged(problem, effects, errors, noise, axes):
             covariance = noise.axes[name].mean_covariance(record.windows)
             ((chi2, own),), _ = chi_square(values[:, axis], covariance, block.nuisance, everything)
             total, dof = total + chi2, dof + own
-            operator = held_out_operator(covariance, block.nuisance, block.folds)
-            spreads.append(operator @ covariance @ operator.T)
+            spreads.append(held_out_covariance(covariance, block.nuisance, block.folds))
     return Judged.of([1.0], [(total, dof)], [chance(square, spreads)])
 
 
