@@ -13,7 +13,7 @@ ARROWS = {
     "effects": set(),
     "ingest": set(),
     "segment": {"ingest"},
-    "noise": {"ingest", "segment"},
+    "noise": {"effects", "ingest", "segment"},
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "validate": {"effects", "calibrate", "diagnose"},

@@ -13,12 +13,12 @@ from diagnose.test_means import calibration
 from imuloop.core import rest_log
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.records.correction import corrected
 from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, find, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.allan import write_allan
+from imuloop.noise.correction import corrected
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings

@@ -12,7 +12,6 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.correction import noise_again, with_found_noise
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.process import find_process
 from imuloop.diagnose.records.static import StaticProblem, fitted, information
@@ -21,6 +20,7 @@ from imuloop.diagnose.verdict import NOTHING
 from imuloop.effects.ramp import Ramp
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
+from imuloop.noise.correction import noise_again, with_found_noise
 
 # effects of a record, which the next record has not
 PASSING = (Ramp, Sinusoid, Steps)
