@@ -1,8 +1,8 @@
 """From the truth of a device to its diagnosis: the stages see its logs and nothing else."""
 
-import tempfile
 from contextlib import nullcontext
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
@@ -20,9 +20,12 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
+from imuloop.validate.attitude import no_attitude
 
 # what takes longest, and is asked of devices without effects alone
 LIMITS = "imuloop.diagnose.content.detection_limits"
+# nothing that a study judges
+ATTITUDE = "imuloop.validate.attitude.validate_attitude"
 
 
 def diagnosis_of(truth, seed, also=None, limits=True):
@@ -40,7 +43,8 @@ def diagnosis_of(truth, seed, also=None, limits=True):
         Whether detection limits are wanted.
     """
     without = nullcontext() if limits else patch(LIMITS, return_value={})
-    with without, tempfile.TemporaryDirectory() as folder:
+    attitude = no_attitude(truth.name, "not asked for")
+    with without, patch(ATTITUDE, return_value=attitude), TemporaryDirectory() as folder:
         folder = Path(folder)
         kinds = {name: plan.kind for name, plan in truth.sessions.items()}
         device = Device(truth.name, folder, kinds, gravity=truth.gravity)

@@ -172,6 +172,7 @@ def _diagnosed(choices):
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
         }
     _, others = pose_candidates(sensor.sensor, problem.recording)
+    others = {cls: why for cls, why in others.items() if cls not in set(map(type, problem.found))}
     fitted = solution.calibration.effects[len(problem.found) :]
     content = {
         "verdict": verdict(*above, choice.base),
