@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import f
 
 from diagnose.rows import Column, Other, Third, search
+from imuloop.diagnose.choice import Choices
 
 N = 40
 T = np.linspace(0, 1, N)
@@ -68,3 +69,20 @@ def test_the_best_is_a_pair_where_no_single_one_passes():
     made, pair = best_pair(values, columns)
     assert all(made.trial((), type(e)).log_p > made.threshold(0) for e in (A, B))
     assert made.best(()) == pair and pair.effects == (A, B)
+
+
+def test_what_hides_from_the_gate_alone_is_tried_with_what_is_found_beside_it(monkeypatch):
+    rng = np.random.default_rng(5)
+    values = 9 * COLUMNS[0] - 6 * COLUMNS[1] + rng.normal(size=N)
+    made = search(values, NUISANCE, dict(zip((A, B, C), COLUMNS, strict=True)), (), 1e-3)
+    asked = []
+
+    def gate(self, base, trial, wide, out):
+        asked.append(wide)
+        ratio = [0.5, 0.6] if {A, B} <= {*wide} else [0.9, 1.1]
+        return "", np.zeros((0, 1)), np.zeros((0, 1)), ratio
+
+    monkeypatch.setattr(Choices, "_gate", gate)
+    found = Choices(made.problem).choice()
+    assert asked[:2] == [(A,), (A, B)]
+    assert {*found.base} == {A, B} and not found.failed

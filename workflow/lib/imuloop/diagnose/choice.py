@@ -1,6 +1,6 @@
 """What is added: effects that pass the test, and lower the error of data that are held out."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -109,8 +109,9 @@ class Choices:
         """Return the Choice of the search that lacks some parts.
 
         The best effect that passes the test is added if it lowers the error of parts that are held
-        out of what is seen here; then everything is tested again, until nothing passes. What then
-        no longer lowers it beside all others goes again.
+        out of what is seen here, alone or with the best that passes beside it; then everything is
+        tested again, until nothing passes. What then no longer lowers it beside all others goes
+        again.
         """
         if out not in self._choices:
             self._choices[out] = self._choice(out)
@@ -119,9 +120,12 @@ class Choices:
     def _choice(self, out):
         search, base, failed = self.search(out), (), {}
         while best := search.best(base, failed):
-            wide = search.reshaped((*base, *best.effects))
-            ratio = self._gate(base, best, wide, out)[-1]
-            if ratio[1] < 1 and not self.problem.lost(wide):
+            wide, ratio = self._lower(base, best, out)
+            if not wide and (more := search.best((*base, *best.effects), failed)):
+                # errors of another effect can hide that this one lowers them
+                both = replace(best, effects=(*best.effects, *more.effects))
+                wide, _ = self._lower(base, both, out)
+            if wide:
                 # what did not stand beside this effect's own pattern may stand without it
                 base, failed = wide, {}
             else:
@@ -146,6 +150,12 @@ class Choices:
             else:
                 return Choice(base, tuple(added), failed)
             base = others
+
+    def _lower(self, base, trial, out):
+        """Return effects with those of a trial, None where errors do not fall, and the ratio."""
+        wide = self.search(out).reshaped((*base, *trial.effects))
+        ratio = self._gate(base, trial, wide, out)[-1]
+        return (wide if ratio[1] < 1 and not self.problem.lost(wide) else None), ratio
 
     def _gate(self, base, trial, wide, out):
         """Return the kind of residual in which a trial shows most, and held-out errors there.

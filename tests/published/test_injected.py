@@ -1,0 +1,33 @@
+"""What is put into a measured log at two detection limits is found, beside what is there."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import yaml
+
+from imuloop.config import resolve
+from published.test_stability import diagnosed
+
+NAME, LIMITS = "xsens_mti", 2.0
+
+
+@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize("name", ["bias_drift", "warm_up"])
+def test_what_changes_with_time_is_found(measured, repository, tmp_path, monkeypatch, name, axis):
+    monkeypatch.setattr("imuloop.diagnose.content.detection_limits", lambda *a, **k: {})
+    candidates = measured.json(NAME, "diagnosis")["sensors"]["gyroscope"]["poses"]["candidates"]
+    (candidate,) = (c for c in candidates if c["name"] == name)
+    key = {"bias_drift": "d", "warm_up": "A"}[name] + axis
+    size = LIMITS * candidate["detection_limit"][key]
+
+    def put_in(table, segments):
+        t = table["t"].to_numpy()
+        tau = candidate["constants"].get("tau")
+        added = size * (np.exp(-t / tau) if tau else t)
+        columns = {c: table[c] for c in table.column_names}
+        columns[f"g{axis}"] = pa.array(table[f"g{axis}"].to_numpy() + added)
+        return pa.table(columns).replace_schema_metadata(table.schema.metadata)
+
+    settings = resolve(yaml.safe_load((repository / "config/measured.yaml").read_text()))[NAME]
+    _, effects = diagnosed(measured, settings, NAME, tmp_path / "changed", put_in)["gyroscope"]
+    assert {*effects} == {"g_sensitivity", name}
