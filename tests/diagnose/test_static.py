@@ -48,11 +48,7 @@ def pattern(name, n=N):
         shape = known[name]
     else:
         shape = find_effect(name).shapes(rec.channels)[0]
-    at = (
-        shape.in_session("s", rec.windows)
-        if hasattr(shape, "in_session")
-        else shape.design(rec.channels)
-    )
+    at = shape.in_session(rec.channels, "s", rec.windows)
     return at[:, range(3), range(3)], shape
 
 
@@ -300,13 +296,13 @@ def test_a_fold_of_other_windows_is_what_its_windows_of_the_fit_cover(n):
 def test_a_step_that_nobody_saw_goes_up_evenly():
     unknown = Steps((300.0,), ("s",), (240.0,))
     seen = np.array([[0.0, 60], [120, 180], [180, 240], [240, 300], [360, 420], [420, 480]])
-    outer = unknown.in_session("s", seen)[:, 0, 0]
+    outer = unknown.in_session(None, "s", seen)[:, 0, 0]
     assert list(outer[[0, 1, -1]]) == [0, 0, 1]
     inner = seen[(seen[:, 0] >= 180) & (seen[:, 1] <= 420)]
     # the mean over all times that the step may have
     times = np.linspace(180, 420, 4801)[:-1] + 0.025
-    known = [Steps((t,), ("s",)).in_session("s", inner)[:, 0, 0] for t in times]
-    even = unknown.in_session("s", inner)[:, 0, 0]
+    known = [Steps((t,), ("s",)).in_session(None, "s", inner)[:, 0, 0] for t in times]
+    even = unknown.in_session(None, "s", inner)[:, 0, 0]
     np.testing.assert_allclose(even, np.mean(known, axis=0), atol=1e-3)
 
 
@@ -315,8 +311,8 @@ def test_patterns_of_windows_are_means_of_their_instants():
     fine = np.column_stack([np.arange(30) + 0.5] * 2)
     for effect in (Steps((14.0,), ("s",)), Sinusoid(0.03, ("s",))):
         instants = np.linspace(0, 30, 30001)[:-1]
-        dense = effect.in_session("s", np.column_stack([instants, instants]))
+        dense = effect.in_session(None, "s", np.column_stack([instants, instants]))
         means = dense.reshape(3, 10000, 3, -1).mean(axis=1)
-        np.testing.assert_allclose(effect.in_session("s", at), means, atol=1e-3)
-        assert not effect.in_session("other", fine).any()
+        np.testing.assert_allclose(effect.in_session(None, "s", at), means, atol=1e-3)
+        assert not effect.in_session(None, "other", fine).any()
         assert len(effect.parameters) == dense.shape[2]

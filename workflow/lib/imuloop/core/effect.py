@@ -112,6 +112,8 @@ class Effect:
         Whether it depends on the time since the start of the log, or on what was before.
     reach : float
         How far about a point the effect looks, s; what it remembers besides is in `Channels.past`.
+    lasting : bool
+        Whether a device that had it in one record has it in the next.
     bounds : dict of str to (float, float)
         Least and largest value of a constant, where not any number will do.
     """
@@ -127,9 +129,14 @@ class Effect:
     limit: ClassVar[float] = np.inf
     timed: ClassVar[bool] = False
     reach: ClassVar[float] = 0.0
+    lasting: ClassVar[bool] = True
     bounds: ClassVar[dict[str, tuple[float, float]]] = {}
 
     library: ClassVar[dict[str, type]] = {}
+
+    def in_session(self, channels, session, windows):
+        """Return the derivative of means over windows, (n, 2) s, of a session, (n, 3, p)."""
+        return self.design(channels)
 
     def held(self, design, low, high):
         """Return a derivative, shape (n, 3, p), held to the ranges of its parameters, (p,) each."""

@@ -16,3 +16,4 @@ class Ramp(BiasDrift):
     name = "ramp"
     timed = False
     records = ("static_record",)
+    lasting = False

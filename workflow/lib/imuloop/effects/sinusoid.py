@@ -30,6 +30,7 @@ class Sinusoid(Effect):
     equation = "e_i = c_i cos(2π f t) + s_i sin(2π f t)"
     reference = "IEEE Std 952-1997, annex C, sinusoidal noise"
     records = ("static_record",)
+    lasting = False
 
     @property
     def parameters(self):
@@ -42,7 +43,7 @@ class Sinusoid(Effect):
         """Return none: the frequency is searched."""
         return ()
 
-    def in_session(self, session, windows):
+    def in_session(self, channels, session, windows):
         """Return the means of cosine and sine over windows (n, 2), shape (n, 3, 6 sessions)."""
         length = windows[:, 1] - windows[:, 0]
         phase = np.pi * self.frequency * windows.sum(axis=1)

@@ -34,6 +34,7 @@ class Steps(Effect):
     equation = "e_i = Σ_k h_ki H(t - t_k)"
     reference = "IEEE Std 1293-2018, burst noise (telegraph noise)"
     records = ("static_record",)
+    lasting = False
 
     @property
     def parameters(self):
@@ -45,7 +46,7 @@ class Steps(Effect):
         """Return none: the times are searched."""
         return ()
 
-    def in_session(self, session, windows):
+    def in_session(self, channels, session, windows):
         """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""
         after = [
             share_after(windows, t, span) * (s == session)

@@ -48,20 +48,13 @@ def corrected(session, log, calibration, found):
             seen = Channels(
                 t[part], np.tile(level, rows), np.tile(beside, rows), temperature, remembered
             )
-            total = sum(_output(e, session, seen) for e in effects)
+            instants = np.column_stack([t[part], t[part]])
+            total = sum(e.effect.in_session(seen, session, instants) @ e.vector for e in effects)
             total *= own.raw_unit.scale / own.K
             for name, values in zip(SENSORS[sensor], total.T, strict=True):
                 changed[name][part] -= values
     warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
     return {TIME: t, **changed, **warmth}
-
-
-def _output(fitted, session, channels):
-    """Return what an effect adds at instants, shape (n, 3)."""
-    if hasattr(fitted.effect, "in_session"):
-        instants = np.column_stack([channels.t, channels.t])
-        return fitted.effect.in_session(session, instants) @ fitted.vector
-    return fitted.output(channels)
 
 
 def noise_again(device, data, calibration, found, noise_settings):

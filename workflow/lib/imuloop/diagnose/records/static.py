@@ -22,9 +22,7 @@ MOST_STEPS, HOPELESS = 6, 6.0
 
 def derivative(effect, record):
     """Return the derivative of an effect in a record, shape (n, 3, p)."""
-    if hasattr(effect, "in_session"):
-        return effect.in_session(record.session, record.windows)
-    return effect.design(record.channels)
+    return effect.in_session(record.channels, record.session, record.windows)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,6 @@ from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
 from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
-from imuloop.effects.sinusoid import Sinusoid
-from imuloop.effects.steps import Steps
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
@@ -152,7 +150,7 @@ def _by_axis(axes, finding, floor):
 def _by_session(choices):
     """Return the effects fitted to each session alone, together if it tells them apart."""
     problem, search = choices.problem, choices.search()
-    base = tuple(e for e in choices.choice().base if not isinstance(e, (Sinusoid, Steps)))
+    base = tuple(e for e in choices.choice().base if type(e) not in problem.scans)
     found = {e.name: {} for e in base}
     for session in dict.fromkeys(r.session for r in problem.records):
         only = frozenset(i for i, r in enumerate(problem.records) if r.session == session)

@@ -17,13 +17,9 @@ from imuloop.diagnose.records.process import find_process
 from imuloop.diagnose.records.static import StaticProblem, fitted, information
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.verdict import NOTHING
-from imuloop.effects.ramp import Ramp
 from imuloop.effects.sinusoid import Sinusoid
-from imuloop.effects.steps import Steps
 from imuloop.noise.correction import noise_again, with_found_noise
 
-# effects of a record, which the next record has not
-PASSING = (Ramp, Sinusoid, Steps)
 # windows that tell noise from lines
 ENOUGH = 64
 
@@ -189,7 +185,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         content[sensor] = static_content(sensor, finding, lines_out, change)
     names = [e.name for own in found.values() for e in own] + list(processes)
     effects = {
-        sensor: tuple(e for e in fitted_ones if not isinstance(e.effect, PASSING))
+        sensor: tuple(e for e in fitted_ones if e.effect.lasting)
         for sensor, fitted_ones in found.items()
     }
     return StaticResult(
