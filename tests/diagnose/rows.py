@@ -21,6 +21,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
+    lasting = True
 
 
 @dataclass(frozen=True)
