@@ -21,7 +21,6 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
-    lasting = True
 
 
 @dataclass(frozen=True)

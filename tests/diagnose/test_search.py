@@ -1,6 +1,6 @@
 """The search for effects on simulated devices: finds what is there, says no where nothing is."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import recording
 from diagnose.models import pose_sensors
-from diagnose.rows import PARTS, Column, N, rows
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import AccelerometerPoses, fitted_calibration
 from imuloop.core.effect import Channels, FittedEffect, find_effect
@@ -328,25 +327,3 @@ def test_a_span_that_a_thermometer_makes_by_itself_is_no_temperature_effect(sens
         assert {c in available for c in of_temperature} == {tried}
         if not tried:
             assert {others[c][0] for c in of_temperature} == {"not_observable"}
-
-
-@dataclass(frozen=True)
-class Passing(Column):
-    """A candidate that the next record has not."""
-
-    lasting = False
-
-
-@pytest.mark.parametrize("effect", [Column(), Passing()])
-def test_what_the_next_record_has_not_must_foretell_parts_of_this_one(monkeypatch, effect):
-    # only one part shows it, and the others' level does not hang on it: none foretells it
-    rng = np.random.default_rng(0)
-    shown = np.arange(N) % PARTS == 3
-    pattern = np.where(shown, (-1.0) ** np.cumsum(shown), 0.0)
-    values = 8 * pattern + np.where(shown, 0.0, rng.normal(size=N))
-    monkeypatch.setattr(
-        Choices, "_gate", lambda *a: ("", np.zeros((0, 1)), np.zeros((0, 1)), [0.5, 0.6])
-    )
-    found = Choices(rows(values, np.ones((N, 1)), {effect: pattern})).choice()
-    assert found.base == ((effect,) if effect.lasting else ())
-    assert list(found.failed) == ([] if effect.lasting else [Passing])

@@ -111,29 +111,14 @@ class Choices:
         The best effect that passes the test is added if it lowers the error of parts that are held
         out of what is seen here, alone or with the best that passes beside it; then everything is
         tested again, until nothing passes. What then no longer lowers it beside all others goes
-        again; so does what the next record has not, where the whole search, made again without
-        each part, foretells this one no better.
+        again.
         """
         if out not in self._choices:
-            found = self._choices[out] = self._choice(out)
-            if not out and not all(e.lasting for e in found.base):
-                self._choices[out] = self._foretelling(found)
+            self._choices[out] = self._choice(out)
         return self._choices[out]
 
-    def _foretelling(self, found):
-        """Return a choice, without what the next record has not if it foretells nothing."""
-        before, after = self.following(()), self.errors(lambda out: self.choice(out).base)
-        known = np.isfinite(before[:, 0])
-        before, after = before[known], after[known]
-        # rounding shall not decide
-        if (after**2).sum() < (1 - 1e-6) * (before**2).sum():
-            return found
-        ratio = self.ratio(self.problem.fold[known], before, after)
-        passing = {type(e): ratio for e in found.base if not e.lasting}
-        return self._choice(frozenset(), passing)
-
-    def _choice(self, out, banned=()):
-        search, base, failed = self.search(out), (), dict(banned)
+    def _choice(self, out):
+        search, base, failed = self.search(out), (), {}
         while best := search.best(base, failed):
             wide, ratio = self._lower(base, best, out)
             if not wide and (more := search.best((*base, *best.effects), failed)):
@@ -142,7 +127,7 @@ class Choices:
                 wide, _ = self._lower(base, both, out)
             if wide:
                 # what did not stand beside this effect's own pattern may stand without it
-                base, failed = wide, dict(banned)
+                base, failed = wide, {}
             else:
                 classes = tuple(map(type, best.effects))
                 failed[classes if len(classes) > 1 else classes[0]] = ratio
