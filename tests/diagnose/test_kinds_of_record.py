@@ -33,10 +33,15 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
+    lasting = True
 
     def design(self, channels):
         """Return the column on the first axis, (n, 3, 1), where a record has it."""
         return channels.other[:, [self.number], None] * np.eye(3)[0][:, None]
+
+    def in_session(self, channels, session, windows):
+        """Return the same, of means."""
+        return self.design(channels)
 
 
 class Beside(Column):

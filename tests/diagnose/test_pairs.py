@@ -84,5 +84,5 @@ def test_what_hides_from_the_gate_alone_is_tried_with_what_is_found_beside_it(mo
 
     monkeypatch.setattr(Choices, "_gate", gate)
     found = Choices(made.problem).choice()
-    assert asked[:2] == [(A,), (A, B)]
+    assert asked[:3] == [(A,), (B,), (A, B)]
     assert {*found.base} == {A, B} and not found.failed

@@ -162,7 +162,9 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         (False, 1.1, 0.0, True, False),  # within what the floor may be wrong by
         (False, 1.7, 0.0, True, True),  # a wrong effect, which fits what it saw
         (False, 1.7, 0.1, True, False),
-        (False, 1.7, 0.0, False, False),  # no effect that could be wrong
+        (False, 1.7, 0.005, True, True),
+        (False, 1.7, 0.005, False, False),  # no effect that could be wrong
+        (False, 1.7, 0.0, False, True),
     ],
 )
 def test_a_residual_is_above_its_floor_in_the_fit_or_held_out(

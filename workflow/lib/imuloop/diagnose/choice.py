@@ -109,28 +109,18 @@ class Choices:
         """Return the Choice of the search that lacks some parts.
 
         The best effect that passes the test is added if it lowers the error of parts that are held
-        out of what is seen here, alone or with the best that passes beside it; then everything is
-        tested again, until nothing passes. What then no longer lowers it beside all others goes
-        again.
+        out of what is seen here, or, where no other does, with the best that passes beside it;
+        then everything is tested again, until nothing passes. What then no longer lowers it beside
+        all others goes again.
         """
         if out not in self._choices:
             self._choices[out] = self._choice(out)
         return self._choices[out]
 
     def _choice(self, out):
-        search, base, failed = self.search(out), (), {}
-        while best := search.best(base, failed):
-            wide, ratio = self._lower(base, best, out)
-            if not wide and (more := search.best((*base, *best.effects), failed)):
-                # errors of another effect can hide that this one lowers them
-                both = replace(best, effects=(*best.effects, *more.effects))
-                wide, _ = self._lower(base, both, out)
-            if wide:
-                # what did not stand beside this effect's own pattern may stand without it
-                base, failed = wide, {}
-            else:
-                classes = tuple(map(type, best.effects))
-                failed[classes if len(classes) > 1 else classes[0]] = ratio
+        search, base, (wide, failed) = self.search(out), (), self._wider((), out)
+        while wide != base:
+            base, (wide, failed) = wide, self._wider(wide, out)
         while True:
             added = []
             for effect in base:
@@ -150,6 +140,24 @@ class Choices:
             else:
                 return Choice(base, tuple(added), failed)
             base = others
+
+    def _wider(self, base, out):
+        """Return effects with the next that lowers errors, and the ratios of those that do not."""
+        search, failed = self.search(out), {}
+        while best := search.best(base, failed):
+            wide, ratio = self._lower(base, best, out)
+            if wide:
+                return wide, failed
+            classes = tuple(map(type, best.effects))
+            failed[classes if len(classes) > 1 else classes[0]] = ratio
+        # errors of another effect can hide that one lowers them
+        for first in (search.trial(base, cls) for cls in failed if type(cls) is not tuple):
+            if more := search.best((*base, *first.effects), failed):
+                both = replace(first, effects=(*first.effects, *more.effects))
+                wide, _ = self._lower(base, both, out)
+                if wide:
+                    return wide, failed
+        return base, failed
 
     def _lower(self, base, trial, out):
         """Return effects with those of a trial, None where errors do not fall, and the ratio."""

@@ -5,6 +5,8 @@ import numpy as np
 # an effect of three detection limits has nine times the noncentrality of one; what a twin leaves of
 # it is below the detection limit where the twin takes eight ninths
 SHARE = 8 / 9
+# share from which on two patterns are one
+ONE = 0.999
 
 
 def imitated_share(sight, base, first, second):
@@ -74,14 +76,14 @@ def imitated(search):
         for other, theirs in shapes.items():
             if other is cls:
                 continue
-            shares = [max(_share(sight, a, b) for b in theirs) for a in own]
+            shares = [max(share_on_axes(sight, a, b) for b in theirs) for a in own]
             share = float(np.median(shares))
             if share >= SHARE:
                 found.append({"effect": cls.name, "with": other.name, "share": share})
     return found
 
 
-def _share(sight, a, b):
+def share_on_axes(sight, a, b):
     """Return the share of one pattern that another takes on the axis where it takes least."""
     own = [axis for axis, columns in enumerate(a.columns) if columns]
     if not all(b.columns[axis] for axis in own):

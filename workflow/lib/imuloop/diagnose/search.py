@@ -8,7 +8,7 @@ from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
-from imuloop.diagnose.likeness import SHARE, imitated_share
+from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
 from imuloop.diagnose.p_values import log_p_values
 
 # share of log p by which shapes may differ and count as equally telling
@@ -191,7 +191,21 @@ class Search:
             t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
         ]
         best = min(passing, key=lambda t: round(t.log_p, 6), default=None)
-        return best or self.best_pair(base, banned)
+        return self._first_alike(base, best, passing) if best else self.best_pair(base, banned)
+
+    def _first_alike(self, base, best, passing):
+        """Return the first trial that can do all that the best does, as in a single attitude.
+
+        There a bias and a scale factor that follow the temperature are one, and a bias needs no
+        specific force to show.
+        """
+        sight = self.sight(base)
+        (pattern,) = sight.evidence.patterns(best.effects)
+        for trial in passing:
+            (other,) = sight.evidence.patterns(trial.effects)
+            if trial is best or share_on_axes(sight, pattern, other) > ONE:
+                return trial
+        return best
 
     def best_pair(self, base, banned):
         """Return the pair of effects that passes with the smallest p-value, or None.

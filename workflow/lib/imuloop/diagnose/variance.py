@@ -11,6 +11,8 @@ from imuloop.core.precision import precision
 TINY = 1e-6
 # and one from which a search still gets away
 SMALL = 1e-2
+# in standard deviations, how far a size is from what is known of it: to the end of its interval
+FARTHEST = 1.96
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ def total(fixed, parts, sizes):
 
 
 def likely_sizes(values, jacobian, fixed, parts):
-    """Return the sizes of the parts that are likeliest, shape (k,), none negative.
+    """Return the sizes of the parts that are likeliest, shape (k,), none beyond what is known.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
     normal probability of what was known:
@@ -66,6 +68,7 @@ def likely_sizes(values, jacobian, fixed, parts):
         return np.zeros(0)
     known = np.array([p.size for p in parts])
     weight = np.array([p.deviation for p in parts]) ** -2.0
+    most = np.array([p.size + FARTHEST * p.deviation for p in parts]) ** 2
     scaled = jacobian / np.linalg.norm(jacobian, axis=0)
     every = np.array([p.covariance for p in parts])
 
@@ -88,7 +91,7 @@ def likely_sizes(values, jacobian, fixed, parts):
         return value + off @ (weight * off) / 2, (slope + weight * off / sizes) / 2 * unit
 
     def search(squares, unit, **close):
-        bounds = [(TINY**2 / u, None) for u in unit]
+        bounds = list(zip(TINY**2 / unit, most / unit, strict=True))
         what = {"jac": True, "method": "L-BFGS-B", "bounds": bounds, "options": close}
         return minimize(loss, squares / unit, unit, **what).x * unit
 
@@ -97,7 +100,7 @@ def likely_sizes(values, jacobian, fixed, parts):
     # steps to the right one of several hills
     squares = search(np.where(known > 0, known, least) ** 2, np.ones(len(parts)), ftol=1e-4)
     # then, each square in its standard error, to the last digits that processors have in common
-    squares = np.maximum(squares, SMALL**2)
+    squares = np.clip(squares, SMALL**2, most)
     _, p, _ = projected(squares)
     information = [np.sum((v @ p) * (v @ p).T) / 2 for v in every]
     unit = 1 / np.sqrt(information + weight / (4 * squares))

@@ -66,9 +66,9 @@ def above_floor(judged, share, heldout, floor, chosen):
     """Return whether a residual is larger than the noise explains.
 
     It is where the fit leaves more than noise and the error of held-out data is above its floor
-    too; and, with effects, where that error is above it by more than a quarter and by more than
-    noise makes it, however well the fit went: a model with a wrong effect fits what it was chosen
-    by.
+    too; and where that error is above it by more than a quarter and by more than noise makes it,
+    however well the fit went: a model with a wrong effect fits what it was chosen by. Without
+    effects, the fit itself has had its test, and a tenth of the significance is left for this one.
 
     Parameters
     ----------
@@ -81,7 +81,8 @@ def above_floor(judged, share, heldout, floor, chosen):
     chosen : bool
         Whether there are effects, which the data chose.
     """
-    beyond = chosen and judged.heldout < share and heldout > MARGIN * floor
+    own = share if chosen else share / 10
+    beyond = judged.heldout < own and heldout > MARGIN * floor
     return (judged.p_value < share and heldout > floor) or beyond
 
 

@@ -83,12 +83,12 @@ def change(residual, changed):
     floor = f"floor from noise alone {shown(residual, 'floor')}{allowed(residual)}"
     if not changed:
         return f"held-out root mean square {shown(residual, 'after')}, {floor}"
-    before, after = residual.get("before"), residual.get("after")
-    verb = "falls" if not missing(before) and not missing(after) and after < before else "goes"
-    return (
-        f"held-out root mean square {verb} from {shown(residual, 'before')} to "
-        f"{shown(residual, 'after')}, {floor}"
-    )
+    before, after = (shown(residual, when) for when in ("before", "after"))
+    if before == after:
+        return f"held-out root mean square stays at {after}, {floor}"
+    known = not missing(residual.get("before")) and not missing(residual.get("after"))
+    verb = "falls" if known and residual["after"] < residual["before"] else "goes"
+    return f"held-out root mean square {verb} from {before} to {after}, {floor}"
 
 
 def allowed(residual):
@@ -130,16 +130,23 @@ def leading(block):
     return found if found and found["share"] >= WORTH_NAMING else None
 
 
-def misfit(block):
-    """Return by how much the residual exceeds the noise where it does most, as a sentence's end."""
+def lacking(block):
+    """Return the largest reduced χ² of a fit's residuals above one, and its words, or None."""
     found = [
         (r["chi2_after"], RESIDUAL_WORDS.get(name, name))
         for name, r in (block.get("residuals") or {}).items()
         if not missing(r.get("chi2_after"))
     ]
-    if not found:
+    return max((f for f in found if f[0] > 1), default=None)
+
+
+def misfit(block):
+    """Return by how much the residual exceeds the noise where it does most, as a sentence's end."""
+    if not block.get("residuals"):
         return ""
-    chi2, words = max(found)
+    if (most := lacking(block)) is None:
+        return " The fit to all data leaves no more than noise; without a part of them it fails."
+    chi2, words = most
     return f" Reduced χ² of the {words} is {number(chi2)}; noise alone gives 1."
 
 
@@ -244,11 +251,11 @@ def sentence(sensor, block):
         if probe
         else ""
     )
+    rest = "something is still missing" if lacking(block) else "not in every part of the data"
     said = {
         "consistent": f"consistent with its model and noise: {moved}.{slow}",
         "explained": f"explained by {effects}: {moved}.{slow}",
-        "partly_explained": f"partly explained by {effects}, something is still missing: "
-        f"{moved}{left}",
+        "partly_explained": f"partly explained by {effects}, {rest}: {moved}{left}",
         "unexplained": f"unexplained, {tried}: {moved}{left}",
     }.get(verdict, f"{verdict}: {moved}.")
     return said + quiet_text(block)

@@ -10,7 +10,7 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted
-from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
+from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance, likely
 from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
@@ -105,32 +105,38 @@ def _floor(problem, noise, axes):
 
 
 def _judged(problem, effects, errors, noise, axes):
-    """Return the Judged of the means less effects about their levels, and of held-out errors."""
+    """Return the Judged of the means less effects about their levels, and of held-out errors.
+
+    By the noise as estimated, and with flicker and walk at the ends of their intervals.
+    """
     shapes = [e.effect for e in effects]
     taken = [problem.design(e.effect) @ e.vector for e in effects]
     left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
-    total, square, spreads = 0.0, 0.0, []
-    dof = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
     ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
-    blocks = zip(
-        problem.evidence.split(left),
-        np.split(errors, ends),
-        problem.evidence.blocks,
-        problem.records,
-        problem.fitted,
-        strict=True,
-    )
-    for values, wrong, block, every, record in blocks:
-        first = np.searchsorted(every.windows[:, 0], record.windows[:, 0])
-        counts = np.diff(np.append(first, len(wrong)))
-        square += ((np.add.reduceat(wrong, first) / counts[:, None]) ** 2).sum()
-        everything = [np.ones(len(values), dtype=bool)]
-        for axis, name in enumerate(axes):
-            covariance = noise.axes[name].mean_covariance(record.windows)
-            ((chi2, own),), _ = chi_square(values[:, axis], covariance, block.nuisance, everything)
-            total, dof = total + chi2, dof + own
-            spreads.append(held_out_covariance(covariance, block.nuisance, block.folds))
-    return Judged.of([1.0], [(total, dof)], [chance(square, spreads)])
+    parts = list(zip(problem.evidence.split(left), np.split(errors, ends), strict=True))
+    fitted = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
+    known = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
+    most = noise.with_sizes({key: size + 1.96 * std for key, (size, std) in known.items()})
+    found, heldout, likelihoods = [], [], []
+    for model in (noise, most):
+        total, dof, likelihood, square, spreads = 0.0, fitted, 0.0, 0.0, []
+        blocks = zip(parts, problem.evidence.blocks, problem.records, problem.fitted, strict=True)
+        for (values, wrong), block, every, record in blocks:
+            first = np.searchsorted(every.windows[:, 0], record.windows[:, 0])
+            counts = np.diff(np.append(first, len(wrong)))
+            square += ((np.add.reduceat(wrong, first) / counts[:, None]) ** 2).sum()
+            everything = [np.ones(len(values), dtype=bool)]
+            for axis, name in enumerate(axes):
+                covariance = model.axes[name].mean_covariance(record.windows)
+                ((chi2, own),), more = chi_square(
+                    values[:, axis], covariance, block.nuisance, everything
+                )
+                total, dof, likelihood = total + chi2, dof + own, likelihood + more
+                spreads.append(held_out_covariance(covariance, block.nuisance, block.folds))
+        found.append((total, dof))
+        heldout.append(chance(square, spreads))
+        likelihoods.append(likelihood)
+    return Judged.of(likely([0.0, 0.0], likelihoods), found, heldout)
 
 
 def _by_axis(axes, finding, floor):
