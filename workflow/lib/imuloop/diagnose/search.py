@@ -194,11 +194,7 @@ class Search:
         return self._first_alike(base, best, passing) if best else self.best_pair(base, banned)
 
     def _first_alike(self, base, best, passing):
-        """Return the first trial that can do all that the best does, as in a single attitude.
-
-        There a bias and a scale factor that follow the temperature are one, and a bias needs no
-        specific force to show.
-        """
+        """Return the first trial that does all that the best does: in one attitude a bias for both."""
         sight = self.sight(base)
         (pattern,) = sight.evidence.patterns(best.effects)
         for trial in passing:
