@@ -194,7 +194,7 @@ class Search:
         return self._first_alike(base, best, passing) if best else self.best_pair(base, banned)
 
     def _first_alike(self, base, best, passing):
-        """Return the first trial that does all that the best does: in one attitude a bias for both."""
+        """Return the first trial that does all that the best does: a bias in one attitude."""
         sight = self.sight(base)
         (pattern,) = sight.evidence.patterns(best.effects)
         for trial in passing:
