@@ -67,3 +67,17 @@ def test_a_candidate_stands_in_for_an_effect_of_nearly_its_shape(curve, could):
     slope = Column()
     made = search(values, np.ones((N, 1)), {slope: T, Other(): curve}, threshold=0.005)
     assert twin(made, (slope,), Other) == ("column" if could else None)
+
+
+def test_of_two_patterns_that_are_one_the_first_of_the_library_is_named():
+    rng = np.random.default_rng(0)
+    pattern, *others = rng.normal(size=(3, N))
+    columns = {Column(0): pattern, Column(1): others[0], Column(2): others[1], Other(): 2 * pattern}
+    made = search(2 * pattern + rng.normal(size=N), np.ones((N, 1)), columns)
+    assert made.trial((), Other).log_p < made.trial((), Column).log_p
+    assert made.best(()).effect == Column(0)
+    # what has more parameters does more than the best
+    wide = {Column(0): np.column_stack([pattern, others[0]]), Other(): pattern}
+    assert (
+        search(2 * pattern + rng.normal(size=N), np.ones((N, 1)), wide).best(()).effect == Other()
+    )

@@ -199,9 +199,10 @@ class Search:
         (pattern,) = sight.evidence.patterns(best.effects)
         for trial in passing:
             (other,) = sight.evidence.patterns(trial.effects)
-            if trial is best or share_on_axes(sight, pattern, other) > ONE:
+            # what has more columns does more
+            alike = list(map(len, other.columns)) == list(map(len, pattern.columns))
+            if trial is best or (alike and share_on_axes(sight, pattern, other) > ONE):
                 return trial
-        return best
 
     def best_pair(self, base, banned):
         """Return the pair of effects that passes with the smallest p-value, or None.
