@@ -176,6 +176,8 @@ def test_a_residual_is_above_its_floor_in_the_fit_or_held_out(
 
 def test_data_that_show_an_effect_beyond_all_physics_alone_cannot_show_it():
     effect = find_effect("vibration_rectification")
-    assert "0.002 is the most possible" in unseen(effect, dict.fromkeys("xyz", 6.0))
-    assert unseen(effect, {"vx": 6.0, "vy": 1e-3, "vz": 6.0}) is None
-    assert unseen(find_effect("bias_drift"), {"dx": 1e9}) is None
+    units = dict.fromkeys(("vx", "vy", "vz", "dx"), "1")
+    why = unseen(effect, {"vx": 6.0, "vy": 7.0, "vz": 8.0}, units)
+    assert "from 6 1 on, and 0.002 is the most possible" in why
+    assert unseen(effect, {"vx": 6.0, "vy": 1e-3, "vz": 6.0}, units) is None
+    assert unseen(find_effect("bias_drift"), {"dx": 1e9}, units) is None

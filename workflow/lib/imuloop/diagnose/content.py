@@ -130,9 +130,10 @@ def _candidate(sensor, choices, cls):
         status = "confounded"
         why = f"in these data it could stand in for {name}: neither adds to the other"
     elif _by_slow_noise(search, before, trial):
-        why = "slow noise that these data do not exclude could look the same: record hours at rest"
+        why = "slow noise that these data do not exclude could look the same"
     limits = detection_limits(search, before, trial, problem.settings.power)
-    if status == "rejected" and (hidden := unseen(cls, limits)):
+    units, passed = trial.effect.units(sensor), cls in choice.failed
+    if status == "rejected" and not passed and (hidden := unseen(cls, limits, units)):
         status, why, limits = "not_observable", hidden, None
     elif not limits:
         # what was found may be of a kind that held-out parts confirm by luck only
@@ -152,7 +153,7 @@ def _candidate(sensor, choices, cls):
         "std": dict(zip(names, std.tolist(), strict=True)),
         "confounded_with": name,
         "detection_limit": limits,
-        "units": trial.effect.units(sensor),
+        "units": units,
     }
 
 

@@ -15,9 +15,8 @@ from imuloop.diagnose.residuals import held_out_operator
 CHANCE = np.log(0.5)
 # records of noise that are drawn, and parts of each drawn again
 RECORDS, DRAWS = 200, 200
-# sizes that are tried, in those that the test alone needs on average; the steps between them, and
-# how often the last one is made smaller
-SMALLEST, LARGEST, STEP, CLOSER = 1.0, 16.0, 2.0, 1
+# sizes that are tried, in those that the test alone needs on average; the steps between them
+SMALLEST, LARGEST, STEP = 1.0, 16.0, 2.0
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -220,12 +219,11 @@ def _least(share, smallest, largest, power):
     if low is None:
         return smallest
     # where two processors take different sides of a zero they still find the same size
-    for _ in range(CLOSER):
-        size = low * (high / low) ** (lacking / (lacking - excess))
-        if (between := missing(size)) > 0:
-            low, lacking = size, between
-        else:
-            high, excess = size, between
+    size = low * (high / low) ** (lacking / (lacking - excess))
+    if (between := missing(size)) > 0:
+        low, lacking = size, between
+    else:
+        high, excess = size, between
     return low * (high / low) ** (lacking / (lacking - excess))
 
 

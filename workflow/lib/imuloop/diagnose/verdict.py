@@ -86,7 +86,7 @@ def above_floor(judged, share, heldout, floor, chosen):
     return (judged.p_value < share and heldout > floor) or beyond
 
 
-def unseen(cls, limits):
+def unseen(cls, limits, units):
     """Return why these data cannot show an effect at all, or None.
 
     Parameters
@@ -95,10 +95,16 @@ def unseen(cls, limits):
         The effect.
     limits : dict of str to float
         Detection limit of each parameter, SI.
+    units : dict of str to str
+        Unit of each.
     """
-    least = min((v for v in limits.values() if v is not None), default=None)
-    if least is None:
+    known = {name: v for name, v in limits.items() if v is not None}
+    if not known:
         return "whatever its size, parts that are held out do not confirm it for certain"
-    if not least > cls.limit:
+    name = min(known, key=known.get)
+    if not known[name] > cls.limit:
         return None
-    return f"these data would show it from {least:.2g} on, and {cls.limit:g} is the most possible"
+    return (
+        f"these data would show it from {known[name]:.2g} {units[name]} on, and {cls.limit:g} is "
+        "the most possible"
+    )

@@ -230,7 +230,9 @@ def _told(axis, records, values, settings):
     """Return the summary and the tables of other views of each record."""
     told = []
     for record, stretches in zip(records, values, strict=True):
-        figures = summary(stretches, record.rate)
+        # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
+        still = stretches if record.session.kind == "static" else [max(stretches, key=len)]
+        figures = summary(still, record.rate)
         finite = np.isfinite(figures["mean"])
         pictures = [views.views(record, stretches, axis, settings)] if finite else []
         told.append((figures, pictures))

@@ -1,7 +1,7 @@
 """What to do next with a device, as it follows from its numbers."""
 
 from imuloop.report.heat_and_cool import heat_and_cool
-from imuloop.report.numbers import missing
+from imuloop.report.numbers import joined, missing
 from imuloop.report.record_length import initial_rest, static_record
 from imuloop.report.recording_gain import (
     best_recording,
@@ -11,7 +11,16 @@ from imuloop.report.recording_gain import (
     turns_needed,
 )
 from imuloop.report.results import SENSORS
-from imuloop.report.verdict import PARTS, block_of, leading, misfit, quoted, shown, verdict_of
+from imuloop.report.verdict import (
+    ABOVE,
+    PARTS,
+    block_of,
+    leading,
+    misfit,
+    quoted,
+    shown,
+    verdict_of,
+)
 
 # sentences a device
 MOST = 5
@@ -62,6 +71,7 @@ def next_steps(device):
     sources = (
         _rejected,
         first_session,
+        _clipped,
         _unexplained,
         _short_rests,
         best_recording,
@@ -132,7 +142,7 @@ def _unexplained(device):
     for sensor in SENSORS:
         for part, words in PARTS.items():
             block = block_of(device.diagnosis, sensor, part)
-            if verdict_of(block) not in ("unexplained", "partly_explained"):
+            if verdict_of(block) not in ABOVE:
                 continue
             _, residual = quoted(sensor, block)
             after, floor = residual.get("after"), residual.get("floor")
@@ -141,8 +151,28 @@ def _unexplained(device):
             if gain > 0:
                 held, least = (shown(residual, key, 2) for key in ("after", "floor"))
                 size = f" Held-out error {held}, floor {least}."
+            lacks = f"{sensor.capitalize()}, {words}: something that the model lacks is in the data"
+            force = block_of(device.diagnosis, "accelerometer")
+            if sensor == "gyroscope" and part == "poses" and verdict_of(force) in ABOVE:
+                yield (
+                    0.0,
+                    f"{lacks}, or in the accelerometer's, which is above its floor too and gives "
+                    "the direction of gravity: mend that first.",
+                )
+                continue
+            yield max(gain, 0.0), f"{lacks}.{size} {what_next(block)}"
+
+
+def _clipped(device):
+    """Yield what to do about values that lie at the end of the range."""
+    for s in device.used:
+        counts = {k: v for k, v in (s.quality.get("clipped") or {}).items() if v}
+        seen = (s.quality.get("faults") or {}).get("clipped_at") or {}
+        counts |= {k: f["rows"] for k, f in seen.items() if k not in counts and f["values"]}
+        if counts:
+            listed = joined([f"{n} samples of {name}" for name, n in counts.items()])
             yield (
-                max(gain, 0.0),
-                f"{sensor.capitalize()}, {words}: something that the model lacks is in the "
-                f"data.{size} {what_next(block)}",
+                1.0,
+                f"Session {s.name}: {listed} lie at the end of the range. Every figure that they "
+                "enter is wrong; choose a wider range or move more gently, and record it again.",
             )

@@ -69,9 +69,9 @@ def _finding(rotation):
     if rotation["base_over_final"] == 1:
         return f"{found}; the final model is the same."
     return (
-        f"{found}, {final} with the final one (root mean square, held out): "
-        f"{number(rotation['base_over_final'])} times less than with the base model, 95 % "
-        f"interval {interval_text(rotation['ratio_ci95'])}. The noise alone gives "
+        f"{found}, {final} with the final one (root mean square, held out); base over final "
+        f"{number(rotation['base_over_final'])}, 95 % interval "
+        f"{interval_text(rotation['ratio_ci95'])}. The noise alone gives "
         f"{_degrees(rotation['floor_deg'])}."
     )
 

@@ -33,7 +33,7 @@ def statistics_tables(device):
                 rows.append((axis, *(number(figures.get(key), 5) for key in STATISTICS)))
             tables.append(
                 Table(
-                    f"{sensor.capitalize()}, session {session}: summary statistics, "
+                    f"{sensor.capitalize()}, {_record(device, session)}: summary statistics, "
                     f"{UNITS[sensor]}, of the log in SI units before calibration",
                     ("Axis", *(f"{words}, {UNITS[sensor]}" for words in STATISTICS.values())),
                     tuple(rows),
@@ -42,6 +42,12 @@ def statistics_tables(device):
                 )
             )
     return tables
+
+
+def _record(device, name):
+    """Return of which record of a session the figures are."""
+    kinds = {s.name: s.kind for s in device.sessions}
+    return f"{'' if kinds.get(name) == 'static' else 'longest rest of '}session {name}"
 
 
 def stability_table(device, sensor):
@@ -55,9 +61,10 @@ def stability_table(device, sensor):
         _row("1. Allan", "flat part of the Allan curve / 0.664 (B)", units, found, coefficient_text)
     ]
     for session, figures in (device.noise.get("statistics") or {}).items():
+        of = _record(device, session)
         for key, length in MEANS.items():
             values = [(figures.get(c) or {}).get(key) for c in channels]
-            definition = f"standard deviation (1 σ) of consecutive {length} means, {session}"
+            definition = f"standard deviation (1 σ) of consecutive {length} means, {of}"
             rows.append(_row(f"2. Means of {length}", definition, units, values, _scaled))
     repeated = device.noise.get("repeatability") or {}
     runs = [repeated.get(c) or {} for c in channels]

@@ -97,6 +97,7 @@ def _picture(device, sensor, part, kind, candidates, residual, folder):
 
     best = min(candidates, key=lambda c: c["heldout_after"])
     added = [c["name"] for c in candidates if c["status"] == "added"]
+    lowered = missing(before) or best["heldout_after"] < before
     words = RESIDUAL_WORDS.get(kind, kind)
     start, least, noise = (
         with_unit(number(None if missing(v) else v * unit.factor), unit.unit)
@@ -105,7 +106,12 @@ def _picture(device, sensor, part, kind, candidates, residual, folder):
     caption = (
         f"{sensor.capitalize()}, {PARTS[part]}: of {len(candidates)} effects that could be tried "
         f"on the {words} {len(added) or 'none'} {'was' if len(added) < 2 else 'were'} added; "
-        f"{best['name']} alone leaves least, {least} of {start}, floor from noise {noise}."
+        + (
+            f"{best['name']} alone leaves least, {least} of {start}"
+            if lowered
+            else f"none alone lowers the held-out error of {start}"
+        )
+        + f", floor from noise {noise}."
     )
     name = f"{device.name}.{stem}"
     alt = f"{caption} " + "; ".join(

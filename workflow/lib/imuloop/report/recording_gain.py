@@ -11,6 +11,7 @@ from imuloop.report.recording_words import (
     sigma_words,
 )
 from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.verdict import ABOVE, block_of, verdict_of
 
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
@@ -129,6 +130,9 @@ def turns_needed(device):
     turns = (device.diagnosis.get("next_recording") or {}).get("turns") or {}
     now, after, level = (turns.get(k) for k in ("std", "std_after", "level"))
     if missing(after) or missing(level) or (not missing(now) and now <= MATTERS * level):
+        return
+    # where the fit is bad σ is large for that, and more turns are no answer
+    if verdict_of(block_of(device.diagnosis, "gyroscope")) in ABOVE and not missing(now):
         return
     axis = turns["axis"]
     i = XYZ.index(axis)

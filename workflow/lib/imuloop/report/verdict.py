@@ -51,6 +51,10 @@ BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 # a reduced χ² below this, less likely than that with the noise as it is, is no luck: a floor that
 # upper limits of slow noise raise comes to half. Parameters that a fit may take from n residuals
 FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
+# verdicts on a residual above its floor
+ABOVE = ("partly_explained", "unexplained")
+# held-out error that a candidate leaves, as a share of that without it, that is worth telling
+WORTH_TELLING = 0.75
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
@@ -61,10 +65,21 @@ def block_of(diagnosis, sensor, part="poses"):
 
 
 def quoted(sensor, block):
-    """Return name and content of the residual that a verdict quotes; (None, {}) without one."""
+    """Return name and content of the residual that a verdict quotes; (None, {}) without one.
+
+    Where one is above its floor, the one that is farthest above it.
+    """
     residuals = block.get("residuals") or {}
     names = [*(n for n in QUOTED[sensor] if n in residuals), *residuals]
+    if verdict_of(block) in ABOVE:
+        names = sorted(names, key=lambda n: -_times_floor(residuals[n]))
     return (names[0], residuals[names[0]]) if names else (None, {})
+
+
+def _times_floor(residual):
+    """Return the held-out error in floors; zero where one is not known."""
+    after, floor = residual.get("after"), residual.get("floor")
+    return after / floor if after and floor else 0.0
 
 
 def shown(residual, key, digits=3):
@@ -217,6 +232,20 @@ def known_text(block):
     )
 
 
+def _nearest(block):
+    """Return how far the best of those that were rejected lowers the held-out error, in words."""
+    residuals, found = block.get("residuals") or {}, []
+    for c in block.get("candidates") or []:
+        before = (residuals.get(c.get("residual")) or {}).get("before")
+        if c["status"] == "rejected" and before and not missing(c.get("heldout_after")):
+            found.append((c["heldout_after"] / before, c))
+    share, best = min(found, key=lambda f: f[0], default=(1.0, None))
+    if share > WORTH_TELLING:
+        return ""
+    left = shown(residuals[best["residual"]] | {"after": best["heldout_after"]}, "after")
+    return f"no effect that was tried is certain, though {best['name']} alone would leave {left}"
+
+
 def sentence(sensor, block):
     """Return the verdict on a sensor in a sentence.
 
@@ -236,7 +265,7 @@ def sentence(sensor, block):
         return f"{WORDS.get(verdict, verdict)}; no residual was given."
     status = {c["status"] for c in block.get("candidates") or []}
     tried = (
-        "no effect that was tried helps"
+        _nearest(block) or "no effect that was tried helps"
         if "rejected" in status
         else "and no effect of the library can be told from these data"
     )

@@ -199,17 +199,7 @@ def final_solution(problem, base):
 
 
 def _judged(problem, about, errors):
-    """Return probabilities of the noise's alternatives, and the Judged of each kind of residual.
-
-    Parameters
-    ----------
-    problem : PoseProblem
-        The poses.
-    about : About
-        About the fit with some effects.
-    errors : ndarray, shape (N, 1)
-        Held-out errors with them.
-    """
+    """Return probabilities of the noise's alternatives, and the Judged of each kind of residual."""
     groups = [problem.of_kind(kind) for kind in problem.sensor.kinds]
     found, likelihoods, heldout = [], [], []
     for _, covariance in about.alternatives:

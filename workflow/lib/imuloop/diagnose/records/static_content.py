@@ -11,6 +11,7 @@ from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted
 from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance, likely
+from imuloop.diagnose.variance import FARTHEST
 from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
@@ -112,31 +113,36 @@ def _judged(problem, effects, errors, noise, axes):
     shapes = [e.effect for e in effects]
     taken = [problem.design(e.effect) @ e.vector for e in effects]
     left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
-    ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
-    parts = list(zip(problem.evidence.split(left), np.split(errors, ends), strict=True))
-    fitted = -float(sum(len(c) for p in problem.evidence.patterns(shapes) for c in p.columns))
+    evidence = problem.evidence
+    blocks = list(zip(evidence.split(left), evidence.blocks, problem.fitted, strict=True))
+    fitted = sum(len(c) for p in evidence.patterns(shapes) for c in p.columns)
+    square = sum((e**2).sum() for e in _merged(problem, errors))
     known = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
-    most = noise.with_sizes({key: size + 1.96 * std for key, (size, std) in known.items()})
+    most = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in known.items()})
     found, heldout, likelihoods = [], [], []
     for model in (noise, most):
-        total, dof, likelihood, square, spreads = 0.0, fitted, 0.0, 0.0, []
-        blocks = zip(parts, problem.evidence.blocks, problem.records, problem.fitted, strict=True)
-        for (values, wrong), block, every, record in blocks:
-            first = np.searchsorted(every.windows[:, 0], record.windows[:, 0])
-            counts = np.diff(np.append(first, len(wrong)))
-            square += ((np.add.reduceat(wrong, first) / counts[:, None]) ** 2).sum()
+        parts, spreads = [], []
+        for values, block, record in blocks:
             everything = [np.ones(len(values), dtype=bool)]
-            for axis, name in enumerate(axes):
+            for name, own in zip(axes, values.T, strict=True):
                 covariance = model.axes[name].mean_covariance(record.windows)
-                ((chi2, own),), more = chi_square(
-                    values[:, axis], covariance, block.nuisance, everything
-                )
-                total, dof, likelihood = total + chi2, dof + own, likelihood + more
+                (chi2,), likelihood = chi_square(own, covariance, block.nuisance, everything)
+                parts.append((*chi2, likelihood))
                 spreads.append(held_out_covariance(covariance, block.nuisance, block.folds))
-        found.append((total, dof))
+        total, dof, likelihood = np.sum(parts, axis=0)
+        found.append((total, dof - fitted))
         heldout.append(chance(square, spreads))
         likelihoods.append(likelihood)
     return Judged.of(likely([0.0, 0.0], likelihoods), found, heldout)
+
+
+def _merged(problem, errors):
+    """Yield errors of the means of each record, (M, 3), as those of the windows of the fit."""
+    ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
+    each = zip(problem.records, problem.fitted, np.split(errors, ends), strict=True)
+    for record, fitted_record, own in each:
+        first = np.searchsorted(record.windows[:, 0], fitted_record.windows[:, 0])
+        yield np.add.reduceat(own, first) / np.diff(np.append(first, len(own)))[:, None]
 
 
 def _by_axis(axes, finding, floor):
