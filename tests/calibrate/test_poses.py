@@ -9,7 +9,7 @@ import pytest
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope, rest_bias
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
-from imuloop.calibrate.poses import gather_poses, gather_rotations
+from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
@@ -50,6 +50,26 @@ def test_a_rotation_runs_from_the_last_sample_of_a_pose_to_the_first_of_the_next
     assert rotations.first.tolist() == [0, 2]
     assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
     assert len(gather_rotations(poses, [log, log], [table, table], 1.9)[0]) == 0
+
+
+@pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.2, 1.8), (0.3, 1.3)])
+def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(noise, most):
+    rng, step = np.random.default_rng(10), 0.04
+    exact = rng.uniform(-1, 1, (4000, 1)) + step * noise * rng.standard_normal((4000, 400))
+    logged = np.round(exact / step) * step
+    # of what the means are off, that of independent samples is in the variance within the poses
+    spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
+    foreseen = rounded_means(logged.ravel(), logged.var(axis=1))
+    assert 0.9 * spread < foreseen < most * spread
+
+
+def test_noise_over_several_steps_or_values_without_steps_leave_nothing_of_rounding():
+    rng = np.random.default_rng(11)
+    x = rng.standard_normal((20, 400))
+    assert rounded_means(x.ravel(), x.var(axis=1)) == 0.0
+    x = np.round(x / 0.5) * 0.5
+    assert rounded_means(x.ravel(), x.var(axis=1)) < 1e-9
+    assert rounded_means(np.full(50, 9.8), np.zeros(2)) == 0.0
 
 
 def test_missing_temperatures_are_interpolated():

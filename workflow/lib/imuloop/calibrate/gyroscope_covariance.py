@@ -61,6 +61,9 @@ def residual_covariance(model, x, poses, directions, noise):
                 # of an axis without noise the poses' own variance is known
                 own = 3 * at + axis
                 covariance[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
+            elif poses.rounded is not None:
+                own = 3 * at + axis
+                covariance[own, own] += poses.rounded[at, axis]
     each = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
     within = sum(
         noise.axes[name].N.square * (to_error @ path.spread[:, axis] @ to_error.swapaxes(1, 2))

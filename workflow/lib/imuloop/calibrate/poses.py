@@ -9,6 +9,12 @@ from imuloop.calibrate.gaps import Lost, errors_of_time, padded_errors
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
+from imuloop.segment.windows import DECIDING
+
+# of the largest value: closer ones differ by the rounding of their number format alone
+SAME_LEVEL = 1e-9
+# of a step: levels farther from its multiples have no common step
+UNEVEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,8 @@ class Poses:
         Sample variance of the six channels within the pose.
     temperature : ndarray, shape (n,), or None
         Mean temperature, degC; None unless every session logs one.
+    rounded : ndarray, shape (n, 6), or None
+        Variance that rounding adds to the six means (`rounded_means`).
     """
 
     session: np.ndarray
@@ -46,6 +54,7 @@ class Poses:
     w: np.ndarray
     variance: np.ndarray
     temperature: np.ndarray | None
+    rounded: np.ndarray | None = None
 
     def __len__(self):
         return len(self.n)
@@ -69,7 +78,8 @@ class Poses:
         """Return the covariance of the pose means that the noise model predicts.
 
         Runs are independent. An axis whose noise is not known gets the white part alone, the
-        variance within the pose over its samples.
+        variance within the pose over its samples. What rounding adds is independent from pose to
+        pose.
 
         Parameters
         ----------
@@ -99,6 +109,8 @@ class Poses:
         for axis in range(6):
             if not np.any(whole[axis]):
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
+            elif self.rounded is not None:
+                whole[axis] += np.diag(self.rounded[:, axis])
         whole.flags.writeable = False
         return whole
 
@@ -228,6 +240,41 @@ def gather_poses(segments):
         variance=pooled([f"{c}_std" for c in CHANNELS], power=2),
         temperature=None,
     )
+
+
+def rounded_means(samples, variance):
+    r"""Return the variance that rounding to the sensor's steps adds to means of its samples.
+
+    Of a level anywhere between steps q, under white noise σ, the mean is wrong by a variance of
+    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``: q²/12 without noise, nothing from σ = q/2 on.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (m,)
+        Samples of a channel; without common steps rounding adds nothing.
+    variance : ndarray, shape (n,)
+        Sample variance about each mean.
+
+    Returns
+    -------
+    float
+        Unit of the samples squared.
+
+    References
+    ----------
+    B. Widrow, I. Kollár, M.-C. Liu, "Statistical theory of quantization", IEEE Transactions on
+    Instrumentation and Measurement 45 (2), 1996.
+    """
+    levels = np.unique(samples[:DECIDING])
+    steps = np.diff(levels)
+    steps = steps[steps > SAME_LEVEL * np.abs(levels).max()]
+    count = steps / (q := steps.min(initial=np.inf))
+    if not len(steps) or np.abs(count - np.round(count)).max() > UNEVEN:
+        return 0.0
+    k = np.arange(1, 100)
+    # about one level the variance may be nothing: that of all says what the noise is
+    white = max(np.mean(variance) / q**2 - 1 / 12, 0.0)
+    return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * white) / k**2)
 
 
 def gather_rotations(poses, samples, segments, longest_s):

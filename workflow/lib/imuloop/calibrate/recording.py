@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.calibrate.gaps import Lost
-from imuloop.calibrate.poses import Poses, Rotations, gather_poses, gather_rotations
+from imuloop.calibrate.poses import Poses, Rotations, gather_poses, gather_rotations, rounded_means
 from imuloop.core.effect import Channels
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 
 
 @dataclass(frozen=True)
@@ -175,9 +175,22 @@ def record(samples, segments, longest_rotation):
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)
+    poses = replace(poses, rounded=_rounded(poses, samples))
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = [log.temperature for log in logs]
         poses = replace(poses, temperature=pose_means(poses, logs, temperature))
         samples = [{**s, TEMPERATURE: t} for s, t in zip(samples, temperature, strict=True)]
     rotations, lost = gather_rotations(poses, samples, segments, longest_rotation)
     return Recording(poses, rotations, logs, lost)
+
+
+def _rounded(poses, samples):
+    """Return what rounding adds to the variance of the means of each pose, (n, 6)."""
+    rounded = np.zeros((len(poses), len(CHANNELS)))
+    for s in np.unique(poses.session):
+        own = poses.session == s
+        for axis, name in enumerate(CHANNELS):
+            rounded[own, axis] = rounded_means(
+                np.asarray(samples[s][name]), poses.variance[own, axis]
+            )
+    return rounded
