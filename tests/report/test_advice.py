@@ -235,6 +235,44 @@ def test_what_is_unexplained_is_said_with_its_floor(plain_samples):
     assert "Held-out error 0.23°, floor 0.057°." in step
 
 
+def test_a_rate_no_larger_than_that_of_the_earth_may_be_that(plain_samples):
+    def said(after):
+        residual = {"unit": "rad/s", "n": 30, "floor": 4e-5, "before": 2e-4, "after": after}
+        block = {"verdict": "unexplained", "residuals": {"pose_rate": residual}}
+        content = diagnosis()
+        content["sensors"] = content["sensors"] | {"gyroscope": {"poses": block}}
+        return next_steps(device(plain_samples, diagnosis=content))[0]
+
+    assert "horizontal rate of the Earth" in said(8e-5)
+    assert "Earth" not in said(9e-5)
+
+
+def test_an_accelerometer_above_its_floor_is_mended_before_the_gyroscope(plain_samples):
+    residual = {"unit": "rad", "n": 30, "floor": 1e-3, "before": 4e-3, "after": 4e-3}
+    own = {"verdict": "unexplained", "residuals": {"rotation": residual}}
+    force = {"unit": "m/s^2", "n": 30, "floor": 1e-3, "before": 4e-3, "after": 4e-3}
+    other = {"verdict": "partly_explained", "residuals": {"pose_force": force}}
+    content = diagnosis()
+    content["sensors"] = {"accelerometer": {"poses": other}, "gyroscope": {"poses": own}}
+    steps = next_steps(device(plain_samples, diagnosis=content))
+    assert steps[0].startswith("Accelerometer, ")
+    assert any(s.startswith("Gyroscope, ") and s.endswith("mend that first.") for s in steps)
+
+
+def test_values_at_the_end_of_the_range_come_first(plain_samples):
+    good = device(plain_samples)
+    clipped = {"clipped": {"ax": 12, "gz": 0}, "faults": {"clipped_at": {}}}
+    at = {"gz": {"rows": 7, "values": [4.36]}, "ax": {"rows": 12, "values": [39.2]}}
+    for quality, words in (
+        (clipped, "12 samples of ax lie"),
+        (clipped | {"faults": {"clipped_at": at}}, "12 samples of ax and 7 samples of gz lie"),
+    ):
+        s = good.sessions[0]
+        s = replace(s, quality=s.quality | quality)
+        step = next_steps(replace(good, sessions=(s, good.sessions[1])))[0]
+        assert step.startswith("Session turns: ") and words in step
+
+
 def test_advice_is_short_and_ordered_by_gain(plain_samples):
     rejected = [session(f"s{k}", "static", status="rejected") for k in range(7)]
     good = device(plain_samples, diagnosis=diagnosis(weight=5.0))

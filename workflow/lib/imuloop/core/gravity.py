@@ -1,6 +1,9 @@
-"""Local gravity."""
+"""Local gravity, and the rotation of the Earth."""
 
 import numpy as np
+
+# rad/s, WGS 84
+EARTH_RATE = 7.292115e-5
 
 
 def normal_gravity(latitude, height):

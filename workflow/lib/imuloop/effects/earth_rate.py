@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
+from imuloop.core.gravity import EARTH_RATE
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class EarthRate(Effect):
     reference = "WGS 84, NIMA TR8350.2, table 3.1"
     records = ("poses",)
     # rad/s, at the pole
-    limit = 7.292115e-5
+    limit = EARTH_RATE
 
     def design(self, channels):
         """Return the direction of specific force, shape (n, 3, 1); zero in free fall."""

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.ingest.faults import SENSORS
-from imuloop.ingest.rest_means import EARTH_PART, EARTH_RATE
+from imuloop.ingest.rest_means import EARTH_PART
 from imuloop.ingest.rests import HIGH, LACKING_SHARE
 
 # what a thermometer beside an IMU can show, degC
@@ -55,7 +56,8 @@ def warnings(figures):
     clipped = {n: f for n, f in found["clipped_at"].items() if f["values"] and not full.get(n)}
     if clipped:
         listed = ", ".join(
-            f"{name} {f['rows']} samples at {' and '.join(f'{v:.6g}' for v in f['values'])}"
+            f"{name} {f['rows']} samples at {' and '.join(f'{v:.6g}' for v in f['values'])} "
+            f"{'m/s²' if name in ACCELERATION else 'rad/s'}"
             for name, f in clipped.items()
         )
         lines.append(

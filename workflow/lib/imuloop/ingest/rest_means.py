@@ -8,10 +8,9 @@ smaller than Earth's rate. A bias makes both only larger, flicker and drift as w
 
 import numpy as np
 
+from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, CHANNELS
 
-# Earth against the stars, rad/s
-EARTH_RATE = 7.292115e-5
 # blocks of at least so long (s) and so many rows, of so many parts that tell the noise
 BLOCK_TIME, BLOCK_ROWS, PARTS = 1.0, 16, 4
 # of so many blocks, a day and a half; what comes later adds little

@@ -1,5 +1,6 @@
 """What to do next with a device, as it follows from its numbers."""
 
+from imuloop.core.gravity import EARTH_RATE
 from imuloop.report.heat_and_cool import heat_and_cool
 from imuloop.report.numbers import joined, missing
 from imuloop.report.record_length import initial_rest, static_record
@@ -24,6 +25,10 @@ from imuloop.report.verdict import (
 
 # sentences a device
 MOST = 5
+_EARTH = (
+    " The horizontal rate of the Earth, up to 15 °/h by latitude, turns with the heading and is in "
+    "no model here: it may be all of this."
+)
 
 # what a person can do about a residual, by what it goes with
 _ATTITUDE = (
@@ -160,7 +165,9 @@ def _unexplained(device):
                     "the direction of gravity: mend that first.",
                 )
                 continue
-            yield max(gain, 0.0), f"{lacks}.{size} {what_next(block)}"
+            earth = sensor == "gyroscope" and residual.get("unit") == "rad/s" and gain > 0
+            words = _EARTH if earth and after**2 - floor**2 < EARTH_RATE**2 else ""
+            yield max(gain, 0.0), f"{lacks}.{size}{words} {what_next(block)}"
 
 
 def _clipped(device):
