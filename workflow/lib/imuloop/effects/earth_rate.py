@@ -27,7 +27,6 @@ class EarthRate(Effect):
     equation = "e = w_up u, u the direction of f"
     reference = "WGS 84, NIMA TR8350.2, table 3.1"
     records = ("poses",)
-    # rad/s, at the pole
     limit = EARTH_RATE
 
     def design(self, channels):
