@@ -132,7 +132,8 @@ def _mean_at_rest(found):
     else:
         why = (
             f"its means hold {found['noise_share']:.1%} of the power that its own noise gives "
-            "them; firmware or the logger takes the bias away"
+            "them; firmware or the logger takes the bias away, or a hand held the device, whose "
+            "tremor cancels in a mean"
         )
     return [
         f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be told from "
