@@ -147,7 +147,9 @@ def injected(case, seed, control):
         # at rest the parameters of three axes leave nothing in common
         alike = np.eye(len(limits["detection_limit"]))
         if case.record == "poses":
-            alike = control["likeness"][case.sensor, name]
+            # the log may show some of them alone
+            shown = [p in limits["detection_limit"] for p in limits["parameters"]]
+            alike = control["likeness"][case.sensor, name][np.ix_(shown, shown)]
         made.append(_injected(case.sensor, name, limits, alike, rng, case.limits))
     return tuple(made)
 
@@ -164,7 +166,9 @@ def _injected(sensor, name, candidate, alike, rng, limits):
         # of first order; whatever order the control's diagnosis looked at last
         z *= [key.startswith("c1") for key in known]
     z *= limits / np.sqrt(z @ alike @ z)
-    values = {key: limit[key] * part for key, part in zip(known, z, strict=True)}
+    # of a size without a limit nothing is put in
+    values = dict.fromkeys(candidate.get("parameters", ()), 0.0)
+    values |= {key: limit[key] * part for key, part in zip(known, z, strict=True)}
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
     size = limits * min(1.0, bound / largest)
     values = {key: float(value * size / limits) for key, value in values.items()}

@@ -87,8 +87,8 @@ class Rows:
         return [np.ones(len(self.fold), dtype=bool)]
 
     def shows(self, search, base, trial):
-        """Return kind, rows and axes in which a trial shows most."""
-        return "kind", slice(None), [0]
+        """Return kind and rows in which a trial shows most."""
+        return "kind", slice(None)
 
     def lost(self, base):
         """Return why a fit is none: it always is one."""

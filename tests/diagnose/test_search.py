@@ -257,6 +257,26 @@ def test_the_interval_of_a_ratio_holds_the_ratio():
     assert low < 1 < high
 
 
+def test_what_no_axis_confirms_alone_all_may_confirm_together(monkeypatch):
+    # each axis gets worse in some parts, all together better in every part
+    fold, better = np.repeat(np.arange(9), 4), np.array([0.6, 0.6, 1.3])
+    share = np.array([np.roll(better, k) for k in range(9)])[fold]
+    size = np.array([1.0, 1e-3, 10.0])
+    errors = {(): np.ones((36, 3)) * size, (str,): share * size}
+    shown = SimpleNamespace(
+        fold=fold, settings=DiagnoseSettings(), shows=lambda *_: ("kind", slice(None))
+    )
+    choices = Choices(shown)
+    monkeypatch.setattr(choices, "following", lambda classes, out: errors[classes])
+    kind, before, after, (low, high) = choices._gate((), Trial(("",), 0.0, 1, 3), ("",), None)
+    assert kind == "kind" and before.shape == after.shape == (36, 3)
+    assert low < np.sqrt((share**2).mean()) * 1.001 and high < 1
+    # what is no better in any axis is not confirmed, and the axis stands for itself
+    errors[(str,)] = (2 - share[::-1]) * size
+    _, before, _, (_, high) = choices._gate((), Trial(("",), 0.0, 1, 3), ("",), None)
+    assert before.shape == (36, 1) and high > 1
+
+
 def test_an_effect_that_other_records_show_is_held_to_what_they_tell(sensitive):
     truth, made = sensitive
     sensor = pose_sensors(truth, made)["gyroscope"]

@@ -11,7 +11,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATU
 from imuloop.core.segments import GAP, STATIC, runs
 from imuloop.segment.windows import DECIDING
 
-# of the largest value: closer ones differ by the rounding of their number format alone
+# of a value: closer ones differ by the rounding of their number format alone
 SAME_LEVEL = 1e-9
 # of a step: levels farther from its multiples have no common step
 UNEVEN = 0.1
@@ -267,7 +267,7 @@ def rounded_means(samples, variance):
     """
     levels = np.unique(samples[:DECIDING])
     steps = np.diff(levels)
-    steps = steps[steps > SAME_LEVEL * np.abs(levels).max()]
+    steps = steps[steps > SAME_LEVEL * np.maximum(np.abs(levels[1:]), np.abs(levels[:-1]))]
     count = steps / (q := steps.min(initial=np.inf))
     if not len(steps) or np.abs(count - np.round(count)).max() > UNEVEN:
         return 0.0

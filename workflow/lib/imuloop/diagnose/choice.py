@@ -173,34 +173,34 @@ class Choices:
         str
             Kind.
         ndarray, ndarray, shape (n, k)
-            Without it and with it, in the axis where it shows most.
+            Without it and with it, in the axis where it shows most; in all where that axis alone
+            does not confirm it, and all do.
         list of float
-            95 % interval of the ratio of their root mean squares.
+            95 % interval of the ratio of their root mean squares, each axis in its own size.
         """
         try:
             errors = [self.following(tuple(map(type, e)), out) for e in (base, wide)]
         except np.linalg.LinAlgError:
             # of few parts: without one of them more what is left determines nothing
             return "", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf]
-        kind, rows, axes = self.problem.shows(self.search(out), base, trial)
-        before, after = (e[rows][:, axes] for e in errors)
-        known = np.isfinite(before[:, 0])
-        fold = self.problem.fold[rows][known]
-        before, after = before[known], after[known]
-        return kind, before, after, self.ratio(fold, before, after)
+        kind, rows = self.problem.shows(self.search(out), base, trial)
+        errors = [e[rows] for e in errors]
+        known = np.isfinite(errors[0][:, 0])
+        fold, errors = self.problem.fold[rows][known], [e[known] for e in errors]
+        before, after = (e[:, [trial.axis]] for e in errors)
+        ratio = self.ratio(fold, before, after)
+        if ratio[1] >= 1 and errors[0].shape[1] > 1:
+            size = np.sqrt((errors[0] ** 2).mean(axis=0))
+            of_all = self.ratio(fold, *(e / np.where(size > 0, size, 1.0) for e in errors))
+            if of_all[1] < 1:
+                return kind, *errors, of_all
+        return kind, before, after, ratio
 
     def ratio(self, fold, before, after):
-        """Return the 95 % interval of held-out error after over before, parts drawn again.
+        """Return the interval of `ratio_interval`, a part that tells most cut into several.
 
         A part in which the prediction changes several times as much as in others, as the first
         one does with a warm-up, is cut into as many: a draw without it would tell nothing.
-
-        Parameters
-        ----------
-        fold : ndarray of int, shape (n,)
-            Part of each error.
-        before, after : ndarray, shape (n, k)
-            Errors.
         """
         change = ((before - after) ** 2).sum(axis=1)
         number, last, parts = np.empty(len(fold)), 0, np.unique(fold)

@@ -138,7 +138,7 @@ def _candidate(sensor, choices, cls):
     elif not limits:
         # what was found may be of a kind that held-out parts confirm by luck only
         limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
-    kind, rows, _ = problem.shows(search, before, trial)
+    kind, rows = problem.shows(search, before, trial)
     values, std, _ = search.beside(before, trial.effect)
     names = list(trial.effect.parameters)
     return {

@@ -15,6 +15,8 @@ from imuloop.noise.spectrum import CLOSE, likeliest, spectra
 # correlation times that are tried a decade, from so many windows to such a share of the record
 TIMES = 4
 SHORTEST, LONGEST = 2.0, 1 / 16
+# what the other blocks estimate of a process: a size on each axis, and its time
+ESTIMATED = 4
 # of errors with and without a process: more says no more
 _LARGEST_RATIO = 1e9
 
@@ -184,8 +186,8 @@ def limits(test, axes, length, threshold, power):
     """Return the smallest q of each axis that would have been found, and at which time.
 
     The expected spectrum with a process of variance v is fitted without it: the root of twice the
-    loss of likelihood is normal about its expectation. The time is the most telling one of those
-    at which some size would be found.
+    loss of likelihood is normal about its expectation. Held-out blocks have to be likelier, too.
+    The time is the most telling one of those at which some size would be found.
 
     Returns
     -------
@@ -200,6 +202,10 @@ def limits(test, axes, length, threshold, power):
         return fisher([p, *alone]) + np.log(test.tries) - threshold
 
     needed = -ndtri(np.exp(root(chance, -700.0, 0.0))[0]) + ndtri(power)
+    # with a root d the gain of held-out blocks is normal about d²/2 less what other blocks do not
+    # know, c, its variance d² + 2 c: that it is one for certain needs more
+    certain, lost = ndtri(0.975) + ndtri(power), ESTIMATED / 2
+    needed = max(needed, np.sqrt((certain + np.sqrt(certain**2 + 4 * lost)) ** 2 - 2 * lost))
     times = sorted(correlation_times(axes), key=lambda tc: abs(np.log(tc * length / test.tc)))
     for tc in times:
         found = _limits(axes, tc, needed)

@@ -292,7 +292,7 @@ class PoseProblem:
         return self.sensor.lost(self.about(base).solution, self.recording)
 
     def shows(self, search, base, trial):
-        """Return kind, rows and axes in which a trial shows most."""
+        """Return kind and rows in which a trial shows most."""
         sight, columns = search.sight(base), search.columns(base, 0)
         wide = (*columns, *sight.evidence.columns_of(trial.effects, 0))
         # what it changes in the residual, in standard deviations
@@ -303,7 +303,7 @@ class PoseProblem:
             for k in self.sensor.kinds
         }
         kind = max(size, key=size.get)
-        return kind, self.of_kind(kind), [0]
+        return kind, self.of_kind(kind)
 
     def covariance(self, base):
         """Return the covariance of the parameters of the fit of all poses, (p, p), SI as logged.

@@ -148,8 +148,8 @@ class StaticProblem:
         return None
 
     def shows(self, search, base, trial):
-        """Return kind, rows and axes in which a trial shows most."""
-        return self.residual, slice(None), [trial.axis]
+        """Return kind and rows in which a trial shows most."""
+        return self.residual, slice(None)
 
     def slow(self, effect):
         """Return False: the hypotheses are a grid, which holds the noise that looks like it."""

@@ -47,7 +47,7 @@ def static_content(sensor, finding, noise, change):
     )
     entries = effect_entries(sensor, finding.effects, choices)
     for entry, own in zip(entries, choices.choice().added, strict=True):
-        entry["axis"] = axes[own.trial.axis]
+        entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
     if finding.has_process:
         entries.append(process_entry(sensor, finding.process, finding.after))
     tried = candidate_entries(sensor, choices, finding.others)
