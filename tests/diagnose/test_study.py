@@ -110,7 +110,8 @@ def test_the_librarys_design_is_the_closed_form(name):
 
 
 def candidate(name, limit, **more):
-    return {"name": name, "detection_limit": limit, "constants": {}, "status": "rejected", **more}
+    found = {"name": name, "detection_limit": limit, "constants": {}, "status": "rejected"}
+    return {**found, "parameters": dict.fromkeys(limit or (), 0.0), **more}
 
 
 def diagnosed(effects=(), candidates=(), confounded=(), sensor="gyroscope"):
@@ -183,6 +184,12 @@ def test_an_effect_has_nine_times_the_noncentrality_of_its_limit():
     z = np.array([[one.values[k] / limits[k] for k in names] for one in made])
     np.testing.assert_allclose(np.einsum("si,ij,sj->s", z, alike, z), 9)
     assert np.array_equal(z[0], z[1]) and not np.allclose(z[0], z[2])
+    # what has no limit is not put in
+    shown = candidate("bias_drift", {"dy": 2e-6}, parameters=dict.fromkeys(names, 0.0))
+    control["diagnosis"] = diagnosed(candidates=[shown])
+    (one,) = injected(DRIFT, 1, control)
+    assert one.values == {"dx": 0.0, "dy": pytest.approx(one.values["dy"]), "dz": 0.0}
+    assert abs(one.values["dy"]) == pytest.approx(6e-6)
     control["diagnosis"] = diagnosed(candidates=[candidate("bias_drift", None)])
     assert injected(DRIFT, 1, control) is None
 
