@@ -32,13 +32,9 @@ FLOORS = 3.0
 
 
 def _line(values, constants, rng):
-    """Return a line of that size in every session, its phases left to the simulator."""
-    amplitude = [
-        np.sqrt(sum(v**2 for key, v in values.items() if key[1] == axis)) for axis in "xyz"
-    ]
-    sessions = len(constants["sessions"])
-    line = Sinusoid(tuple(np.array(amplitude) / np.sqrt(sessions)), constants["frequency"])
-    return {"sinusoid": (line,)}
+    """Return a line of that amplitude in every session, its phases left to the simulator."""
+    amplitude = [max(abs(v) for key, v in values.items() if key[1] == axis) for axis in "xyz"]
+    return {"sinusoid": (Sinusoid(tuple(amplitude), constants["frequency"]),)}
 
 
 def _steps(values, constants, rng):
@@ -113,7 +109,8 @@ def injected(case, seed, control):
     A detection limit d is the size of a parameter that alone is not zero. The parameters together
     have a random direction z, ``p_k = 3 d_k z_k`` with ``zᵀ R z = 1``: R, the information of the
     parameters with ones on its diagonal, makes their noncentrality nine times that of one limit.
-    A parameter that physics bounds is as large as it can be.
+    A parameter that physics bounds is as large as it can be. A line has its limit on one axis, in
+    every session.
 
     Parameters
     ----------
@@ -165,6 +162,10 @@ def _injected(sensor, name, candidate, alike, rng, limits):
     if name == "bias_temperature":
         # of first order; whatever order the control's diagnosis looked at last
         z *= [key.startswith("c1") for key in known]
+    if name == "sinusoid":
+        # a limit is an amplitude in every session, of one axis: six parameters an axis are too many
+        # to be spread over
+        z *= np.arange(len(known)) == rng.integers(min(3, len(known)))
     z *= limits / np.sqrt(z @ alike @ z)
     # of a size without a limit nothing is put in
     values = dict.fromkeys(candidate.get("parameters", ()), 0.0)

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from imuloop.core.effect import Effect
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -21,6 +22,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
+    together = Effect.together
 
 
 @dataclass(frozen=True)

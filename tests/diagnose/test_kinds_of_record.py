@@ -11,7 +11,7 @@ from scipy.stats import f as f_distribution
 from diagnose.records import LENGTH, windows
 from imuloop.calibrate import least_squares
 from imuloop.calibrate.pose_fits import Solution
-from imuloop.core.effect import Channels
+from imuloop.core.effect import Channels, Effect
 from imuloop.diagnose.evidence import Hypotheses
 from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.poses import PoseProblem
@@ -33,6 +33,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
+    together = Effect.together
     lasting = True
 
     def design(self, channels):

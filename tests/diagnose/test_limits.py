@@ -7,7 +7,7 @@ import pytest
 
 from calibrate.devices import known_noise, recording
 from diagnose.models import accelerometer_poses
-from diagnose.records import record, root, search
+from diagnose.records import record, root, search, windows
 from imuloop.core.effect import FittedEffect
 from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.choice import Choices
@@ -17,6 +17,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.bias_drift import BiasDrift
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.ramp import Ramp
+from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.warm_up import WarmUp
 from imuloop.simulate.truth import example_truth
 
@@ -40,7 +41,7 @@ def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, flicker
         values = made @ rng.standard_normal((n, 3)) + np.median(limits) * add
         one = search([record(values)], [effect])
         passed += one.trial((), type(effect)).log_p < one.threshold(0)
-        kept += effect in Choices(one.problem).choice().base
+        kept += type(effect) in map(type, Choices(one.problem).choice().base)
     # each record knows its noise only so well; below 19 of 30 has a chance of 1e-5 at 90 %
     assert passed >= kept >= 19
     # and half the limit is found far less often than always
@@ -54,6 +55,38 @@ def test_limits_name_every_parameter_that_an_axis_has():
     found = detection_limits(one, (), one.trial((), BiasTemperature), 0.9)
     assert list(found) == list(effect.parameters)
     assert all(v > 0 for v in found.values())
+
+
+def test_a_line_has_its_limit_on_one_axis_in_every_session():
+    rng, n = np.random.default_rng(10), 120
+    (t,) = windows(n).mean(axis=1)[None]
+
+    def noise():
+        return [record(rng.standard_normal((n, 3)), session) for session in "ab"]
+
+    def line(one):
+        one.problem.scans.clear()
+        return one.trial((), Sinusoid)
+
+    lines = [Sinusoid(9 / t[-1], ("a", "b"))]
+    one = search(noise(), lines)
+    limits = detection_limits(one, (), line(one), 0.9)
+    assert limits["cx_a"] == limits["cx_b"] and limits["sz_a"] == limits["sz_b"]
+    alone = search(noise()[:1], [Sinusoid(9 / t[-1], ("a",))])
+    of_one = detection_limits(alone, (), line(alone), 0.9)["cx"]
+    # two sessions tell more, of twice as many parameters
+    assert 0.6 < limits["cx_a"] / of_one < 0.95
+    kept = 0
+    for _ in range(30):
+        records = noise()
+        for rec in records:
+            phase = rng.uniform(0, 2 * np.pi)
+            rec.values[:, 1] += limits["cy_a"] * np.cos(2 * np.pi * lines[0].frequency * t + phase)
+        one = search(records, lines)
+        line(one)
+        kept += Choices(one.problem).choice().base == tuple(lines)
+    # below 21 of 30 has a chance of 1e-4 at 90 %
+    assert kept >= 21
 
 
 def drifting(size):

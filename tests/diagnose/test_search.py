@@ -20,6 +20,7 @@ from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import Search, Trial
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.effects.warm_up import WarmUp
 from imuloop.simulate.truth import example_truth
 
 GSensitivity = find_effect("g_sensitivity")
@@ -347,3 +348,18 @@ def test_a_span_that_a_thermometer_makes_by_itself_is_no_temperature_effect(sens
         assert {c in available for c in of_temperature} == {tried}
         if not tried:
             assert {others[c][0] for c in of_temperature} == {"not_observable"}
+
+
+def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
+    truth, names = example_truth(), WarmUp(600.0).parameters
+    effect = FittedEffect(WarmUp(600.0), dict.fromkeys(names, 0.5), {})
+    truth = replace(truth, accelerometer=replace(truth.accelerometer, effects=(effect,)))
+    made = recording(truth, 2)
+    sensor = pose_sensors(truth, made)["accelerometer"]
+    # each 1.8 off
+    library = {WarmUp: (WarmUp(330.0), WarmUp(1090.0))}
+    choices = Choices(problem_of(sensor, made, library))
+    (found,) = choices.choice().base
+    assert found.tau == pytest.approx(600.0, rel=0.1)
+    fitted = choices.problem.about((found,)).solution.fit.x[-3:]
+    np.testing.assert_allclose(fitted, 0.5, rtol=0.1)

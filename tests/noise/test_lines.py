@@ -205,6 +205,16 @@ def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():
     assert line.frequency == pytest.approx(0.08, abs=0.001)
 
 
+def test_a_wave_is_no_slower_than_the_record_and_has_errors():
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        walk = np.cumsum(rng.standard_normal(int(rng.integers(400, 3000))))
+        layout, values = session(walk)
+        wave = fit_wave(layout, values, RATE / walk.size, 0)
+        assert wave.frequency * walk.size / RATE > 0.9
+        assert 0 < wave.amplitude_std < np.inf and 0 < wave.frequency_std < np.inf
+
+
 def test_what_a_line_left_lies_within_the_resolution_of_its_parts():
     def line(*waves):
         parts = tuple(Wave(i, a, b, f, 1.0, 0.0, 1.0, 0.1, 0.1) for i, a, b, f in waves)

@@ -143,6 +143,10 @@ class Effect:
         # a parameter that an axis does not have is zero there
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
+    def together(self, name):
+        """Return which parameters a detection limit takes to be as large as one, itself too."""
+        return (name,)
+
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
         Effect.library[cls.name] = cls

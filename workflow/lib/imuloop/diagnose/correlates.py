@@ -1,6 +1,7 @@
 """What a residual goes with: signposts for a person, no effects."""
 
 import numpy as np
+from scipy.linalg import orth
 
 # singular value of a probe's columns, over the largest, that counts as a column of its own
 LEAST = 1e-6
@@ -57,8 +58,7 @@ def _independent(columns):
         own = columns[:, axis]
         size = np.linalg.norm(own, axis=0)
         if size.any():
-            u, s, _ = np.linalg.svd(own[:, size > 0] / size[size > 0], full_matrices=False)
-            u = u[:, s > LEAST * s[0]]
+            u = orth(own[:, size > 0] / size[size > 0], rcond=LEAST)
             more = np.zeros((len(u), columns.shape[1], u.shape[1]))
             more[:, axis] = u
             found = np.concatenate([found, more], axis=2)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import softmax
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Fit:
     @property
     def weight(self):
         """Share of each hypothesis, summing to 1."""
-        return np.exp(self.log_weight - log_sums(self.log_weight))
+        return softmax(self.log_weight, axis=-1)
 
     def averaged(self, weight):
         """Return the parameters, and their covariance, averaged over the noise by weights, (h,)."""
@@ -59,9 +60,3 @@ class Fit:
         off = self.theta - values
         spread = self.covariance + off[:, :, None] * off[:, None]
         return values, np.einsum("h,hpq->pq", weight, spread)
-
-
-def log_sums(values):
-    """Return ``log Σ exp`` of values over the last axis."""
-    top = values.max(axis=-1)
-    return top + np.log(np.exp(values - top[..., None]).sum(axis=-1))

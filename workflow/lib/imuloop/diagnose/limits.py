@@ -15,8 +15,8 @@ from imuloop.diagnose.residuals import held_out_operator
 CHANCE = np.log(0.5)
 # records of noise that are drawn, and parts of each drawn again
 RECORDS, DRAWS = 200, 200
-# sizes that are tried, in those that the test alone needs on average; the steps between them
-SMALLEST, LARGEST, STEP = 1.0, 16.0, 2.0
+# the largest size that is tried, in the least of them, and the steps between them
+LARGEST, STEP = 16.0, 2.0
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -24,11 +24,12 @@ SOFT = 0.02
 def detection_limits(search, base, trial, power, kept=True):
     """Return the smallest size of each parameter of a trial that these data would have shown.
 
-    A parameter of size s that alone is not zero is added to drawn records of noise, each hypothesis
-    as often as the data let expect. Each has to pass the test, its p-value averaged over the
-    hypotheses as it has them itself, and to lower the error of parts that are held out, for
-    certain by whole parts drawn again. What changes with time or temperature can look like slow
-    noise: where data with it would let expect more, the hypotheses are those of such data.
+    A parameter of size s that alone is not zero, in every session where an effect has one each, is
+    added to drawn records of noise, each hypothesis as often as the data let expect. Each has to
+    pass the test, its p-value averaged over the hypotheses as it has them itself, and to lower the
+    error of parts that are held out, for certain by whole parts drawn again. What changes with time
+    or temperature can look like slow noise: where data with it would let expect more, the
+    hypotheses are those of such data.
 
     Parameters
     ----------
@@ -61,15 +62,17 @@ def detection_limits(search, base, trial, power, kept=True):
         drawn = _Drawn.of(search, sight, columns, own, axis, records)
         slow = any(map(search.problem.slow, trial.effects))
         seen = search, base, trial, axis, records, needed, kept
-        for k, (parameter, scale) in enumerate(
-            zip(pattern.parameters[axis], pattern.scale[axis], strict=True)
-        ):
-            share = partial(drawn.found, k, axes=trial.axes, needed=needed, kept=kept)
-            size = _least(share, *drawn.range(k), power)
+        shown = [names[p] for p in pattern.parameters[axis]]
+        for together in dict.fromkeys(map(trial.effect.together, shown)):
+            one = np.isin(shown, together) * pattern.scale[axis]
+            scale = np.linalg.norm(one)
+            one = one / scale
+            share = partial(drawn.found, one, axes=trial.axes, needed=needed, kept=kept)
+            size = _least(share, drawn.typical(one), power)
             if size and slow:
-                size = _least(partial(_with_pattern, *seen, k), size, LARGEST * size, power)
+                size = _least(partial(_with_pattern, *seen, one), size, power)
             if size is not None:
-                limits[names[parameter]] = size / scale
+                limits |= dict.fromkeys(together, size / scale)
     return {name: limits[name] for name in names if name in limits}
 
 
@@ -146,23 +149,20 @@ class _Drawn:
             ),
         )
 
-    def range(self, k):
-        """Return the least and the largest size of one parameter to try, in its column's unit."""
+    def typical(self, one):
+        """Return the size along a direction of the columns, (q,), that the test alone needs."""
         q = self.fits[1].theta.shape[1] - self.fits[0].theta.shape[1]
         point = int(np.argmax(self.fits[1].log_weight))
         own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
-        typical = np.sqrt(10.0 / own[k, k])
-        return SMALLEST * typical, LARGEST * typical
+        return np.sqrt(10.0 / (one @ own @ one))
 
-    def found(self, k, size, axes, needed, kept=True):
-        """Return the share of the records in which a parameter of some size is found."""
-        without, fit = self.fits
-        q = fit.theta.shape[1] - without.theta.shape[1]
-        column = self.gram.shape[1] - q + k
-        square = self.square + 2 * size * self.product[:, column]
-        square = square + size**2 * self.gram[:, column, column, None]
-        product = self.product + size * self.gram[:, :, column, None]
-        base = self.gram.shape[1] - q
+    def found(self, one, size, axes, needed, kept=True):
+        """Return the share of the records in which a size along a direction is found."""
+        base, q, added = self.gram.shape[1] - len(one), len(one), size * one
+        gram = self.gram[:, :, base:] @ added
+        square = self.square + 2 * np.einsum("k,hkm->hm", added, self.product[:, base:])
+        square = square + (gram[:, base:] @ added)[:, None]
+        product = self.product + gram[:, :, None]
         left = [
             square - (np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]).sum(1)
             for n in (base, base + q)
@@ -178,31 +178,31 @@ class _Drawn:
             return float(passed.mean())
         # in the kind of residual where it changes most
         (_, before), (_, after) = self.errors
-        change = (before[:, k] - after[:, k]) ** 2 / self.variance
+        change = ((before - after) @ one) ** 2 / self.variance
         groups = max(self.groups, key=lambda parts: sum(change[p].sum() for p in parts))
         sums = []
         for records, columns in self.errors:
-            squares = (records[:, near] + size * columns[:, [k]]) ** 2
+            squares = (records[:, near] + (columns @ added)[:, None]) ** 2
             sums.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
         highest = np.quantile((self.counts @ sums[1]) / (self.counts @ sums[0]), 0.975, axis=0)
         lower = ndtr(-np.log(highest) / SOFT)
         return float((passed[near] * lower).sum() / len(passed))
 
 
-def _with_pattern(search, base, trial, axis, records, needed, kept, k, size):
+def _with_pattern(search, base, trial, axis, records, needed, kept, one, size):
     """Return the share that is found where the noise is what data with the pattern let expect."""
     sight, effects = search.sight(base), (base, trial.effects)
     columns, own = (sight.evidence.columns_of(e, axis) for e in effects)
     left = sight.left((*columns, *own), axis)
-    added = [size * each[own[k]] for each in sight.evidence.columns]
+    added = [size * one @ [each[c] for c in own] for each in sight.evidence.columns]
     values = [v + more for v, more in zip(left, added, strict=True)]
     other = sight.evidence.under(search.problem.noise_with(base, values))
     columns = (other.columns_of(e, axis) for e in effects)
     again = _Drawn.of(search, other.sight(), *columns, axis, records)
-    return again.found(k, size, trial.axes, needed, kept)
+    return again.found(one, size, trial.axes, needed, kept)
 
 
-def _least(share, smallest, largest, power):
+def _least(share, smallest, power):
     """Return the size, not below the smallest, of which a share is found; None at none."""
 
     def missing(size):
@@ -213,7 +213,7 @@ def _least(share, smallest, largest, power):
     excess = missing(high)
     while excess > 0:
         low, lacking, high = high, excess, high * STEP
-        if high > largest:
+        if high > LARGEST * smallest:
             return None
         excess = missing(high)
     if low is None:

@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import betainc, betaln
-
-from imuloop.diagnose.fit import log_sums
+from scipy.special import betainc, betaln, log_softmax, logsumexp
 
 
 def log_f_tail(statistic, q, dof):
@@ -49,15 +47,11 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     """
     drop = np.maximum(without.square - fit.square, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]
-    weight = _shares(fit.log_weight[points])
+    weight = log_softmax(fit.log_weight[points], axis=0)
     if fit.least.any():
-        weight = np.logaddexp(weight, _shares(without.log_weight[points])) - np.log(2)
-    return log_sums((weight + tail).T)
-
-
-def _shares(log_weight):
-    """Return logarithms of weights, (h, …), that sum to 1 over the hypotheses."""
-    return log_weight - log_sums(log_weight.T)
+        known = log_softmax(without.log_weight[points], axis=0)
+        weight = np.logaddexp(weight, known) - np.log(2)
+    return logsumexp(weight + tail, axis=0)
 
 
 def log_p_values(pairs, points=slice(None)):

@@ -131,13 +131,6 @@ def chance(square, covariances):
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
 
 
-def likely(log_priors, log_likelihoods):
-    """Return the probability of alternatives after the data, summing to 1."""
-    log = np.add(log_priors, log_likelihoods)
-    found = np.exp(log - log.max())
-    return found / found.sum()
-
-
 def floor_range(weights, floors, floor):
     """Return the least and the largest floor of the alternatives that are likely enough.
 

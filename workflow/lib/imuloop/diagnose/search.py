@@ -1,6 +1,6 @@
 """The search: test every shape of every effect beside those found, by what is seen."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +13,8 @@ from imuloop.diagnose.p_values import log_p_values
 
 # share of log p by which shapes may differ and count as equally telling
 ALIKE = 0.05
+# constants that lie between those of the shapes: moved by these factors, one after the other
+FINE, FACTORS = ("tau", "half_width"), (1.4, 1.2, 1.1)
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ class Search:
         """Return the Trial of the best of several shapes, `tries` the log of how many, or None.
 
         The smallest p-value; of those as telling but for a share `ALIKE`, the one that fits
-        best as the parameters are estimated.
+        best as the parameters are estimated. Of one that passes the constants are then made finer.
         """
         tried = [t for t in self.tests(base, shapes) if t]
         least = min((t.log_p for t in tried), default=0.0)
@@ -152,8 +154,21 @@ class Search:
             points = self.sight(base).evidence.still
             still = self.tests(base, tuple(t.effect for t in alike), points)
             best = alike[int(np.argmin([round(t.log_p, 6) for t in still]))]
-        impossible = self._impossible(base, best.effect)
-        return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
+        best = replace(best, log_p=best.log_p + tries, tries=tries)
+        if best.log_p < self.threshold(len(base)):
+            best = replace(best, effects=(self._finer(base, best.effect),))
+        return replace(best, impossible=self._impossible(base, best.effect))
+
+    def _finer(self, base, effect):
+        """Return an effect with the constants, between those of its shapes, that fit best."""
+        points = self.sight(base).evidence.still
+        for name in [n for n in FINE if hasattr(effect, n)]:
+            for factor in FACTORS:
+                values = getattr(effect, name) * np.array([1.0, 1 / factor, factor])
+                near = tuple(replace(effect, **{name: float(v)}) for v in values)
+                found = [t.log_p if t else 0.0 for t in self.tests(base, near, points)]
+                effect = near[int(np.argmin(np.round(found, 6)))]
+        return effect
 
     def _impossible(self, base, effect):
         """Return whether a parameter is beyond its effect's limit by more than its error."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
 
 from imuloop.core.precision import precision
 
@@ -61,9 +62,6 @@ def likely_sizes(values, jacobian, fixed, parts):
     ----------
     Patterson & Thompson, Biometrika 58 (1971) 545.
     """
-    # loads for a quarter of a second
-    from scipy.optimize import minimize
-
     if not parts:
         return np.zeros(0)
     known = np.array([p.size for p in parts])

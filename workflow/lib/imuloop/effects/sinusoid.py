@@ -38,6 +38,10 @@ class Sinusoid(Effect):
         ends = [""] if len(self.sessions) == 1 else [f"_{s}" for s in self.sessions]
         return {f"{part}{axis}{end}": "output" for end in ends for part in "cs" for axis in AXES}
 
+    def together(self, name):
+        """Return the same parameter of every session: a line that is there comes back."""
+        return tuple(p for p in self.parameters if p[:2] == name[:2])
+
     @classmethod
     def shapes(cls, channels):
         """Return none: the frequency is searched."""

@@ -67,7 +67,8 @@ def fit_wave(layout, stretches, start, session):
         if abs(fit[3]) * span < CLOSE:
             change = fit[3]
             break
-        step = np.clip(frequency + fit[3], start - 1 / span, start + 1 / span) - frequency
+        step = np.clip(frequency + fit[3], max(start - 1 / span, 1 / span), start + 1 / span)
+        step -= frequency
         # where the fit does not end, the sinusoid of the last frequency
         fit = np.append(line, 0.0)
     cosine, sine = fit[1:3]

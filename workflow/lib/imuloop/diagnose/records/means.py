@@ -1,6 +1,6 @@
 """A static record: means of consecutive windows at rest, and what an effect sees in them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -66,40 +66,26 @@ class StaticRecord:
             shape = (-1, *[1] * (values.ndim - 1))
             return np.add.reduceat(values, first, axis=0) / counts.reshape(shape)
 
-        c = self.channels
-        channels = Channels(
-            mean(c.t),
-            mean(c.output),
-            mean(c.other),
-            None if c.temperature is None else mean(c.temperature),
-            lambda function, *constants: mean(c.history(function, *constants)),
-        )
-        return replace(
-            self,
-            windows=np.column_stack([self.windows[first, 0], self.windows[last, 1]]),
-            stretch=self.stretch[first],
-            values=mean(self.values),
-            channels=channels,
-        )
+        windows = np.column_stack([self.windows[first, 0], self.windows[last, 1]])
+        return _changed(self, windows, self.stretch[first], mean)
+
+
+def _changed(record, windows, stretch, change):
+    """Return a record with other windows, what is in them by a function of arrays."""
+    c = record.channels
+    channels = Channels(
+        change(c.t),
+        change(c.output),
+        change(c.other),
+        None if c.temperature is None else change(c.temperature),
+        lambda function, *constants: change(c.history(function, *constants)),
+    )
+    return StaticRecord(record.session, windows, stretch, change(record.values), channels)
 
 
 def part_of(record, rows):
     """Return some windows of a record, rows of them as a mask."""
-    c = record.channels
-    channels = Channels(
-        c.t[rows],
-        c.output[rows],
-        c.other[rows],
-        None if c.temperature is None else c.temperature[rows],
-        lambda function, *constants: c.history(function, *constants)[rows],
-    )
-    return replace(
-        record,
-        windows=record.windows[rows],
-        stretch=record.stretch[rows],
-        values=record.values[rows],
-        channels=channels,
-    )
+    return _changed(record, record.windows[rows], record.stretch[rows], lambda v: v[rows])
 
 
 def window_length(seconds, interval, mean_time):

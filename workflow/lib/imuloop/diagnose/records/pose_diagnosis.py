@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import LinAlgError
+from scipy.special import softmax
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import Solution, fitted_calibration
@@ -21,13 +22,7 @@ from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import pose_probes
-from imuloop.diagnose.residuals import (
-    chance,
-    chi_square,
-    floor_range,
-    held_out_covariance,
-    likely,
-)
+from imuloop.diagnose.residuals import chance, chi_square, floor_range, held_out_covariance
 from imuloop.diagnose.verdict import NOTHING, Judged, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
@@ -208,7 +203,7 @@ def _judged(problem, about, errors):
         likelihoods.append(likelihood)
         found.append(left)
         heldout.append([chance((errors[g] ** 2).sum(), [spread[np.ix_(g, g)]]) for g in groups])
-    weights = likely([prior for prior, _ in about.alternatives], likelihoods)
+    weights = softmax(np.add([prior for prior, _ in about.alternatives], likelihoods))
     return weights, {
         kind: Judged.of(weights, [each[k] for each in found], [each[k] for each in heldout])
         for k, kind in enumerate(problem.sensor.kinds)

@@ -178,32 +178,18 @@ class PoseProblem:
         return self._about[base]
 
     def _made(self, base):
-        count, effects = len(self.sensor.names), (*self.found, *base)
+        effects = (*self.found, *base)
         start = self.about(base[:-1]).solution.fit.x if base else None
-        # what effects add is taken about the fit without any
-        more = () if base else tuple(s for shapes in self.shapes.values() for s in shapes)
-        of_effects, z = self.told_rows
-        columns = [np.zeros((len(z), count))]
-        columns += [
-            of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in (*effects, *more)
-        ]
-        known = np.hstack(columns)
-        fitted = count + sum(len(e.parameters) for e in effects)
-        prior = (known[:, :fitted], z) if len(z) else None
-        solution = self.sensor.fit(self.recording, effects, start, prior)
+        (_, z), known = self.told_rows, self._told((*self.found, *base))
+        known = np.hstack([np.zeros((len(z), len(self.sensor.names))), known])
+        solution = self.sensor.fit(self.recording, effects, start, (known, z) if len(z) else None)
         x = solution.fit.x
-        values, jacobian = residuals(self.sensor.model(solution, self.recording, more), x)
-        values = np.append(values, known[:, :fitted] @ x - z)
+        values, jacobian = residuals(self.sensor.model(solution, self.recording), x)
+        values = np.append(values, known @ x - z)
         jacobian = np.concatenate([jacobian, known])
-        nuisances = count + sum(len(e.parameters) for e in self.found)
-        ends = np.cumsum([nuisances, *(len(e.parameters) for e in (*base, *more))])
-        own = {
-            e: jacobian[:, None, i:j]
-            for e, (i, j) in zip((*base, *more), pairwise(ends), strict=True)
-        }
-        if not base:
-            self._columns.update(own)
-        jacobian = jacobian[:, :fitted]
+        nuisances = len(self.sensor.names) + sum(len(e.parameters) for e in self.found)
+        ends = np.cumsum([nuisances, *(len(e.parameters) for e in base)])
+        own = {e: jacobian[:, None, i:j] for e, (i, j) in zip(base, pairwise(ends), strict=True)}
         covariance, slow = self._parts(solution)
         estimated = np.array([part.size for part in slow])
         # what is missing in a model need not follow the noise: the residual of a long rest is no
@@ -227,7 +213,7 @@ class PoseProblem:
         block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses, self.ends)
 
         def design(effect):
-            return own[effect] if effect in own else self._columns[effect]
+            return own[effect] if effect in own else self._added(effect)
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
@@ -238,6 +224,21 @@ class PoseProblem:
             return [noise.hypotheses(noise.likeliest(residuals))]
 
         return About(solution, model, values, jacobian, alternatives, evidence, noise_with)
+
+    def _told(self, effects):
+        """Return the rows of other records, shape (k, q), for the parameters of effects."""
+        of_effects, z = self.told_rows
+        rows = [of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
+        return np.hstack([np.zeros((len(z), 0)), *rows])
+
+    def _added(self, effect):
+        """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
+        if effect not in self._columns:
+            solution = self.about(()).solution
+            model = self.sensor.model(solution, self.recording, (effect,))
+            own = residuals(model, solution.fit.x)[1][:, -len(effect.parameters) :]
+            self._columns[effect] = np.concatenate([own, self._told((effect,))])[:, None]
+        return self._columns[effect]
 
     def _parts(self, solution):
         """Return the covariance of the noise but for flicker and walk, and these axis by axis."""

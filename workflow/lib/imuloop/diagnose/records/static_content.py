@@ -1,6 +1,7 @@
 """What diagnosis.json holds of the static records of a sensor."""
 
 import numpy as np
+from scipy.special import softmax
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
@@ -10,7 +11,7 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import imitated
 from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted
-from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance, likely
+from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
 from imuloop.diagnose.variance import FARTHEST
 from imuloop.diagnose.verdict import Judged, verdict
 from imuloop.effects.axes import on_each_axis
@@ -133,7 +134,7 @@ def _judged(problem, effects, errors, noise, axes):
         found.append((total, dof - fitted))
         heldout.append(chance(square, spreads))
         likelihoods.append(likelihood)
-    return Judged.of(likely([0.0, 0.0], likelihoods), found, heldout)
+    return Judged.of(softmax(likelihoods), found, heldout)
 
 
 def _merged(problem, errors):
