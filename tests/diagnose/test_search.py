@@ -329,6 +329,7 @@ def test_an_effect_that_the_others_take_up_whole_is_left_out(monkeypatch):
     choices._searches[frozenset()] = SimpleNamespace(
         best=lambda base, failed: None if base else pair,
         reshaped=lambda base: base,
+        finer=lambda base: base,
         test=lambda others, effect: None,
     )
     gate = "pose_rate", np.ones((3, 1)), np.zeros((3, 1)), [0.1, 0.2]

@@ -111,7 +111,7 @@ class Choices:
         The best effect that passes the test is added if it lowers the error of parts that are held
         out of what is seen here, or, where no other does, with the best that passes beside it;
         then everything is tested again, until nothing passes. What then no longer lowers it beside
-        all others goes again.
+        all others goes again. Constants of what stays are then fitted between those of the shapes.
         """
         if out not in self._choices:
             self._choices[out] = self._choice(out)
@@ -138,7 +138,12 @@ class Choices:
                 trial = Trial((effect,), trial.log_p + tries, trial.axis, trial.axes, tries)
                 added.append(Added(effect, trial, *gate))
             else:
-                return Choice(base, tuple(added), failed)
+                finer = search.finer(base)
+                each = zip(added, finer, strict=True)
+                added = (
+                    replace(a, effect=e, trial=replace(a.trial, effects=(e,))) for a, e in each
+                )
+                return Choice(finer, tuple(added), failed)
             base = others
 
     def _wider(self, base, out):

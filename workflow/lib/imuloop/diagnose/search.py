@@ -14,7 +14,7 @@ from imuloop.diagnose.p_values import log_p_values
 # share of log p by which shapes may differ and count as equally telling
 ALIKE = 0.05
 # constants that lie between those of the shapes: moved by these factors, one after the other
-FINE, FACTORS = ("tau", "half_width"), (1.4, 1.2, 1.1)
+FINE, FACTORS = ("tau", "half_width"), (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Search:
         """Return the Trial of the best of several shapes, `tries` the log of how many, or None.
 
         The smallest p-value; of those as telling but for a share `ALIKE`, the one that fits
-        best as the parameters are estimated. Of one that passes the constants are then made finer.
+        best as the parameters are estimated.
         """
         tried = [t for t in self.tests(base, shapes) if t]
         least = min((t.log_p for t in tried), default=0.0)
@@ -154,21 +154,8 @@ class Search:
             points = self.sight(base).evidence.still
             still = self.tests(base, tuple(t.effect for t in alike), points)
             best = alike[int(np.argmin([round(t.log_p, 6) for t in still]))]
-        best = replace(best, log_p=best.log_p + tries, tries=tries)
-        if best.log_p < self.threshold(len(base)):
-            best = replace(best, effects=(self._finer(base, best.effect),))
-        return replace(best, impossible=self._impossible(base, best.effect))
-
-    def _finer(self, base, effect):
-        """Return an effect with the constants, between those of its shapes, that fit best."""
-        points = self.sight(base).evidence.still
-        for name in [n for n in FINE if hasattr(effect, n)]:
-            for factor in FACTORS:
-                values = getattr(effect, name) * np.array([1.0, 1 / factor, factor])
-                near = tuple(replace(effect, **{name: float(v)}) for v in values)
-                found = [t.log_p if t else 0.0 for t in self.tests(base, near, points)]
-                effect = near[int(np.argmin(np.round(found, 6)))]
-        return effect
+        impossible = self._impossible(base, best.effect)
+        return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
 
     def _impossible(self, base, effect):
         """Return whether a parameter is beyond its effect's limit by more than its error."""
@@ -287,6 +274,19 @@ class Search:
                 best = self.shaped(others, shapes, 0.0)
                 base = (*base[:i], best.effect, *base[i + 1 :]) if best else base
         return base
+
+    def finer(self, base):
+        """Return effects with the constants, between those of their shapes, that fit best."""
+        points, base = self.sight(base).evidence.still, list(base)
+        for i in range(len(base)):
+            others = (*base[:i], *base[i + 1 :])
+            for name in [n for n in FINE if hasattr(base[i], n)]:
+                for factor in FACTORS:
+                    values = getattr(base[i], name) * np.array([1.0, 1 / factor, factor])
+                    near = tuple(replace(base[i], **{name: float(v)}) for v in values)
+                    found = [t.log_p if t else 0.0 for t in self.tests(others, near, points)]
+                    base[i] = near[int(np.argmin(np.round(found, 6)))]
+        return tuple(base)
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""
