@@ -10,6 +10,7 @@ from scipy.special import ndtr, ndtri
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.p_values import averaged_log_p
 from imuloop.diagnose.residuals import held_out_operator
+from imuloop.diagnose.search import moved
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)
@@ -17,6 +18,8 @@ CHANCE = np.log(0.5)
 RECORDS, DRAWS = 200, 200
 # the largest size that is tried, in the least of them, and the steps between them
 LARGEST, STEP = 16.0, 2.0
+# what a time constant or a width between two shapes is off by
+BETWEEN = 1.3
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -29,7 +32,8 @@ def detection_limits(search, base, trial, power, kept=True):
     pass the test, its p-value averaged over the hypotheses as it has them itself, and to lower the
     error of parts that are held out, for certain by whole parts drawn again. What changes with time
     or temperature can look like slow noise: where data with it would let expect more, the
-    hypotheses are those of such data.
+    hypotheses are those of such data. Time constants and widths that are added lie between those
+    of the shapes.
 
     Parameters
     ----------
@@ -50,7 +54,9 @@ def detection_limits(search, base, trial, power, kept=True):
         By parameter; parameters that no axis shows, or at no size, are left out.
     """
     sight = search.sight(base)
-    (pattern,), limits = sight.evidence.patterns(trial.effects), {}
+    between = moved(trial.effect, BETWEEN)
+    pattern, added = sight.evidence.patterns((trial.effect, between))
+    limits = {}
     names = list(trial.effect.parameters)
     needed = search.threshold(len(base)) - trial.tries
     for axis, own in enumerate(pattern.columns):
@@ -59,12 +65,12 @@ def detection_limits(search, base, trial, power, kept=True):
         if fit is None:
             continue
         records = _records(sight, fit, search.problem.settings.seed)
-        drawn = _Drawn.of(search, sight, columns, own, axis, records)
+        drawn = _Drawn.of(search, sight, columns, own, added.columns[axis], axis, records)
         slow = any(map(search.problem.slow, trial.effects))
-        seen = search, base, trial, axis, records, needed, kept
+        seen = search, base, trial, between, axis, records, needed, kept
         shown = [names[p] for p in pattern.parameters[axis]]
         for together in dict.fromkeys(map(trial.effect.together, shown)):
-            one = np.isin(shown, together) * pattern.scale[axis]
+            one = np.isin(shown, together) * added.scale[axis]
             scale = np.linalg.norm(one)
             one = one / scale
             share = partial(drawn.found, one, axes=trial.axes, needed=needed, kept=kept)
@@ -78,7 +84,7 @@ def detection_limits(search, base, trial, power, kept=True):
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Drawn records of noise, and what a pattern adds to them.
+    """Drawn records of noise, and what a pattern like that of the model adds to them.
 
     Attributes
     ----------
@@ -87,11 +93,11 @@ class _Drawn:
     prior : tuple of ndarray, shape (h,)
         Of each fit, what its weights hold beside the residuals.
     gram : ndarray, shape (h, k, k)
-        Products of the columns of the base model and, last, of the pattern.
+        Products of the columns of the base model, of its pattern and, last, of the added one.
     product, square : ndarray, shape (h, k, m) and (h, m)
         Of the columns with the records, and of the records.
     errors : tuple of (ndarray, ndarray)
-        Held-out errors of the records, (N, m), and of the pattern's columns, (N, q), without the
+        Held-out errors of the records, (N, m), and of the added columns, (N, q), without the
         pattern in the model and with it.
     groups : list of list of ndarray of bool, shape (N,)
         Rows of each part, for each kind of residual.
@@ -112,25 +118,28 @@ class _Drawn:
     counts: np.ndarray
 
     @classmethod
-    def of(cls, search, sight, columns, own, axis, records):
-        """Return them for columns of a base model and of a pattern on an axis."""
+    def of(cls, search, sight, columns, own, added, axis, records):
+        """Return them for columns of a base model, a pattern and what is added, on an axis."""
         evidence, (values, variance) = sight.evidence, records
         fits = sight.fit(columns, axis), sight.fit((*columns, *own), axis)
         product, square = 0.0, 0.0
         for i, own_values in enumerate(values):
-            z = np.column_stack([evidence.columns[i][c] for c in (*columns, *own)])
+            z = np.column_stack([evidence.columns[i][c] for c in (*columns, *own, *added)])
             each = [sight.precision(i, h) @ own_values for h in range(len(evidence.prior))]
             product = product + np.array([z.T @ w for w in each])
             square = square + np.array([(own_values * w).sum(axis=0) for w in each])
-        known = [block_diag(*(b.nuisance for b in evidence.blocks))]
-        stacked = [np.concatenate([c[k] for c in evidence.columns]) for k in (*columns, *own)]
-        known = np.column_stack([*known, *stacked[: len(columns)]])
-        pattern = np.column_stack(stacked[len(columns) :])
+        folds = np.concatenate([b.folds for b in evidence.blocks])
+        known, pattern, more = (
+            np.array([np.concatenate([e[c] for e in evidence.columns]) for c in each])
+            .reshape(-1, len(folds))
+            .T
+            for each in (columns, own, added)
+        )
+        known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
         estimated = sight.point(fits[1])
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
-        folds = np.concatenate([b.folds for b in evidence.blocks])
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
-        everything = np.column_stack([np.concatenate(values), pattern])
+        everything = np.column_stack([np.concatenate(values), more])
         errors = [
             held_out_operator(weights, design, folds) @ everything
             for design in (known, np.column_stack([known, pattern]))
@@ -138,7 +147,7 @@ class _Drawn:
         return cls(
             fits,
             tuple(f.log_weight + f.spent for f in fits),
-            sight.gram((*columns, *own)),
+            sight.gram((*columns, *own, *added)),
             product,
             square,
             tuple((e[:, :RECORDS], e[:, RECORDS:]) for e in errors),
@@ -158,10 +167,11 @@ class _Drawn:
 
     def found(self, one, size, axes, needed, kept=True):
         """Return the share of the records in which a size along a direction is found."""
-        base, q, added = self.gram.shape[1] - len(one), len(one), size * one
-        gram = self.gram[:, :, base:] @ added
-        square = self.square + 2 * np.einsum("k,hkm->hm", added, self.product[:, base:])
-        square = square + (gram[:, base:] @ added)[:, None]
+        q, added = len(one), size * one
+        base = self.gram.shape[1] - 2 * q
+        gram = self.gram[:, :, -q:] @ added
+        square = self.square + 2 * np.einsum("k,hkm->hm", added, self.product[:, -q:])
+        square = square + (gram[:, -q:] @ added)[:, None]
         product = self.product + gram[:, :, None]
         left = [
             square - (np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]).sum(1)
@@ -189,12 +199,12 @@ class _Drawn:
         return float((passed[near] * lower).sum() / len(passed))
 
 
-def _with_pattern(search, base, trial, axis, records, needed, kept, one, size):
+def _with_pattern(search, base, trial, between, axis, records, needed, kept, one, size):
     """Return the share that is found where the noise is what data with the pattern let expect."""
-    sight, effects = search.sight(base), (base, trial.effects)
-    columns, own = (sight.evidence.columns_of(e, axis) for e in effects)
+    sight, effects = search.sight(base), (base, trial.effects, (between,))
+    columns, own, more = (sight.evidence.columns_of(e, axis) for e in effects)
     left = sight.left((*columns, *own), axis)
-    added = [size * one @ [each[c] for c in own] for each in sight.evidence.columns]
+    added = [size * one @ [each[c] for c in more] for each in sight.evidence.columns]
     values = [v + more for v, more in zip(left, added, strict=True)]
     other = sight.evidence.under(search.problem.noise_with(base, values))
     columns = (other.columns_of(e, axis) for e in effects)

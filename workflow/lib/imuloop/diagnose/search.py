@@ -17,6 +17,12 @@ ALIKE = 0.05
 FINE, FACTORS = ("tau", "half_width"), (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
+def moved(effect, factor):
+    """Return an effect whose time constant, or width, is some times as large."""
+    constants = [n for n in FINE if hasattr(effect, n)]
+    return replace(effect, **{n: float(factor * getattr(effect, n)) for n in constants})
+
+
 @dataclass(frozen=True)
 class Trial:
     """An effect in its best shape, or two effects, tested beside others.
@@ -278,14 +284,14 @@ class Search:
     def finer(self, base):
         """Return effects with the constants, between those of their shapes, that fit best."""
         points, base = self.sight(base).evidence.still, list(base)
-        for i in range(len(base)):
+        for i, effect in enumerate(base):
+            if moved(effect, 2.0) == effect:
+                continue
             others = (*base[:i], *base[i + 1 :])
-            for name in [n for n in FINE if hasattr(base[i], n)]:
-                for factor in FACTORS:
-                    values = getattr(base[i], name) * np.array([1.0, 1 / factor, factor])
-                    near = tuple(replace(base[i], **{name: float(v)}) for v in values)
-                    found = [t.log_p if t else 0.0 for t in self.tests(others, near, points)]
-                    base[i] = near[int(np.argmin(np.round(found, 6)))]
+            for factor in FACTORS:
+                near = [moved(base[i], f) for f in (1.0, 1 / factor, factor)]
+                found = [t.log_p if t else 0.0 for t in self.tests(others, near, points)]
+                base[i] = near[int(np.argmin(np.round(found, 6)))]
         return tuple(base)
 
     def following(self, classes):

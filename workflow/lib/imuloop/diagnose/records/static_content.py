@@ -183,17 +183,13 @@ def _probes(problem):
     records, found = problem.fitted, {}
     span = max(np.ptp(r.channels.t) for r in records)
     found["time"] = [on_each_axis(r.channels.t / span, (r.channels.t / span) ** 2) for r in records]
-    found["pose_variance"] = [on_each_axis(_variance(r.channels)) for r in records]
+    moments = (np.split(r.channels.remembered(_moments), 2, axis=1) for r in records)
+    found["pose_variance"] = [on_each_axis(square - mean**2) for mean, square in moments]
     if all(r.channels.temperature is not None for r in records):
         warmth = [(r.channels.t, r.channels.temperature) for r in records]
         found["temperature"] = [on_each_axis(w, w**2) for _, w in warmth]
         found["temperature_rate"] = [on_each_axis(np.gradient(w, t)) for t, w in warmth]
     return [(name, problem.residual, np.concatenate(parts)) for name, parts in found.items()]
-
-
-def _variance(channels):
-    mean, square = np.split(channels.remembered(_moments), 2, axis=1)
-    return square - mean**2
 
 
 @in_pieces
