@@ -9,7 +9,7 @@ from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, share_after
 
 # periods of a line that a record must hold, and frequencies that are tried in a period's width
-LEAST_PERIODS, FINENESS = 2, 2
+LEAST_PERIODS, FINENESS = 2, 4
 # windows on either side of a step, and times that are tried within one
 BESIDE, WITHIN = 3, 4
 
@@ -53,7 +53,7 @@ def whitened(search, base, axis):
 
 
 def frequencies(records):
-    """Return the frequencies to try: half a period of the longest record apart, Hz."""
+    """Return the frequencies to try: a quarter of a period of the longest record apart, Hz."""
     span = max(np.ptp(r.windows) for r in records)
     highest = 0.5 / max(np.median(r.length) for r in records)
     steps = np.arange(FINENESS * LEAST_PERIODS, FINENESS * span * highest - 0.5)
