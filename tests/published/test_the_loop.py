@@ -91,12 +91,7 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
     assert all(effect["ratio_ci95"][1] < 1 for effect in found["effects"])
 
 
-NOT_MET = "one of nine is 3.2 standard errors, which simulated noise makes one of in 360"
-
-
-@pytest.mark.parametrize(
-    "board", [1, 2, pytest.param(3, marks=pytest.mark.xfail(strict=True, reason=NOT_MET))]
-)
+@pytest.mark.parametrize("board", [1, 2, 3])
 def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     folder = measured.folder / f"mpu9150_{board}"
     settings = CalibrateSettings()
@@ -114,8 +109,12 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     problem = PoseProblem(model, recording, shapes, DiagnoseSettings(), 1, parts)
     problem.about((drift,))
     # what no effect explains counts as noise
-    values, std, _ = Choices(problem).search().beside((drift,), sensitivity)
-    assert np.all(np.abs(values / std) < 3)
+    search = Choices(problem).search()
+    assert search.test((drift,), sensitivity).p_value > 0.01
+    values, std, _ = search.beside((drift,), sensitivity)
+    # of the 27 of three boards one is 3.2, see docs/reproduce.md: a bound of three
+    # standard errors is not met on board 3
+    assert board == 3 or np.all(np.abs(values / std) < 3)
 
 
 def test_climate_chamber_is_temperature_and_its_past(measured):
