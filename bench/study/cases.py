@@ -109,8 +109,8 @@ def injected(case, seed, control):
     A detection limit d is the size of a parameter that alone is not zero. The parameters together
     have a random direction z, ``p_k = 3 d_k z_k`` with ``zᵀ R z = 1``: R, the information of the
     parameters with ones on its diagonal, makes their noncentrality nine times that of one limit.
-    A parameter that physics bounds is as large as it can be. A line has its limit on one axis, in
-    every session.
+    At one limit one parameter has it, as the limit says. One that physics bounds is as large
+    as it can be. A line has its limit on one axis, in every session.
 
     Parameters
     ----------
@@ -162,10 +162,10 @@ def _injected(sensor, name, candidate, alike, rng, limits):
     if name == "bias_temperature":
         # of first order; whatever order the control's diagnosis looked at last
         z *= [key.startswith("c1") for key in known]
-    if name == "sinusoid":
-        # a limit is an amplitude in every session, of one axis: six parameters an axis are too many
-        # to be spread over
-        z *= np.arange(len(known)) == rng.integers(min(3, len(known)))
+    if name == "sinusoid" or limits == 1:
+        # a limit is of one parameter alone; of a line the amplitude in every session, on one axis
+        shown = np.flatnonzero(z)[: 3 if name == "sinusoid" else None]
+        z *= np.arange(len(known)) == rng.choice(shown)
     z *= limits / np.sqrt(z @ alike @ z)
     # of a size without a limit nothing is put in
     values = dict.fromkeys(candidate.get("parameters", ()), 0.0)
