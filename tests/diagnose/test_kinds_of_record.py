@@ -235,7 +235,9 @@ def test_poses_average_over_how_much_they_are_above_their_noise():
     of the F test with χ²/c are averaged, half by the restricted likelihood of the fit without the
     candidate and half by that with it:
 
-        -(ν log c + ν log s + χ²/(c s))/2,   s = max(1, χ²/(c ν)).
+        -(ν log c + ν log s + χ²/(c s))/2,   s = max(1/c, χ²/(c ν)):
+
+    whatever c is, the noise is no smaller than 1.
     """
     problem = linear(1.0)
     y = 2.5 * np.random.default_rng(4).normal(size=sum(ROWS)) + 0.15 * problem.columns[:, 1]
@@ -244,7 +246,7 @@ def test_poses_average_over_how_much_they_are_above_their_noise():
     c = 1 + np.array([0.0, 0.3, 0.6, 1.0]) ** 2 * (before / (dof + 1) - 1)
     shares = []
     for square, freedom in ((before, dof + 1), (after, dof)):
-        s = np.maximum(1.0, square / c / freedom)
+        s = np.maximum(1.0, square / freedom) / c
         log = -(freedom * np.log(c * s) + square / (c * s)) / 2
         shares.append(np.exp(log - log.max()) / np.exp(log - log.max()).sum())
     expected = np.mean(shares, axis=0) @ f_distribution.sf((before - after) / c / s, 1, dof)

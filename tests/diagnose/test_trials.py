@@ -102,3 +102,26 @@ def test_a_walk_that_the_noise_model_does_not_exclude_passes_for_no_drift():
     assert alone > 60
     assert guarded <= 6
     assert found == 200
+
+
+def test_the_larger_an_effect_the_smaller_its_p_value():
+    """Though noise of the residual's size is among the hypotheses."""
+    noise = np.random.default_rng(6).normal(size=N)
+
+    def log_p(size):
+        values = noise + size * WAVE[Column()]
+        covariances = [np.eye(N), np.var(values) * np.eye(N)]
+        return search(values, LINE, WAVE, covariances).trial((), Column).log_p
+
+    found = [log_p(size) for size in (3, 10, 30, 100)]
+    assert np.all(np.diff(found) < -20)
+
+
+@pytest.mark.parametrize("elsewhere, shown", [(0.05, False), (0.5, True)])
+def test_what_one_part_alone_tells_has_no_limit(elsewhere, shown):
+    """Errors of a parameter that all others hardly know are in that part larger than the noise."""
+    part, values = np.arange(N) % 10 == 0, np.random.default_rng(7).normal(size=N)
+    columns = {Column(): np.where(part, 1.0, elsewhere * np.sin(40 * T))}
+    made = search(values, LINE, columns)
+    limits = detection_limits(made, (), made.trial((), Column), 0.9)
+    assert bool(limits) == shown

@@ -11,6 +11,7 @@ from imuloop.core.fisher import fisher
 from imuloop.diagnose.p_values import averaged_log_p
 from imuloop.diagnose.residuals import held_out_operator
 from imuloop.diagnose.search import moved
+from imuloop.diagnose.verdict import MARGIN
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)
@@ -18,8 +19,8 @@ CHANCE = np.log(0.5)
 RECORDS, DRAWS = 200, 200
 # the largest size that is tried, in the least of them, and the steps between them
 LARGEST, STEP = 16.0, 2.0
-# what a time constant or a width between two shapes is off by
-BETWEEN = 1.3
+# what a time constant or a width, even up to 1.3 from a shape, is off by: root mean square
+BETWEEN = 1.3**3**-0.5
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -30,10 +31,11 @@ def detection_limits(search, base, trial, power, kept=True):
     A parameter of size s that alone is not zero, in every session where an effect has one each, is
     added to drawn records of noise, each hypothesis as often as the data let expect. Each has to
     pass the test, its p-value averaged over the hypotheses as it has them itself, and to lower the
-    error of parts that are held out, for certain by whole parts drawn again. What changes with time
-    or temperature can look like slow noise: where data with it would let expect more, the
-    hypotheses are those of such data. Time constants and widths that are added lie between those
-    of the shapes.
+    error of parts that are held out, for certain by whole parts drawn again; what the noise does to
+    the parameters shall not raise that error by a quarter, as where one part alone tells them. What
+    changes with time or temperature can look like slow noise: where data with it would let expect
+    more, the hypotheses are those of such data. Time constants and widths that are added lie
+    between those of the shapes.
 
     Parameters
     ----------
@@ -190,13 +192,16 @@ class _Drawn:
         (_, before), (_, after) = self.errors
         change = ((before - after) @ one) ** 2 / self.variance
         groups = max(self.groups, key=lambda parts: sum(change[p].sum() for p in parts))
-        sums = []
+        sums = [[], []]
         for records, columns in self.errors:
-            squares = (records[:, near] + (columns @ added)[:, None]) ** 2
-            sums.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
-        highest = np.quantile((self.counts @ sums[1]) / (self.counts @ sums[0]), 0.975, axis=0)
+            for each, added_to in zip(sums, (columns @ added, 0.0), strict=True):
+                squares = (records[:, near].T + added_to).T ** 2
+                each.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
+        (before, after), (noise, with_pattern) = sums
+        highest = np.quantile((self.counts @ after) / (self.counts @ before), 0.975, axis=0)
         lower = ndtr(-np.log(highest) / SOFT)
-        return float((passed[near] * lower).sum() / len(passed))
+        least = ndtr(np.log(MARGIN**2 * noise.sum(axis=0) / with_pattern.sum(axis=0)) / SOFT)
+        return float((passed[near] * lower * least).sum() / len(passed))
 
 
 def _with_pattern(search, base, trial, between, axis, records, needed, kept, one, size):

@@ -40,7 +40,7 @@ class Trial:
     tries : float
         Logarithm of the number of shapes.
     impossible : bool
-        Whether a parameter would be larger than physics allows, by more than its standard error.
+        Whether a parameter is larger than physics allows by more than twice its standard error.
     """
 
     effects: tuple[Effect, ...]
@@ -128,8 +128,7 @@ class Search:
     def trial(self, base, cls, hopeful=False):
         """Return the best trial of an effect beside others, or None.
 
-        A scan is cheap, a test of what it found is not: `hopeful` leaves out what by the noise
-        without the pattern is no more than chance.
+        `hopeful` leaves out what a scan, which is cheap, finds no more than chance: tests are not.
         """
         if cls in [type(e) for e in base]:
             return None
@@ -164,11 +163,11 @@ class Search:
         return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
 
     def _impossible(self, base, effect):
-        """Return whether a parameter is beyond its effect's limit by more than its error."""
+        """Return whether a parameter is beyond its limit by more than twice its error."""
         if not np.isfinite(type(effect).limit):
             return False
         values, std, _ = self.beside(base, effect)
-        return bool(np.any(np.abs(values) - std > type(effect).limit))
+        return bool(np.any(np.abs(values) - 2 * std > type(effect).limit))
 
     def beside(self, base, effect):
         """Return an effect's parameters beside others, and standard errors, (p,), and covariance.
@@ -283,16 +282,20 @@ class Search:
 
     def finer(self, base):
         """Return effects with the constants, between those of their shapes, that fit best."""
-        points, base = self.sight(base).evidence.still, list(base)
+        sight, base = self.sight(base), list(base)
+        axes = range(sight.evidence.axes)
+        points = [sight.point(sight.fit(self.columns(base, a), a)) for a in axes]
         for i, effect in enumerate(base):
-            if moved(effect, 2.0) == effect:
-                continue
-            others = (*base[:i], *base[i + 1 :])
-            for factor in FACTORS:
+            for factor in FACTORS if moved(effect, 2.0) != effect else ():
                 near = [moved(base[i], f) for f in (1.0, 1 / factor, factor)]
-                found = [t.log_p if t else 0.0 for t in self.tests(others, near, points)]
-                base[i] = near[int(np.argmin(np.round(found, 6)))]
+                left = [self._spent((*base[:i], e, *base[i + 1 :]), points) for e in near]
+                base[i] = near[int(np.argmin(np.round(left, 6)))]
         return tuple(base)
+
+    def _spent(self, base, points):
+        """Return what the likelihood loses by what effects leave, by a hypothesis of each axis."""
+        fits = [self.sight(base).fit(self.columns(base, a), a) for a in range(len(points))]
+        return sum(f.spent[h] if f else np.inf for f, h in zip(fits, points, strict=True))
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""

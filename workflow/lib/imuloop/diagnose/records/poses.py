@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from imuloop.calibrate.pose_fits import residuals
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.search import moved
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.sight import ABSORBED
 from imuloop.diagnose.variance import Part, likely_sizes, total
@@ -51,33 +52,6 @@ class About:
     noise_with: object
 
 
-@dataclass(frozen=True)
-class _Noise:
-    """Noise of residuals whose parts have a size that is not known well.
-
-    Attributes
-    ----------
-    jacobian, fixed : ndarray
-        As of `likely_sizes`.
-    parts : list of Part
-        Flicker and walk of each axis, and what is missing in the model, by kind of residual.
-    """
-
-    jacobian: np.ndarray
-    fixed: np.ndarray
-    parts: list
-
-    def likeliest(self, values):
-        """Return the sizes of the parts that residuals make likeliest."""
-        return likely_sizes(values, self.jacobian, self.fixed, self.parts)
-
-    def hypotheses(self, likeliest):
-        """Return the Hypotheses from the sizes as estimated to the likeliest."""
-        first = np.array([part.size for part in self.parts])
-        sizes = (first + s * (likeliest - first) for s in PATH)
-        return Hypotheses.of((total(self.fixed, self.parts, each) for each in sizes), len(PATH))
-
-
 @dataclass(frozen=True, eq=False)
 class PoseProblem:
     """The poses of one sensor: one block of rows, whose nuisances are the base parameters.
@@ -99,7 +73,7 @@ class PoseProblem:
     found : tuple of Effect
         Effects that other records show, which every fit estimates.
     told : callable, optional
-        Takes effects, gives what other records tell of their parameters, as `static.information`.
+        Takes effects, gives `static.information` of other records.
     directions : callable, optional
         Of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses
         by an accelerometer that did not see them either; None as all poses give it.
@@ -199,8 +173,15 @@ class PoseProblem:
             for at in map(self.of_kind, self.sensor.kinds)
         ]
         noisy = likely_sizes(values, jacobian, covariance, slow)
-        noise = _Noise(jacobian, covariance, [*slow, *missing])
-        likeliest = noise.likeliest(values)
+        parts = [*slow, *missing]
+        first = np.array([part.size for part in parts])
+
+        def hypotheses(values):
+            """Return what the noise may be, from as estimated to as residuals make it likeliest."""
+            likeliest = likely_sizes(values, jacobian, covariance, parts)
+            sizes = (first + s * (likeliest - first) for s in PATH)
+            return Hypotheses.of((total(covariance, parts, each) for each in sizes), len(PATH))
+
         off = (noisy - estimated) / [part.deviation for part in slow]
         alternatives = [
             (
@@ -209,21 +190,15 @@ class PoseProblem:
             )
             for s in PATH
         ]
-        hypotheses = noise.hypotheses(likeliest)
-        block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses, self.ends)
+        block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses(values), self.ends)
 
         def design(effect):
             return own[effect] if effect in own else self._added(effect)
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
-        evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
+        evidence = Evidence([block], prior, design, known=True, plain=np.array(PATH) == 0)
         model = self.sensor.model(solution, self.recording)
-
-        def noise_with(residuals):
-            """Return what the noise may be by other residuals."""
-            return [noise.hypotheses(noise.likeliest(residuals))]
-
-        return About(solution, model, values, jacobian, alternatives, evidence, noise_with)
+        return About(solution, model, values, jacobian, alternatives, evidence, hypotheses)
 
     def _told(self, effects):
         """Return the rows of other records, shape (k, q), for the parameters of effects."""
@@ -262,8 +237,7 @@ class PoseProblem:
     def near(self, base):
         """Return the residuals about the fit with the most of some effects that was asked for.
 
-        What is added to it the evidence holds as patterns: a part that chooses effects of its own
-        is not worth a fit of all data to them.
+        The evidence holds the others as patterns: what a part chooses is worth no fit of all data.
         """
         made = [b for b in self._about if set(b) <= set(base)]
         return self.about(max(made, key=len, default=()))
@@ -286,7 +260,7 @@ class PoseProblem:
 
     def noise_with(self, base, values):
         """Return what the noise of each block may be, were its residuals these."""
-        return self.near(base).noise_with(-values[0])
+        return [self.near(base).noise_with(-values[0])]
 
     def lost(self, base):
         """Return why the fit with some effects is none, or None if it is one."""
@@ -311,19 +285,33 @@ class PoseProblem:
 
         Under every hypothesis that of generalised least squares, its scale that of the residual
         where this is larger, and what the solution under it is off; averaged by the likelihood.
+        Fitted constants of the effects are parameters too, known to a factor of e beforehand.
         """
         about = self.about(base)
         fit = about.evidence.sight().fit(about.evidence.columns_of(base, 0), 0)
-        total, design = 0.0, about.jacobian
+        count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.fit.x)
+        total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)
-        design = design / size
+        size[size == 0] = 1.0
+        design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= count))
         counted = fit.weight > 1e-6
         for h in np.flatnonzero(counted):
             weighted = design.T @ about.evidence.blocks[0].noise.precision[h]
-            inverse = np.linalg.inv(weighted @ design)
+            inverse = np.linalg.inv(weighted @ design + prior)
             off = inverse @ (weighted @ about.values)
             total = total + fit.weight[h] * (inverse * fit.scale[h] + np.outer(off, off))
-        return total / fit.weight[counted].sum() / np.outer(size, size)
+        found = total / fit.weight[counted].sum() / np.outer(size, size)
+        return found[:count, :count]
+
+    def _by_constants(self, base, x):
+        """Return what the logarithm of each fitted constant changes in the residuals, (N,) each."""
+        found, own = [], x[len(self.sensor.names) :]
+        for effect in (*self.found, *base):
+            values, own = np.split(own, [len(effect.parameters)])
+            if moved(effect, 2.0) != effect:
+                up, down = (self._added(moved(effect, f))[:, 0] @ values for f in (1.05, 1 / 1.05))
+                found.append((up - down) / (2 * np.log(1.05)))
+        return found
 
     def groups(self):
         """Return the rows of each kind of residual."""
