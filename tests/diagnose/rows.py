@@ -122,7 +122,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     def design(effect):
         return columns[effect].reshape(n, 1, -1)
 
-    evidence, shapes = Evidence([block], prior, design, known=True, plain=plain), {}
+    evidence, shapes = Evidence([block], prior, design, least=1.0, plain=plain), {}
     for effect in columns:
         shapes.setdefault(type(effect), []).append(effect)
     shapes = {cls: tuple(own) for cls, own in shapes.items()}

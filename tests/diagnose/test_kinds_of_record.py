@@ -232,24 +232,31 @@ def test_all_kinds_of_record_say_the_same(out):
 def test_poses_average_over_how_much_they_are_above_their_noise():
     """Under white noise of variance 1, with χ² above ν, a variance c = 1 + (s m)² is as possible,
     s = 0, 0.3, 0.6, 1, and c = χ²/ν of the fit without the candidate the likeliest. The p-values
-    of the F test with χ²/c are averaged, half by the restricted likelihood of the fit without the
-    candidate and half by that with it:
+    of the F test with χ²/c are averaged, in part by the restricted likelihood of the fit without
+    the candidate and in part by that with it:
 
-        -(ν log c + ν log s + χ²/(c s))/2,   s = max(1/c, χ²/(c ν)):
+        -(ν log c + ν log s + χ²/(c s))/2,   s = max(1, χ²/(c ν)).
 
-    whatever c is, the noise is no smaller than 1.
+    The parts are as the probabilities of the two by Schwarz' criterion under each c, averaged, that
+    without the candidate half at most.
     """
     problem = linear(1.0)
-    y = 2.5 * np.random.default_rng(4).normal(size=sum(ROWS)) + 0.15 * problem.columns[:, 1]
+    y = 2.5 * np.random.default_rng(4).normal(size=sum(ROWS)) + 0.11 * problem.columns[:, 1]
     problem = replace(problem, y=y, covariances=[np.eye(n) for n in ROWS])
     before, after, dof = problem.squares((), CANDIDATE)
     c = 1 + np.array([0.0, 0.3, 0.6, 1.0]) ** 2 * (before / (dof + 1) - 1)
-    shares = []
+    shares, lost = [], []
     for square, freedom in ((before, dof + 1), (after, dof)):
-        s = np.maximum(1.0, square / freedom) / c
+        s = np.maximum(1.0, square / c / freedom)
         log = -(freedom * np.log(c * s) + square / (c * s)) / 2
         shares.append(np.exp(log - log.max()) / np.exp(log - log.max()).sum())
-    expected = np.mean(shares, axis=0) @ f_distribution.sf((before - after) / c / s, 1, dof)
+        lost.append((freedom * np.log(s) + square / (c * s)) / 2)
+    gain = np.log(shares[0] @ np.exp(lost[0] - lost[1])) - np.log(dof + 1) / 2
+    half = 1 / (1 + np.exp(max(gain, 0.0)))
+    assert 0.01 < half < 0.49
+    expected = np.average(shares, axis=0, weights=[half, 1 - half]) @ f_distribution.sf(
+        (before - after) / c / s, 1, dof
+    )
     found = Search(poses(problem, OF_CLASS), frozenset()).test((), CANDIDATE).p_value
     assert 1e-9 < expected < 1e-2
     # the likeliest c is found to the square root of the digits of the likelihood

@@ -96,8 +96,8 @@ class Evidence:
         Logarithm of each hypothesis' probability before the data.
     design : callable
         Gives the derivative of all rows with respect to an effect's parameters, (N, a, q).
-    known : bool
-        Whether the noise is no smaller than under the first hypothesis; else any size will do.
+    least : float or ndarray, shape (h,)
+        Least share of a hypothesis' variance that noise can have: 1 where its size is known.
     still : ndarray of bool, shape (h,)
         Hypotheses at which parameters are estimated; all by default.
     plain : ndarray of bool, shape (h,)
@@ -107,14 +107,9 @@ class Evidence:
         by default.
     """
 
-    def __init__(self, blocks, prior, design, known=False, still=None, plain=None, even=None):
+    def __init__(self, blocks, prior, design, least=0.0, still=None, plain=None, even=None):
         self.blocks, self.prior, self.design = tuple(blocks), prior, design
-        # of each hypothesis the least share of its variance that the noise can have
-        self.known, self.least = known, np.zeros(len(prior))
-        if known:
-            each = [b.noise.precision for b in self.blocks]
-            shares = [np.einsum("ij,hji->h", precision(p[0])[0], p) for p in each]
-            self.least = sum(shares) / sum(p.shape[1] for p in each)
+        self.least = np.broadcast_to(least, prior.shape)
         self.still = np.ones(len(prior), dtype=bool) if still is None else still
         self.even = even
         self.plain = self.still if plain is None else plain
@@ -174,7 +169,7 @@ class Evidence:
     def under(self, noise):
         """Return the same evidence under other Hypotheses about the noise of each block."""
         blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
-        likewise = self.known, self.still, self.plain, self.even
+        likewise = self.least, self.still, self.plain, self.even
         return Evidence(blocks, self.prior, self.design, *likewise)
 
     def know(self, key, design):

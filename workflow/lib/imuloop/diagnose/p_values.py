@@ -29,8 +29,9 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     Under each hypothesis the F test is exact. What the noise is, the fit with the parameters
     tells: the p-values are averaged with its restricted likelihood as weight. So a pattern as
     smooth as slow noise that the data cannot exclude gains nothing from being smooth. Where data
-    beside these tell how large the noise is, the fit without the parameters has half of the
-    weight: with few residuals a pattern of many parameters takes up what is noise.
+    beside these tell how large the noise is, the fit without the parameters has the weight of its
+    probability, half at most, by Schwarz (Ann. Stat. 6, 1978, 461), ``ln L - q/2 ln n`` under each
+    hypothesis: a pattern of many parameters takes up noise, but what is many times it is none.
 
     Parameters
     ----------
@@ -50,7 +51,9 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     weight = log_softmax(fit.log_weight[points], axis=0)
     if fit.least.any():
         known = log_softmax(without.log_weight[points], axis=0)
-        weight = np.logaddexp(weight, known) - np.log(2)
+        gain = logsumexp(known + (without.spent - fit.spent)[points], axis=0)
+        share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
+        weight = np.logaddexp(weight + np.log1p(-np.exp(share)), known + share)
     return logsumexp(weight + tail, axis=0)
 
 

@@ -40,7 +40,7 @@ class Trial:
     tries : float
         Logarithm of the number of shapes.
     impossible : bool
-        Whether a parameter is larger than physics allows by more than twice its standard error.
+        Whether a parameter is larger than physics allows, by more than its standard error.
     """
 
     effects: tuple[Effect, ...]
@@ -163,11 +163,11 @@ class Search:
         return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
 
     def _impossible(self, base, effect):
-        """Return whether a parameter is beyond its limit by more than twice its error."""
+        """Return whether a parameter is beyond its limit by more than its error."""
         if not np.isfinite(type(effect).limit):
             return False
         values, std, _ = self.beside(base, effect)
-        return bool(np.any(np.abs(values) - 2 * std > type(effect).limit))
+        return bool(np.any(np.abs(values) - std > type(effect).limit))
 
     def beside(self, base, effect):
         """Return an effect's parameters beside others, and standard errors, (p,), and covariance.

@@ -196,7 +196,7 @@ class PoseProblem:
             return own[effect] if effect in own else self._added(effect)
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
-        evidence = Evidence([block], prior, design, known=True, plain=np.array(PATH) == 0)
+        evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
         model = self.sensor.model(solution, self.recording)
         return About(solution, model, values, jacobian, alternatives, evidence, hypotheses)
 
