@@ -192,16 +192,17 @@ class _Drawn:
         (_, before), (_, after) = self.errors
         change = ((before - after) @ one) ** 2 / self.variance
         groups = max(self.groups, key=lambda parts: sum(change[p].sum() for p in parts))
-        sums = [[], []]
+        sums = []
         for records, columns in self.errors:
-            for each, added_to in zip(sums, (columns @ added, 0.0), strict=True):
-                squares = (records[:, near].T + added_to).T ** 2
-                each.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
-        (before, after), (noise, with_pattern) = sums
-        highest = np.quantile((self.counts @ after) / (self.counts @ before), 0.975, axis=0)
+            squares = (records[:, near] + (columns @ added)[:, None]) ** 2
+            sums.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
+        highest = np.quantile((self.counts @ sums[1]) / (self.counts @ sums[0]), 0.975, axis=0)
         lower = ndtr(-np.log(highest) / SOFT)
-        least = ndtr(np.log(MARGIN**2 * noise.sum(axis=0) / with_pattern.sum(axis=0)) / SOFT)
-        return float((passed[near] * lower * least).sum() / len(passed))
+        # what the noise does to the parameters, in every kind of residual
+        kinds = [rows for rows in (np.any(parts, axis=0) for parts in self.groups) if rows.any()]
+        noise, more = ([(e[k][:, near] ** 2).sum(axis=0) for k in kinds] for e, _ in self.errors)
+        close = ndtr(np.log(MARGIN**2 / np.max(np.divide(more, noise), axis=0)) / SOFT)
+        return float((passed[near] * lower * close).sum() / len(passed))
 
 
 def _with_pattern(search, base, trial, between, axis, records, needed, kept, one, size):

@@ -283,10 +283,12 @@ class Search:
     def finer(self, base):
         """Return effects with the constants, between those of their shapes, that fit best."""
         sight, base = self.sight(base), list(base)
-        axes = range(sight.evidence.axes)
-        points = [sight.point(sight.fit(self.columns(base, a), a)) for a in axes]
         for i, effect in enumerate(base):
-            for factor in FACTORS if moved(effect, 2.0) != effect else ():
+            if moved(effect, 2.0) == effect:
+                continue
+            axes = range(sight.evidence.axes)
+            points = [sight.point(sight.fit(self.columns(base, a), a)) for a in axes]
+            for factor in FACTORS:
                 near = [moved(base[i], f) for f in (1.0, 1 / factor, factor)]
                 left = [self._spent((*base[:i], e, *base[i + 1 :]), points) for e in near]
                 base[i] = near[int(np.argmin(np.round(left, 6)))]
