@@ -366,6 +366,19 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)
 
 
+def test_constants_of_two_effects_do_not_depend_on_the_fits_made_before():
+    truth = example_truth()
+    made = recording(truth, 1)
+    sensor, base = pose_sensors(truth, made)["accelerometer"], (WarmUp(200.0), WarmUp(900.0))
+    found = []
+    for fitted in ((), base[:1], base[1:], base):
+        search = Choices(problem_of(sensor, made, {})).search()
+        search.problem.about(fitted)
+        found.append(search.finer(base))
+    assert len(set(found)) == 1
+    assert not set(found[0]) & set(base)
+
+
 def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
     size, pulls = np.array([0.02, -0.02, 0.02]), []
     shown = FittedEffect(WarmUp(260.0), dict(zip(WarmUp.parameters, size, strict=True)), {})

@@ -117,10 +117,10 @@ class Evidence:
         # of each block: columns, and their products with the precision, (h, n)
         self.columns, self.weighted = [[] for _ in self.blocks], [[] for _ in self.blocks]
         self._known, self._patterns, self._sights, self._made = {}, {}, {}, {}
+        self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
         # first the nuisances, which differ from block to block
         self.sides = [b.noise.precision @ b.nuisance for b in self.blocks]
         self.values = self.enter(np.concatenate([b.values for b in self.blocks]).T)
-        self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
 
     def enter(self, vectors):
         """Return the numbers of columns, shape (k, N); one that is known is entered once."""
@@ -132,8 +132,7 @@ class Evidence:
                 new.append(vector)
             numbers.append(self._known[key])
         if new:
-            ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
-            for i, part in enumerate(np.split(np.array(new), ends, axis=1)):
+            for i, part in enumerate(np.split(np.array(new), self._ends, axis=1)):
                 self.columns[i] += list(part)
                 weighted = self.blocks[i].noise.precision @ part.T
                 self.weighted[i] += list(np.moveaxis(weighted, 2, 0))

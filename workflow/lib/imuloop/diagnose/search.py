@@ -96,7 +96,7 @@ class Search:
         """Return the Trial of one shape beside others; None where an axis cannot show it."""
         return self.tests(base, (effect,))[0]
 
-    def tests(self, base, effects, points=None):
+    def tests(self, base, effects, points=slice(None)):
         """Return the Trial of each of several shapes beside others, None where it is not seen.
 
         Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
@@ -104,7 +104,6 @@ class Search:
         """
         sight = self.sight(base)
         patterns = sight.evidence.patterns(effects)
-        points = slice(None) if points is None else points
         log_p = [{} for _ in patterns]
         for axis in range(sight.evidence.axes):
             own = [k for k, p in enumerate(patterns) if p.columns[axis] and log_p[k] is not None]
@@ -156,8 +155,7 @@ class Search:
         best = alike[0]
         if len(alike) > 1:
             # shapes that say the same in these data differ by rounding alone: the first counts
-            points = self.sight(base).evidence.still
-            still = self.tests(base, tuple(t.effect for t in alike), points)
+            still = self.tests(base, [t.effect for t in alike], self.sight(base).evidence.still)
             best = alike[int(np.argmin([round(t.log_p, 6) for t in still]))]
         impossible = self._impossible(base, best.effect)
         return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
@@ -282,22 +280,26 @@ class Search:
 
     def finer(self, base):
         """Return effects with the constants, between those of their shapes, that fit best."""
-        sight, base = self.sight(base), list(base)
         for i, effect in enumerate(base):
-            if moved(effect, 2.0) == effect:
+            others = base[:i] + base[i + 1 :]
+            # about one fit, and so by one noise, whatever the constants
+            fits = self._beside_on_axes(others, effect)
+            if moved(effect, 2.0) == effect or not all(fits):
                 continue
-            axes = range(sight.evidence.axes)
-            points = [sight.point(sight.fit(self.columns(base, a), a)) for a in axes]
+            points = [self.sight(others).point(fit) for fit in fits]
             for factor in FACTORS:
-                near = [moved(base[i], f) for f in (1.0, 1 / factor, factor)]
-                left = [self._spent((*base[:i], e, *base[i + 1 :]), points) for e in near]
-                base[i] = near[int(np.argmin(np.round(left, 6)))]
-        return tuple(base)
+                near = [moved(effect, f) for f in (1.0, 1 / factor, factor)]
+                each = [zip(self._beside_on_axes(others, e), points, strict=True) for e in near]
+                spent = [sum(f.spent[h] if f else np.inf for f, h in own) for own in each]
+                effect = near[int(np.argmin(np.round(spent, 6)))]
+            base = (*base[:i], effect, *base[i + 1 :])
+        return base
 
-    def _spent(self, base, points):
-        """Return what the likelihood loses by what effects leave, by a hypothesis of each axis."""
-        fits = [self.sight(base).fit(self.columns(base, a), a) for a in range(len(points))]
-        return sum(f.spent[h] if f else np.inf for f, h in zip(fits, points, strict=True))
+    def _beside_on_axes(self, base, effect):
+        """Return the fit of each axis with an effect beside others, about a fit without it."""
+        sight, both = self.sight(base), (*base, effect)
+        own = [sight.evidence.columns_of(both, axis) for axis in range(sight.evidence.axes)]
+        return [sight.fit(columns, axis) for axis, columns in enumerate(own)]
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""

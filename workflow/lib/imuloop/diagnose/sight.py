@@ -163,8 +163,7 @@ class Sight:
         """Return the Fit of an axis to columns; None where they are not independent."""
         key = tuple(columns), axis
         if key not in self._fits:
-            base = self.fits((), (key[0],), axis)
-            self._fits[key] = base[0]
+            (self._fits[key],) = self.fits((), (key[0],), axis)
         return self._fits[key]
 
     def fits(self, base, more, axis):

@@ -98,13 +98,12 @@ def unseen(cls, limits, units):
     units : dict of str to str
         Unit of each.
     """
-    known = {name: v for name, v in limits.items() if v is not None}
-    if not known:
+    if not limits:
         return "whatever its size, parts that are held out do not confirm it for certain"
-    name = min(known, key=known.get)
-    if not known[name] > cls.limit:
+    name = min(limits, key=limits.get)
+    if not limits[name] > cls.limit:
         return None
     return (
-        f"these data would show it from {known[name]:.2g} {units[name]} on, and {cls.limit:g} is "
+        f"these data would show it from {limits[name]:.2g} {units[name]} on, and {cls.limit:g} is "
         "the most possible"
     )
