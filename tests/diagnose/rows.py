@@ -113,7 +113,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
         Largest p-value that passes.
     """
     n = len(values)
-    noise = Hypotheses.of(covariances or [np.eye(n)], len(covariances) or 1)
+    noise = Hypotheses.of(covariances or [np.eye(n)])
     fold = np.arange(n) % PARTS
     block = Block(values[:, None], nuisance, noise, fold[:, None])
     prior = np.zeros(len(noise.log_det))

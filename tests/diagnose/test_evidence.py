@@ -101,7 +101,7 @@ def test_a_fit_to_noise_of_known_size_with_many_nuisances(out, size):
     values = size * rng.normal(size=n) + side @ rng.normal(size=5) + columns[:, 0] @ [1.0, 2.0]
     # nuisances have units of their own
     side *= 10.0 ** np.arange(-6, 4, 2)
-    block = Block(values[:, None], side, Hypotheses.of(covariances, 2), folds)
+    block = Block(values[:, None], side, Hypotheses.of(covariances), folds)
     prior = np.log([0.4, 0.6])
     evidence = Evidence([block], prior, lambda effect: columns, least=1.0)
     (pattern,) = evidence.patterns(["any"])

@@ -183,7 +183,7 @@ def static(problem, shapes):
         records.append(StaticRecord(f"s{number}", *still, np.tile(y[:, None], 3), channels))
     # every hypothesis of the grid is the same
     count = len(ratios(LENGTH * max(ROWS), LENGTH)[0])
-    noise = tuple(Hypotheses.of([c] * count, count) for c in problem.covariances)
+    noise = tuple(Hypotheses.of([c] * count) for c in problem.covariances)
     return StaticProblem(tuple(records), shapes, SETTINGS, TESTS, noise)
 
 

@@ -18,21 +18,20 @@ class Hypotheses:
         Inverse of the covariance under each hypothesis.
     log_det : ndarray, shape (h,)
         Logarithm of the covariance's determinant.
+    fitted : float or ndarray, shape (h,)
+        How many parameters of it were fitted to the residuals.
     """
 
     precision: np.ndarray
     log_det: np.ndarray
+    fitted: float | np.ndarray = 0.0
 
     @classmethod
-    def of(cls, covariances, count):
-        """Return those of `count` covariances, shape (n, n), taken one at a time."""
-        inverses, log_det = None, np.empty(count)
-        for h, covariance in enumerate(covariances):
-            if inverses is None:
-                inverses = np.empty((count, *covariance.shape))
-            inverses[h], root = precision(covariance)
-            log_det[h] = 2 * np.log(np.diag(root)).sum()
-        return cls(inverses, log_det)
+    def of(cls, covariances, fitted=0.0):
+        """Return those of covariances, shape (n, n), taken one at a time."""
+        each = ((own, 2 * np.log(np.diag(root)).sum()) for own, root in map(precision, covariances))
+        inverses, log_det = zip(*each, strict=True)
+        return cls(np.array(inverses), np.array(log_det), fitted)
 
     def mean(self, weights):
         """Return the covariance, averaged with weights, shape (h,), not of what counts nothing."""
@@ -166,10 +165,13 @@ class Evidence:
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def under(self, noise):
-        """Return the same evidence under other Hypotheses about the noise of each block."""
+        """Return the same evidence under other Hypotheses about the noise of each block.
+
+        For drawn records: noise that was fitted makes data likelier than these, by its parameters.
+        """
         blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
-        likewise = self.least, self.still, self.plain, self.even
-        return Evidence(blocks, self.prior, self.design, *likewise)
+        prior = self.prior + sum(n.fitted for n in noise)
+        return Evidence(blocks, prior, self.design, self.least, self.still, self.plain, self.even)
 
     def know(self, key, design):
         """Enter a pattern of any kind, (N, a, q), under a key that stands for an effect."""

@@ -236,15 +236,7 @@ class Sight:
         return int(np.argmax(np.where(self.evidence.still, fit.log_weight, -np.inf)))
 
     def solved(self, columns, axis):
-        """Return nuisances of each block and coefficients of columns, fitted to what is seen.
-
-        Returns
-        -------
-        dict of int to ndarray, shape (p,)
-            Of the blocks that are seen.
-        ndarray, shape (k,)
-            In the columns' units.
-        """
+        """Return nuisances of each block that is seen, (p,), and coefficients of columns, (k,)."""
         fit = self.fit(columns, axis)
         if fit is None and columns:
             return self.solved((), axis)[0], np.zeros(len(columns))

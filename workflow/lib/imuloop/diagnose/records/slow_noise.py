@@ -52,4 +52,4 @@ def unit_noise(name):
 def hypotheses(windows, grid):
     """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
-    return Hypotheses.of((white + b * flicker + k * walk for b, k in grid), len(grid))
+    return Hypotheses.of(white + b * flicker + k * walk for b, k in grid)
