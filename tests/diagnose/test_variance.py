@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imuloop.diagnose.records.poses import COUNTS
+from imuloop.diagnose.records.poses import HALF_A_PARAMETER
 from imuloop.diagnose.variance import Part, likely_sizes, total
 
 N = 40
@@ -92,6 +92,6 @@ def test_data_are_likelier_by_noise_that_was_fitted_to_them_than_others_are():
         sizes = likely_sizes(own, LINE, np.eye(N), slow)
         covariance = total(np.eye(N), slow, sizes)
         gains.append(loss(other, covariance) - loss(own, covariance))
-        counts.append((sizes / (sizes + COUNTS)).sum())
+        counts.append((sizes / (sizes + HALF_A_PARAMETER)).sum())
     error = np.std(gains) / np.sqrt(len(gains))
     assert np.mean(gains) == pytest.approx(np.mean(counts), abs=2 * error)

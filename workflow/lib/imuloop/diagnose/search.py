@@ -283,8 +283,8 @@ class Search:
         for i, effect in enumerate(base):
             others = base[:i] + base[i + 1 :]
             # about one fit, and so by one noise, whatever the constants
-            fits = self._beside_on_axes(others, effect)
-            if moved(effect, 2.0) == effect or not all(fits):
+            fits = self._beside_on_axes(others, effect) if moved(effect, 2.0) != effect else [None]
+            if not all(fits):
                 continue
             points = [self.sight(others).point(fit) for fit in fits]
             for factor in FACTORS:

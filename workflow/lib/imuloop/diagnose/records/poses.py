@@ -18,8 +18,8 @@ from imuloop.diagnose.variance import Part, likely_sizes, total
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
-# size of a part of the noise that counts half as a parameter; those of no size are none
-COUNTS = 0.1
+# size at which a part of the noise counts as half a parameter that was fitted
+HALF_A_PARAMETER = 0.1
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class PoseProblem:
             """Return what the noise may be, from as estimated to as residuals make it likeliest."""
             likeliest = likely_sizes(values, jacobian, covariance, parts)
             sizes = (first + s * (likeliest - first) for s in PATH)
-            fitted = (likeliest / (likeliest + COUNTS)).sum() * np.array(PATH)
+            fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
             return Hypotheses.of((total(covariance, parts, each) for each in sizes), fitted)
 
         off = (noisy - estimated) / [part.deviation for part in slow]
