@@ -149,6 +149,24 @@ def test_noise_is_estimated_again_without_the_effect(warm, tmp_path):
     assert longest["ci_low"] < WHITE / np.sqrt(longest["tau_s"]) < longest["ci_high"]
 
 
+def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk():
+    def settles(t):
+        return np.outer(0.1 * np.exp(-t / 100.0), np.ones(6))
+
+    made = data(a=log(4, extra=settles))
+    noise = noise_of(made)
+    result = diagnosed(made, noise)
+    assert all(result.content[s]["effects"] == [] for s in SENSORS)
+    # but the content of the record keeps the noise as logged
+    assert all(result.content[s]["noise"] == {} for s in SENSORS)
+    plain = noise_of(data(a=log(4)))
+    for axis in CHANNELS:
+        limits = [model.known(axis, "K") for model in (noise, result.noise, plain)]
+        logged, without, true = (size + spread for size, spread in limits)
+        assert without < 0.5 * logged
+        assert without < 1.5 * true
+
+
 def test_corrected_samples_are_those_without_the_effect(warm):
     made, _, result = warm
     samples = made.samples["a"]

@@ -35,7 +35,7 @@ class StaticResult:
     effects : dict of str to tuple of FittedEffect
         Effects of each sensor that belong into a calibration.
     noise : NoiseModel
-        Noise without the effects, with the lines and processes that were found.
+        Noise without the effects, doubtful ones too, with the lines and processes that were found.
     allan : dict of str to dict of ndarray
         Allan table of each session without the effects; empty where nothing was taken out.
     findings : dict of str to Finding
@@ -81,6 +81,8 @@ class Finding:
         Effects that cannot be tried: status and reason.
     effects : tuple of FittedEffect
         What was added, with its parameters.
+    doubtful : tuple of FittedEffect
+        The same with the best that passes the test, but that no held-out part confirms.
     process : Process or None
         Test for noise with a correlation time; None without enough means in a row.
     before, after : ndarray, shape (N, 3)
@@ -90,6 +92,7 @@ class Finding:
     choices: Choices
     others: dict
     effects: tuple
+    doubtful: tuple
     process: object
     before: np.ndarray
     after: np.ndarray
@@ -184,6 +187,14 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         }
         content[sensor] = static_content(sensor, finding, lines_out, change)
     names = [e.name for own in found.values() for e in own] + list(processes)
+    doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
+    if doubtful != found:
+        # a warm-up that no second start confirms is no random walk either
+        without, _ = noise_again(noise.device, data, calibration, doubtful, noise_settings)
+        rest = with_found_noise(without, found, processes)
+    else:
+        # a line is noise elsewhere, and the noise as logged has it
+        rest = noise if set(names) <= {Sinusoid.name} else whole
     effects = {
         sensor: tuple(e for e in fitted_ones if e.effect.lasting)
         for sensor, fitted_ones in found.items()
@@ -191,8 +202,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     return StaticResult(
         {sensor: content[sensor] for sensor in SENSORS},
         {sensor: effects.get(sensor, ()) for sensor in SENSORS},
-        # a line is noise elsewhere, and the noise as logged has it
-        noise if set(names) <= {Sinusoid.name} else whole,
+        rest,
         allan,
         findings,
     )
@@ -235,7 +245,11 @@ def find(sensor, records, fine, settings, tests, noise=None):
     available, others = static_candidates(sensor, records)
     shapes = {cls: s for cls, s in available.items() if s}
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests, noise))
-    base = choices.choice().base
+    choice, search = choices.choice(), choices.search()
     before, after = choices.following(()), choices.errors(choices.nested)
     process = find_process(fine, choices)
-    return Finding(choices, others, fitted(choices.search(), base), process, before, after)
+    unconfirmed = [cls for cls in choice.failed if isinstance(cls, type) and cls.lasting]
+    trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
+    effects = fitted(search, choice.base)
+    doubtful = fitted(search, (*choice.base, *trial.effects)) if trial else effects
+    return Finding(choices, others, effects, doubtful or effects, process, before, after)
