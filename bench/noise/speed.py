@@ -22,7 +22,7 @@ from bench.noise.product import SETTINGS
 from bench.noise.records import Scenario, record
 from bench.study.tables import table
 from imuloop.chain import Device, noise
-from imuloop.core.samples import CHANNELS, Columns, schema
+from imuloop.core.samples import CHANNELS, Samples, schema
 from imuloop.core.segments import segment_table, write_segments
 
 # 24 h at 200 Hz, Hz
@@ -54,7 +54,7 @@ def make(folder, rows, rate=RATE):
     end = rows / rate
     first, last = (end - DISTURBED) / 2, (end + DISTURBED) / 2
     segments = segment_table(
-        Columns(path),
+        Samples(path),
         [0, first, last],
         [first, last, end],
         ["static", "disturbed", "static"],

@@ -8,8 +8,7 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from imuloop.core.rows import Rows
-from imuloop.core.samples import CHANNELS, TIME, Columns
+from imuloop.core.samples import CHANNELS, TIME, Samples
 from imuloop.segment.disturbance import (
     distance_beyond,
     robust_covariance,
@@ -32,7 +31,7 @@ def cut(samples):
 
 def is_cut(samples, settings=SETTINGS):
     whole = np.array([[0, len(samples)]])
-    return not np.array_equal(undisturbed(Rows(samples), whole, 0.01, settings)[0], whole)
+    return not np.array_equal(undisturbed(Samples(samples), whole, 0.01, settings)[0], whole)
 
 
 def coloured(seed):
@@ -192,7 +191,7 @@ def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
     path = tmp_path / "samples.parquet"
     samples.to_parquet(path, index=False, row_group_size=70_001)
     for threads in (1, 2):
-        columns, found = session_columns(Columns(path), "static", SETTINGS, threads)
+        columns, found = session_columns(Samples(path), "static", SETTINGS, threads)
         assert found == metadata
         pd.testing.assert_frame_equal(pd.DataFrame(columns), segments, check_exact=True)
 
@@ -201,7 +200,7 @@ def test_the_steepest_change_is_that_of_each_support():
     """Against each support by itself, with supports that overlap and some that do not."""
     rng = np.random.default_rng(12)
     x = np.cumsum(rng.normal(size=(3000, 6)), axis=0)
-    rows = Rows(pd.DataFrame(x, columns=CHANNELS))
+    rows = Samples(pd.DataFrame(x, columns=CHANNELS))
     covariance, width = np.diag(rng.uniform(1, 2, 6)), 64
     found = np.sort(rng.choice(2800, 40, replace=False))
     expected = []

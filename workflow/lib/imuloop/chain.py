@@ -128,7 +128,7 @@ def ingest(device, session, declared, paths, progress=None):
 
 def segment(device):
     """Write the segments of each session."""
-    from imuloop.core.samples import Columns
+    from imuloop.core.samples import Samples
     from imuloop.core.segments import write_segments
     from imuloop.segment.segment import no_segments, session_columns
     from imuloop.segment.settings import SegmentSettings
@@ -137,7 +137,7 @@ def segment(device):
     for files in device.sessions.values():
 
         def work(files=files):
-            samples = Columns(files["samples"])
+            samples = Samples(files["samples"])
             found = session_columns(samples, files["kind"], settings, device.threads)
             write_segments(files["segments"], *found)
 
@@ -151,7 +151,7 @@ def segment(device):
 
 def noise(device):
     """Write noise.json and the Allan curves and other views of each session, as logged."""
-    from imuloop.core.samples import Columns, read_columns
+    from imuloop.core.samples import Samples, read_columns
     from imuloop.core.tables import write_table
     from imuloop.noise.noise import estimate_noise, no_noise
     from imuloop.noise.records import Session
@@ -165,7 +165,7 @@ def noise(device):
 
     def work():
         sessions = [
-            Session(name, each["kind"], Columns(each["samples"]), read_columns(each["segments"]))
+            Session(name, each["kind"], Samples(each["samples"]), read_columns(each["segments"]))
             for name, each in device.sessions.items()
         ]
         settings = NoiseSettings(**device.noise)

@@ -19,14 +19,14 @@ import pyarrow.parquet as pq
 from imuloop.core.cells import text_cell, text_cells
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
-from imuloop.core.rows import ROWS, Rows, median_step
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     METADATA_KEY,
+    ROWS,
     TEMPERATURE,
     TIME,
-    Columns,
+    Samples,
     check_columns,
     read_metadata,
 )
@@ -77,7 +77,7 @@ def apply_file(calibration, source, target, rows=ROWS):
     if read_metadata(source).get("calibrated"):
         raise ImuloopError(f"{source}: its samples are calibrated already")
     reach = max((effect.effect.reach for effect in calibration.effects), default=0.0)
-    step = median_step(Rows(Columns(source))) if reach else None
+    step = Samples(source).interval if reach else None
     ends = None
     if TEMPERATURE in names and any(TEMPERATURE in e.effect.needs for e in calibration.effects):
         ends = known_ends(source, rows)

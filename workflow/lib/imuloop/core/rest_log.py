@@ -8,8 +8,7 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.memory import filled
 from imuloop.core.pieces import FEWEST
-from imuloop.core.rows import Rows, median_step, sums_over
-from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME, Samples, sums_over
 
 # samples that are worked on at a time
 PART = 1 << 18
@@ -21,7 +20,7 @@ class RestLog:
 
     Attributes
     ----------
-    rows : Rows
+    rows : Samples
         Its samples, SI, as logged.
     t : ndarray, shape (n,)
         Time, s.
@@ -31,7 +30,7 @@ class RestLog:
         degC, missing values filled.
     """
 
-    rows: Rows
+    rows: Samples
     t: np.ndarray
     interval: float
     temperature: np.ndarray | None
@@ -41,11 +40,12 @@ class RestLog:
     @classmethod
     def of(cls, samples):
         """Return the RestLog of samples, columns by name."""
-        t, rows, temperature = np.asarray(samples[TIME]), Rows(samples), None
+        rows, temperature = Samples(samples), None
+        t = rows[TIME]
         if TEMPERATURE in samples:
             logged = np.asarray(samples[TEMPERATURE])
             temperature = filled(t, logged) if np.isfinite(logged).any() else None
-        return cls(rows, t, median_step(rows) or np.nan, temperature)
+        return cls(rows, t, rows.interval or np.nan, temperature)
 
     def column(self, name):
         """Return a column of the whole log, as logged, shape (n,)."""

@@ -13,8 +13,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.files import replaced
-from imuloop.core.rows import Rows
-from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE, TIME, parquet_file
+from imuloop.core.samples import (
+    CHANNELS,
+    METADATA_KEY,
+    TEMPERATURE,
+    TIME,
+    Samples,
+    parquet_file,
+)
 
 STATIC = "static"
 MOTION = "motion"
@@ -52,7 +58,7 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     t = np.asarray(samples[TIME])
     ranges = np.column_stack([np.searchsorted(t, edge, side="left") for edge in (start_s, end_s)])
     return pd.DataFrame(
-        segment_columns(start_s, end_s, kinds, poses, ranges, *statistics(Rows(samples), ranges))
+        segment_columns(start_s, end_s, kinds, poses, ranges, *statistics(Samples(samples), ranges))
     )
 
 
@@ -79,7 +85,7 @@ def statistics(rows, ranges):
 
     Parameters
     ----------
-    rows : Rows
+    rows : Samples
         Samples.
     ranges : array_like of int, shape (n, 2)
         Half-open.

@@ -32,7 +32,7 @@ class Session:
         Name in the config.
     kind : str
         'static', 'six_position' or 'multi_position'.
-    samples : DataFrame or Columns
+    samples : Samples, DataFrame or dict
         Samples, SI; empty where the session was rejected.
     segments : DataFrame or dict
         Segments of these samples by column.

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.rows import Rows, sums_over
-from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.core.samples import TEMPERATURE, TIME, sums_over
 from imuloop.report.columns import from_records
 from imuloop.report.numbers import RESIDUAL, number
 from imuloop.report.results import XYZ
@@ -58,7 +57,7 @@ def temperatures(session, start):
     edges = np.column_stack([start, start + np.median(np.diff(start))])
     # of a day-long log in little memory
     total, count = np.zeros((2, len(start)))
-    for _, (t, value) in Rows(session.samples).pieces((TIME, TEMPERATURE)):
+    for _, (t, value) in session.samples.pieces((TIME, TEMPERATURE)):
         at, known = np.searchsorted(t, edges), np.isfinite(value)
         total += sums_over(np.where(known, value, 0.0), at)
         count += sums_over(known, at)

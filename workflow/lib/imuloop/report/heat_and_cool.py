@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from imuloop.core.rows import Rows
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.report.numbers import joined, number
 from imuloop.report.results import SENSORS
@@ -26,7 +25,7 @@ def heat_and_cool(device):
         warmth = session.samples[TEMPERATURE]
         known = np.flatnonzero(np.isfinite(warmth))
         few = known[:: max(1, len(known) // 2000)]
-        t, warmth = Rows(session.samples).at(TIME, few), warmth[few]
+        t, warmth = session.samples.at(TIME, few), warmth[few]
         if len(t) < 3 or np.ptp(warmth) < SPAN_K:
             continue
         r = float(np.corrcoef(t, warmth)[0, 1])

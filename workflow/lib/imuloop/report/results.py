@@ -12,7 +12,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
-    Columns,
+    Samples,
     read_columns,
     read_metadata,
 )
@@ -88,7 +88,7 @@ class Session:
     @cached_property
     def samples(self):
         """The samples, a column at a time."""
-        return Columns(self.samples_path)
+        return Samples(self.samples_path)
 
 
 @dataclass(frozen=True)

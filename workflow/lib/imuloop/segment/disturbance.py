@@ -132,7 +132,7 @@ def undisturbed(rows, stretches, step, settings, threads=1):
 
     Parameters
     ----------
-    rows : imuloop.core.rows.Rows
+    rows : imuloop.core.samples.Samples
         Samples.
     stretches : array_like of int, shape (k, 2)
         Stretches without a gap.
@@ -302,7 +302,7 @@ def steepest(rows, found, width, covariance):
 
     Parameters
     ----------
-    rows : imuloop.core.rows.Rows
+    rows : imuloop.core.samples.Samples
         Samples.
     found : ndarray of int, shape (n,)
         First samples of the supports, in order.

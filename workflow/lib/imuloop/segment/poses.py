@@ -3,8 +3,7 @@
 import numpy as np
 
 from imuloop.core.rotation import exponential, multiply, prefix_product, step_vectors
-from imuloop.core.rows import ROWS
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, ROWS, TIME
 
 
 def turned_by(rows, first, last, bias, limit):
@@ -12,7 +11,7 @@ def turned_by(rows, first, last, bias, limit):
 
     Parameters
     ----------
-    rows : imuloop.core.rows.Rows
+    rows : imuloop.core.samples.Samples
         Samples.
     first, last : int
         Range of samples.
@@ -45,7 +44,7 @@ def number_poses(rows, rests, means, spreads, stretches, settings):
 
     Parameters
     ----------
-    rows : imuloop.core.rows.Rows
+    rows : imuloop.core.samples.Samples
         Samples.
     rests : array_like of int, shape (m, 2)
         Ranges of samples, in order of time.

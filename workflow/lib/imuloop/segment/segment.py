@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuloop.core.rows import Rows
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.multiples import attitudes, choose_multiples
@@ -38,7 +37,7 @@ def segment_session(samples, kind, settings):
 
     Parameters
     ----------
-    samples : Columns or DataFrame
+    samples : Samples or DataFrame
         Samples of the session, SI.
     kind : str
         "static", "six_position" or "multi_position".
@@ -69,14 +68,14 @@ def session_columns(samples, kind, settings, threads=1):
 
     Parameters
     ----------
-    samples : Columns or DataFrame
+    samples : Samples or DataFrame
         Samples of the session, SI.
     kind, settings
         As of `segment_session`.
     threads : int
         How many may work at once; changes nothing in the result.
     """
-    rows = Rows(samples)
+    rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
         rests, metadata = undisturbed(rows, stretches, step, settings, threads)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.rows import median_step
+from imuloop.core.samples import TIME
 
 
 def runs(mask):
@@ -21,17 +21,16 @@ def unbroken(rows, gap_factor):
 
     Parameters
     ----------
-    rows : imuloop.core.rows.Rows
+    rows : imuloop.core.samples.Samples
         Samples.
     gap_factor : float
         Multiple of the median step.
     """
-    step = median_step(rows)
+    step = rows.interval
     if step is None:
         return np.array([[0, len(rows)]])[: len(rows)], 1.0
-    limit = gap_factor * step
-    cuts = [first + 1 + np.flatnonzero(steps > limit) for first, steps in rows.time_steps()]
-    edges = np.concatenate([[0], *cuts, [len(rows)]])
+    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_factor * step)
+    edges = np.concatenate([[0], cuts, [len(rows)]])
     return np.column_stack([edges[:-1], edges[1:]]), step
 
 

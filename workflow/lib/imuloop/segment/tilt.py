@@ -31,7 +31,7 @@ def tilts(rows, ranges, step):
 
     Parameters
     ----------
-    rows : imuloop.core.rows.Rows
+    rows : imuloop.core.samples.Samples
         Samples.
     ranges : ndarray of int, shape (m, 2)
         Half-open ranges of samples at rest, in order of time.

@@ -6,7 +6,7 @@ ends with sample 2ʲ(k + 1). Those that reach beyond an end of the range are lef
 
 import pywt
 
-from imuloop.core.rows import ROWS
+from imuloop.core.samples import ROWS
 
 # two vanishing moments: a straight drift leaves nothing
 WAVELET = pywt.Wavelet("db2")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imuloop.core.rest_log import RestLog
-from imuloop.core.samples import Columns, read_columns
+from imuloop.core.samples import Samples, read_columns
 from imuloop.core.segments import STATIC, runs
 from imuloop.diagnose.records.means import part_of, rests_to_use, static_record
 
@@ -18,7 +18,7 @@ class StaticData:
     ----------
     kinds : dict of str to str
         Kind of each session used.
-    samples : dict of str to (Columns, DataFrame or dict)
+    samples : dict of str to (Samples, DataFrame or dict)
         Its samples by column, SI, as logged.
     segments : dict of str to (dict or DataFrame)
         Its segments, as `rests_to_use` gives them.
@@ -69,6 +69,6 @@ def read_static(sessions):
     used = rests_to_use(kinds, segments)
     return StaticData(
         {name: kinds[name] for name in used},
-        {name: Columns(sessions[name]["samples"]) for name in used},
+        {name: Samples(sessions[name]["samples"]) for name in used},
         used,
     )
