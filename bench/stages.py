@@ -55,40 +55,33 @@ def jobs(folder, kinds):
     declared = {name: {"kind": kind, "file": f"{name}.csv"} for name, kind in kinds.items()}
     device = resolve({"devices": {"imu": {"sessions": declared}}})["imu"]
 
-    def job(stage, output, session=None, params=None, **content):
+    def job(stage, output, *settings, session=None, more=None, **content):
+        own = {session: kinds[session]} if session else kinds
+        settings = {"name": "imu", "kinds": own, **{key: device[key] for key in settings}}
         output = {Path(name).stem: f"{folder}/{name}" for name in output}
-        params = {"device": "imu", "kinds": kinds, **(params or {})}
-        log = f"{folder}/{stage}.log"
-        given = {"params": params, "output": output, "log": [log], "threads": 1, **content}
-        return stage, session, given
-
-    def settings(stage):
-        return {"settings": device[stage], "gravity": device["gravity"]}
+        given = {"params": {"device": settings, **(more or {})}, "output": output}
+        return stage, session, given | {"log": [f"{folder}/{stage}.log"], "threads": 1, **content}
 
     for name in kinds:
         (folder / name).mkdir(exist_ok=True)
-        params = {key: device[key] for key in ("nominal", "full_scale")}
         yield job(
             "ingest",
             [f"{name}/samples.parquet", f"{name}/quality.json"],
-            name,
-            params | {"session": name, "declared": device["sessions"][name]},
+            *("nominal", "full_scale", "gravity"),
+            session=name,
+            more={"declared": {k: v for k, v in device["sessions"][name].items() if k != "kind"}},
             input={"log": [f"{folder}/{name}.csv"]},
         )
-    stage, session, given = job("segment", [], params=settings("segment"))
-    yield (
-        stage,
-        session,
-        given | {"output": [f"{folder}/{name}/segments.parquet" for name in kinds]},
-    )
-    yield job("noise", ["noise.json"], params=settings("noise"))
+    for name in kinds:
+        yield job("segment", [f"{name}/segments.parquet"], "segment", session=name)
+    yield job("noise", ["noise.json"], "noise")
     calibrations = ["six_position.json", "multi_position.json"]
-    yield job("calibrate", calibrations, params=settings("calibrate"))
-    both = {f"{stage}_settings": device[stage] for stage in ("calibrate", "noise")}
-    yield job("diagnose", ["diagnosis.json"], params=settings("diagnose") | both)
-    label = {"label": "imu"}
-    yield job("export", ["exports"], params=label)
-    yield job("report_device", ["section.html"], params=label)
+    yield job("calibrate", calibrations, "gravity", "calibrate")
+    yield job("diagnose", ["diagnosis.json"], "gravity", "noise", "calibrate", "diagnose")
+    for name in kinds:
+        yield job("allan", [f"{name}/allan.parquet"], session=name)
+    yield job("export", ["exports"], "label")
+    yield job("report_device", ["section.html"], "label")
 
 
 def run(stage, job, folder, repeats=1):

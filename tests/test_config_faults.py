@@ -8,7 +8,7 @@ import yaml
 
 from entries import REPLICAS, SOUND, session
 from imuloop.config import merge
-from imuloop.config_faults import as_given, config_faults
+from imuloop.config_faults import config_faults
 
 SHA = "0" * 64
 
@@ -352,10 +352,3 @@ def test_a_fault_names_the_file_that_holds_it(tmp_path, schema, monkeypatch):
         path.write_text(yaml.safe_dump(content))
     lines = config_faults(merge(first, second), files, schema, REPLICAS)
     assert lines == ["second.yaml: devices.a.label: 3 is not text"]
-
-
-def test_config_is_named_as_it_was_given():
-    arguments = ["-c2", "--configfile", "../some/c.yaml", "results/report.html"]
-    assert as_given("/home/some/c.yaml", arguments) == "../some/c.yaml"
-    assert as_given("/home/c.yaml", ["--configfile=/home/c.yaml"]) == "/home/c.yaml"
-    assert as_given("config.yaml", ["results/report.html"]) == "config.yaml"

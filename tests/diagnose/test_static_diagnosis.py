@@ -17,7 +17,6 @@ from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, find, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.noise.allan import write_allan
 from imuloop.noise.correction import corrected
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
@@ -133,19 +132,10 @@ def test_noise_is_estimated_again_without_the_effect(warm, tmp_path):
         change = result.content["accelerometer" if name[0] == "a" else "gyroscope"]["noise"][name]
         assert change["before"]["N"]["value"] == before.N.value
         assert change["after"]["N"]["value"] == after.N.value
-    raw = pd.DataFrame(
-        {"axis": ["ax"], "tau_s": [1.0], "adev": [1.0], "ci_low": [0.9], "ci_high": [1.1],
-         "edf": [9.0], "stage": ["raw"]}
-    )  # fmt: skip
-    raw.to_parquet(tmp_path / "raw.parquet")
-    write_allan(tmp_path / "raw.parquet", result.allan["a"], tmp_path / "both.parquet")
-    both = pd.read_parquet(tmp_path / "both.parquet")
-    assert list(both["stage"].unique()) == ["raw", "corrected"]
-    assert list(both.columns) == list(raw.columns)
-    write_allan(tmp_path / "raw.parquet", None, tmp_path / "alone.parquet")
-    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "alone.parquet"), raw)
-    # longest averages of the corrected curve lie at the white noise
-    longest = both[(both["stage"] == "corrected") & (both["axis"] == "az")].iloc[-1]
+    curves = pd.DataFrame(result.allan["a"])
+    assert list(curves["stage"].unique()) == ["corrected"]
+    # longest averages lie at the white noise
+    longest = curves[curves["axis"] == "az"].iloc[-1]
     assert longest["ci_low"] < WHITE / np.sqrt(longest["tau_s"]) < longest["ci_high"]
 
 

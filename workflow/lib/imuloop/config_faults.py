@@ -156,16 +156,9 @@ def _holds_more(content, most):
     return bool(left)
 
 
-def as_given(path, arguments):
-    """Return a config file's name as the command line gave it, else its own."""
-    absolute = f"/{os.path.abspath(path).lstrip('/')}"
-    values = [argument.rpartition("=")[2] for argument in arguments]
-    ends = [value for value in values if value and absolute.endswith(_anchored(value))]
-    return max(ends, key=len, default=str(path))
-
-
-def _anchored(value):
-    return "/" + os.path.normpath(value).removeprefix("../").lstrip("/")
+def shown_path(path):
+    """Return a config file's path from here where that is shorter."""
+    return min(os.path.relpath(path), str(path), key=len)
 
 
 def _origin(contents, key):

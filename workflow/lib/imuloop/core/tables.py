@@ -5,6 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.files import replaced
+from imuloop.core.samples import read_columns
 
 
 def table(names, *values):
@@ -34,3 +35,19 @@ def write_table(path, columns):
     }
     with replaced(path) as temporary:
         pq.write_table(pa.table(arrays), temporary)
+
+
+def write_sessions(path, tables):
+    """Write tables by session as one, with the session's name in its first column."""
+    parts = [
+        {"session": np.full(len(next(iter(each.values()))), name, object), **each}
+        for name, each in tables.items()
+    ]
+    write_table(path, joined(parts))
+
+
+def read_session(path, session):
+    """Return the rows of one session of such a table, without its name."""
+    columns = read_columns(path)
+    own = columns.pop("session") == session
+    return {name: x[own] for name, x in columns.items()}

@@ -16,6 +16,7 @@ from imuloop.core.samples import (
     read_columns,
     read_metadata,
 )
+from imuloop.core.tables import read_session
 from imuloop.report.columns import groups
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
@@ -143,9 +144,10 @@ class Device:
 
 def _session(folder, name, kind):
     path = folder / name
-    samples, segments, allan, views = (
-        path / f"{stem}.parquet" for stem in ("samples", "segments", "allan", "views")
+    samples, segments, allan = (
+        path / f"{stem}.parquet" for stem in ("samples", "segments", "allan")
     )
+    views = folder / "views.parquet"
     return Session(
         name,
         kind,
@@ -155,7 +157,7 @@ def _session(folder, name, kind):
         read_columns(segments),
         read_metadata(segments),
         read_columns(allan) if allan.exists() else None,
-        read_columns(views) if views.exists() else None,
+        read_session(views, name) if views.exists() else None,
     )
 
 
