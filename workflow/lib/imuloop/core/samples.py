@@ -6,7 +6,7 @@ rebuilt, `t_logged` is the time as stamped.
 """
 
 import json
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -139,8 +139,7 @@ class Samples:
             groups = range(self._metadata.num_row_groups)
             rows = [self._metadata.row_group(g).num_rows for g in groups]
             self._edges = np.cumsum([0, *rows])
-            # a range across two groups is read again half a range later
-            self._held = lru_cache(3)(self._group)
+            self._held = {}
         self.names = tuple(self._metadata.schema.names if self._metadata else self._table)
 
     def __len__(self):
@@ -168,6 +167,17 @@ class Samples:
             table = file.read_row_group(g, columns=list(names), use_threads=False)
         return np.array([table[name].to_numpy() for name in names], float)
 
+    def _held_group(self, names, g):
+        """Return columns of a row group, of which the last three are held.
+
+        A range across two groups is read again half a range later.
+        """
+        if (names, g) not in self._held:
+            while len(self._held) > 2:
+                del self._held[next(iter(self._held))]
+            self._held[names, g] = self._group(names, g)
+        return self._held[names, g]
+
     def read(self, names, first, last):
         """Return columns of a range of rows, shape (len(names), last - first)."""
         names = tuple(names)
@@ -178,7 +188,9 @@ class Samples:
         for g in range(low, high + 1):
             edge = self._edges[g]
             begin, end = max(first, edge), min(last, self._edges[g + 1])
-            out[:, begin - first : end - first] = self._held(names, g)[:, begin - edge : end - edge]
+            out[:, begin - first : end - first] = self._held_group(names, g)[
+                :, begin - edge : end - edge
+            ]
         return out
 
     def at(self, name, rows):
@@ -189,7 +201,7 @@ class Samples:
         out = np.empty(rows.shape)
         groups = np.searchsorted(self._edges, rows, side="right") - 1
         for g in np.unique(groups):
-            out[groups == g] = self._held((name,), g)[0, rows[groups == g] - self._edges[g]]
+            out[groups == g] = self._held_group((name,), g)[0, rows[groups == g] - self._edges[g]]
         return out
 
     def pieces(self, names, rows=ROWS):
