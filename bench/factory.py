@@ -34,16 +34,17 @@ FOLLOWS = 10
 # jobs of one device by rule
 WHOLE = {
     "ingest": 2,
-    "segment_1": 1,
-    "noise_1": 1,
+    "segment": 2,
+    "noise": 1,
     "calibrate": 1,
-    "diagnose_1": 1,
+    "diagnose": 1,
+    "allan": 2,
     "export": 1,
     "report_device": 1,
 }
 # of these the code is edited and a default changed
 EDITED = {"export": 1, "report_device": 1}
-DEFAULT = {"calibrate": 1, "diagnose_1": 1, "export": 1, "report_device": 1}
+DEFAULT = {"calibrate": 1, "diagnose": 1, "allan": 2, "export": 1, "report_device": 1}
 
 
 def main():
