@@ -154,7 +154,7 @@ def test_what_cannot_be_applied_is_told(log, tmp_path):
     with pytest.raises(ImuloopError, match=r"few\.parquet: no column ay, az, gx, gy, gz"):
         made.apply_file(tmp_path / "few.parquet", tmp_path / "out.parquet")
     (tmp_path / "text.parquet").write_text("t,ax\n")
-    with pytest.raises(ImuloopError, match="no samples file"):
+    with pytest.raises(ImuloopError, match="no whole Parquet file"):
         made.apply_file(tmp_path / "text.parquet", tmp_path / "out.parquet")
 
 
