@@ -66,19 +66,9 @@ class SensorCalibration:
         return (self.raw_unit.from_si(values) - self.b) * self.K
 
     def apply(self, values, channels=None):
-        """Return calibrated values.
+        """Return calibrated values, SI, of values as logged, SI, shape (n, 3).
 
-        Parameters
-        ----------
-        values : array_like, shape (n, 3)
-            SI units, as logged.
-        channels : Channels, optional
-            What the effects depend on; needed only where there are effects.
-
-        Returns
-        -------
-        ndarray, shape (n, 3)
-            Calibrated, SI.
+        The channels, which the effects depend on, are needed only where there are effects.
         """
         output = self.output(values)
         for effect in self.effects:
@@ -163,11 +153,6 @@ class Calibration:
         -------
         DataFrame
             A copy with calibrated specific force (m/s^2) and angular rate (rad/s).
-
-        Raises
-        ------
-        ImuloopError
-            If a column is missing.
         """
         check_columns(samples.columns)
         sensors = (ACCELERATION, ANGULAR_RATE)
@@ -224,7 +209,7 @@ class Calibration:
         return f.reshape(shape), w.reshape(shape)
 
     def apply_file(self, source, target):
-        """Write the calibrated samples of a samples file; see `imuloop.core.pieces.apply_file`."""
+        """Write the calibrated samples of a samples file; see `imuloop.core.pieces`."""
         return apply_file(self, source, target)
 
     def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):
@@ -252,7 +237,7 @@ class Calibration:
             If a value is not finite, and all that were logged are.
         """
         known = all(np.isfinite(values).all() for values in (f, w, t))
-        # what overflows is told below
+        # what overflows is refused below
         with np.errstate(over="ignore", invalid="ignore"):
             own, other = self.accelerometer.output(f), self.gyroscope.output(w)
             f = self.accelerometer.apply(
