@@ -98,7 +98,7 @@ class Effect:
     equation, reference : str
         What the effect adds, and where it is described.
     needs : tuple of str
-        Channels without which it cannot be told: ``temperature``, ``run``.
+        Channels without which it cannot be seen: ``temperature``, ``run``.
     records : tuple of str
         The data in which it is looked for: ``poses``, ``static_record``.
     unobservable : str or None
