@@ -80,9 +80,3 @@ def test_schema_has_the_units_and_formats_of_the_library(schema):
         "temperature": set(TEMPERATURE),
     }
     assert set(keys["format"]["enum"]) == set(FORMATS)
-
-
-def test_calibration_schema_has_the_units_of_the_library():
-    schema = yaml.safe_load((SCHEMAS / "calibration.schema.yaml").read_text())
-    units = schema["$defs"]["sensor"]["properties"]["raw_unit"]["enum"]
-    assert units == [*ACCELERATION, *ANGULAR_RATE, "count"]

@@ -11,11 +11,11 @@ from cluster.conftest import (
     ENVIRONMENT,
     command,
     contents,
-    copy_of_workflow,
     run,
     write_config,
     write_devices,
 )
+from workflow.conftest import copied
 
 # longest time from the end of a job to Snakemake's word of it, s
 TOLD = 60
@@ -113,7 +113,7 @@ def harmed(repository, folder, *names):
     edited, work = folder / "edited", folder / "work"
     edited.mkdir()
     work.mkdir()
-    copy_of_workflow(repository, edited)
+    copied(repository, edited)
     with open(edited / "scripts/segment.py", "a") as script:
         script.write(HARM)
     devices = write_devices(work, names)

@@ -3,14 +3,11 @@
 import os
 import signal
 
-import numpy as np
 import pytest
 
 from bench.fuzz.chain import run
 from bench.fuzz.chain.cases import make
-from bench.fuzz.chain.harm import HARMS
 from bench.fuzz.chain.judge import Page
-from bench.fuzz.chain.log import Log
 from bench.fuzz.chain.recordings import SIMULATED
 from imuloop import chain
 
@@ -31,26 +28,6 @@ def test_a_case_is_made_of_its_number_alone(tmp_path):
         words = make(number, folder).told
         made.append((words, {path.name: path.read_bytes() for path in folder.iterdir()}))
     assert made[0] == made[2] != made[1]
-
-
-@pytest.mark.parametrize("harm", HARMS, ids=lambda each: each.__name__)
-@pytest.mark.parametrize("n", [1, 400])
-def test_a_harm_leaves_a_log(harm, n):
-    rng = np.random.default_rng(n)
-    units = {"acceleration": "m/s^2", "angular_rate": "rad/s"}
-    log = Log(
-        kind="static",
-        t=np.arange(n) / 100,
-        x={sensor: rng.normal(size=(n, 3)) for sensor in units},
-        temperature=np.full(n, 20.0),
-        count={sensor: {"scale": 0.01, "offset": 0} for sensor in units},
-        written=dict(units),
-        declared=dict(units),
-    )
-    with np.errstate(all="ignore"):
-        assert isinstance(harm(rng, log), str)
-    assert {len(values) for values in log.x.values()} == {len(log.t)}
-    assert log.temperature is None or len(log.temperature) == len(log.t)
 
 
 @pytest.mark.parametrize(
