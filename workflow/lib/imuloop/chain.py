@@ -78,26 +78,10 @@ class Device:
 
 
 def ingest(device, session, declared, paths, progress=None):
-    """Write samples and quality of one session.
+    """Write samples and quality of one session, the log of which lies in files at the paths.
 
-    Parameters
-    ----------
-    device : Device
-        Whose session.
-    session : str
-        Its name.
-    declared : Mapping
-        ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps``, as of
-        `imuloop.ingest.ingest.ingest`; what is not there is found in the log.
-    paths : sequence of path-like
-        Files of the log.
-    progress : callable, optional
-        As of `imuloop.ingest.ingest.ingest`.
-
-    Returns
-    -------
-    list of Failure
-        What went wrong.
+    ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
+    declared, and `progress` given, as of `imuloop.ingest.ingest.ingest`.
     """
     from imuloop.ingest.ingest import ingest, write_nothing
 

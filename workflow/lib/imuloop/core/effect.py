@@ -187,10 +187,8 @@ class FittedEffect:
     ----------
     effect : Effect
         The effect, with its constants.
-    values : dict of str to float
-        Parameters, SI.
-    std : dict of str to float
-        Their standard errors, SI.
+    values, std : dict of str to float
+        Parameters and their standard errors, SI.
     seen : dict of str to (float, float)
         Least and largest value that the derivative of each parameter had in the data that show the
         effect, SI; it is held to them. Empty for an effect that acts everywhere.

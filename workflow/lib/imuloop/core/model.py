@@ -181,11 +181,6 @@ class Calibration:
         -------
         ndarray, ndarray
             m/s^2 and rad/s, shapes as given.
-
-        Raises
-        ------
-        ImuloopError
-            If shapes do not fit, or an effect needs what is not given.
         """
         f, w = np.asarray(acceleration, dtype=float), np.asarray(angular_rate, dtype=float)
         if f.shape != w.shape or f.ndim not in (1, 2) or f.shape[-1] != 3:
@@ -222,14 +217,10 @@ class Calibration:
         ----------
         f, w : ndarray, shape (n, 3)
             SI, as logged.
-        t : ndarray, shape (n,)
-            Seconds from the start of the log.
-        temperature : ndarray, shape (n,), or None
-            degC.
-        pasts, step
-            Of accelerometer and gyroscope, where the log comes in pieces: see `Channels`.
-        held
-            Of both, dicts that take where effects were held to their range: see `Channels`.
+        t, temperature : ndarray, shape (n,); None without temperature
+            Seconds from the start of the log; degC.
+        pasts, step, held
+            Of accelerometer and gyroscope: see `Channels`.
 
         Raises
         ------
@@ -258,10 +249,7 @@ class Calibration:
     def to_json(self, path, failed=None):
         """Write the calibration as JSON; `failed` is what went wrong where it is none.
 
-        Raises
-        ------
-        ImuloopError
-            If it is none that can be: see `imuloop.core.calibration_faults`.
+        Raises an ImuloopError for one that cannot be: see `imuloop.core.calibration_faults`.
         """
         self._refuse(path)
         content = {
@@ -277,11 +265,8 @@ class Calibration:
     def from_json(cls, path):
         """Return the calibration of a JSON file.
 
-        Raises
-        ------
-        ImuloopError
-            If the file is of another format version, or no calibration: not as its schema has
-            it, or none that can be (see `imuloop.core.calibration_faults`).
+        Raises an ImuloopError for a file of another format, not as its schema has it, or that
+        cannot be (see `imuloop.core.calibration_faults`).
         """
         content = read_json(path, MOST_BYTES)
         found = content.get("format") if isinstance(content, dict) else None

@@ -43,30 +43,15 @@ METADATA_KEY = b"imuloop"
 
 
 def lost_samples(steps, usual):
-    """Return how many samples are missing in steps of time; a step below `GAP_STEPS` lacks none.
-
-    Parameters
-    ----------
-    steps : ndarray
-        s.
-    usual : float
-        Usual step, s.
-    """
+    """Return how many samples are missing in steps, s; one below `GAP_STEPS` usual ones has all."""
     wide = steps > GAP_STEPS * usual
     return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
 
 
 def schema(temperature, metadata, rebuilt=False):
-    """Return the Parquet schema of a samples file.
+    """Return the Parquet schema of a samples file, whose metadata are kept as JSON.
 
-    Parameters
-    ----------
-    temperature : bool
-        Whether the log holds a temperature.
-    metadata : dict
-        Source, units, hashes; kept as JSON in the file.
-    rebuilt : bool
-        Whether `t` is not that of the stamps.
+    With a column of temperature, and one of the stamps where `t` was rebuilt.
     """
     names = [TIME, *CHANNELS, *[TEMPERATURE] * temperature, *[LOGGED_TIME] * rebuilt]
     fields = [pa.field(name, pa.float64()) for name in names]
@@ -74,15 +59,8 @@ def schema(temperature, metadata, rebuilt=False):
 
 
 def check_columns(names):
-    """Refuse a table that lacks a column of samples.
-
-    Raises
-    ------
-    ImuloopError
-        If one is missing.
-    """
-    lacking = [name for name in (TIME, *CHANNELS) if name not in names]
-    if lacking:
+    """Raise an ImuloopError for a table that lacks a column of samples."""
+    if lacking := [name for name in (TIME, *CHANNELS) if name not in names]:
         raise ImuloopError(
             f"no column {', '.join(lacking)}; samples have t (s), ax ay az (m/s^2), gx gy gz "
             "(rad/s)"
@@ -218,18 +196,9 @@ class Samples:
 
 
 def sums_over(values, ranges):
-    """Return sums of values over ranges of their rows, what lies before and behind them left out.
+    """Return sums of values, (n,) or (n, k), over half-open ranges of rows, (m, 2).
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,) or (n, k)
-        Of a piece, say.
-    ranges : ndarray of int, shape (m, 2)
-        First row and the one behind the last.
-
-    Returns
-    -------
-    ndarray, shape (m,) or (m, k)
+    Rows before the first and behind the last count nothing: the values may be those of a piece.
     """
     if values.ndim > 1:
         return np.column_stack([sums_over(column, ranges) for column in values.T])

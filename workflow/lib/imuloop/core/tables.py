@@ -9,15 +9,7 @@ from imuloop.core.samples import read_columns
 
 
 def table(names, *values):
-    """Return a table; a text or a number stands for a column of it beside arrays.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Columns.
-    *values : str, float or array_like, shape (n,)
-        Of each column.
-    """
+    """Return a table of columns; a text or a number stands for a column of it beside arrays."""
     columns = [np.asarray(each, object if isinstance(each, str) else float) for each in values]
     return dict(zip(names, np.broadcast_arrays(*columns), strict=True))
 
