@@ -344,7 +344,6 @@ def test_what_a_terminal_would_obey_is_not_printed(log, tmp_path, capsys):
     [
         (ACCELERATION, 1 / 9.80665, "taken as m/s^2, it looks like g"),
         (ANGULAR_RATE, 180 / np.pi, "taken as rad/s, it looks like deg/s"),
-        (ANGULAR_RATE, 2.0, "the sensor's full scale was 1/2 of the one that"),
     ],
 )
 def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys, columns, factor, cause):
