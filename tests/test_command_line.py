@@ -2,23 +2,19 @@
 
 import json
 import re
-from dataclasses import replace
 from html import unescape
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from calibrated import calibrated_device
 from imuloop import Calibration
 from imuloop.__main__ import main
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.ingest.ingest import ingest
-from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
@@ -91,19 +87,7 @@ def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
 def device(tmp_path_factory):
     """A folder with two logs of poses of a simulated device and its calibration."""
     folder = tmp_path_factory.mktemp("device")
-    made = example_truth(rate=50.0)
-    poses = replace(made.sessions["multi_position"], poses=24, initial_rest_s=20.0)
-    truth = replace(made, sessions={"multi_position": poses})
-    for seed in (1, 2):
-        simulate_session(truth, "multi_position", seed).to_csv(folder / f"{seed}.csv", index=False)
-    noise = known_noise(truth)
-    noise.to_json(folder / "noise.json")
-    recorded = recording(truth, 1)
-    force = calibrate_accelerometer(
-        recorded.poses, noise, truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    )
-    turn = calibrate_gyroscope(recorded, noise, force, RATE_UNIT, CalibrateSettings())
-    Calibration("d", truth.gravity, force, turn).to_json(folder / "calibration.json")
+    calibrated_device(folder, 24, 20.0, 1, 2).to_json(folder / "calibration.json")
     return folder
 
 

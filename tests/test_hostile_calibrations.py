@@ -10,15 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop import Calibration
+from calibrated import calibrated_device
 from imuloop.__main__ import main
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS
-from imuloop.simulate.simulate import simulate_session
-from imuloop.simulate.truth import example_truth
 
 MISSING = object()
 SENSOR_KEYS = ("raw_unit", "raw_scale", "raw_offset", "method", "not_testable", "reduced_chi2")
@@ -29,26 +24,15 @@ SENSOR_KEYS += ("T", "K", "b", "covariance", "effects")
 def device(tmp_path_factory):
     """A folder with the log of a simulated device and its calibration, an effect a sensor."""
     folder = tmp_path_factory.mktemp("device")
-    made = example_truth(rate=50.0)
-    poses = replace(made.sessions["multi_position"], poses=16, initial_rest_s=10.0)
-    truth = replace(made, sessions={"multi_position": poses})
-    log = simulate_session(truth, "multi_position", 1)
-    log["temperature"] = 20.0 + 0.01 * log["t"]
-    log.to_csv(folder / "log.csv", index=False)
-    noise = known_noise(truth)
-    noise.to_json(folder / "noise.json")
-    recorded = recording(truth, 1)
-    force = calibrate_accelerometer(
-        recorded.poses, noise, truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    )
-    turn = calibrate_gyroscope(recorded, noise, force, RATE_UNIT, CalibrateSettings())
-    calibration = Calibration(
-        "d",
-        truth.gravity,
-        replace(force, effects=(fitted("warm_up", tau=100.0), fitted("bias_temperature"))),
-        replace(turn, effects=(fitted("g_sensitivity"),)),
-    )
-    calibration.to_json(folder / "calibration.json")
+    made = calibrated_device(folder, 16, 10.0, 1)
+    log = pd.read_csv(folder / "1.csv")
+    log.assign(temperature=20.0 + 0.01 * log["t"]).to_csv(folder / "log.csv", index=False)
+    effects = (fitted("warm_up", tau=100.0), fitted("bias_temperature"))
+    replace(
+        made,
+        accelerometer=replace(made.accelerometer, effects=effects),
+        gyroscope=replace(made.gyroscope, effects=(fitted("g_sensitivity"),)),
+    ).to_json(folder / "calibration.json")
     return folder
 
 
