@@ -15,8 +15,8 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoi
 from imuloop.core.samples import CHANNELS
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
-from imuloop.plan.outlook import outlook
-from imuloop.plan.planned import FULL_TURN_S
+from imuloop.plan.information import Information
+from imuloop.plan.session import FULL_TURN_S
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -64,7 +64,7 @@ def expectation(seed, truth=TRUTH):
     recording = recorded(first)
     models, solutions, calibration = fitted(recording, known_noise(truth))
     content = next_recording(models, solutions, calibration, recording)
-    views = {s: outlook(models[s], solutions[s], None, None, recording) for s in SENSORS}
+    views = {s: Information.of(models[s], solutions[s], None, None, recording) for s in SENSORS}
     return content, candidate_plans(recording, calibration, views), first
 
 
@@ -238,5 +238,5 @@ def test_poses_without_specific_force_know_nothing():
     device, force = nominal(), models["accelerometer"]
     own = device.accelerometer
     assert len(directions_of(deaf, device)) == len(deaf.poses) - 4
-    assert set(outlook(force, None, own, own, deaf).std().values()) == {None}
-    assert None not in outlook(force, None, own, own, recording).std().values()
+    assert set(Information.of(force, None, own, own, deaf).std().values()) == {None}
+    assert None not in Information.of(force, None, own, own, recording).std().values()

@@ -6,7 +6,7 @@ import pytest
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.rotation import exponential, matrix
-from imuloop.plan.planned import (
+from imuloop.plan.session import (
     FULL_TURN_S,
     Plan,
     full_turns,
