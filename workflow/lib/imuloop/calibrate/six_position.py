@@ -104,10 +104,11 @@ def fit_six_position(f, faces, gravity, noise=0.0):
         wanted = (gravity - across / gravity) * up
         # nothing is known a thousand times better along than across: the fit stays well-posed
         shortened = max(noise + across**2 / gravity**2, 1e-6 * across)
-        weighted = design.T / np.where(along, shortened, across).T[:, None]
+        variance = np.where(along, shortened, across)
         # each row of [A c] is a linear fit of its own
-        cofactor = np.linalg.inv(weighted @ design)
-        solution = np.einsum("iab,ibn,ni->ai", cofactor, weighted, wanted)
+        cofactor = np.array([np.linalg.inv((design.T / v) @ design) for v in variance.T])
+        rows = zip(cofactor, variance.T, wanted.T, strict=True)
+        solution = np.column_stack([c @ (design.T / v) @ w for c, v, w in rows])
     x, case = decompose(solution[:3].T, solution[3])
     jacobian = np.empty((9, 4, 3))
     for i, j in np.ndindex(4, 3):
