@@ -34,20 +34,69 @@ class Solution:
         The effects that were estimated.
     fit : Fit
         Parameters of the base model, then the effects', SI as logged.
-    accelerometer : SensorCalibration or None
-        Calibration that gave the direction of gravity; None of an accelerometer.
     calibration : SensorCalibration or None
         Fitted calibration; None while nobody needs it.
     """
 
     effects: tuple[Effect, ...]
     fit: Fit
-    accelerometer: SensorCalibration | None
     calibration: SensorCalibration | None = None
 
 
+class SensorPoses:
+    """A sensor at the poses: its model about parameters, and the covariance of its residuals."""
+
+    # bias and its variance, where it is held instead of estimated
+    bias = None
+
+    def fit(self, recording, effects=(), start=None, prior=None):
+        """Return the Solution for a recording.
+
+        All residuals together, weighted with the covariance that the noise model predicts. A bias
+        that is held is not in the fit's covariance and derivative.
+
+        Parameters
+        ----------
+        recording : Recording
+            Poses and rotations.
+        effects : sequence of Effect
+            Effects to estimate.
+        start : ndarray, optional
+            Parameters of a fit with fewer effects.
+        prior : (ndarray, ndarray), optional
+            What other data tell of the parameters, as of `least_squares.fit`.
+
+        References
+        ----------
+        Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration
+        without external equipments", ICRA 2014, section IV.
+        """
+        x = self.model_at(None, recording, effects).start()
+        if start is not None:
+            x[: len(start)] = start
+        free = np.ones(len(x), dtype=bool)
+        if self.bias is not None:
+            x[9:12], free[9:12] = self.bias[0], False
+        # weights and effects depend on the calibrated output, which the start gives to 1 %
+        for _ in range(3 if start is None and effects else 2):
+            model = self.model_at(x, recording, effects)
+            covariance = self.covariance_at(x, model, recording, self.noise)
+            found = fit(partial(_of_free, model, x, free), x[free], covariance, prior)
+            x[free] = found.x
+        return Solution(tuple(effects), replace(found, x=x))
+
+    def model(self, solution, recording, shapes=()):
+        """Return the model of any recording about a solution, with more effects."""
+        return self.model_at(solution.fit.x, recording, (*solution.effects, *shapes))
+
+    def covariance(self, solution, recording, noise=None):
+        """Return the covariance of the residuals of any recording, by a noise model."""
+        model = self.model(solution, recording)
+        return self.covariance_at(solution.fit.x, model, recording, noise or self.noise)
+
+
 @dataclass(frozen=True)
-class AccelerometerPoses:
+class AccelerometerPoses(SensorPoses):
     """The accelerometer at the poses: the norm of specific force is gravity.
 
     Attributes
@@ -73,9 +122,8 @@ class AccelerometerPoses:
 
     def untestable(self, recording):
         """Return why the data determine no calibration, or None."""
-        return self._undetermined(recording.poses) or recording.poses.unknown_noise(
-            self.noise, ACCELERATION
-        )
+        silent = partial(recording.poses.unknown_noise, self.noise, ACCELERATION)
+        return self._undetermined(recording.poses) or silent()
 
     def undetermined(self, recording, keeps):
         """Return for each mask of poses whether these alone determine no calibration."""
@@ -83,24 +131,20 @@ class AccelerometerPoses:
 
     def _undetermined(self, poses):
         """Return why the poses do not determine the nine parameters, or None if they do."""
-        if not len(poses):
+        n, needed, largest = len(poses), len(self.names) + 1, self.settings.largest_condition
+        if not n:
             return NO_POSE
-        needed = len(self.names) + 1
-        if len(poses) < needed:
-            return (
-                f"{len(poses)} poses found, at least {needed} needed for 9 parameters and a check"
-            )
-        model = accelerometer.AccelerometerModel(
-            poses.f, np.zeros((len(poses), 3, 0)), self.gravity
-        )
+        if n < needed:
+            return f"{n} poses found, at least {needed} needed for 9 parameters and a check"
+        model = accelerometer.AccelerometerModel(poses.f, np.zeros((n, 3, 0)), self.gravity)
         x = model.start()
         condition = self._condition(model.residuals(x)[1], x)
-        if condition <= self.settings.largest_condition:
+        if condition <= largest:
             return None
         return (
-            f"the attitudes of {len(poses)} poses do not determine 9 parameters: "
-            f"{too_large(condition, self.settings.largest_condition)}; add poses that point each "
-            "axis up and down and in between"
+            f"the attitudes of {n} poses do not determine 9 parameters: "
+            f"{too_large(condition, largest)}; add poses that point each axis up and down and in "
+            "between"
         )
 
     def _condition(self, jacobian, x):
@@ -115,67 +159,37 @@ class AccelerometerPoses:
         What lies on no ellipsoid is drawn there, and there the poses determine nothing; or to axes
         that no accelerometer has.
         """
-        fitted, largest = solution.fit, self.settings.largest_condition
-        condition = self._condition(fitted.jacobian, fitted.x)
-        slant = np.max(np.abs(fitted.x[:3]))
+        found, largest = solution.fit, self.settings.largest_condition
+        condition = self._condition(found.jacobian, found.x)
+        slant = np.max(np.abs(found.x[:3]))
         if not condition <= largest:
             leads = f"where they determine nothing, {too_large(condition, largest)}"
-        elif slant > SLANT or np.min(fitted.x[3:6]) <= 0:
+        elif slant > SLANT or np.min(found.x[3:6]) <= 0:
             leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
         else:
             return None
         return (
-            f"specific force at {len(fitted.jacobian)} poses lies on no ellipsoid of an "
+            f"specific force at {len(found.jacobian)} poses lies on no ellipsoid of an "
             f"accelerometer: the fit leads to {leads}; was a pose clipped or wrapped around, did "
             f"scale or offset change midway?"
         )
 
     def fit(self, recording, effects=(), start=None, prior=None):
-        """Return the Solution for a recording.
-
-        Minimises ``Σ (|T (K (y - b) - e)| - g)²`` weighted with the covariance that the noise model
-        predicts for the pose means.
-
-        Parameters
-        ----------
-        recording : Recording
-            Poses.
-        effects : sequence of Effect
-            Effects to estimate.
-        start : ndarray, optional
-            Parameters of a fit with fewer effects; this one needs none.
-        prior : (ndarray, ndarray), optional
-            What other data tell of the parameters, as of `least_squares.fit`.
-
-        References
-        ----------
-        Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration
-        without external equipments", ICRA 2014, section IV-A.
-        """
-        means = recording.poses.mean_covariance(self.noise)[:3]
-        model = accelerometer.accelerometer_model(recording, self.gravity, None, effects)
-        x = model.start()
-        # weights and effects depend on the calibrated output, which the start gives to 1 %
-        for _ in range(3 if effects else 2):
-            model = accelerometer.accelerometer_model(recording, self.gravity, x, effects)
-            found = fit(model.residuals, x, model.covariance(x, means), prior)
-            x = found.x
-        return Solution(tuple(effects), found, None)
+        """Return the Solution for a recording; the start is as good without another."""
+        return super().fit(recording, effects, None, prior)
 
     def rows(self, recording):
         """Return the poses where each residual starts and ends, (N, 2), and its kind, (N,)."""
         poses = np.arange(len(recording.poses))
         return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
 
-    def model(self, solution, recording, shapes=()):
-        """Return the AccelerometerModel of any recording about a solution, with more effects."""
-        effects = (*solution.effects, *shapes)
-        return accelerometer.accelerometer_model(recording, self.gravity, solution.fit.x, effects)
+    def model_at(self, x, recording, effects):
+        """Return the AccelerometerModel of a recording, effects seen with parameters x."""
+        return accelerometer.accelerometer_model(recording, self.gravity, x, effects)
 
-    def covariance(self, solution, recording, noise=None):
-        """Return the covariance of the residuals of any recording, by a noise model."""
-        means = recording.poses.mean_covariance(noise or self.noise)[:3]
-        return self.model(solution, recording).covariance(solution.fit.x, means)
+    def covariance_at(self, x, model, recording, noise):
+        """Return the covariance of a model's residuals, by a noise model."""
+        return model.covariance(x, recording.poses.mean_covariance(noise)[:3])
 
     def directions(self, solution, recording):
         """Return gravity's direction at the poses, shape (n, 3)."""
@@ -188,7 +202,7 @@ class AccelerometerPoses:
 
 
 @dataclass(frozen=True)
-class GyroscopePoses:
+class GyroscopePoses(SensorPoses):
     """The gyroscope at the poses: no rate at rest, and rotations carry gravity to the next pose.
 
     Attributes
@@ -218,9 +232,8 @@ class GyroscopePoses:
         """Return why the data determine no calibration, or None."""
         if not len(recording.poses):
             return NO_POSE
-        if reason := direction_unknown(self.accelerometer) or recording.poses.unknown_noise(
-            self.noise, ANGULAR_RATE
-        ):
+        silent = partial(recording.poses.unknown_noise, self.noise, ANGULAR_RATE)
+        if reason := direction_unknown(self.accelerometer) or silent():
             return reason
         reason = self._undetermined(self._start_derivative(recording))
         return reason and reason + recording.lost.reason
@@ -236,7 +249,7 @@ class GyroscopePoses:
         """Return the derivative of the rotations' errors at the start of a fit, (m, 2, 12)."""
         if not len(recording.rotations):
             return np.zeros((0, 2, 12))
-        model = gyroscope.gyroscope_model(recording, self._force(recording))
+        model = self.model_at(None, recording, ())
         return model.rotation_errors(model.start())[1]
 
     def _undetermined(self, jacobian):
@@ -281,34 +294,6 @@ class GyroscopePoses:
             )
         return None
 
-    def fit(self, recording, effects=(), start=None, prior=None):
-        """Return the Solution for a recording; arguments as of the accelerometer.
-
-        Pose rates and rotations together, every rotation at once, with full covariances as weights.
-        A bias that is held is not in the fit's covariance and derivative.
-
-        References
-        ----------
-        Tedaldi, Pretto, Menegatti, ICRA 2014, section IV-B.
-        """
-        force = self._force(recording)
-        x = gyroscope.gyroscope_model(recording, force, None, effects).start()
-        if start is not None:
-            x[: len(start)] = start
-        free = np.ones(len(x), dtype=bool)
-        if self.bias is not None:
-            x[9:12], free[9:12] = self.bias[0], False
-        # weights need the attitude along the rotations, effects the output: the first fit gives
-        # both
-        for _ in range(3 if start is None and effects else 2):
-            model = gyroscope.gyroscope_model(recording, force, x, effects)
-            covariance = gyroscope.residual_covariance(
-                model, x, recording.poses, force.direction_covariance, self.noise
-            )
-            found = fit(partial(_of_free, model, x, free), x[free], covariance, prior)
-            x[free] = found.x
-        return Solution(tuple(effects), replace(found, x=x), self.accelerometer)
-
     def rows(self, recording):
         """Return the poses where each residual starts and ends, (N, 2), and its kind, (N,)."""
         poses, first = np.arange(len(recording.poses)), recording.rotations.first
@@ -316,31 +301,20 @@ class GyroscopePoses:
         kind = np.repeat([0, 1], [3 * len(poses), 2 * len(first)])
         return np.column_stack([ends, ends + kind]), kind
 
-    def model(self, solution, recording, shapes=()):
-        """Return the GyroscopeModel of any recording about a solution, with more effects."""
-        force = calibrated_force(solution.accelerometer, recording, self.noise)
-        effects = (*solution.effects, *shapes)
-        return gyroscope.gyroscope_model(recording, force, solution.fit.x, effects)
+    def model_at(self, x, recording, effects):
+        """Return the GyroscopeModel of a recording, effects seen with parameters x."""
+        force = calibrated_force(self.accelerometer, recording, self.noise)
+        return gyroscope.gyroscope_model(recording, force, x, effects)
 
-    def covariance(self, solution, recording, noise=None):
-        """Return the covariance of the residuals of any recording, by a noise model."""
-        noise = noise or self.noise
-        force = calibrated_force(solution.accelerometer, recording, noise)
-        return gyroscope.residual_covariance(
-            self.model(solution, recording),
-            solution.fit.x,
-            recording.poses,
-            force.direction_covariance,
-            noise,
-        )
+    def covariance_at(self, x, model, recording, noise):
+        """Return the covariance of a model's residuals, by a noise model."""
+        directions = calibrated_force(self.accelerometer, recording, noise).direction_covariance
+        return gyroscope.residual_covariance(model, x, recording.poses, directions, noise)
 
     def designs(self, solution, recording):
         """Return the derivatives of the effects at the poses and along the rotations."""
         model = self.model(solution, recording)
         return [model.rate_design, model.rotation_design.reshape(-1, *model.rate_design.shape[1:])]
-
-    def _force(self, recording):
-        return calibrated_force(self.accelerometer, recording, self.noise)
 
 
 def _of_free(model, x, free, values):

@@ -47,8 +47,10 @@ class Information:
         x = as_logged(calibration, model.names)
         matrix = np.zeros((len(x), len(x)))
         fit = Fit(x, np.full(matrix.shape, np.inf), np.nan, 0, matrix[:0])
-        # effects from elsewhere may need channels that a plan has not
-        start = Solution((), fit, replace(force, effects=()), calibration)
+        start = Solution((), fit, calibration)
+        if model.sensor == "gyroscope":
+            # effects from elsewhere may need channels that a plan has not
+            model = replace(model, accelerometer=replace(force, effects=()))
         # a pose without specific force, as of a channel scaled to nothing, has no direction
         felt = np.linalg.norm(recording.poses.f, axis=1) > 0
         if len(recording.poses) and len(recording.rotations) and felt.all():
