@@ -71,15 +71,12 @@ def test_rests_in_the_hand_are_dropped_and_true_rests_kept(motion):
     true = np.setdiff1d(np.arange(21), SPOILT)
     # within a quarter of a second, as other multiples may be chosen
     assert np.all(seconds[true] > plain[true] - 0.25)
-    assert metadata["unsteady"]["applied"]
     if motion is slow_turn:
         # what the turn leaves of a rest are its ends and its reversal
         assert seconds[SPOILT].mean() < 0.35 * plain[SPOILT].mean()
-        assert metadata["unsteady"]["turning_s"] > 5
     else:
         assert seconds[SPOILT].max() == 0
         assert metadata["poses"] == 16
-        assert metadata["unsteady"]["trembling_s"] > 5
 
 
 def test_a_slow_turn_at_the_end_of_a_rest_is_cut_and_the_rest_stays():
@@ -89,8 +86,6 @@ def test_a_slow_turn_at_the_end_of_a_rest_is_cut_and_the_rest_stays():
     samples.loc[at, list(ANGULAR_RATE)] += 0.25 * DEGREE * f / np.linalg.norm(f)
     segments, metadata = segment_session(samples, "multi_position", SETTINGS)
     assert metadata["poses"] == 21
-    assert metadata["unsteady"]["cut"] == 1
-    assert metadata["unsteady"]["dropped_turning"] == 0
     assert 2.0 < kept(segments, truth)[5] < 3.2
     assert segments[segments["pose"] == 5]["end_s"].item() < truth[5, 1] - 0.9
 
@@ -112,9 +107,8 @@ def test_false_alarms_are_no_more_than_asked(colour):
         # bias of each attitude
         w += np.repeat(10 * rng.normal(size=(20, 3)), length, axis=0)
         found = unsteady_samples(w.T, np.column_stack([end - length, end]), 0.01, settings)
-        cut = found.turning | found.trembling
-        alarms += cut.any()
-        lost += cut.mean() / trials
+        alarms += found.any()
+        lost += found.mean() / trials
     # three standard deviations of the trials
     assert alarms <= trials * asked + 3 * np.sqrt(trials * asked * (1 - asked))
     assert lost < 1e-3
@@ -123,11 +117,10 @@ def test_false_alarms_are_no_more_than_asked(colour):
 def test_a_session_that_needs_its_unsteady_rests_keeps_them():
     """Eleven rests, four of them in the hand: the other seven do not determine nine parameters."""
     samples, truth = pose_log(random_turns(10, 5), [8.0] * 11)
-    samples = spoilt(samples, truth[2:10:2], tremor, 1)
-    _, metadata = segment_session(samples, "multi_position", SETTINGS)
+    spoiled = spoilt(samples, truth[2:10:2], tremor, 1)
+    segments, metadata = segment_session(spoiled, "multi_position", SETTINGS)
     assert metadata["poses"] == 11
-    assert not metadata["unsteady"]["applied"]
-    assert metadata["unsteady"]["trembling_s"] > 20
+    assert kept(segments, truth)[2:10:2].min() > 5
 
 
 def test_a_device_that_trembles_everywhere_loses_nothing():

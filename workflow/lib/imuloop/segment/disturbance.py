@@ -132,10 +132,8 @@ def undisturbed(rows, stretches, step, settings, threads=1):
 
     Returns
     -------
-    ranges : ndarray of int, shape (m, 2)
+    ndarray of int, shape (m, 2)
         Half-open ranges of samples, in order of time.
-    metadata : dict
-        Longest scale judged, s, and the number of coefficients that placed a cut, by scale.
 
     References
     ----------
@@ -156,18 +154,15 @@ def undisturbed(rows, stretches, step, settings, threads=1):
         threads=threads,
     )
     shortest = round(settings.shortest_static_s / step)
-    left, flagged, longest = stretches, dict.fromkeys(search.widths, 0), 0
+    left = stretches
     for _ in range(ROUNDS):
-        cuts, judged, counts = search.cuts(left)
-        longest = max(longest, judged)
-        flagged = {w: n + counts.get(w, 0) for w, n in flagged.items()}
+        cuts = search.cuts(left)
         if not len(cuts):
             break
         left = without(left, cuts)
         of_stretch = np.searchsorted(stretches[:, 0], left[:, 0], side="right") - 1
         left = left[lengths(left) >= np.minimum(shortest, lengths(stretches)[of_stretch])]
-    counts = [{"scale_s": w * step, "count": n} for w, n in flagged.items() if n]
-    return left, {"longest_scale_s": longest * step, "flagged": counts}
+    return left
 
 
 @dataclass(frozen=True)
@@ -182,19 +177,17 @@ class _Search:
     threads: int
 
     def cuts(self, ranges):
-        """Return what is to be cut from ranges, the longest scale judged, and counts by scale."""
-        cuts, judged, counts = np.empty((0, 2), dtype=int), 0, {}
+        """Return what is to be cut from ranges."""
+        cuts = np.empty((0, 2), dtype=int)
         for width, covariance, found in self._found(ranges):
-            judged = width
             found = np.sort(found)
             # a finer scale has placed a cut already in what this one reaches
             k = np.searchsorted(cuts[:, 1], found, side="right")
             reached = np.append(cuts[:, 0], len(self.rows) + 1)[k]
             found = found[found + 3 * width - 2 <= reached]
             if len(found):
-                counts[width] = len(found)
                 cuts = merged(np.concatenate([cuts, self._marks(found, width, covariance)]))
-        return cuts, judged, counts
+        return cuts
 
     def _found(self, ranges):
         """Yield scale, covariance and first samples of what is too large, fine to coarse."""

@@ -62,16 +62,15 @@ def session_columns(samples, kind, settings, threads=1):
         As `imuloop.core.segments.segment_columns` gives them.
     metadata : dict
         Level of rest and how it was found, the multiples and the table they were chosen from,
-        number of rests dropped as too short, what `shorter` settings would bring, `unsteady`: what
-        turned or trembled (`_losses`), gaps and, of a static session, the scales searched and the
-        number of slow tilts.
+        number of rests dropped as too short, what `shorter` settings would bring, gaps and, of a
+        static session, the number of slow tilts.
     """
     rows = Rows(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
-        rests, metadata = undisturbed(rows, stretches, step, settings, threads)
+        rests = undisturbed(rows, stretches, step, settings, threads)
         tilted = tilts(rows, rests, step)
-        metadata["slow_tilts"] = len(tilted)
+        metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
             rests = without(rests, tilted)
             rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
@@ -147,8 +146,8 @@ def _detected(f, w, stretches, step, settings):
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
     level = rest_level(f, w, moving, step, settings)
     if level is None:
-        nothing = dict.fromkeys(("level", "multiples", "unsteady"))
-        return np.empty((0, 2), dtype=int), {**nothing, "choice": [], "short_rests": 0}
+        nothing = {"level": None, "multiples": None, "choice": [], "short_rests": 0}
+        return np.empty((0, 2), dtype=int), nothing
     variances = level.accelerometer_variance, level.gyroscope_variance
 
     def found(may_rest, multiples):
@@ -161,50 +160,21 @@ def _detected(f, w, stretches, step, settings):
     may_rest = slow(moving, level, settings)
     # where no pair finds a rest long enough, the widest says how many were too short
     widest = (max(settings.accelerometer_multiples), max(settings.gyroscope_multiples))
-    unsteady = unsteady_samples(w, found(may_rest, widest)[0], step, settings)
-    steady = may_rest & ~unsteady.turning & ~unsteady.trembling
+    steady = may_rest & ~unsteady_samples(w, found(may_rest, widest)[0], step, settings)
     multiples, choice = choose(may_rest)
-    every, short = found(may_rest, multiples or widest)
-    rests, applied = every, False
+    rests, short = found(may_rest, multiples or widest)
     steady_multiples, steady_choice = choose(steady)
     # without its unsteady rests a session may no longer determine a calibration
     if steady_multiples and _lowest(steady_choice) <= DEAREST * _lowest(choice):
-        multiples, choice, applied = steady_multiples, steady_choice, True
+        multiples, choice = steady_multiples, steady_choice
         rests, _ = found(steady, multiples)
     return rests, {
         "level": asdict(level),
         "multiples": None if multiples is None else list(multiples),
         "choice": choice,
         "short_rests": short,
-        "unsteady": {"applied": applied, **_losses(unsteady, every, rests, step)},
     }
 
 
 def _lowest(choice):
     return min((row["expected_error"] for row in choice), default=np.inf)
-
-
-def _losses(unsteady, every, left, step):
-    """Return what turned or trembled in all rests of the detector, and what it cost.
-
-    Number of rests `dropped_turning`, `dropped_trembling` (by which of the two lasted longer) and
-    `cut`, shortened or split; `turning_s` and `trembling_s` of all rests, s, which may overlap; the
-    bounds of `Unsteady`. Where `applied` is false, nothing was dropped: see `DEAREST`.
-    """
-    counts = dict.fromkeys(("dropped_turning", "dropped_trembling", "cut"), 0)
-    turning = trembling = 0
-    for i, j in every:
-        turns, trembles = unsteady.turning[i:j].sum(), unsteady.trembling[i:j].sum()
-        turning += int(turns)
-        trembling += int(trembles)
-        if turns or trembles:
-            kept = np.any((left[:, 0] < j) & (left[:, 1] > i))
-            cause = "turning" if turns >= trembles else "trembling"
-            counts["cut" if kept else f"dropped_{cause}"] += 1
-    return {
-        **counts,
-        "turning_s": turning * step,
-        "trembling_s": trembling * step,
-        "turning_bounds": unsteady.turning_bounds,
-        "trembling_bound": unsteady.trembling_bound,
-    }

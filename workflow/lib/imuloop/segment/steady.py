@@ -1,7 +1,5 @@
 """Steadiness: slow turns and tremor inside rests, against the device's own rests."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
@@ -16,27 +14,6 @@ FEWEST = 20
 QUARTILE = ndtri(0.75)
 # windows that a rest has to hold to be judged on their scale
 HELD = 3
-
-
-@dataclass(frozen=True)
-class Unsteady:
-    """Samples of rests during which the device moved.
-
-    Attributes
-    ----------
-    turning, trembling : ndarray of bool, shape (n,)
-        By the windowed mean and by the windowed variance of the angular rate.
-    turning_bounds : list of dict
-        For each length of window, `scale_s` in s, the largest departure of its mean rate from that
-        of the rest that still is rest, `rate` in rad/s, root mean square over directions.
-    trembling_bound : float or None
-        Root of the largest sum of the three windowed variances that still is rest, rad/s.
-    """
-
-    turning: np.ndarray
-    trembling: np.ndarray
-    turning_bounds: list
-    trembling_bound: float | None
 
 
 def shortest_half(x):
@@ -87,7 +64,7 @@ def unsteady_samples(w, rests, step, settings):
 
     Returns
     -------
-    Unsteady
+    ndarray of bool, shape (n,)
     """
     parts = [part for i, j in rests for part in _parts(i, j, step)]
     window = max(2, round(settings.window_s / 2 / step))
@@ -95,13 +72,12 @@ def unsteady_samples(w, rests, step, settings):
     while _freedom(parts, window) >= FEWEST:
         scales.append(window)
         window *= 2
-    turning, trembling = np.zeros((2, w.shape[1]), dtype=bool)
+    unsteady = np.zeros(w.shape[1], dtype=bool)
     if not scales:
-        return Unsteady(turning, trembling, [], None)
+        return unsteady
     probability = settings.false_alarm / (len(scales) + 1)
     rounding = rounding_variance(w[:, :DECIDING].T)
 
-    bounds = []
     for window in scales:
         long = [slice(i, j) for i, j in parts if j - i >= HELD * window]
         means = [sliding_statistics(w[:, each].T, window)[0] for each in long]
@@ -109,21 +85,17 @@ def unsteady_samples(w, rests, step, settings):
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
         covariance = robust_covariance(x, np.full(3, 3 * rounding / window), tail_limit=1.0)
         bound = distance_beyond(probability / len(x), 3, _freedom(parts, window))
-        turning[np.r_[*long]] |= squared_distance(x, covariance) > bound
-        rate = np.sqrt(bound * np.trace(covariance) / 3)
-        bounds.append({"scale_s": window * step, "rate": float(rate)})
+        unsteady[np.r_[*long]] |= squared_distance(x, covariance) > bound
 
     window = scales[0]
     long = [slice(i, j) for i, j in parts if j - i >= window]
     variances = [sliding_statistics(w[:, each].T, window)[1].sum(axis=1) for each in long]
-    floor = 9 * rounding
-    x = np.log(np.concatenate(variances) + floor)
+    x = np.log(np.concatenate(variances) + 9 * rounding)
     centre, spread = shortest_half(x)
     m = sum((each.stop - each.start) // window for each in long)
     bound = max(spread, np.sqrt(2 / (3 * window))) * -stdtrit(m - 1, probability / len(x))
-    trembling[np.r_[*long]] = x > centre + bound
-    largest = np.sqrt(max(np.exp(centre + bound) - floor, 0.0))
-    return Unsteady(turning, trembling, bounds, float(largest))
+    unsteady[np.r_[*long]] |= x > centre + bound
+    return unsteady
 
 
 def _freedom(parts, window):
