@@ -160,22 +160,8 @@ def rest_bias(poses, noise, unit, reason):
 def calibrate_six_position(poses, noise, gravity, units, settings):
     """Return the accelerometer's six-position calibration and the gyroscope's bias.
 
-    Parameters
-    ----------
-    poses : Poses
-        Poses of six-position sessions; those that are no face are left out.
-    noise : NoiseModel
-        Noise of the device.
-    gravity : float
-        m/s^2.
-    units : tuple of RawUnit
-        Of accelerometer and gyroscope.
-    settings : CalibrateSettings
-        Settings.
-
-    Returns
-    -------
-    SensorCalibration, SensorCalibration
+    Poses that are no face are left out. Arguments as of `AccelerometerPoses`, with the units of
+    both sensors.
     """
     if not len(poses):
         reason = without_pose({}, "six_position")
@@ -202,18 +188,14 @@ def best(*candidates):
 
 
 def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, multi_path):
-    """Calibrate a device from its sessions and write both calibrations.
+    """Calibrate a device from its sessions, as of `usable`, and its noise.json; write both results.
 
     Parameters
     ----------
-    device : str
-        Name of the device.
-    gravity : float
-        Local gravity, m/s^2.
-    sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session.
-    noise : path-like
-        noise.json of the device.
+    device, gravity : str, float
+        Name of the device, and local gravity, m/s^2.
+    sessions, noise : dict, path-like
+        What it is calibrated from.
     settings : CalibrateSettings
         Settings.
     six_path, multi_path : path-like

@@ -14,19 +14,7 @@ _UPPER = ((0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True)
 class Force:
-    """Calibrated specific force of a recording of n poses and m rotations of k samples.
-
-    Attributes
-    ----------
-    poses : ndarray, shape (n, 3)
-        m/s^2, at each pose.
-    calibration : SensorCalibration
-        Of the accelerometer.
-    recording : Recording
-        Poses and rotations.
-    noise : NoiseModel
-        Noise of the device.
-    """
+    """Calibrated specific force of a recording, at its poses, m/s^2, shape (n, 3)."""
 
     poses: np.ndarray
     calibration: SensorCalibration

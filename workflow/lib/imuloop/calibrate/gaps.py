@@ -29,15 +29,10 @@ PARTS = 16
 
 @dataclass(frozen=True)
 class Lost:
-    """Rotations that gaps took.
+    """Rotations that gaps took, of all that are short enough to be used.
 
-    Attributes
-    ----------
-    rotations, left_out : int
-        All that are short enough to be used; those left out, as a gap is too long or its error is
-        not known or too large.
-    longest : int
-        Samples lost in a row, at most, in those.
+    They are left out as a gap is too long, or its error not known or too large; `longest` is the
+    most samples lost in a row in one of them.
     """
 
     rotations: int = 0
@@ -56,6 +51,11 @@ class Lost:
 def errors_of_time(log, begin, last, bias, variance):
     """Return the errors that the time stamps of a log bring into its rotations.
 
+    Of each rotation the steps over which samples are missing, and steps about which an error is
+    added to the turn, (g,), with its covariance, rad², (g, 3, 3). None where `gap_covariance` is
+    not known, or where the root of its trace is above that of the noise and above `TELLING` of the
+    angle. Then the samples lost in a row, at most, in each, (m,).
+
     Parameters
     ----------
     log : DataFrame or dict of arrays
@@ -64,16 +64,6 @@ def errors_of_time(log, begin, last, bias, variance):
         First and last sample of each rotation.
     bias, variance : ndarray, shape (m, 3)
         Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
-
-    Returns
-    -------
-    list of (ndarray, ndarray, ndarray)
-        Of each rotation the steps over which samples are missing, and steps about which an error is
-        added to the turn, (g,), with its covariance, rad², (g, 3, 3). None where `gap_covariance`
-        is not known, or where the root of its trace is above that of the noise and above `TELLING`
-        of the angle.
-    ndarray of int, shape (m,)
-        Samples lost in a row, at most, in each.
     """
     t = np.asarray(log[TIME])
     steps = np.diff(t)

@@ -28,27 +28,19 @@ def unpack(x):
 class Path:
     """What residuals and covariances take of the attitude C along m rotations.
 
-    Attributes
-    ----------
-    last : ndarray, shape (m, 3, 3)
-        C at the end: takes body axes to those at the start.
-    turn : ndarray, shape (m, 3, 12 + p)
-        ``∫ C (dw/dx) dt``, the rotation at the start that a change of each parameter makes, rad.
-    mean : ndarray, shape (m, 3, 3)
-        ``∫ C dt``, s.
-    middle : ndarray, shape (m, k - 1, 3, 3)
-        C at the middle of each step.
-    steps : ndarray, shape (m, k - 1)
-        Steps, s.
-    added : ndarray, shape (m, 3, 3), or None
-        Covariance that the time stamps add, on axes at the start, rad²; None where they are right.
+    C takes body axes to those at the start of the rotation.
     """
 
+    # C at the end, (m, 3, 3)
     last: np.ndarray
+    # ∫ C (dw/dx) dt, the rotation at the start that a change of each parameter makes, rad
     turn: np.ndarray
+    # ∫ C dt, s, (m, 3, 3)
     mean: np.ndarray
+    # C at the middle of each step, (m, k - 1, 3, 3), and the steps, s
     middle: np.ndarray
     steps: np.ndarray
+    # covariance that the time stamps add, on axes at the start, rad², (m, 3, 3)
     added: np.ndarray | None
 
     @cached_property

@@ -18,16 +18,10 @@ SINGULAR = (
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a generalised least-squares fit.
+    """Result of a generalised least-squares fit of p parameters to n residuals.
 
-    Attributes
-    ----------
-    x, covariance : ndarray, shape (p,) and (p, p)
-        Parameters, and ``(Jᵀ Σ⁻¹ J)⁻¹`` from the predicted covariance Σ of the residuals alone.
-    chi2, dof : float, int
-        ``rᵀ Σ⁻¹ r`` at the solution, and residuals less parameters.
-    jacobian : ndarray, shape (n, p)
-        Derivative of the residuals, not whitened.
+    The covariance is ``(Jᵀ Σ⁻¹ J)⁻¹``, from the predicted covariance Σ of the residuals alone, χ²
+    ``rᵀ Σ⁻¹ r``; the derivative J, (n, p), is not whitened.
     """
 
     x: np.ndarray

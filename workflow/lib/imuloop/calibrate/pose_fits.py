@@ -26,16 +26,9 @@ NO_POSE = "no multi_position session with a pose"
 
 @dataclass(frozen=True)
 class Solution:
-    """A sensor fitted to poses with some effects.
+    """A sensor fitted to poses: the effects that were estimated, and the calibration, if needed.
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        The effects that were estimated.
-    fit : Fit
-        Parameters of the base model, then the effects', SI as logged.
-    calibration : SensorCalibration or None
-        Fitted calibration; None while nobody needs it.
+    The fit has the parameters of the base model, then the effects', SI as logged.
     """
 
     effects: tuple[Effect, ...]
@@ -97,19 +90,7 @@ class SensorPoses:
 
 @dataclass(frozen=True)
 class AccelerometerPoses(SensorPoses):
-    """The accelerometer at the poses: the norm of specific force is gravity.
-
-    Attributes
-    ----------
-    noise : NoiseModel
-        Noise of the device.
-    gravity : float
-        m/s^2.
-    unit : RawUnit
-        Unit of the log.
-    settings : CalibrateSettings
-        Settings of the calibration.
-    """
+    """The accelerometer at the poses: the norm of specific force is gravity, m/s^2."""
 
     noise: NoiseModel
     gravity: float
@@ -205,18 +186,8 @@ class AccelerometerPoses(SensorPoses):
 class GyroscopePoses(SensorPoses):
     """The gyroscope at the poses: no rate at rest, and rotations carry gravity to the next pose.
 
-    Attributes
-    ----------
-    noise : NoiseModel
-        Noise of the device.
-    accelerometer : SensorCalibration
-        Calibration of the accelerometer of the same device.
-    unit : RawUnit
-        Unit of the log.
-    settings : CalibrateSettings
-        Settings of the calibration.
-    bias : tuple of two ndarrays, shape (3,), optional
-        Bias and its variance, rad/s as logged, where it is held instead of estimated.
+    Gravity is that of the accelerometer's calibration. A bias that is held is given with its
+    variance, rad/s as logged, shape (3,) each.
     """
 
     noise: NoiseModel

@@ -13,16 +13,9 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATU
 
 @dataclass(frozen=True)
 class Log:
-    """The whole log of a session, N samples.
+    """The whole log of a session: specific force and angular rate, (N, 3), SI as logged.
 
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Time of the samples, s.
-    f, w : ndarray, shape (N, 3)
-        Specific force (m/s^2) and angular rate (rad/s), SI as logged.
-    temperature : ndarray, shape (N,), or None
-        Temperature, degC, missing values interpolated; None where none was logged.
+    Missing values of the temperature, degC, are interpolated; None where none was logged.
     """
 
     t: np.ndarray
@@ -49,16 +42,8 @@ OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 class Recording:
     """The poses and rotations of all usable sessions of one kind.
 
-    Attributes
-    ----------
-    poses : Poses
-        Poses.
-    rotations : Rotations, or None
-        Rotations between them; None where only poses are looked at.
-    logs : tuple of Log
-        Whole log of each session, for effects with a memory.
-    lost : Lost
-        Rotations that gaps took.
+    Without rotations where only poses are looked at. The whole log of each session is for effects
+    with a memory.
     """
 
     poses: Poses
@@ -141,19 +126,10 @@ def pose_means(poses, logs, whole):
 
 
 def record(samples, segments, longest_rotation):
-    """Return the recording of several sessions.
+    """Return the Recording of several sessions, with temperatures where every one logs them.
 
-    Parameters
-    ----------
-    samples, segments : sequence of DataFrame or dict of arrays
-        Samples and segments of each session.
-    longest_rotation : float
-        Seconds.
-
-    Returns
-    -------
-    Recording
-        With temperatures where every session logs one, missing values interpolated.
+    Takes samples and segments of each session, DataFrames or dicts of arrays, and the longest
+    rotation, s.
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)

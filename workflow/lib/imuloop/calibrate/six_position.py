@@ -9,15 +9,9 @@ import numpy as np
 class SixPositionFit:
     """Result of the six-position calibration, ``x = T (K (y - b))``, SI as logged.
 
-    Attributes
-    ----------
-    x, covariance : ndarray, shape (9,) and (9, 9)
-        Parameters in the order of `imuloop.calibrate.accelerometer.NAMES`, and their covariance
-        from the scatter of the residuals and the noise.
-    case : ndarray, shape (3, 3)
-        Rotation from the body axes to the axes of the faces.
-    residuals : ndarray, shape (n, 3)
-        ``A y + c - g d``, m/s^2: placement errors of the faces above all.
+    Nine parameters in the order of `imuloop.calibrate.accelerometer.NAMES` with their covariance,
+    the rotation from the body axes to those of the faces, (3, 3), and the residuals
+    ``A y + c - g d``, m/s^2, (n, 3): placement errors of the faces above all.
     """
 
     x: np.ndarray

@@ -11,20 +11,10 @@ from imuloop.calibrate.pose_fits import Solution, as_logged, residuals
 
 @dataclass(frozen=True)
 class Information:
-    """What is known of a sensor's parameters.
+    """What is known of a sensor's parameters: ``Jᵀ Σ⁻¹ J``, (p, p), zero of what was not recorded.
 
-    Attributes
-    ----------
-    model : AccelerometerPoses or GyroscopePoses
-        How the sensor is fitted.
-    solution : Solution
-        About which the residuals are linear.
-    matrix : ndarray, shape (p, p)
-        ``Jᵀ Σ⁻¹ J`` of what was recorded; zero of what was not.
-    names : tuple of str
-        The parameters.
-    excess : float
-        Reduced chi square by which variances are multiplied, at least 1.
+    The residuals of the AccelerometerPoses or GyroscopePoses are linear about the solution. Excess
+    is the reduced chi square by which variances are multiplied, at least 1.
     """
 
     model: object

@@ -23,18 +23,8 @@ _CANDIDATES = fibonacci_lattice(500)
 class Plan:
     """Rests, and turns about fixed axes between them.
 
-    Attributes
-    ----------
-    up : ndarray, shape (3,)
-        Upward direction on body axes in the first rest.
-    turns : ndarray, shape (m, 3)
-        Rotation vectors, rad, on body axes; there are m + 1 rests.
-    initial_rest_s, rest_s : float
-        Seconds of the first rest, and of each other one.
-    move_s : float or ndarray, shape (m,)
-        Seconds of the turns.
-    temperature : tuple of (float, float)
-        Share of the session and degC, linear between them; none without.
+    `up` is the upward direction in the first of m + 1 rests, `turns` are rotation vectors, rad,
+    (m, 3), both on body axes. The temperature, degC, is linear between shares of the session.
     """
 
     up: np.ndarray

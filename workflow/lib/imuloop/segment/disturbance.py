@@ -42,14 +42,8 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     noise that swells with temperature, the 99 % quantile sets the scale, up to `tail_limit` times.
     No step prefers an axis: turning the sensor's frame turns the covariance with it.
 
-    Parameters
-    ----------
-    x : array_like, shape (n, k)
-        Vectors of one or more sensors, three axes each.
-    floor : array_like, shape (k,)
-        Variance added to each channel, that of rounding.
-    tail_limit : float
-        How far the tail may raise the scale.
+    Takes vectors of one or more sensors, three axes each, (n, k), and the variance of rounding,
+    (k,), which is added to each channel.
 
     References
     ----------
@@ -117,23 +111,8 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     lasting tilt costs its transition only: before and after are separate stretches, never
     compared again.
 
-    Parameters
-    ----------
-    rows : imuloop.core.rows.Rows
-        Samples.
-    stretches : ndarray of int, shape (k, 2)
-        Stretches without a gap.
-    step : float
-        Median step of time, s.
-    settings : SegmentSettings
-        False alarms, longest scale, guard, shortest static stretch.
-    threads : int
-        How many may work at once; changes nothing in the result.
-
-    Returns
-    -------
-    ndarray of int, shape (m, 2)
-        Half-open ranges of samples, in order of time.
+    Takes Rows, their stretches without a gap, the median step of time, s, and how many threads may
+    work at once, which changes nothing in the result.
 
     References
     ----------

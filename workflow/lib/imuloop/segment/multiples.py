@@ -95,21 +95,8 @@ def choose_multiples(specific_force, detect, settings):
     poses that show what the model lacks would be left out first. Of these the most attitudes win,
     then the fewest pieces that they fall into, then the lowest error, then the widest pair.
 
-    Parameters
-    ----------
-    specific_force : array_like, shape (3, n)
-        m/s².
-    detect : callable
-        Takes a pair of multiples, returns the rests, shape (m, 2).
-    settings : SegmentSettings
-        Multiples and the angle that separates two attitudes.
-
-    Returns
-    -------
-    best : pair of float or None
-        None where no pair finds a rest.
-    table : list of dict
-        For each pair that found one: multiples, rests, attitudes, expected error (of g).
+    Takes specific force, m/s², (3, n), and a function from a pair of multiples to the rests,
+    (m, 2). The pair is None where none finds a rest; the table has a row for each that does.
     """
     total, table = cumulative(specific_force), []
     pairs = itertools.product(settings.accelerometer_multiples, settings.gyroscope_multiples)

@@ -30,24 +30,8 @@ def number_poses(rows, rests, means, spreads, stretches, settings):
     `same_attitude` (or four standard errors of the two means, where the noise is larger) and the
     gyroscope, its bias taken from both rests, never turned by more than `turned` in between. So a
     full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
-    happened in a gap is not known: the rest after it is a new pose.
-
-    Parameters
-    ----------
-    rows : imuloop.core.rows.Rows
-        Samples.
-    rests : array_like of int, shape (m, 2)
-        Ranges of samples, in order of time.
-    means, spreads : dict of str to ndarray, shape (m,)
-        Mean and standard deviation of each channel in each rest, SI.
-    stretches : array_like of int, shape (k, 2)
-        Stretches without a gap.
-    settings : SegmentSettings
-        The two angles.
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
+    happened in a gap is not known: the rest after it is a new pose. Takes Rows, rests and stretches
+    without a gap, and mean and standard deviation of each channel in each rest, SI.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (

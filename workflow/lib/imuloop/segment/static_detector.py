@@ -21,16 +21,9 @@ FEWEST_SAMPLES = 4
 class Activity:
     """How much moves about each sample.
 
-    Attributes
-    ----------
-    variances : ndarray, shape (2, n)
-        Sum of the three windowed variances of accelerometer and gyroscope, (m/s²)² and (rad/s)²;
-        infinite where no whole window fits between two gaps, the accelerometer's also where it
-        reads zero on all axes.
-    rate : ndarray, shape (3, n)
-        Windowed mean angular rate about each axis, rad/s.
-    window : int
-        Samples in a window.
+    Variances, (2, n), are the sums of the three windowed ones of accelerometer and gyroscope,
+    (m/s²)² and (rad/s)²; infinite where no whole window fits between two gaps, the accelerometer's
+    also where it reads zero on all axes. The rate, rad/s, (3, n), is the windowed mean.
     """
 
     variances: np.ndarray
@@ -48,18 +41,9 @@ class Activity:
 
 @dataclass(frozen=True)
 class RestLevel:
-    """What the windows show when the device rests.
+    """What the windows show when the device rests: sums of variances, SI², and the bias, rad/s.
 
-    Attributes
-    ----------
-    source : str
-        "initial rest" or "quietest windows".
-    duration_s : float
-        Length of the initial rest used, s; 0 where there is none.
-    accelerometer_variance, gyroscope_variance : float
-        Sum of the three variances, (m/s²)² and (rad/s)².
-    rate : list of float
-        Mean angular rate, rad/s: the bias.
+    The source is "initial rest", with its duration, or "quietest windows".
     """
 
     source: str

@@ -49,22 +49,8 @@ def unsteady_samples(w, rests, step, settings):
     Both levels are robust: they are those of the device's own rests as long as more than half of
     the time at rest is spent out of the hand. In an undisturbed session of Gaussian noise anything
     at all is cut with the probability `false_alarm`, shared among the statistics and all samples
-    (Bonferroni, so right for any correlation).
-
-    Parameters
-    ----------
-    w : ndarray, shape (3, n)
-        Angular rate, rad/s.
-    rests : array_like of int, shape (m, 2)
-        Ranges of samples.
-    step : float
-        Median step of time, s.
-    settings : SegmentSettings
-        Window, false alarms.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
+    (Bonferroni, so right for any correlation). Takes angular rate, rad/s, (3, n), ranges of samples
+    at rest and the median step of time, s; gives a mask, (n,).
     """
     parts = [part for i, j in rests for part in _parts(i, j, step)]
     window = max(2, round(settings.window_s / 2 / step))
