@@ -82,13 +82,14 @@ class Channels:
         return function(replace(self, past=past), *constants)
 
 
+@dataclass(frozen=True)
 class Effect:
     """Base of all effects; a subclass that has a name joins the library by being written.
 
     An effect adds ``e = Σ_k p_k D_k`` to the sensor's output, SI, on the sensor's own axes, in the
     model ``x = T (K (raw - b) - e)``. D, its derivative, is what a subclass gives. Constants that D
-    does not depend on linearly (a time constant, an order) are fields of the subclass, a frozen
-    dataclass: an instance is one shape of the effect.
+    does not depend on linearly (a time constant, an order) are fields of the subclass, then a
+    frozen dataclass: an instance is one shape of the effect.
 
     Attributes
     ----------
@@ -130,7 +131,7 @@ class Effect:
     timed: ClassVar[bool] = False
     reach: ClassVar[float] = 0.0
     lasting: ClassVar[bool] = True
-    bounds: ClassVar[dict[str, tuple[float, float]]] = {}
+    bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 
     library: ClassVar[dict[str, type]] = {}
 
@@ -153,8 +154,8 @@ class Effect:
 
     @classmethod
     def shapes(cls, channels):
-        """Return the shapes of the effect to try for data with these channels."""
-        return (cls(),)
+        """Return the shapes to try for data with these channels; none where it has no design."""
+        return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):
         """Return the SI unit of each parameter for a sensor."""

@@ -60,7 +60,7 @@ def first_session(device):
     if any(s.kind == "multi_position" for s in device.sessions):
         return
     # loads for half a second, and most devices have such a session
-    from imuloop.plan.planned import INITIAL_REST_S, POSES
+    from imuloop.plan.session import INITIAL_REST_S, POSES
 
     gains = []
     for sensor in SENSORS:

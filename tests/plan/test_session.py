@@ -6,7 +6,7 @@ import pytest
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.rotation import exponential, matrix
-from imuloop.plan.planned import (
+from imuloop.plan.session import (
     FULL_TURN_S,
     Plan,
     full_turns,
@@ -17,6 +17,7 @@ from imuloop.plan.planned import (
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
+NONE = np.zeros((0, 3))
 
 
 def calibration():
@@ -29,38 +30,37 @@ def planned(plan):
     return planned_recording(plan, calibration(), np.full(6, 1e-6), 100.0)
 
 
-def test_the_first_hole_is_opposite_to_a_single_pose():
+def test_holes_lie_opposite_to_poses_and_spread_over_the_sphere():
     np.testing.assert_allclose(holes([[0, 0, 1.0]], 1), [[0, 0, -1]], atol=0.1)
-
-
-def test_holes_spread_over_the_sphere():
-    up = holes(np.zeros((0, 3)), 12)
+    up = holes(NONE, 12)
     nearest = np.sort(up @ up.T, axis=1)[:, -2]
     # twelve directions could be 63 degrees apart, chosen one by one more than half of that
     assert np.degrees(np.arccos(nearest.max())) > 35
 
 
-@pytest.mark.parametrize("opposite", [False, True])
-def test_turns_bring_one_direction_after_the_other_up(opposite):
-    up = np.array([[0, 0, 1.0], [0, 0, -1.0]]) if opposite else holes([[1.0, 0, 0]], 8)
+@pytest.mark.parametrize("up", [[[0, 0, 1.0], [0, 0, -1.0]], holes([[1.0, 0, 0]], 8)])
+def test_turns_bring_one_direction_after_the_other_up(up):
     for turn, before, after in zip(turns_between(up), up, up[1:], strict=False):
         np.testing.assert_allclose(matrix(exponential(turn)).T @ before, after, atol=1e-12)
 
 
-def test_a_plan_has_its_poses_and_rotations():
-    up = holes(np.zeros((0, 3)), 7)
-    plan = Plan(up[0], turns_between(up), 50.0, 4.0, 2.0)
-    made = planned(plan)
-    assert len(made.poses) == 7 and len(made.rotations) == 6
-    np.testing.assert_allclose(made.poses.duration_s, [50.0] + [4.0] * 6)
-    np.testing.assert_allclose(made.poses.n, [5000] + [400] * 6)
-    force = calibration().accelerometer.apply(made.poses.f)
+def test_a_plan_has_its_poses_rotations_and_temperature():
+    up = holes(NONE, 20)
+    course = ((0.0, 20.0), (0.5, 40.0), (1.0, 20.0))
+    plan = Plan(up[0], turns_between(up), 50.0, 4.0, 2.0, course)
+    poses = planned(plan).poses
+    assert len(poses) == 20 and len(planned(plan).rotations) == 19
+    np.testing.assert_allclose(poses.duration_s, [50.0] + [4.0] * 19)
+    np.testing.assert_allclose(poses.n, [5000] + [400] * 19)
+    np.testing.assert_allclose(poses.variance, 1e-6)
+    force = calibration().accelerometer.apply(poses.f)
     np.testing.assert_allclose(force, TRUTH.gravity * up, atol=1e-9)
-    assert made.poses.end_s[-1] == pytest.approx(plan.duration_s)
+    assert poses.end_s[-1] == pytest.approx(plan.duration_s)
+    assert 38 < poses.temperature.max() <= 40 and poses.temperature[-1] < 22
 
 
 def test_a_full_turn_turns_by_360_degrees_about_its_level_axis():
-    plan = full_turns(2, 2, holes(np.zeros((0, 3)), 5))
+    plan = full_turns(2, 2, holes(NONE, 5))
     made = planned(plan)
     assert plan.duration_s == made.poses.end_s[-1] == 50 + 7 * 4 + 5 * 2 + 2 * FULL_TURN_S
     rates = calibration().gyroscope.apply(made.rotations.w.reshape(-1, 3))
@@ -70,10 +70,3 @@ def test_a_full_turn_turns_by_360_degrees_about_its_level_axis():
     force = calibration().accelerometer.apply(made.poses.f[5:])
     np.testing.assert_allclose(force, [force[0]] * 3, atol=1e-9)
     np.testing.assert_allclose(force[:, 2], 0, atol=1e-9)
-
-
-def test_the_temperature_of_a_plan_is_its_course():
-    up = holes(np.zeros((0, 3)), 20)
-    course = ((0.0, 20.0), (0.5, 40.0), (1.0, 20.0))
-    warmth = planned(Plan(up[0], turns_between(up), temperature=course)).poses.temperature
-    assert 38 < warmth.max() <= 40 and warmth[-1] < 22
