@@ -1,18 +1,72 @@
-"""What a fit sees of the evidence: all rows, or those outside some parts."""
+"""Training rows: those that a fit sees, and least squares of them under every hypothesis."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-
-from imuloop.diagnose.fit import Fit
+from scipy.special import softmax
 
 # square of the share of a pattern that has to be left by what is known, for it to be seen
 ABSORBED = 1e-6
 
 
+@dataclass(frozen=True)
+class Fit:
+    """Least squares of one axis under every hypothesis about the noise.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (h, k)
+        Parameters.
+    inverse : ndarray, shape (h, k, k)
+        Their covariance where the noise has the size of the hypothesis.
+    square : ndarray, shape (h,)
+        χ² of the residual; (h, m) of m records at once.
+    log_weight : ndarray, shape (h,) or (h, m)
+        Logarithm of restricted likelihood times prior.
+    dof : int
+        Degrees of freedom.
+    least : ndarray, shape (h,)
+        Least size of the noise's variance.
+    """
+
+    theta: np.ndarray
+    inverse: np.ndarray
+    square: np.ndarray
+    log_weight: np.ndarray
+    dof: int
+    least: np.ndarray
+
+    @property
+    def scale(self):
+        """Variance of the noise, relative to that of each hypothesis, shape (h,) or (h, m)."""
+        return np.maximum(self.least, self.square.T / self.dof).T
+
+    @property
+    def spent(self):
+        """What the residuals take from the logarithm of the weight, shape (h,) or (h, m)."""
+        return (self.dof * np.log(self.scale) + self.square / self.scale) / 2
+
+    @property
+    def covariance(self):
+        """Covariance of the parameters, shape (h, k, k)."""
+        return self.inverse * self.scale[:, None, None]
+
+    @property
+    def weight(self):
+        """Share of each hypothesis, summing to 1."""
+        return softmax(self.log_weight, axis=-1)
+
+    def averaged(self, weight):
+        """Return the parameters, and their covariance, averaged over the noise by weights, (h,)."""
+        values = weight @ self.theta
+        off = self.theta - values
+        spread = self.covariance + off[:, :, None] * off[:, None]
+        return values, np.einsum("h,hpq->pq", weight, spread)
+
+
 @dataclass
-class Sight:
+class Training:
     """What a fit sees: the rows outside some parts, or those of some blocks.
 
     Attributes
@@ -20,7 +74,7 @@ class Sight:
     evidence : Evidence
         All rows.
     held : tuple of ndarray of int
-        The rows of each block that are not seen; None for a block that is not seen at all.
+        The rows of each block that are held out; None for a block that is not seen at all.
     values : tuple of int
         Columns of the residuals of each axis.
     """
@@ -87,22 +141,12 @@ class Sight:
         Seen rows alone have the precision ``P_ss - P_sh P_hh⁻¹ P_hs``, so the products of the
         columns Z are ``Zᵀ P Z - (P Z)_hᵀ P_hh⁻¹ (P Z)_h``. Nuisances B are taken out likewise:
         less ``(Bᵀ P Z)ᵀ (Bᵀ P B)⁻¹ (Bᵀ P Z)``.
-
-        Parameters
-        ----------
-        columns : sequence of int
-            Columns of the evidence.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._place]
         if new:
             self._enter(new)
         place = np.array([self._place[c] for c in columns], dtype=int)
         return self._gram[:, place[:, None], place]
-
-    def whole(self, columns):
-        """Return the square of columns, shape (h, k), before nuisances are taken out."""
-        self.gram(columns)
-        return self._whole[:, [self._place[c] for c in columns]]
 
     def _enter(self, new):
         """Add the products of columns that nobody asked for before."""
@@ -169,19 +213,7 @@ class Sight:
     def fits(self, base, more, axis):
         """Return the Fits of an axis to base columns with each of several sets of further ones.
 
-        Parameters
-        ----------
-        base : tuple of int
-            Columns of every fit.
-        more : sequence of tuple of int
-            Columns beside them, fit by fit.
-        axis : int
-            Axis.
-
-        Returns
-        -------
-        list of Fit or None
-            None where the columns are not independent, or as many as rows.
+        None where the columns are not independent, or as many as rows.
         """
         value, found = self.values[axis], [None] * len(more)
         self.gram((value, *base, *(c for columns in more for c in columns)))
@@ -252,14 +284,9 @@ class Sight:
         return found, theta
 
     def parameters(self, effects, axis):
-        """Return what is fitted to an axis of what is seen.
+        """Return nuisances, (p,) by block, and parameters, (q,) SI by effect, of an axis.
 
-        Returns
-        -------
-        dict of int to ndarray, shape (p,)
-            Nuisances of the blocks that are seen.
-        dict of Effect to ndarray, shape (q,)
-            Parameters of each effect, SI; zero for those that the axis does not have.
+        Zero for the parameters that the axis does not have.
         """
         nuisances, theta = self.solved(self.evidence.columns_of(effects, axis), axis)
         found = {}
@@ -271,12 +298,9 @@ class Sight:
         return nuisances, found
 
     def left(self, columns, axis):
-        """Return what columns and nuisances, fitted to what is seen, leave of all rows.
+        """Return what columns and nuisances, fitted to what is seen, leave of all rows, by block.
 
-        Returns
-        -------
-        list of ndarray, shape (n,)
-            One a block; None for a block that is not seen.
+        None for a block that is not seen.
         """
         nuisances, theta = self.solved(columns, axis)
         found = [None] * len(self.held)
@@ -287,16 +311,11 @@ class Sight:
         return found
 
     def estimate(self, columns, axis):
-        """Return coefficients of columns and nuisances, and their covariance.
+        """Return coefficients of columns, (k,), and their covariance; None, None without a fit.
 
         At the likeliest still hypothesis. The noise that is there is not known better than the
         restricted likelihood tells: with the information A and the precision P̃ of what is seen,
         ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹`` is averaged over the noise Σ.
-
-        Returns
-        -------
-        ndarray, shape (k,), ndarray, shape (k, k)
-            Coefficients in the columns' units; None, None where they are not independent.
         """
         fit = self.fit(columns, axis)
         if fit is None:
