@@ -83,14 +83,12 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
                 f"{path.name} is not a whole bag ({cause(error)}); copy it again, or if its "
                 f"recording was cut off, mend it with {tool}"
             ) from error
-    _leave_out_zeros([topic for topic in topics.values() if topic.type == _IMU])
+    streams, about = _streams(topics)
     with blamed_for_loss(damage):
-        log = raw_log([topic.stream() for topic in topics.values()], columns, batch_rows)
-    notes += damage
+        log = raw_log(streams, columns, batch_rows)
     found = [name for each in log.found.values() for name in np.atleast_1d(each)]
-    for topic in topics.values():
-        if any(name.startswith(f"{topic.name}.") for name in found):
-            notes += topic.notes()
+    notes += damage
+    notes += [line for name, line in about if any(field.startswith(f"{name}.") for field in found)]
     log.notes[:0] = notes
     return log
 
@@ -98,62 +96,48 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 class _Topic:
     """The messages of a topic so far: stamps, times of receipt, values row by row."""
 
-    def __init__(self, connection):
-        self.name, self.type = connection.topic, connection.msgtype
-        self.names = _FIELDS[self.type]
-        self.numbers = attrgetter("header.stamp.sec", "header.stamp.nanosec", *self.names)
+    def __init__(self, kind):
+        self.numbers = attrgetter("header.stamp.sec", "header.stamp.nanosec", *_FIELDS[kind])
         self.stamps, self.received, self.values = array("q"), array("q"), array("d")
         self.damaged = 0
-        self.left_out = []
 
     def add(self, received, message):
-        """Add a message; None is one that cannot be read, a row without values."""
-        if message is None:
-            self.damaged += 1
-            self.stamps.append(self.stamps[-1] if self.stamps else received)
-            self.values.extend([np.nan] * len(self.names))
-        else:
-            seconds, nanoseconds, *values = self.numbers(message)
-            self.stamps.append(seconds * 10**9 + nanoseconds)
-            self.values.extend(values)
+        seconds, nanoseconds, *values = self.numbers(message)
+        self.stamps.append(seconds * 10**9 + nanoseconds)
         self.received.append(received)
-
-    def fields(self):
-        """Return name -> values of the fields that are measured."""
-        rows = np.asarray(self.values).reshape(-1, len(self.names))
-        return {n: x for n, x in zip(self.names, rows.T, strict=True) if n not in self.left_out}
-
-    def unstamped(self):
-        """Tell whether the headers hold no time."""
-        return len(self.stamps) > 1 and np.ptp(np.asarray(self.stamps)) == 0
-
-    def stream(self):
-        stamps = self.received if self.unstamped() else self.stamps
-        return Stream(self.name, np.asarray(stamps), self.fields(), _UNITS)
-
-    def notes(self):
-        """Return what a user should know of how the topic was read."""
-        found = []
-        if self.unstamped():
-            found.append(f"{self.name}: its header stamps never change; times of receipt are used")
-        if self.damaged:
-            found.append(f"{self.name}: {self.damaged} messages are damaged, rows without values")
-        if self.left_out:
-            found.append(f"{self.name}: {', '.join(self.left_out)} are all zero, so not measured")
-        return found
+        self.values.extend(values)
 
 
-def _leave_out_zeros(topics):
-    """Leave out a sensor that one Imu topic holds as zeros while another measures it.
+def _streams(topics):
+    """Return a stream per topic, and (topic, text) of what a user should know of them.
 
-    Drivers of two chips publish each in a message that has room for both.
+    Drivers of two chips publish each in an Imu message, which has room for both: what one topic
+    holds as zeros while another measures it is left out.
     """
+    about, tables = [], {}
+    for (name, kind), topic in topics.items():
+        rows = np.asarray(topic.values).reshape(-1, len(_FIELDS[kind]))
+        tables[name, kind] = dict(zip(_FIELDS[kind], rows.T, strict=True))
+    imus = {name: table for (name, kind), table in tables.items() if kind == _IMU}
     for vector in _VECTORS[_IMU]:
         names = [f"{vector}.{axis}" for axis in AXES]
-        measured = [t for t in topics if any(t.fields()[name].any() for name in names)]
-        for topic in topics if measured else ():
-            if topic not in measured and topic.stamps:
-                topic.left_out += names
+        zeros = [name for name, table in imus.items() if not any(table[n].any() for n in names)]
+        for name in zeros if len(zeros) < len(imus) else ():
+            if len(imus[name][names[0]]):
+                for field in names:
+                    del imus[name][field]
+                about.append((name, f"{name}: {', '.join(names)} are all zero, so not measured"))
+    streams = []
+    for (name, kind), topic in topics.items():
+        stamps = np.asarray(topic.stamps)
+        if len(stamps) > 1 and np.ptp(stamps) == 0:
+            stamps = np.asarray(topic.received)
+            line = "its header stamps never change; times of receipt are used"
+            about.append((name, f"{name}: {line}"))
+        if topic.damaged:
+            about.append((name, f"{name}: {topic.damaged} messages are damaged and left out"))
+        streams.append(Stream(name, stamps, tables[name, kind], _UNITS))
+    return streams, about
 
 
 def _plain(path, target):
@@ -191,18 +175,18 @@ def _gather(bag, topics, damage, most):
             usual = store.generate_msgdef(name)[1] if ros1 else store.hash_rihs01(name)
             if connection.digest not in ("", "*", usual):
                 raise RejectedLog(f"{connection.topic}: its {name} is not the one that ROS defines")
-            topics.setdefault((connection.topic, name), _Topic(connection))
+            topics.setdefault((connection.topic, name), _Topic(name))
         left, taken = sum(connection.msgcount for connection in wanted), 0
         for connection, received, data in reader.messages(wanted) if wanted else ():
             if 0 <= most < taken:
                 return
             left, taken = left - 1, taken + len(data)
+            topic = topics[connection.topic, connection.msgtype]
             try:
                 if not ros1 and data[:4] == _ZSTD:
                     data = pa.input_stream(pa.py_buffer(data), compression="zstd").read()
-                message = parse(data, connection.msgtype)
+                topic.add(received, parse(data, connection.msgtype))
             except Exception:
-                message = None
-            topics[connection.topic, connection.msgtype].add(received, message)
+                topic.damaged += 1
         if left > 0:
             damage.append(f"{bag.resolve().name} lacks {left} messages that its index announces")
