@@ -221,39 +221,6 @@ def test_what_is_no_file_is_told_and_never_waited_for(run, tmp_path, kind, name)
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["a.db3", "metadata.yaml"])
-def test_a_folder_with_a_fifo_and_links_in_a_loop(run, tmp_path, name):
-    folder = tmp_path / "bag"
-    folder.mkdir()
-    os.mkfifo(folder / name)
-    (folder / "b.mcap").symlink_to("b.mcap")
-    (folder / "up").symlink_to(folder)
-    with seconds(10):
-        assert "no bag" in rejected(run(folder, format="ros"))
-
-
-@pytest.mark.parametrize("listed", ["../secret.mcap", "/etc/passwd"])
-def test_a_bag_that_names_a_file_outside(run, tmp_path, listed):
-    folder = tmp_path / "bag"
-    folder.mkdir()
-    (tmp_path / "secret.mcap").write_bytes(b"\x89MCAP0\r\n")
-    (folder / "metadata.yaml").write_text(
-        f"rosbag2_bagfile_information: {{relative_file_paths: [{listed}]}}"
-    )
-    assert "is missing from the bag" in rejected(run(folder, format="ros"))
-
-
-def test_members_of_a_zip_that_point_outside(log, run, tmp_path):
-    path = tmp_path / "in" / "log.zip"
-    path.parent.mkdir()
-    with zipfile.ZipFile(path, "w") as archive:
-        for name in ("../Accelerometer.csv", "/tmp/Gyroscope.csv"):
-            archive.writestr(name, text(log))
-    before = {p for p in tmp_path.rglob("*")}
-    rejected(run(path))
-    assert {p for p in tmp_path.rglob("*") if "out" not in p.parts} == before
-
-
 @pytest.mark.parametrize("name", ["url: 'http://h/a/..'", "wheel: a==1, member: 'a/..'"])
 def test_a_source_in_the_config_whose_name_is_a_folder_above(faults, name):
     source = f"{{{name}, sha256: '{'0' * 64}'}}"
