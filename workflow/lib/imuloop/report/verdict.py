@@ -1,5 +1,7 @@
 """What the diagnosis says about a sensor, in sentences made of its numbers."""
 
+from scipy.special import chdtr
+
 from imuloop.report.numbers import (
     NO_NUMBER,
     RESIDUAL,
@@ -11,6 +13,7 @@ from imuloop.report.numbers import (
     with_unit,
 )
 
+# verdicts from the best news to none
 WORDS = {
     "consistent": "consistent",
     "explained": "explained",
@@ -53,8 +56,8 @@ BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
 # verdicts on a residual above its floor
 ABOVE = ("partly_explained", "unexplained")
-# held-out error that a candidate leaves, as a share of that without it, that is worth telling
-WORTH_TELLING = 0.75
+# held-out error that a candidate leaves, as a share of that without it, that is worth a word
+WORTH_A_WORD = 0.75
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
@@ -62,6 +65,16 @@ QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_ra
 def block_of(diagnosis, sensor, part="poses"):
     """Return the diagnosis of a sensor's poses or static record; empty where there is none."""
     return diagnosis.get("sensors", {}).get(sensor, {}).get(part) or {}
+
+
+def blocks(diagnosis):
+    """Return every part of a diagnosis that there is: (sensor, part, content)."""
+    return [
+        (sensor, part, block)
+        for sensor in QUOTED
+        for part in PARTS
+        if (block := block_of(diagnosis, sensor, part))
+    ]
 
 
 def quoted(sensor, block):
@@ -171,9 +184,6 @@ def too_quiet(block):
         chi2 = r.get("chi2_before")
         if missing(chi2) or chi2 >= FAR_BELOW:
             continue
-        # loads for half a second, and few residuals are as small
-        from scipy.special import chdtr
-
         dof = max((r.get("n") or 0) - MOST_PARAMETERS, 1)
         p = float(chdtr(dof, dof * chi2))
         if p < UNLIKELY:
@@ -240,22 +250,14 @@ def _nearest(block):
         if c["status"] == "rejected" and before and not missing(c.get("heldout_after")):
             found.append((c["heldout_after"] / before, c))
     share, best = min(found, key=lambda f: f[0], default=(1.0, None))
-    if share > WORTH_TELLING:
+    if share > WORTH_A_WORD:
         return ""
     left = shown(residuals[best["residual"]] | {"after": best["heldout_after"]}, "after")
     return f"no effect that was tried is certain, though {best['name']} alone would leave {left}"
 
 
 def sentence(sensor, block):
-    """Return the verdict on a sensor in a sentence.
-
-    Parameters
-    ----------
-    sensor : {'accelerometer', 'gyroscope'}
-        Which sensor.
-    block : dict
-        Its diagnosis: `poses` or `static_record`.
-    """
+    """Return the verdict on a sensor's poses or static record in a sentence."""
     verdict = verdict_of(block)
     if verdict == "not_testable":
         return f"not testable: {reason_of(block)}."
@@ -288,3 +290,56 @@ def sentence(sensor, block):
         "unexplained": f"unexplained, {tried}: {moved}{left}",
     }.get(verdict, f"{verdict}: {moved}.")
     return said + quiet_text(block)
+
+
+def rank(verdict):
+    """Return the place of a verdict from the best news to none."""
+    return list(WORDS).index(verdict)
+
+
+def answers(diagnosis):
+    """Return what to say of a device first: each sensor, its worst verdict, words on it.
+
+    Poses come first: they test the calibration. A static record is named where it says more, or
+    where there are no poses.
+    """
+    said = []
+    for sensor in QUOTED:
+        poses, still = (block_of(diagnosis, sensor, part) for part in PARTS)
+        tested = [v for v in map(verdict_of, (poses, still)) if v != "not_testable"]
+        if not tested:
+            words = f"not testable: {reason_of(poses)}"
+        elif verdict_of(poses) == "not_testable":
+            words = f"at rest {_words(still)}; no poses to test it"
+        else:
+            words = _words(poses)
+            if verdict_of(still) not in ("consistent", "not_testable"):
+                words += f"; at rest {_words(still)}"
+        said.append((sensor, max(tested, key=rank, default="not_testable"), words))
+    return said
+
+
+def _words(block):
+    """Return what a tested block says."""
+    if too_quiet(block):
+        return "far quieter than its own noise allows: corrected or filtered before it was logged"
+    effects = joined([e["name"].replace("_", " ") for e in block.get("effects") or []])
+    return {
+        "consistent": "good to its noise",
+        "explained": f"good to its noise with {effects} corrected",
+        "partly_explained": f"better with {effects} corrected, but something is still missing",
+        "unexplained": "something is missing that no known effect explains",
+    }.get(verdict_of(block), verdict_of(block))
+
+
+def grouped(summaries):
+    """Return what is said of the devices, the worst news first, each with those it is said of."""
+    groups = {}
+    for s in summaries:
+        groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
+
+    def worst(group):
+        said, found = group
+        return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(found)]
+
+    return sorted(groups.items(), key=worst)

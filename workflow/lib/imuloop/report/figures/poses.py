@@ -4,8 +4,17 @@ import numpy as np
 
 from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import fibonacci_lattice
+from imuloop.report.figures.drawing import (
+    BLUE,
+    GRID,
+    ORANGE,
+    VERMILLION,
+    entitle,
+    picture,
+    write_csv,
+)
 from imuloop.report.numbers import joined, number
-from imuloop.report.svg import BLUE, GRID, ORANGE, VERMILLION, Picture, draw, write_csv
+from imuloop.report.results import XYZ
 
 MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}
 NOTE = (
@@ -17,7 +26,7 @@ NOTE = (
 # the six faces, and the cosine of the angle within which a pose is on one, 20 degrees
 FACES = {
     f"{sign}{axis}": np.eye(3)[i] * (1 if sign == "+" else -1)
-    for i, axis in enumerate("xyz")
+    for i, axis in enumerate(XYZ)
     for sign in "+−"
 }
 NEAR = 0.94
@@ -40,12 +49,8 @@ def largest_hole(directions):
 
 def direction_words(vector):
     """Return a direction in words: the axes it leans on, as ``+x −z``."""
-    parts = [
-        f"{'+' if v > 0 else '−'}{axis}"
-        for v, axis in zip(vector, "xyz", strict=True)
-        if abs(v) > 0.35
-    ]
-    return "\u202f".join(parts)
+    signs = zip(vector, XYZ, strict=True)
+    return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > 0.35)
 
 
 def pose_directions(device):
@@ -53,59 +58,61 @@ def pose_directions(device):
     found = {}
     for session in device.used:
         if session.kind in MARKS:
-            own = device.poses["session"] == session.name
-            force = np.column_stack([device.poses[c][own] for c in ACCELERATION])
-            norm = np.linalg.norm(force, axis=1, keepdims=True)
-            felt = norm[:, 0] > 0
-            if felt.any():
-                found.setdefault(session.kind, []).append(force[felt] / norm[felt])
+            force = device.poses[device.poses["session"] == session.name]
+            force = force[list(ACCELERATION)].to_numpy(float)
+            norm = np.linalg.norm(force, axis=1)
+            if (norm > 0).any():
+                found.setdefault(session.kind, []).append((force.T / norm).T[norm > 0])
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 
-def pose_picture(device, folder):
+def draw_poses(area, directions, sign, hole=None):
+    """Draw one half of the sphere, seen from outside along z.
+
+    Parameters
+    ----------
+    area : Axes
+    directions : dict of str to ndarray, shape (n, 3)
+        Upward unit vectors by kind of session.
+    sign : {1, -1}
+        Seen from +z or from −z.
+    hole : ndarray, shape (3,), optional
+        Middle of the largest hole.
+    """
+    area.set_axis_off()
+    area.set_aspect("equal")
+    area.set(xlim=(-1.35, 1.35), ylim=(-1.5, 1.25))
+    circle = np.exp(1j * np.linspace(0, 2 * np.pi, 61))
+    # rings at 30, 60 and 90 degrees from the pole
+    for ring in np.sqrt(2) * np.sin(np.radians([15, 30, 45])):
+        area.plot(ring * circle.real, ring * circle.imag, color=GRID, lw=0.8)
+    for kind, u in directions.items():
+        mark, colour = MARKS[kind]
+        u = u[u[:, 2] * sign >= 0]
+        (marks,) = area.plot(*_project(u, sign), mark, color=colour, ms=6)
+        entitle(area, marks, [f"{kind}, “up” {_components(v)}" for v in u])
+    if hole is not None and hole[2] * sign >= 0:
+        x, y = _project(hole[None], sign)
+        area.plot(x + 0.12 * circle.real, y + 0.12 * circle.imag, color=VERMILLION, lw=2.5)
+    plus, minus = ("+x", "−x") if sign > 0 else ("−x", "+x")
+    for text, x, y in ((plus, 1.2, 0), (minus, -1.2, 0), ("+y", 0, 1.14), ("−y", 0, -1.14)):
+        area.text(x, y, text, ha="center", va="center")
+    area.text(0, -1.4, f"seen from {'+' if sign > 0 else '−'}z", ha="center", va="center")
+
+
+def pose_picture(device):
     """Return the picture of the attitudes covered, or None where there is no pose."""
     directions = pose_directions(device)
     if not directions:
         return None
     everything = np.concatenate(list(directions.values()))
     hole, angle = largest_hole(everything)
-    csv = write_csv(
-        folder,
-        "poses",
-        {
-            **dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True)),
-            "kind": [kind for kind, u in directions.items() for _ in u],
-        },
-    )
+    columns = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
+    columns["kind"] = [kind for kind, u in directions.items() for _ in u]
 
-    def plot(axes):
-        circle = np.exp(1j * np.linspace(0, 2 * np.pi, 61))
-        for ax, sign, title in zip(axes, (1, -1), ("seen from +z", "seen from −z"), strict=True):
-            ax.set_axis_off()
-            ax.set_xlim(-1.3, 1.3)
-            # one unit as long up as aside
-            ax.set_ylim(-1.45, 2.6 * ax.height / ax.width - 1.45)
-            # rings at 30, 60 and 90 degrees from the pole
-            for ring in (30, 60, 90):
-                r = np.sqrt(2) * np.sin(np.radians(ring) / 2)
-                ax.plot(r * circle.real, r * circle.imag, color=GRID, lw=0.8)
-            for kind, u in directions.items():
-                mark, colour = MARKS[kind]
-                seen = u[:, 2] * sign >= 0
-                said = [f"{kind}, “up” {_components(v)}" for v in u[seen]]
-                ax.plot(*_project(u[seen], sign), mark, color=colour, ms=6, titles=said)
-            if hole[2] * sign >= 0:
-                x, y = _project(hole[None], sign)
-                ring = 0.12 * circle
-                ax.plot(x + ring.real, y + ring.imag, color=VERMILLION, lw=2.5)
-            for text, x, y in (
-                ("+x" if sign > 0 else "−x", 1.17, 0),
-                ("−x" if sign > 0 else "+x", -1.17, 0),
-                ("+y", 0, 1.14),
-                ("−y", 0, -1.14),
-            ):
-                ax.text(x, y, text, "center")
-            ax.text(0, -1.36, title, "center")
+    def plot(areas):
+        for area, sign in zip(areas, (1, -1), strict=True):
+            draw_poses(area, directions, sign, hole)
 
     counts = " and ".join(f"{len(u)} {kind} poses" for kind, u in directions.items())
     missing = [words for words, u in FACES.items() if (everything @ u).max() < NEAR]
@@ -114,22 +121,20 @@ def pose_picture(device, folder):
         f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
-    name = f"{device.name}.poses"
-    svg = draw(
-        name,
-        f"Attitudes covered: {caption}",
-        440,
-        240,
+    return picture(
+        f"{device.name}.poses",
+        "Attitudes covered",
+        caption,
         plot,
-        (4, 4, 4, 4),
+        (440, 240),
+        NOTE,
+        (write_csv(device.figures, "poses", columns),),
         columns=(1, 1),
-        gap=(8, 0),
     )
-    return Picture(name, svg, caption, NOTE, (csv,))
 
 
 def _components(u):
-    return ", ".join(f"{axis} {v:.2f}".replace("-", "−") for axis, v in zip("xyz", u, strict=True))
+    return ", ".join(f"{axis} {v:.2f}".replace("-", "−") for axis, v in zip(XYZ, u, strict=True))
 
 
 def _project(u, sign):
