@@ -13,8 +13,8 @@ from imuloop.export.export import listed
 from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures.allan import allan_pictures, corrected_pictures, deviation_pictures
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.bars import candidate_pictures, correlate_pictures
 from imuloop.report.figures.bias import bias_pictures
+from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.poses import pose_picture
@@ -157,7 +157,6 @@ def _part(device, sensor, part, block):
         "residuals": pictures,
         "effects": [t for t in tables if t],
         "allan": allan,
-        "candidates": candidate_pictures(device, sensor, part, block),
         "ranking": ranking_table(sensor, part, block),
         "twins": twin_table(sensor, part, block),
         "left": correlate_pictures(device, sensor, part, block) if above else [],

@@ -9,7 +9,7 @@ from imuloop.export.exported import for_filter
 from imuloop.report.figures.allan import curve
 from imuloop.report.numbers import missing, sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters
-from imuloop.report.verdict import PARTS, answers, block_of, brief, quoted, sentence, verdict_of
+from imuloop.report.verdict import PARTS, answers, block_of, quoted, sentence, verdict_of
 
 # version of the JSON file
 FORMAT = 1
@@ -78,7 +78,6 @@ def summarise(device, steps=()):
                 part: {
                     "verdict": verdict_of(block),
                     "sentence": sentence(sensor, block),
-                    "brief": brief(sensor, block),
                 }
                 for part in PARTS
                 for block in [block_of(device.diagnosis, sensor, part)]

@@ -36,18 +36,19 @@ def curve(allan, channel, stage="corrected"):
     return (chosen if len(chosen) else known[known["stage"] == "raw"]).sort_values("tau_s")
 
 
-def draw_allan(area, measured, content, colour=INK):
-    """Draw an Allan curve with its interval, the model of noise.json and each of its terms."""
+def draw_allan(area, measured, content, colour=INK, lowest=0.0):
+    """Draw an Allan curve with its interval, the model of noise.json and each of its terms.
+
+    A term has its letter where it is largest, if it is above the `lowest` level.
+    """
     tau = measured["tau_s"].to_numpy()
     handles = area.loglog(tau, measured["adev"], color=colour, lw=1.6)
     fill(area, tau, measured["ci_low"], measured["ci_high"], colour)
-    area.set_ylim(area.get_ylim())
     labels = ["measured, 95 % band"]
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
     model = AxisNoise.from_dict(content).allan_variance(grid) if content else np.zeros(1)
     if not len(tau) or not (model > 0).all():
         return handles, labels
-    lowest = measured["ci_low"].min()
     for letter, values in _terms(content, grid).items():
         part = area.loglog(grid, values, color=INK, ls=":", lw=1)
         shown = np.flatnonzero(values > lowest)
@@ -93,7 +94,7 @@ def allan_pictures(device, session):
             for area, axis, colour, (channel, r) in zip(
                 areas, XYZ, AXES, curves.items(), strict=True
             ):
-                key = draw_allan(area, r, device.axes.get(channel), colour)
+                key = draw_allan(area, r, device.axes.get(channel), colour, low)
                 area.set_xlabel(f"{axis}: averaging time τ, s")
             # a term may lie far below the curve
             areas[0].set_ylim(low / 1.3, max(v.max() for v in ends) * 1.3)

@@ -70,13 +70,13 @@ def draw_bias(areas, t, before, after, floor, logged=None, size=1.0):
         Temperature, °C.
     """
 
-    def line(area, y, colour, width=1.0):
+    def line(area, y, colour, width=1.0, ls="-"):
         chosen = extremes(y, BUCKETS)
-        return area.plot(t[chosen] / size, y[chosen], color=colour, lw=width)
+        return area.plot(t[chosen] / size, y[chosen], color=colour, lw=width, ls=ls)
 
     for area in areas[: 1 if after is None else 3]:
         for sign in (1, -1):
-            limit = area.plot(t / size, sign * floor, color=INK, ls="--", lw=1)
+            limit = line(area, sign * floor, INK, ls="--")
     if after is None:
         handles = [
             h for colour, y in zip(AXES, before.T, strict=True) for h in line(areas[0], y, colour)

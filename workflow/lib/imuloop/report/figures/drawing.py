@@ -52,6 +52,8 @@ STYLE = {
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.3,
     "lines.markeredgewidth": 0,
+    # px
+    "path.simplify_threshold": 0.4,
     "xtick.major.size": 0,
     "ytick.major.size": 0,
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
@@ -151,6 +153,7 @@ def picture(
         if handles:
             count = len(labels) if legend.split()[1] == "upper" else 1
             figure.legend(handles, labels, loc=legend, ncols=count)
+        figure.align_ylabels()
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(figure, "titles", {}))
@@ -202,14 +205,17 @@ def _clean(svg, alt, titles):
     )
     svg = re.sub(r'<g id="[^"]*"', "<g", svg[svg.index("<svg") :])
     svg = re.sub(r"font-family: [^;\"]*; | transform=\"rotate\(-?0 [^\"]*\"", "", svg)
-    svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0]), svg)
-    svg = re.sub(r"\s+", " ", svg).replace("> <", "><").replace("; stroke-linecap: square", "")
-    head = f'<svg role="img" aria-label="{escape(alt)}" '
+    svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0]), re.sub(r"\s+", " ", svg))
+    for common in ("font-size: 11px; ", "; stroke-linecap: square", f"; fill: {INK}", "> <"):
+        svg = svg.replace(common, "><" if common == "> <" else "")
+    head = f'<svg role="img" aria-label="{escape(alt)}" fill="{INK}" font-size="11" '
     return re.sub(r' (width|height)="[\d.]+pt"', "", svg, count=2).replace("<svg ", head, 1)
 
 
 def _rounded(text):
-    return re.sub(r"-?\d+\.\d+", lambda m: f"{float(m[0]):.1f}".removesuffix(".0"), text)
+    """Return an attribute in tenths of a pixel; of a path what follows a place is a line to it."""
+    text = re.sub(r"-?\d+\.\d+", lambda m: f"{float(m[0]):.1f}".removesuffix(".0"), text)
+    return text.replace(" L ", " ").replace(" -", "-").replace("M ", "M")
 
 
 def _titled(group, titles):
