@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.advice import MOST, next_steps
-from imuloop.report.recording_words import attitude_words, parameter_words, sigma_words
+from imuloop.report.recording import attitude_words, parameter_words, sigma_words
 from imuloop.report.results import Device, Session
 
 SENSORS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -19,21 +20,20 @@ SENSORS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 def poses(up, initial_s=50.0):
     """Return segments with a rest for each upward direction."""
     up = np.asarray(up, dtype=float)
-    start = np.concatenate([[0.0], initial_s + 6.0 * np.arange(len(up) - 1)])
+    start = np.concatenate([[0.0], initial_s + 6.0 * np.arange(len(up) - 1)])[: len(up)]
     means = {f"{c}_mean": np.zeros(len(up)) for c in CHANNELS}
     means |= {f"a{axis}_mean": 9.8 * up[:, i] for i, axis in enumerate("xyz")}
-    end = np.concatenate([[initial_s], start[1:] + 4.0])
+    end = np.concatenate([[initial_s], start[1:] + 4.0])[: len(up)]
     kinds, counts = np.full(len(up), "static"), np.full(len(up), 400)
     pose = np.arange(len(up))
-    return {"start_s": start, "end_s": end, "kind": kinds, "pose": pose, "n": counts} | means
+    columns = {"start_s": start, "end_s": end, "kind": kinds, "pose": pose, "n": counts}
+    return pd.DataFrame(columns | means)
 
 
 def session(name, kind, segments=None, status="ok", duration_s=300.0, path=None, reasons=()):
-    segments = {"pose": np.empty(0)} if segments is None else segments
-    if path is None:
-        path = "none"
+    segments = poses(np.empty((0, 3))) if segments is None else segments
     quality = {"status": status, "reasons": list(reasons), "duration_s": duration_s}
-    return Session(name, kind, quality | {"rate_hz": 100.0}, {}, path, segments, {}, None)
+    return Session(name, kind, quality | {"rate_hz": 100.0}, {}, path, segments, {})
 
 
 @pytest.fixture
@@ -84,10 +84,9 @@ def device(path, **changed):
         session("rest", "static", duration_s=7200.0, path=path),
     )
     values = {"noise": noise(), "diagnosis": diagnosis(), "sessions": sessions} | changed
-    posed = [s for s in values["sessions"] if "n" in s.segments]
-    table = {c: np.concatenate([[], *(s.segments[f"{c}_mean"] for s in posed)]) for c in CHANNELS}
-    table["session"] = np.repeat([s.name for s in posed], [len(s.segments["n"]) for s in posed])
-    return Device("imu", "IMU", None, calibrations={}, poses=table, **values)
+    of_sessions = [s.segments.assign(session=s.name) for s in values["sessions"]]
+    table = pd.concat(of_sessions).rename(columns={f"{c}_mean": c for c in CHANNELS})
+    return Device("imu", "IMU", None, poses=table, **values)
 
 
 def test_a_healthy_device_needs_nothing(plain_samples):

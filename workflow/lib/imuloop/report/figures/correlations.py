@@ -42,10 +42,10 @@ def draw_correlations(area, r, names, side):
     count = len(r)
     i, j = np.tril_indices(count, -1)
     size = (SQUARE * side / count) ** 2
-    area.scatter(j, i, size, SHADE, "s", lw=0)
+    area.scatter(j, i, size, SHADE, marker="s", lw=0)
     values = r[i, j]
     colours = np.where(values > 0, BLUE, VERMILLION)
-    marks = area.scatter(j, i, size, colours, "s", alpha=np.abs(values), lw=0)
+    marks = area.scatter(j, i, size, colours, marker="s", alpha=np.abs(values), lw=0)
     pairs = zip(i, j, values, strict=True)
     entitle(area, marks, [f"{names[a]}, {names[b]} {number(v, 2)}" for a, b, v in pairs])
     # on the diagonal, at the end of its row and on top of its column

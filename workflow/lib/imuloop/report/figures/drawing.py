@@ -8,9 +8,10 @@ from html import escape
 import matplotlib
 import numpy as np
 import pyarrow as pa
+from cycler import cycler
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
 from pyarrow import csv
 
 from imuloop.core.cells import text_cells
@@ -47,6 +48,7 @@ STYLE = {
     "axes.edgecolor": GRID,
     "axes.formatter.limits": (-4, 5),
     "axes.formatter.useoffset": False,
+    "axes.prop_cycle": cycler(color=PALETTE),
     "axes.xmargin": 0.02,
     "grid.color": GRID,
     "grid.linewidth": 0.6,
@@ -170,18 +172,18 @@ def _mark_decades(axis):
     low, high = axis.get_view_interval()
     if high < 4 * low:
         axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
+        axis.set_major_formatter(ScalarFormatter())
     else:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
-    axis.set_major_formatter(FuncFormatter(_decade))
+        axis.set_major_formatter(FuncFormatter(_decade))
     axis.set_minor_locator(NullLocator())
 
 
 def _decade(value, _):
-    digits, _, exponent = f"{value:.2e}".partition("e")
+    digits, _, exponent = f"{value:.0e}".partition("e")
     exponent = int(exponent)
     if exponent in PLAIN:
-        return f"{value:.6g}"
-    digits = f"{float(digits):g}"
+        return f"{value:g}"
     return f"{digits}·" * (digits != "1") + f"10{superscript(exponent)}"
 
 

@@ -162,6 +162,8 @@ def correlation_pictures(device, session):
     found = _view(session, "autocorrelation")
     if found is None:
         return []
+    # it is 1 at lag 0
+    found = found[found["x"] > 0]
     table = found.rename(columns={"x": "lag_s", "value": "autocorrelation"})
     csv = write_csv(device.figures, f"{session.name}_autocorrelation", table)
     return [
