@@ -9,8 +9,6 @@ from markupsafe import Markup
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
 from imuloop.report.figures.comparison import (
-    INTERVAL_NOTE,
-    SPREAD_NOTE,
     allan_comparison,
     line_style,
     parameter_comparison,
@@ -70,7 +68,6 @@ def write_report(folders, provenance, report_path, comparison_path):
         verdict_words=WORDS,
         allan=allan_comparison(devices, together),
         intervals=parameter_comparison(devices, comparison, together),
-        intervals_note=INTERVAL_NOTE if together else SPREAD_NOTE,
         styles=[line_style(i) for i in range(len(devices))],
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},

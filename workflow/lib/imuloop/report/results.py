@@ -26,24 +26,10 @@ CALIBRATIONS = {
 
 @dataclass(frozen=True)
 class Session:
-    """One session of a device.
+    """One session of a device, its name and kind as in the config.
 
-    Attributes
-    ----------
-    name, kind : str
-        As in the config.
-    quality : dict
-        Content of quality.json.
-    source : dict
-        Metadata of the samples: source, hashes, units.
-    samples_path : Path
-        The samples.
-    segments : DataFrame
-        Segments; without rows for a rejected session.
-    segmentation : dict
-        What the segmentation chose.
-    allan, views : DataFrame or None
-        Allan deviation, and other views of the noise, where they were computed.
+    `quality`, content of quality.json; `source`, metadata of the samples; `segmentation`, what was
+    chosen for the segments; `allan` and `views` where they were computed.
     """
 
     name: str
@@ -90,24 +76,11 @@ class Session:
 
 @dataclass(frozen=True)
 class Device:
-    """All results of one device.
+    """All results of one device, its name, label and order of sessions as in the config.
 
-    Attributes
-    ----------
-    name, label : str
-        As in the config.
-    folder : Path
-        Its results.
-    sessions : tuple of Session
-        In the config's order.
-    calibrations : dict of str to Calibration
-        By method: ``six_position``, ``multi_position``, ``final``; only those that exist.
-    noise, diagnosis : dict
-        Content of noise.json and diagnosis.json; empty where there is none.
-    failures : tuple of (str or None, Failure)
-        What went wrong in its stages, and in which session.
-    poses, moves : DataFrame
-        Of poses.parquet and moves.parquet.
+    `calibrations` by method, as in `CALIBRATIONS`, only those that exist; `noise` and `diagnosis`,
+    content of noise.json and diagnosis.json, empty where there is none; `failures`, pairs of a
+    session's name or None and a `Failure`.
     """
 
     name: str

@@ -11,7 +11,12 @@ from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import write_json
 from imuloop.export.export import listed
 from imuloop.report.advice import next_steps, what_next
-from imuloop.report.figures.allan import allan_pictures, corrected_pictures, deviation_pictures
+from imuloop.report.figures.allan import (
+    allan_pictures,
+    corrected_pictures,
+    definitions,
+    deviation_pictures,
+)
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.correlates import correlate_pictures
@@ -115,6 +120,7 @@ def content(device):
         "allan": [p for s in used for p in allan_pictures(device, s)],
         "spectra": [p for s in used for p in density_pictures(device, s)],
         "autocorrelations": [p for s in used for p in correlation_pictures(device, s)],
+        "definitions": definitions(device),
         "deviations": [p for s in used for p in deviation_pictures(device, s)],
         "coefficients": [coefficient_table(device, s) for s in SENSORS if noise],
         "coefficient_note": coefficient_note(device),
@@ -136,10 +142,7 @@ def _part(device, sensor, part, block):
     above = verdict in ABOVE
     tables = [steps_table(sensor, part, block), *effect_tables(sensor, part, block)]
     allan = []
-    if part == "poses":
-        pictures = residual_pictures(device, sensor, block)
-    else:
-        pictures = bias_pictures(device, sensor, block)
+    if part == "static_record":
         allan = corrected_pictures(device, sensor) if block.get("effects") else []
         tables += [
             heldout_by_session(device, sensor, block),
@@ -154,7 +157,8 @@ def _part(device, sensor, part, block):
         # with which the sentence begins
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block),
-        "residuals": pictures,
+        "poses": residual_pictures(device, sensor, block) if part == "poses" else [],
+        "bias": bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
         "allan": allan,
         "ranking": ranking_table(sensor, part, block),

@@ -11,20 +11,6 @@ from imuloop.report.noise_units import quantities
 from imuloop.report.numbers import coefficient_text, missing, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 
-NOTE = (
-    "How much two neighbouring means over τ seconds differ. Falling at −½: white noise N, "
-    "averaging helps. Lowest part: the best that averaging can do, B. Rising: the bias wanders, K "
-    "and R. GM: a Gauss–Markov process. Good: the dashed model stays in the band, and the curve "
-    "still falls at the times over which you average."
-)
-CORRECTED_NOTE = (
-    "Dotted: as logged. Solid, with its 95 % interval: after the effects were taken out. Where the "
-    "two part, the long end of the dotted curve was an effect and no noise: read as bias "
-    "instability or random walk it would be wrong."
-)
-DEVIATIONS_NOTE = (
-    "Different definitions: never compare one with another, nor its lowest part with B."
-)
 # views that have pictures of their own
 SPECTRA = ("psd", "autocorrelation")
 
@@ -108,8 +94,7 @@ def allan_pictures(device, session):
                 f"{session.name}, {sensor}: {_finding(device, sensor)}{_fit(device, curves)}",
                 plot,
                 (1000, 280),
-                NOTE,
-                (csv,),
+                csv,
                 wide=True,
                 columns=(1, 1, 1),
                 sharey=True,
@@ -187,8 +172,7 @@ def corrected_pictures(device, sensor):
                 "Allan deviation",
                 f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}.",
                 plot,
-                note=CORRECTED_NOTE,
-                csv=(write_csv(device.figures, stem, of_sensor),),
+                csv=write_csv(device.figures, stem, of_sensor),
             )
         )
     return pictures
@@ -207,6 +191,14 @@ def _fall(sensor, raw, after):
         f"{number(adev, 2)} → {with_unit(number(level[k], 2), UNITS[sensor])} at "
         f"{with_unit(number(tau, 2), 's')}"
     )
+
+
+def definitions(device):
+    """Return what each deviation beside Allan's means that was asked for."""
+    asked = (s.views["view"].unique() for s in device.used if s.views is not None)
+    return [
+        label(n) for n in dict.fromkeys(n for names in asked for n in names) if n not in SPECTRA
+    ]
 
 
 def deviation_pictures(device, session):
@@ -253,8 +245,7 @@ def deviation_pictures(device, session):
             caption,
             plot,
             (1000, 300),
-            " ".join([DEVIATIONS_NOTE, *(f"{label(n)}." for n in names)]),
-            (csv,),
+            csv,
             wide=True,
             legend="outside right upper",
             columns=(1, 1, 1),

@@ -18,10 +18,6 @@ FIGURES = {
     "stretch": "Gyroscope alone from the first rest of each stretch on",
     "mahony": "Mahony filter with gains of {k_P:g} 1/s and {k_I:g} 1/s²",
 }
-NOTE = (
-    "How far the computed vertical is off at the rests, where the accelerometer tells it. Each "
-    "line is a stretch of rotations that no model has seen, and effects were chosen without it."
-)
 
 
 def attitude_part(device):
@@ -115,6 +111,5 @@ def _picture(device, content, series, method):
         caption,
         lambda area: draw_attitude(area, shown, words),
         (440, 270),
-        NOTE,
-        (write_csv(device.figures, f"attitude_{method}", shown),),
+        write_csv(device.figures, f"attitude_{method}", shown),
     )

@@ -9,12 +9,6 @@ from imuloop.report.figures.time_series import clock, extremes
 from imuloop.report.numbers import RESIDUAL, number
 from imuloop.report.results import XYZ
 
-NOTE = (
-    "Means of consecutive stretches at rest, about one level. A bias that stays within the dashed "
-    "floor (1 σ) is as steady as the noise allows; steps, slopes and bends are what a noise model "
-    "lacks."
-)
-WARM_NOTE = f"{NOTE} Where they follow the temperature below, that is the first thing to look at."
 # stretches that a line is cut into, two points each
 BUCKETS = 64
 
@@ -119,8 +113,7 @@ def _picture(device, sensor, session, points, block):
         _finding(session, sensor, before, after, floor, logged, display),
         plot,
         (440, 270 + 70 * warm + 130 * (count == 3)),
-        WARM_NOTE if warm else NOTE,
-        (write_csv(device.figures, f"{session}_bias_{sensor}", columns),),
+        write_csv(device.figures, f"{session}_bias_{sensor}", columns),
         rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
         sharex=True,
     )

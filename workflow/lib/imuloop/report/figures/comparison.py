@@ -29,7 +29,6 @@ INTERVALS = {
     "accelerometer_misalignment": ("accelerometer misalignment", MILLIRADIAN, PAIRS),
     "gyroscope_misalignment": ("gyroscope misalignment", MILLIRADIAN, PAIRS),
 }
-INTERVAL_NOTE = "Bars: 95 % interval; where none shows, it is smaller than the mark."
 # robust standard deviations from the median from which on a device stands out
 FAR = 5.0
 # the most that are named in a picture
@@ -37,11 +36,6 @@ NAMED = 5
 COLOURS = (VERMILLION, GREEN, PURPLE, ORANGE, INK)
 # averaging times of the band, and the share of the longest up to which a curve is known well
 TIMES, KNOWN = 60, 0.1
-SPREAD_NOTE = (
-    "Each mark is a device, in their order from top to bottom: a slope is a drift of the "
-    "production. Cross: median, and the span of nine of ten. Orange-red: farther from the median "
-    f"than {FAR:g} standard deviations (1.4826 times the median distance); the farthest are named."
-)
 
 
 def line_style(index):
@@ -224,7 +218,7 @@ def _intervals(name, words, unit, names, labels, value, std, csv):
     listed = ", ".join(f"{label} {number(v)} {unit}" for v, label in size)
     caption = f"{words.capitalize()}, {largest}: {listed}."
     height = 90 + (34 if len(shown) <= 3 else 52) * count
-    return picture(name, "Intervals", caption, plot, (380, height), INTERVAL_NOTE, (csv,))
+    return picture(name, "Intervals", caption, plot, (380, height), csv)
 
 
 def _spread(name, words, unit, names, labels, value, _, csv):
@@ -265,4 +259,4 @@ def _spread(name, words, unit, names, labels, value, _, csv):
         f"of ten: {spans}; {_named(distances.max(axis=1), named)}."
     )
     size = (440, 60 + 100 * len(shown))
-    return picture(name, "Spread", caption, plot, size, SPREAD_NOTE, (csv,))
+    return picture(name, "Spread", caption, plot, size, csv)

@@ -7,12 +7,6 @@ from imuloop.report.figures.drawing import BLUE, GRID, picture, write_csv
 from imuloop.report.numbers import missing, p_text, percent
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, beyond_chance, correlate_words
 
-NOTE = (
-    "Bars: share of the residual's variance that this quantity would explain, less what any "
-    "quantity of its size explains by chance. Blue: more than chance would do, all bars counted. "
-    "A quantity that the residual goes with is a trace, not yet a cause."
-)
-
 
 def draw_bars(area, names, lengths, marked, said, widest):
     """Draw a bar per name, the last on top, those marked in colour, with a text at its end."""
@@ -60,6 +54,5 @@ def _picture(device, sensor, part, residual, probes, count):
         f"{sensor.capitalize()}, {PARTS[part]}, what is left{of}: {finding}.",
         plot,
         (500, 62 + 24 * len(probes)),
-        NOTE,
-        (write_csv(device.figures, stem, pd.DataFrame(probes[::-1])),),
+        write_csv(device.figures, stem, pd.DataFrame(probes[::-1])),
     )

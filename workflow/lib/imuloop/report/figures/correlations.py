@@ -6,13 +6,6 @@ from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, entitle, pic
 from imuloop.report.numbers import number
 from imuloop.report.results import SENSORS, XYZ
 
-NOTE = (
-    "A square per pair of parameters (T misalignment, K scale factor, b bias), the fuller the more "
-    "an error of one shows as an error of the other: blue in the same sense, orange-red in the "
-    "opposite; point at it for the number. Good: pale squares only. A full one, beyond 0.9, says "
-    "that the data hardly tell the two apart: add attitudes, or turns about other axes, in which "
-    "they differ."
-)
 # a correlation below which two parameters are told apart well
 TOLD_APART = 0.5
 SYMBOLS = str.maketrans("012", "xyz")
@@ -92,6 +85,5 @@ def _picture(device, sensor, names, r):
         caption,
         lambda area: draw_correlations(area, r, short, side),
         (440, side + 8),
-        NOTE,
-        (write_csv(device.figures, f"{sensor}_correlations", table),),
+        write_csv(device.figures, f"{sensor}_correlations", table),
     )

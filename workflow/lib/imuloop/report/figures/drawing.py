@@ -76,10 +76,8 @@ class Picture:
         The drawing, in colours that need no page.
     caption : str
         What it says, in a sentence made from the data.
-    note : str
-        One line for readers who have never seen such a picture.
-    csv : tuple of str
-        Paths of the numbers behind it, from the report's folder.
+    csv : str
+        Path of the numbers behind it, from the report's folder; empty without any.
     wide : bool
         Whether it takes the full width of the page.
     """
@@ -87,8 +85,7 @@ class Picture:
     name: str
     svg: str
     caption: str
-    note: str = ""
-    csv: tuple[str, ...] = ()
+    csv: str = ""
     wide: bool = False
 
     @property
@@ -106,8 +103,7 @@ def picture(
     caption,
     plot,
     size=(440, 300),
-    note="",
-    csv=(),
+    csv="",
     wide=False,
     legend="outside upper right",
     columns=(1,),
@@ -119,7 +115,7 @@ def picture(
 
     Parameters
     ----------
-    name, caption, note, csv, wide
+    name, caption, csv, wide
         As in `Picture`; the drawing's ids are made from the name.
     kind : str
         What is drawn; with the caption it is what readers get who cannot see it.
@@ -159,7 +155,7 @@ def picture(
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(figure, "titles", {}))
-    return Picture(name, svg, caption, note, csv, wide)
+    return Picture(name, svg, caption, csv, wide)
 
 
 def fill(area, x, low, high, colour, alpha=0.2):

@@ -17,12 +17,6 @@ from imuloop.report.numbers import joined, number
 from imuloop.report.results import XYZ
 
 MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}
-NOTE = (
-    "Each mark is a pose: the direction of “up” in the sensor's frame, seen from +z (left) and "
-    "from −z (right), equal areas; rings every 30°. Good: marks all over both halves, no hole "
-    "wider than 50°. A direction without marks is one in which errors stay unseen: add poses where "
-    "the ring is, the middle of the largest hole."
-)
 # the six faces, and the cosine of the angle within which a pose is on one, 20 degrees
 FACES = {
     f"{sign}{axis}": np.eye(3)[i] * (1 if sign == "+" else -1)
@@ -127,8 +121,7 @@ def pose_picture(device):
         caption,
         plot,
         (440, 240),
-        NOTE,
-        (write_csv(device.figures, "poses", columns),),
+        write_csv(device.figures, "poses", columns),
         columns=(1, 1),
     )
 

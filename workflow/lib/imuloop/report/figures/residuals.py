@@ -10,11 +10,6 @@ from imuloop.report.numbers import DEGREE_PER_SECOND, DEGREES, RESIDUAL, number,
 from imuloop.report.results import XYZ
 from imuloop.report.verdict import RESIDUAL_WORDS, change
 
-NOTE = (
-    "One mark per pose or turn, predicted by a calibration that never saw it. Good: marks that "
-    "scatter at the dashed floor alike in every panel are noise. Marks far above it in one place, "
-    "or a slope, say that the model lacks something there, or that this one was disturbed."
-)
 SHORT_WORDS = {
     "gravity_norm": "magnitude error",
     "pose_rate": "angular rate",
@@ -179,8 +174,7 @@ def _picture(device, sensor, name, table, block):
         caption,
         plot,
         (1000, 270),
-        NOTE,
-        (write_csv(device.figures, f"{sensor}_{name}", columns),),
+        write_csv(device.figures, f"{sensor}_{name}", columns),
         wide=True,
         columns=(2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:])),
         sharey=True,

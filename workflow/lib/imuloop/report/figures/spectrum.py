@@ -8,18 +8,6 @@ from imuloop.report.noise_units import quantities
 from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ
 
-DENSITY_NOTE = (
-    "How much power there is at each frequency (one-sided; Welch's estimate, band: its 95 % "
-    "interval; dashed: the model, fitted to the record and not to this curve). Flat: white noise, "
-    "at 2N². Rising to the left: flicker, −1, and random walk, −2; to the right: quantisation. "
-    "Bend: a Gauss–Markov process. A ramp: in the lowest two or three points only. "
-    "Triangle: a line of the model. Grey: frequencies that the fit leaves out."
-)
-CORRELATION_NOTE = (
-    "How much a sample tells about the one that comes a lag later. Grey: where 95 % of the values "
-    "of white noise would lie. Quantisation: −½ at the first lag; a slow fall: flicker, walk or a "
-    "Gauss–Markov process; a wave: a line."
-)
 # departure of the measured density from the model that is worth a word: this factor of power, in
 # so many neighbouring points, and so many standard deviations that hundreds of groups have none
 DEPARTURE, NEIGHBOURS, SURE = 1.1, 10, 5.0
@@ -128,7 +116,7 @@ def _density(device, session, sensor, curves, csv):
         f"{_departure(curves, band or np.inf)}."
     )
     name = f"{device.name}.{session.name}.psd_{sensor}"
-    return picture(name, "Power spectral density", caption, plot, note=DENSITY_NOTE, csv=(csv,))
+    return picture(name, "Power spectral density", caption, plot, csv=csv)
 
 
 def _departure(curves, highest):
@@ -206,7 +194,7 @@ def _correlation(device, session, sensor, curves, csv):
         f"({', '.join(known)}); {reach}."
     )
     name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
-    return picture(name, "Autocorrelation", caption, plot, note=CORRELATION_NOTE, csv=(csv,))
+    return picture(name, "Autocorrelation", caption, plot, csv=csv)
 
 
 def _farthest(curve):

@@ -32,18 +32,6 @@ FEWEST = 32
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 QUANTITY = {"accelerometer": "specific force", "gyroscope": "angular rate"}
-NOTE = (
-    "Blue: at rest, used as poses or for noise. White: motion. Orange-red: disturbed, cut out. "
-    "Grey: no samples. Good: every rest that you made is blue, a few seconds or longer, with "
-    "clear turns between. Drawn through the least and greatest value of each stretch: no peak is "
-    "hidden."
-)
-RESTING_NOTE = (
-    "Blue: at rest, used for noise. Orange-red: disturbed, cut out. Grey: no samples. Good: the "
-    "line without noise is flat. Where it steps, slopes or waves, the bias or the attitude "
-    "changed by more than noise does: compare with temperature below. As logged it is drawn "
-    "through the least and greatest value of each stretch; what is disturbed may leave the frame."
-)
 # a clock axis in hours where seconds would be long numbers
 _CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
 
@@ -199,8 +187,7 @@ def _picture(device, session, sensor, t):
         caption,
         plot,
         (900, 310 if resting else 250),
-        RESTING_NOTE if resting else NOTE,
-        (csv,),
+        csv,
         wide=True,
         rows=(1, 1, 1) if resting else (1,),
         sharex=True,
