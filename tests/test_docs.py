@@ -27,8 +27,8 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import FORMATS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
-from imuloop.report.pose_plot import largest_hole
-from imuloop.report.recording_gain import WIDE_HOLE
+from imuloop.report.figures.poses import largest_hole
+from imuloop.report.recording import WIDE_HOLE
 from imuloop.segment.settings import SegmentSettings
 
 REPOSITORY = Path(__file__).resolve().parents[1]

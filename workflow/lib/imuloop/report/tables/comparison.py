@@ -1,11 +1,10 @@
-"""The comparison of devices: the table on the first screen, and comparison.csv."""
+"""The comparison of devices: the tables on the first screen, and comparison.csv."""
 
 import csv
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from imuloop.core.cells import text_cell
 from imuloop.core.errors import one_line
-from imuloop.report.answer import rank
 from imuloop.report.numbers import (
     DEGREE_PER_SECOND,
     DEGREES,
@@ -18,69 +17,43 @@ from imuloop.report.numbers import (
     missing,
     number,
     with_sigma,
+    with_unit,
 )
 from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.summary import FIGURE_UNITS, PAIRS
-from imuloop.report.verdict import PARTS
+from imuloop.report.verdict import PARTS, rank
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the comparison.
-
-    Attributes
-    ----------
-    key : str
-        Name of the figure in summary.json.
-    header : str
-        What it is.
-    display : Display
-        Unit shown.
-    """
+class Column(NamedTuple):
+    """A column of the comparison: the figure of summary.json, what it is, and the unit shown."""
 
     key: str
     header: str
     display: Display
 
 
-_A, _G = NOISE_UNITS["accelerometer"], NOISE_UNITS["gyroscope"]
+def _columns(sensor, residual, bias):
+    units = NOISE_UNITS[sensor]
+    found = (
+        ("residual", "Held-out residual", residual),
+        ("bias", "Bias", bias),
+        ("scale", "Scale factor error", PERCENT),
+        ("misalignment", "Misalignment", MILLIRADIAN),
+        ("N", "White noise", units["N"][1]),
+        ("B", "Bias instability", units["B"][1]),
+        ("K", "Random walk", units["K"][1]),
+    )
+    return tuple(Column(f"{sensor}_{name}", *rest) for name, *rest in found)
+
+
 COLUMNS = {
-    "accelerometer": (
-        Column("accelerometer_residual", "Held-out residual", MILLI_G),
-        Column("accelerometer_bias", "Bias", MILLI_G),
-        Column("accelerometer_scale", "Scale factor error", PERCENT),
-        Column("accelerometer_misalignment", "Misalignment", MILLIRADIAN),
-        Column("accelerometer_N", "White noise", _A["N"][1]),
-        Column("accelerometer_B", "Bias instability", _A["B"][1]),
-        Column("accelerometer_K", "Random walk", _A["K"][1]),
-    ),
-    "gyroscope": (
-        Column("gyroscope_residual", "Held-out residual", DEGREES),
-        Column("gyroscope_bias", "Bias", DEGREE_PER_SECOND),
-        Column("gyroscope_scale", "Scale factor error", PERCENT),
-        Column("gyroscope_misalignment", "Misalignment", MILLIRADIAN),
-        Column("gyroscope_N", "White noise", _G["N"][1]),
-        Column("gyroscope_B", "Bias instability", _G["B"][1]),
-        Column("gyroscope_K", "Random walk", _G["K"][1]),
-    ),
+    "accelerometer": _columns("accelerometer", MILLI_G, MILLI_G),
+    "gyroscope": _columns("gyroscope", DEGREES, DEGREE_PER_SECOND),
 }
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A cell of the comparison.
-
-    Attributes
-    ----------
-    text : str
-        What it says.
-    below : str
-        What stands below it in small.
-    best : bool
-        Whether it is the best of its column.
-    value : float or None
-        What the column is sorted by: a size in SI, or a rank.
-    """
+class Cell(NamedTuple):
+    """A cell of the comparison: its text, what stands below in small, and what it is sorted by."""
 
     text: str
     below: str = ""
@@ -102,8 +75,20 @@ def best_devices(summaries, key):
     return {i for i, v in sizes.items() if len(sizes) > 1 and v == least}
 
 
+def best_words(summaries):
+    """Return who has the smallest held-out residual of each sensor; empty below two devices."""
+    words = []
+    for sensor, ((key, _, display), *_) in COLUMNS.items():
+        found = [(f["value"], s["label"]) for s in summaries if (f := s["figures"].get(key))]
+        if len(found) > 1:
+            value, label = min(found)
+            size = with_unit(number(value * display.factor, 2), display.unit)
+            words.append(f"{sensor} – {label}, {size}")
+    return words
+
+
 def cells(summaries, sensor):
-    """Return the cells of a sensor's columns, a list a device."""
+    """Return the cells of a sensor's columns, a list per device."""
     best = {column.key: best_devices(summaries, column.key) for column in COLUMNS[sensor]}
     return [
         [
@@ -120,19 +105,20 @@ def _cell(figure, display, best):
     factor = display.factor
     upper, logged, floor = (figure.get(key) for key in ("upper95", "as_logged", "floor"))
     limit = "" if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
-    below = [] if missing(logged) else [f"as logged {number(logged * factor, 2)}"]
-    if missing(figure["value"]):
-        below.insert(0, f"axis {figure['upper95_axis']}, 95 % limit")
-        return Cell(limit, "; ".join(below), best, upper)
-    if limit:
-        below.insert(0, f"{figure['upper95_axis']} {limit}")
-    if figure.get("axis"):
-        below.insert(0, f"axis {figure['axis']}")
-    if not missing(floor):
-        below.insert(0, f"floor {number(floor * factor, 2)}")
+    unseen = missing(figure["value"])
+    below = [
+        not missing(floor) and f"floor {number(floor * factor, 2)}",
+        figure.get("axis") and f"axis {figure['axis']}",
+        limit and not unseen and f"{figure['upper95_axis']} {limit}",
+        unseen and f"axis {figure['upper95_axis']}, 95 % limit",
+        not missing(logged) and f"as logged {number(logged * factor, 2)}",
+    ]
+    below = "; ".join(filter(None, below))
+    if unseen:
+        return Cell(limit, below, best, upper)
     std = figure["std"]
     text = with_sigma(figure["value"] * factor, None if missing(std) else std * factor)
-    return Cell(text, "; ".join(below), best, abs(figure["value"]))
+    return Cell(text, below, best, abs(figure["value"]))
 
 
 def verdict_rank(verdicts):
@@ -147,35 +133,27 @@ def verdict_parts(verdicts):
     return [(p, words[p]) for p in PARTS if verdicts[p]["verdict"] != "not_testable"]
 
 
-def rate_cell(summary):
-    """Return the rate of a device's logs."""
-    rate = summary["filter"].get("rate_hz")
-    return Cell(NO_NUMBER if missing(rate) else f"{rate:.4g}", value=rate)
-
-
 def filter_cells(summary):
-    """Return a device's noise as a filter takes it, in SI and in digits that programs read.
+    """Return a device's rate and its noise as a filter takes it, SI, in digits for programs.
 
     White noise and random walk of the accelerometer, then of the gyroscope.
     """
-    return [
-        Cell(f"{found['value']:.2e}", _filter_words(found), value=found["value"])
-        if (found := summary["filter"].get(f"{sensor}_{term}"))
-        else Cell(NO_NUMBER)
-        for sensor in SENSORS
-        for term in "NK"
-    ]
-
-
-def _filter_words(found):
-    """Return which axis it is of, and what it was before it was raised."""
-    axis, raised_from = found["axis"], found["raised_from"]
-    words = f"{axis}, not seen: 95 % limit" if found["limit"] else f"axis {axis}"
-    return words if raised_from is None else f"{words}, raised from {raised_from:.2e}"
+    content = summary["filter"]
+    rate = content.get("rate_hz")
+    row = [Cell(NO_NUMBER if missing(rate) else f"{rate:.4g}", value=rate)]
+    for found in (content.get(f"{sensor}_{term}") for sensor in SENSORS for term in "NK"):
+        if not found:
+            row.append(Cell(NO_NUMBER))
+            continue
+        axis, raised = found["axis"], found["raised_from"]
+        words = f"{axis}, not seen: 95 % limit" if found["limit"] else f"axis {axis}"
+        words += "" if raised is None else f", raised from {raised:.2e}"
+        row.append(Cell(f"{found['value']:.2e}", words, value=found["value"]))
+    return row
 
 
 def write_comparison(path, summaries):
-    """Write comparison.csv: a row a device, SI, units in the headers.
+    """Write comparison.csv: a row per device, SI, units in the headers.
 
     Parameters
     ----------
@@ -207,8 +185,8 @@ def _row(summary):
         for name, unit in units.items():
             figure = summary["figures"].get(f"{sensor}_{name}", {})
             for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):
-                header = f"{sensor}_{name}{'' if key == 'value' else f'_{key}'} [{unit}]"
-                row[header] = _digits(figure.get(key))
+                ending = "" if key == "value" else f"_{key}"
+                row[f"{sensor}_{name}{ending} [{unit}]"] = _digits(figure.get(key))
         for name, axes in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
             content = summary["axes"].get(f"{sensor}_{name}", {})
             for i, axis in enumerate(axes):

@@ -6,15 +6,7 @@ from imuloop.report.numbers import missing, number
 
 
 class Sized(str):
-    """Text of a cell that a column is sorted by another way than by its letters.
-
-    Parameters
-    ----------
-    text : str
-        What the cell says.
-    value : float or None
-        A size in SI, a share or a rank; without one the cell stays last.
-    """
+    """Text of a cell that its column is sorted by: a size in SI, a share or a rank, or None."""
 
     def __new__(cls, text, value):
         """Return the text with its value."""
@@ -36,23 +28,23 @@ class Table:
     ----------
     caption : str
         What the table holds, with the unit where all cells share it.
-    columns : tuple of str
+    columns : sequence of str
         Headers, each with its unit.
-    rows : tuple of tuple of str
+    rows : sequence of tuple of str
         Cells, as many as there are columns.
     note : str
-        One line for who meets these numbers for the first time.
+        One line for readers who meet these numbers for the first time.
     dense : bool
         Whether the cells are many and may break into lines.
-    heads : tuple of int
+    heads : sequence of int
         Rows that open a group: its name, then the unit of each column in this group.
-    sorts : tuple of int
+    sorts : sequence of int
         Columns that a reader may sort the rows by: by the values of `Sized` cells, else by text.
     """
 
     caption: str
     columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: list[tuple[str, ...]]
     note: str = ""
     dense: bool = False
     heads: tuple[int, ...] = ()

@@ -3,8 +3,8 @@
 from itertools import cycle
 
 from imuloop.core.segments import KINDS
-from imuloop.report.numbers import NO_NUMBER, duration, number
-from imuloop.report.table import Sized, Table
+from imuloop.report.numbers import NO_NUMBER, duration, number, text_of
+from imuloop.report.tables.table import Sized, Table
 
 # rows that ingest drops, by the reason it counts them under
 DROPPED = {
@@ -18,30 +18,14 @@ DROPPED = {
 MENDED = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
 
 
-def text_of(value):
-    """Return a figure of quality.json in a few words, whatever its form."""
-    if value is None:
-        return NO_NUMBER
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, (int, float)):
-        return number(value) if isinstance(value, float) else f"{value:,}".replace(",", "\u202f")
-    if isinstance(value, dict):
-        kept = {k: v for k, v in value.items() if v not in (0, None, [], {})}
-        return ", ".join(f"{k} {text_of(v)}" for k, v in kept.items()) or "0"
-    if isinstance(value, (list, tuple)):
-        return ", ".join(text_of(v) for v in value) or "none"
-    return str(value)
-
-
 def data_table(device):
-    """Return the table of sessions, a column a session: rows, rate, every fault counted."""
+    """Return the table of sessions, a column per session: rows, rate, every fault counted."""
     columns = [_quality(session) for session in device.sessions]
     treatment = [t for s in device.sessions if (t := s.quality.get("treatment"))]
     return Table(
         "Sessions and the quality of their logs",
         ("Figure, unit", *(session.name for session in device.sessions)),
-        tuple((name, *(column[name] for column in columns)) for name in columns[0]),
+        [(name, *(column[name] for column in columns)) for name in columns[0]],
         " ".join(["Jitter: scatter of the time between samples.", *treatment[:1]]),
     )
 
@@ -49,7 +33,10 @@ def data_table(device):
 def _quality(session):
     """Return the figures of one session as text by their name and unit."""
     q = session.quality
-    jitter = q["jitter"]["std_s"]
+    jitter, clock, limits = q["jitter"]["std_s"], q.get("clock") or {}, q.get("temperature_range")
+    mended = text_of({name: clock.get(key) for name, key in MENDED.items()})
+    # without a full scale nobody can tell
+    clipped = {k: v for k, v in (q.get("clipped") or {}).items() if v is not None}
     return {
         "Kind": session.kind,
         "Status": "rejected" if session.rejected else "used",
@@ -57,73 +44,56 @@ def _quality(session):
         "Duration": duration(q["duration_s"]),
         "Rate, Hz": number(q["rate_hz"], 5),
         "Jitter, 1 σ, ms": number(None if jitter is None else round(jitter * 1e3, 6)),
-        **_clock(q.get("clock") or {}),
+        "Stamps mended": "rebuilt from the row number" if clock.get("rebuilt") else mended,
+        "Clock from the declared rate, ppm": number(clock.get("drift_ppm")),
+        "Clock from GNSS time, ppm": number((clock.get("pps") or {}).get("drift_ppm")),
         "Gaps": text_of(q["gaps"]["count"]),
         "Gaps in all, s": number(q["gaps"]["total_s"]),
         **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},
-        "Clipped, values": _clipped(q.get("clipped")),
+        "Clipped, values": text_of(clipped) if clipped else "not known, no full_scale",
         "Constant channels": text_of(q.get("constant")),
         **_faults(q.get("faults") or {}),
-        "Temperature, °C": _span(q.get("temperature_range")),
+        "Temperature, °C": " to ".join(map(number, limits))
+        if limits and None not in limits
+        else "not logged",
         "Start": text_of(q.get("start")),
         "Format": text_of(q.get("log_format")),
         "Units as logged": text_of(q.get("units")),
     }
 
 
-def _clock(clock):
-    """Return what was mended in the stamps, and how far the clock is from what it should be."""
-    mended = {name: clock.get(key) for name, key in MENDED.items()}
-    pps = clock.get("pps") or {}
-    return {
-        "Stamps mended": "rebuilt from the row number" if clock.get("rebuilt") else text_of(mended),
-        "Clock from the declared rate, ppm": number(clock.get("drift_ppm")),
-        "Clock from GNSS time, ppm": number(pps.get("drift_ppm")),
-    }
-
-
 def _faults(found):
     """Return the faults of the values themselves, which stay in the samples."""
-    stuck, clipped, near = (
-        found.get(key, {}) for key in ("stuck", "clipped_at", "noise_near_nyquist")
-    )
-    held = {sensor: n for sensor, n in found.get("rows_a_value", {}).items() if n > 1}
-    shares = [share for share in near.values() if share is not None]
-    rests = found.get("rests") or {}
+
+    def part(key):
+        return found.get(key) or {}
+
+    held = {sensor: n for sensor, n in part("rows_a_value").items() if n > 1}
+    shares = [share for share in part("noise_near_nyquist").values() if share is not None]
+    rests = part("rests")
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
-        "Stuck at one value, rows": text_of({k: v["rows"] for k, v in stuck.items()}),
+        "Stuck at one value, rows": text_of({k: v["rows"] for k, v in part("stuck").items()}),
         "Without noise at rest": text_of(found.get("silent_at_rest")),
         "Spikes of one sample": text_of(found.get("spikes")),
-        "Clipped at a repeated extreme, rows": text_of({k: v["rows"] for k, v in clipped.items()}),
-        "Rows a value is held": text_of(held) if held else "1",
+        "Clipped at a repeated extreme, rows": text_of(
+            {k: v["rows"] for k, v in part("clipped_at").items()}
+        ),
+        "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
         "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
         "Mean angular rate at rest, power as a share of its noise's": number(
-            (found.get("mean_at_rest") or {}).get("noise_share")
+            part("mean_at_rest").get("noise_share")
         ),
         "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
         "Turns by angular rate and by gravity alike, 1 at best": number(
-            (found.get("axes") or {}).get("agreement")
+            part("axes").get("agreement")
         ),
         "Turns by angular rate per turns of gravity, rest to rest": number(
             (rests.get("turn_ratio") or {}).get("value")
         ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
-
-
-def _clipped(counts):
-    """Return how many values lie at full scale; without a full scale nobody can tell."""
-    known = {k: v for k, v in (counts or {}).items() if v is not None}
-    return text_of(known) if known else "not known, no full_scale"
-
-
-def _span(limits):
-    """Return the least and greatest temperature of a session."""
-    if not limits or None in limits:
-        return "not logged"
-    return " to ".join(number(v) for v in limits)
 
 
 def warnings(device):
@@ -143,9 +113,7 @@ def source_table(device):
             strict=False,
         )
     ]
-    return Table(
-        "Log files", ("Session", "File", "Source", "SHA-256"), tuple(rows), sorts=(0, 1, 2)
-    )
+    return Table("Log files", ("Session", "File", "Source", "SHA-256"), rows, sorts=(0, 1, 2))
 
 
 def _origin(source):
@@ -159,14 +127,16 @@ def segment_table(device):
     """Return the table of stretches: how long each session was at rest, moving, disturbed."""
     rows = []
     for session in device.used:
-        rests = session.rests.values()
+        counts = (session.poses, int((session.segments["pose"] >= 0).sum()))
+        seconds = map(session.seconds, KINDS)
+        short, multiples = (session.segmentation.get(k) for k in ("short_rests", "multiples"))
         rows.append(
             (
                 session.name,
-                *map(_count, (len(rests), sum(int(at.sum()) for at in rests))),
-                *(Sized(duration(s), s) for s in map(session.seconds, KINDS)),
-                _count(session.segmentation.get("short_rests")),
-                text_of(session.segmentation.get("multiples")),
+                *(Sized(text_of(count), count) for count in counts),
+                *(Sized(duration(s), s) for s in seconds),
+                Sized(text_of(short), short),
+                text_of(multiples),
             )
         )
     return Table(
@@ -175,13 +145,9 @@ def segment_table(device):
             *("Session", "Poses", "Rests", "Static", "Motion", "Disturbed", "Gap"),
             *("Short rests dropped", "Detector, multiples of the rest's variance"),
         ),
-        tuple(rows),
+        rows,
         "A pose is one attitude held; several rests in the same attitude count as one pose. "
         "Detector: a stretch is static where its variance stays below this multiple "
         "(accelerometer, gyroscope) of the variance at rest.",
-        sorts=tuple(range(8)),
+        sorts=range(8),
     )
-
-
-def _count(count):
-    return Sized(text_of(count), count)

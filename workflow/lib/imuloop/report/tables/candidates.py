@@ -1,8 +1,7 @@
 """The ranking of the candidates: what became of each and why, and which cannot be told apart."""
 
 from imuloop.core.effect import Effect
-from imuloop.report.data_tables import text_of
-from imuloop.report.effect_units import data_sheet, spans
+from imuloop.report.effect_units import spans
 from imuloop.report.numbers import (
     NO_NUMBER,
     RESIDUAL,
@@ -12,10 +11,10 @@ from imuloop.report.numbers import (
     percent,
     plural,
     probability,
-    typeset,
+    text_of,
     with_unit,
 )
-from imuloop.report.table import Sized, Table
+from imuloop.report.tables.table import Sized, Table
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS
 
 # what an effect varies with, and the recording in which that varies
@@ -43,7 +42,6 @@ _VARIES_WITH = {
     "vibration": ("vibration_rectification",),
     "heading": ("earth_rate",),
 }
-
 # symbol and unit of the constants of a shape
 CONSTANTS = {
     "order": ("order", ""),
@@ -53,7 +51,6 @@ CONSTANTS = {
     "frequency": ("f", "Hz"),
     "tc": ("Tc", "s"),
 }
-
 # best first
 UNTRIED = ("not_observable", "not_available")
 STATUS = ("added", "confounded", "rejected", *UNTRIED)
@@ -64,9 +61,9 @@ def ranked(block):
     order = [effect["name"] for effect in block.get("effects") or []]
 
     def rank(candidate):
-        name, status, p = (candidate.get(k) for k in ("name", "status", "p_value"))
+        name, p = candidate["name"], candidate.get("p_value")
         return (
-            _place(status),
+            _place(candidate["status"]),
             order.index(name) if name in order else len(order),
             float("inf") if missing(p) else p,
         )
@@ -75,7 +72,6 @@ def ranked(block):
 
 
 def _place(status):
-    """Return the place of a status, best first."""
     return STATUS.index(status) if status in STATUS else len(STATUS)
 
 
@@ -89,16 +85,22 @@ def ranking_table(sensor, part, block):
         f"in {RESIDUAL[r['unit']].unit}: {RESIDUAL_WORDS.get(name, name)}"
         for name, r in residuals.items()
     )
+    # a row for each reason why effects could not be tried, with all that share it
+    untried = {}
+    for c in candidates:
+        if c["status"] in UNTRIED:
+            untried.setdefault((c["status"], c.get("why") or NO_NUMBER), []).append(c["name"])
     return Table(
         f"{sensor.capitalize()}, {PARTS[part]}: candidate effects, best first",
         (
             *("Effect", "Status", "p-value", "Held-out error without → with it alone"),
             *("Detection limit", "Why", "It adds"),
         ),
-        (
-            *(_row(c, residuals) for c in candidates if c["status"] not in UNTRIED),
-            *_untried([c for c in candidates if c["status"] in UNTRIED]),
-        ),
+        [_row(c, residuals) for c in candidates if c["status"] not in UNTRIED]
+        + [
+            (", ".join(names), _status(status), *[NO_NUMBER] * 3, why, NO_NUMBER)
+            for (status, why), names in untried.items()
+        ],
         "p-value: how often noise alone would look this much like the effect. Held-out error: root "
         f"mean square of the model without effects, and with this one alone added ({meant}). "
         "Detection limit: the smallest size that these data would have shown in nine of ten "
@@ -108,30 +110,18 @@ def ranking_table(sensor, part, block):
     )
 
 
-def _untried(candidates):
-    """Return a row for each reason why effects could not be tried, with all that share it."""
-    reasons = {}
-    for c in candidates:
-        reasons.setdefault((c["status"], c.get("why") or NO_NUMBER), []).append(c["name"])
-    return [
-        (
-            *(", ".join(names), Sized(status.replace("_", " "), _place(status))),
-            *([NO_NUMBER] * 3),
-            *(why, NO_NUMBER),
-        )
-        for (status, why), names in reasons.items()
-    ]
+def _status(status, twin=None):
+    words = status.replace("_", " ")
+    return Sized(f"{words} with {twin}" if twin else words, _place(status))
 
 
 def _row(candidate, residuals):
-    twin = candidate.get("confounded_with")
-    known = Effect.library.get(candidate["name"])
-    status, p = candidate["status"].replace("_", " "), candidate.get("p_value")
+    known, p = Effect.library.get(candidate["name"]), candidate.get("p_value")
     adds = (known and known.equation, constants_text(candidate.get("constants")))
     limits = spans(candidate.get("detection_limit") or {}, candidate.get("units") or {})
     return (
         candidate["name"],
-        Sized(f"{status} with {twin}" if twin else status, _place(candidate["status"])),
+        _status(candidate["status"], candidate.get("confounded_with")),
         Sized(probability(p), p),
         _heldout(candidate, residuals),
         "; ".join(limits) or NO_NUMBER,
@@ -143,13 +133,12 @@ def _row(candidate, residuals):
 def _heldout(candidate, residuals):
     """Return the held-out error without effects and with this one alone."""
     after = candidate.get("heldout_after")
-    name = candidate.get("residual")
-    residual = residuals.get(name) or next(iter(residuals.values()), None)
+    residual = residuals.get(candidate.get("residual")) or next(iter(residuals.values()), None)
     if residual is None or missing(after):
         return NO_NUMBER
     unit, before = RESIDUAL[residual["unit"]], residual.get("before")
-    told = NO_NUMBER if missing(before) else number(before * unit.factor)
-    text = f"{told}\u00a0→\u00a0{with_unit(number(after * unit.factor), unit.unit)}"
+    start = NO_NUMBER if missing(before) else number(before * unit.factor)
+    text = f"{start}\u00a0→\u00a0{with_unit(number(after * unit.factor), unit.unit)}"
     # residuals of several units share the column
     return Sized(text, after / before if before else None)
 
@@ -176,34 +165,6 @@ def telling_apart(*names):
     return "; ".join(_RECORDINGS[k] for k in kinds or ("attitude", "time"))
 
 
-def limit_table(sensor, part, block):
-    """Return the detection limit of every parameter of every candidate; None without any."""
-    rows = []
-    for candidate in ranked(block):
-        units = candidate.get("units") or {}
-        for name, value in (candidate.get("detection_limit") or {}).items():
-            if missing(value):
-                continue
-            si = units.get(name)
-            shown = data_sheet(si)
-            rows.append(
-                (
-                    candidate["name"],
-                    name,
-                    Sized(with_unit(number(value * shown.factor), shown.unit), value),
-                    Sized(with_unit(number(value), typeset(si or "SI")), value),
-                )
-            )
-    if not rows:
-        return None
-    return Table(
-        f"{sensor.capitalize()}, {PARTS[part]}: detection limit of each parameter",
-        ("Effect", "Parameter", "Detection limit", "In SI units"),
-        tuple(rows),
-        sorts=(0, 1, 2, 3),
-    )
-
-
 def twin_table(sensor, part, block):
     """Return the effects that these data cannot tell apart, and what would; None without any."""
     twins = {}
@@ -214,12 +175,12 @@ def twin_table(sensor, part, block):
     rows = []
     for effect, pairs in twins.items():
         others = [f"{pair['with']} ({percent(pair.get('share'))})" for pair in pairs]
-        advice = telling_apart(effect, *(str(pair["with"]) for pair in pairs))
+        advice = telling_apart(effect, *(pair["with"] for pair in pairs))
         rows.append((effect, ", ".join(others), advice))
     return Table(
         f"{sensor.capitalize()}, {PARTS[part]}: cannot be told apart in these data",
         ("Effect", "Looks like (share of its pattern)", "What would tell them apart"),
-        tuple(rows),
+        rows,
         "From the attitudes, times and temperatures of the recording alone, before its residuals: "
         "how much of the pattern that the first would leave the other could leave as well. Where "
         "one of them is named as the cause, it may as well be the other.",
