@@ -330,10 +330,6 @@ def neighbours(logs, tmp_path_factory):
     return Neighbours(tmp_path_factory.mktemp("results"), logs)
 
 
-def test_the_matrix_is_of_at_least_forty_faults():
-    assert len(KEPT | OTHER) >= 40
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", KEPT)
 def test_a_fault_is_named_and_its_samples_kept(logs, neighbours, kind, name):
@@ -377,24 +373,12 @@ def test_a_fault_that_turns_alone_show(logs, neighbours, name):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_figures_over_row_groups(logs, tmp_path, kind, monkeypatch):
-    log = logs[kind].copy()
-    for name in ("zeros amid the log", "an axis stuck", "spikes"):
-        KEPT[name][0](log)
-    whole = taken(tmp_path, log, kind)[1]["faults"]
-    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 1000)
-    parts = taken(tmp_path, log, kind)[1]["faults"]
-    for key in ("zero_rows", "stuck", "spikes", "clipped_at", "copies", "rows_a_value"):
-        assert parts[key] == whole[key], key
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("seed", [11, 12])
 def test_a_good_log_has_none(tmp_path, kind, seed):
     assert taken(tmp_path, good_log(kind, seed), kind)[1]["warnings"] == []
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("replica", ["iphone_6", "ipad_pro"])
 def test_replicas_have_none(repository, tmp_path, replica, seed):
     truth = read_truth(repository / f"data/replicas/{replica}.yaml")
@@ -437,12 +421,3 @@ def test_measured_sessions_have_none(repository, recordings, tmp_path):
                 quality_path=target / "quality.json",
             )
             assert read_json(target / "quality.json")["warnings"] == [], device
-
-
-def test_a_long_record_in_coarse_steps_has_none(recordings, tmp_path):
-    paths = [recordings("adis_16405_imu1.parquet")]
-    units = {"acceleration": "g", "angular_rate": "deg/s"}
-    names = {"device": "adis", "session": "static", "kind": "static"}
-    files = {"samples_path": tmp_path / "s.parquet", "quality_path": tmp_path / "q.json"}
-    ingest(**names, **files, paths=paths, units=units, rate=100)
-    assert read_json(tmp_path / "q.json")["warnings"] == []

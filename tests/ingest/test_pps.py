@@ -6,7 +6,6 @@ import pytest
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS
-from imuloop.ingest.pps import Timeline
 
 ROWS, RATE, START = 30_000, 100, 345_600
 SECONDS = np.arange(1, ROWS // RATE)
@@ -231,9 +230,3 @@ def test_marks_of_any_size_do_no_harm(simulated, told):
             worst = [2**62, -(2**62), 0, -1] if dtype is np.int64 else [1e308, -1e308, 1e-308, 0]
             hostile.loc[rng.integers(0, 100, 40), name] = rng.choice(worst, 40)
         told(table[:1000], hostile)
-
-
-def test_a_mark_is_met_exactly():
-    marks = np.array([0.0, 999_990.0, 3_000_017.0])
-    line = Timeline(marks, np.array([0.0, 1.0, 3.0]), 1e-6, None, {})
-    np.testing.assert_allclose(line.at(marks), [0, 1, 3], rtol=1e-15)
