@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.ingest.clocks import RESET_STEPS, Clock, ahead, span
+from imuloop.ingest.clocks import RESET_STEPS, Clock, ahead
 
 STEP = 10_000
 
@@ -38,16 +38,6 @@ def test_a_counter_that_rolls_over(width, tick, lost, size):
     assert readable.all()
     assert events(clock) == (1, 0, 0)
     assert clock.span_s == pytest.approx(width * tick * 1e-9)
-
-
-def test_the_span_nearest_to_a_step_is_taken():
-    assert span(65_530, 4, 10) == 2**16
-    assert span(99_990, 0, 10) == 10**5
-    assert span(32_760, -32_766, 10) == 2**16
-    assert span(65_530.5, 4.5, 10.0) == 2**16
-    # neither starts at zero nor lies in the middle
-    assert span(70_000, 70_000 - 65_526, 10) is None
-    assert span(50_000, 4, 10) is None
 
 
 @pytest.mark.parametrize("size", [None, 7])
@@ -91,15 +81,6 @@ def test_missing_stamps_and_any_batches():
         np.testing.assert_array_equal(parts[0][parts[1]], whole[0][whole[1]])
         np.testing.assert_array_equal(parts[1], whole[1])
         assert events(parts[2]) == events(whole[2])
-
-
-@pytest.mark.parametrize("dtype", [np.int64, float])
-def test_stamps_of_any_size_do_no_harm(dtype):
-    rng = np.random.default_rng(5)
-    limits = np.iinfo(np.int64)
-    rows = rng.choice([limits.min, limits.max, 0, 1, -1, 2**62, -(2**62)], 300).astype(dtype)
-    mended(rows, 17)
-    mended(np.r_[rows[:50], np.arange(200), rows[:50], np.arange(200)].astype(dtype), 17)
 
 
 @pytest.fixture
@@ -301,16 +282,3 @@ def test_bursts_that_cannot_be_rebuilt_are_told_with_what_to_declare(log, run, t
     rate = float(done["reasons"][0].split("about rate: ")[1])
     done = run(tmp_path / "many.parquet", columns={"time": None}, rate=rate).quality
     assert (done["status"], done["gaps"]["count"]) == ("ok", 0)
-
-
-def test_a_sensor_that_pauses_is_no_burst(log, quality):
-    t = np.arange(500) / 100
-    # pauses of a second; stretches of more than one; and the rate within the bursts declared
-    for stamps, declared in (
-        (t + np.arange(500) // 20, {}),
-        (t + 0.4 * (np.arange(500) // 120), {}),
-        (bursts(500), {"rate": 500}),
-    ):
-        done = quality(stamps, **declared).quality
-        assert not done["clock"]["rebuilt"]
-        assert not any("bursts" in line for line in done["reasons"] + done["warnings"])

@@ -57,14 +57,6 @@ def test_spellings_of_units(quantity, text, unit):
     assert stated_unit(quantity, text) == unit
 
 
-def test_declared_names_win_and_the_rest_is_found():
-    names = "t ax ay az gx gy gz sx sy sz".split()
-    found = resolve(names, {"acceleration": ["sx", "sy", "sz"]})
-    assert found.acceleration == (7, 8, 9)
-    assert found.angular_rate == (4, 5, 6)
-    assert resolve(names, {"time": None}).time is None
-
-
 def test_unknown_name_lists_what_is_there_and_the_nearest():
     names = "t ax ay az gyr_x gyr_y gyr_z".split()
     with pytest.raises(ImuloopError, match=r"no column 'gyrx'; there are t, .*mean 'gyr_x'\?"):

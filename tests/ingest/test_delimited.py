@@ -39,24 +39,6 @@ def test_runs_of_blanks_with_leading_and_trailing_ones(log, run, tmp_path):
     assert same(run(path, columns=columns).samples, log)
 
 
-def test_decimal_commas(log, run, tmp_path):
-    path = tmp_path / "log.csv"
-    log.to_csv(path, index=False, sep=";", decimal=",")
-    assert same(run(path).samples, log)
-
-
-@pytest.mark.parametrize(("kind", "separator"), [("gz", ","), ("zst", " "), ("bz2", ",")])
-def test_packed_and_no_newline_at_the_end(log, run, tmp_path, kind, separator):
-    path = tmp_path / f"log.csv.{kind}"
-    content = log.to_csv(index=False, sep=separator).rstrip("\n").encode()
-    with pa.output_stream(path, compression="detect") as stream:
-        stream.write(content)
-    done = run(path)
-    assert same(done.samples, log)
-    assert done.quality["bad_lines"] == 0
-    assert path.stat().st_size < len(content)
-
-
 def test_a_bomb_is_refused(run, tmp_path):
     path = tmp_path / "log.csv.zst"
     with pa.output_stream(path, compression="detect") as stream:
@@ -137,23 +119,6 @@ def test_unreadable_values_and_lines_are_dropped_and_counted(log, run, tmp_path)
     assert done.quality["missing_values"]["ax"] == 4
     assert done.quality["bad_lines"] == 2
     assert same(done.samples, log.drop(index=range(4, 9)).reset_index(drop=True))
-
-
-def test_nothing_depends_on_the_size_of_a_batch(log, run, tmp_path):
-    path = tmp_path / "log.csv"
-    big = pd.concat([log] * 20, ignore_index=True)
-    big["t"] = 1_000_000 + 10_000 * np.arange(len(big))
-    # whole and decimal numbers in one column, and faults, all over the file
-    big["ax"] = big["ax"].where(big.index % 50 != 0, 1)
-    big.loc[777::1000, "gy"] = np.nan
-    big.loc[500, "t"] = big.loc[499, "t"]
-    big.to_csv(path, index=False)
-    found = []
-    for batch_rows in (1 << 16, 70, 700):
-        done = run(path, units={"time": "us"}, batch_rows=batch_rows)
-        found.append((done.path.read_bytes(), done.quality))
-    assert found[0] == found[1] == found[2]
-    assert found[0][1]["non_finite"] == 10
 
 
 ODD = [" 1.5", "1.5 ", "+2", ".5", "5.", "1e-7", "-inf", " nan", "NULL", "", "oops", "0x1p3", "1_0"]
@@ -320,3 +285,20 @@ def test_a_row_of_units_below_the_header(log, run, tmp_path, brackets):
     path.write_text("\n".join([lines[0], ",".join([*units[:4], *["rpm"] * 3]), *lines[1:]]))
     with pytest.raises(ImuloopError, match=r"units\.angular_rate: the log says 'rpm'"):
         run(path)
+
+
+def test_nothing_depends_on_the_size_of_a_batch(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    big = pd.concat([log] * 20, ignore_index=True)
+    big["t"] = 1_000_000 + 10_000 * np.arange(len(big))
+    # whole and decimal numbers in one column, and faults, all over the file
+    big["ax"] = big["ax"].where(big.index % 50 != 0, 1)
+    big.loc[777::1000, "gy"] = np.nan
+    big.loc[500, "t"] = big.loc[499, "t"]
+    big.to_csv(path, index=False)
+    found = []
+    for batch_rows in (1 << 16, 70, 700):
+        done = run(path, units={"time": "us"}, batch_rows=batch_rows)
+        found.append((done.path.read_bytes(), done.quality))
+    assert found[0] == found[1] == found[2]
+    assert found[0][1]["non_finite"] == 10

@@ -127,16 +127,6 @@ def test_faulty_rows_do_not_reach_their_neighbours(log, summed, told):
     assert (done.quality["clock"]["rollovers"], done.quality["clock"]["resets"]) == (1, 1)
 
 
-def test_rows_without_a_logged_interval_are_dropped(log, summed, told):
-    summed["dt_us"] = TICKS
-    summed["dt_us"] = summed.dt_us.astype(object)
-    summed.loc[[3, 30, 300, 400], "dt_us"] = [0, -5, "", "x"]
-    done = told(summed)
-    assert done.quality["non_finite"] == 4
-    rows = np.delete(np.arange(500), [3, 30, 300, 400])
-    np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log, rows), rtol=1e-14)
-
-
 def test_of_stamps_in_bursts_the_step_of_the_line(log, summed, told):
     late = np.repeat(np.random.default_rng(6).gamma(2, 0.001, 100), 5)
     table = summed.drop(columns="time_us")
@@ -215,15 +205,3 @@ def test_what_cannot_be_is_one_line(log, summed, run, tmp_path):
     streams = [Stream("imu", np.arange(9), {})]
     with pytest.raises(ImuloopError, match=r"columns.interval: only tables have one"):
         raw_log(streams, {"interval": "dt"})
-
-
-def test_values_of_any_size_do_no_harm(summed, run, tmp_path):
-    rng = np.random.default_rng(8)
-    for name in ("dvx", "dtheta_z"):
-        rows = rng.integers(0, 500, 5)
-        summed.loc[rows, name] = rng.choice([1e308, -1e308, 1e-308, 5e-324], 5)
-    table = summed.assign(dt=rng.choice([0.01] * 40 + [1e308, 5e-324, -1, np.inf], 500))
-    for each in (summed, table):
-        each.to_parquet(tmp_path / "log.parquet", index=False)
-        done = run(tmp_path / "log.parquet")
-        assert np.isfinite(done.samples).all(axis=None)

@@ -65,15 +65,6 @@ def test_threads_change_nothing_and_progress_is_told(log, path, run, monkeypatch
     assert done[5] == ("read", size) and done[-1] == ("measured", size)
 
 
-def test_rejected_samples_are_empty_and_whole(path, run):
-    path.write_text("t,ax,ay,az,gx,gy,gz,temp\n" + "0,1,2,3,4,5,6,7\n" * 9)
-    done = run(path)
-    assert done.quality["status"] == "rejected"
-    assert pq.read_schema(done.path).equals(schema(True, {}))
-    assert len(done.samples) == 0
-    assert {str(kind) for kind in done.samples.dtypes} == {"float64"}
-
-
 def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch, tmp_path):
     old = run(path)
     before = {p.name: p.read_bytes() for p in old.path.parent.iterdir()}
@@ -141,13 +132,6 @@ def test_stamps_that_are_too_large(log, path, run):
         log.assign(t=[*near[:9], far[9], *near[10:]]).to_csv(path, index=False)
         done = run(path)
         assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 1)
-
-
-def test_a_name_that_is_no_utf_8(path, run):
-    other = path.with_name("log\udcff.csv")
-    path.rename(other)
-    with pytest.raises(ImuloopError, match=r"log\\xff\.csv: its name is no UTF-8: rename it"):
-        run(other)
 
 
 @pytest.mark.parametrize(

@@ -39,16 +39,6 @@ def test_gaps_and_rate_beside_them(log, measured):
     assert found["warnings"] == ["2 gaps, 0.53 s together"]
 
 
-def test_rate_of_stamps_rounded_to_milliseconds(log, measured):
-    # 104 Hz in whole milliseconds: steps of 9 and 10 ms, whose median alone is 4 % off
-    log["t"] = np.round(np.arange(500) / 104, 3)
-    found = measured()
-    assert found["rate_hz"] == pytest.approx(104, rel=1e-3)
-    steps = np.diff(log.t)
-    assert found["jitter"]["std_s"] == pytest.approx(steps.std(), rel=1e-6)
-    assert found["jitter"]["max_s"] == pytest.approx(1e-3)
-
-
 def test_figures_over_row_groups_are_those_of_one(log, measured, monkeypatch):
     log.loc[100:, "t"] += 0.5
     whole = measured()
@@ -121,12 +111,6 @@ def test_a_scale_of_some_per_cent_is_honest(log, measured, kind):
         log[["ax", "ay", "az"]] /= factor
 
 
-def test_a_declared_rate_that_the_stamps_deny(measured):
-    assert measured(rate=50)["warnings"] == [
-        "the stamps give 100 Hz, declared are 50 Hz; stamps used"
-    ]
-
-
 def test_the_wrong_unit_of_time_is_rejected_with_the_right_one(log, measured):
     log["t"] = np.arange(500) * 10_000
     found = measured()
@@ -184,20 +168,6 @@ def test_a_value_that_no_sensor_gives_is_dropped_and_counted(log, measured, chan
     [gaps, warning] = found["warnings"]
     assert gaps.startswith("2 gaps")
     assert f"beyond ± 1e+10 in SI, which no sensor gives: {channel} 2;" in warning
-
-
-def test_a_temperature_that_is_none_stays_missing(log, run, tmp_path):
-    log["temp"] = 25.0 + log.t
-    log.loc[7, "temp"] = 1e300
-    log.to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
-    assert done.quality["rows"] == 500
-    assert done.quality["impossible_values"]["temperature"] == 1
-    assert np.flatnonzero(done.samples.temperature.isna()).tolist() == [7]
-    assert done.quality["temperature_range"] == pytest.approx([25.0, 29.99])
-    log["temp"] = 1e300
-    log.to_csv(tmp_path / "log.csv", index=False)
-    assert run(tmp_path / "log.csv").quality["temperature_range"] is None
 
 
 @pytest.mark.parametrize("channels", [["ax", "ay", "az"], ["gx", "gy", "gz"], ["gz"]])

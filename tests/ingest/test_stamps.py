@@ -8,7 +8,6 @@ from imuloop.core.errors import ImuloopError
 from imuloop.ingest.stamps import (
     absolute_nanoseconds,
     iso_nanoseconds,
-    iso_text,
     parse_stamps,
     stamp_array,
     stamp_values,
@@ -40,14 +39,6 @@ def test_dates(text):
     assert iso_nanoseconds(text) == MOMENT * 10**9
 
 
-def test_unix_time_counts_as_a_date_and_time_since_power_on_does_not():
-    assert absolute_nanoseconds(MOMENT, "s", False) == MOMENT * 10**9
-    assert absolute_nanoseconds(MOMENT * 10**6 + 1, "us", False) == MOMENT * 10**9 + 1000
-    assert absolute_nanoseconds(256551281491968, "us", False) is None
-    assert absolute_nanoseconds(np.float64(12.5), "s", False) is None
-    assert iso_text(MOMENT * 10**9) == "2024-02-29T23:59:59Z"
-
-
 @pytest.mark.parametrize("text", ["yesterday", "now", "10:00", "NaT", ""])
 def test_what_is_no_date(text):
     with pytest.raises(ImuloopError, match=f"'{text}' is no ISO 8601 stamp"):
@@ -65,3 +56,10 @@ def test_dates_that_nanoseconds_do_not_reach(unit):
     for column in (parse_stamps(pa.array(text[1:])), stamp_array(dated[1:])):
         values, readable, absolute = stamp_values(column)
         assert not readable.any() and not values.any() and absolute
+
+
+def test_unix_time_counts_as_a_date_and_time_since_power_on_does_not():
+    assert absolute_nanoseconds(MOMENT, "s", False) == MOMENT * 10**9
+    assert absolute_nanoseconds(MOMENT * 10**6 + 1, "us", False) == MOMENT * 10**9 + 1000
+    assert absolute_nanoseconds(256551281491968, "us", False) is None
+    assert absolute_nanoseconds(np.float64(12.5), "s", False) is None

@@ -1,13 +1,11 @@
 """Logs of several streams: which are chosen, and how they come onto one clock."""
 
-import contextlib
-
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.ingest.streams import Stream, raw_log, stream_names
+from imuloop.ingest.streams import Stream, raw_log
 
 RNG = np.random.default_rng(3)
 ROWS = 300
@@ -47,21 +45,6 @@ def test_one_stream_is_given_as_it_is():
         "time": "imu stamps",
     }
     assert (log.units, log.notes, log.temperature) == ({"acceleration": "g", "time": "ns"}, [], 0)
-
-
-def test_batches_do_not_matter():
-    streams = [stream("acc", ACC), stream("gyro", GYRO, 0.003 + np.arange(ROWS) / 100)]
-    whole, small = arrays(raw_log(streams)), arrays(raw_log(streams, batch_rows=7))
-    for name, values in whole.items():
-        np.testing.assert_array_equal(values, small[name])
-    assert max(b.num_rows for b in raw_log(streams, batch_rows=7).batches) == 7
-
-
-def test_units_are_those_of_the_stream_that_was_chosen():
-    acc = stream("acc", ACC, time="us", acceleration="g", angular_rate="rad/s", temperature="K")
-    gyro = stream("gyro", [*GYRO, "temperature"], time="s", angular_rate="deg/s")
-    units = {"time": "us", "acceleration": "g", "angular_rate": "deg/s"}
-    assert raw_log([acc, gyro]).units == units
 
 
 def test_a_stream_of_both_sensors_goes_before_those_of_one():
@@ -111,11 +94,6 @@ def test_what_is_declared_wrongly_is_one_line(columns, line):
     with pytest.raises(ImuloopError, match=rf"^columns\.{quantity}: {line}") as caught:
         raw_log(streams, columns)
     assert "\n" not in str(caught.value)
-
-
-def test_a_sensor_that_is_in_no_stream():
-    with pytest.raises(ImuloopError, match=r"no angular_rate found; the log holds acc \(acc\.x"):
-        raw_log([stream("acc", ACC)])
 
 
 def test_streams_without_rows():
@@ -279,31 +257,3 @@ def test_a_stray_stamp_of_one_stream_costs_its_row_alone():
         streams[which].stamps[700] += 10**12
         table = arrays(raw_log(streams))
         assert (~np.isfinite(table["gx"])).sum() <= 4
-
-
-def test_whole_and_decimal_stamps_together_and_stamps_of_any_size():
-    for which in (0, 1):
-        streams = two_clocks(10**9, 2**40)
-        each = streams[which]
-        streams[which] = Stream(each.name, each.stamps.astype(float), each.fields, each.units)
-        assert (~np.isfinite(arrays(raw_log(streams))["gx"])).sum() <= 4
-    rng = np.random.default_rng(12)
-    for worst in ([2**62, -(2**62), 0, 2**63 - 1, -(2**63)], [1e308, -1e308, 1e-308, 0.0]):
-        streams = two_clocks(2**32 - 20_000_000, 2**32)
-        for i, each in enumerate(streams):
-            stamps = each.stamps.astype(np.array(worst).dtype)
-            stamps[rng.integers(0, len(stamps), 300)] = rng.choice(worst, 300)
-            stamps[[0, -1]] = worst[:2]
-            streams[i] = Stream(each.name, stamps, each.fields, each.units)
-        with contextlib.suppress(RejectedLog):
-            raw_log(streams)
-
-
-def test_streams_with_dots_in_their_names():
-    streams = [stream("/imu.left/raw"), stream("/imu.right/raw")]
-    log = raw_log(streams, {"acceleration": "/imu.right/raw"})
-    assert log.found["angular_rate"][0] == "/imu.right/raw.gyro.x"
-    fields = [f"/imu.left/raw.{name}" for name in ACC]
-    assert raw_log(streams, {"acceleration": fields}).found["acceleration"] == fields
-    declared = {"acceleration": "a.b", "angular_rate": ["c.d.x", "c.d.y", "c.d.z"], "time": None}
-    assert {"a.b", "c.d"} <= stream_names(declared)
