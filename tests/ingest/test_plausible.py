@@ -270,12 +270,3 @@ def test_a_few_samples_at_the_end_of_sixteen_bits_are_clipped(taken, offset):
     # the same values in SI: told by the step
     log[list(ANGULAR_RATE)] = (log[list(ANGULAR_RATE)] - offset) * 1e-4
     assert "gx 18 samples" in taken(log)["warnings"][0]
-
-
-def test_a_computed_gravity_is_named(taken):
-    log = simulated("multi_position", 4, poses=8)
-    assert taken(log)["warnings"] == []
-    force = log[list(ACCELERATION)].to_numpy()
-    log[list(ACCELERATION)] = (9.81 * force / np.linalg.norm(force, axis=1)[:, None]).round(5)
-    [line] = taken(log)["warnings"]
-    assert "however the device turns: a gravity that was computed" in line

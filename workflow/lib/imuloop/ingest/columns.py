@@ -278,29 +278,22 @@ def _declared(quantity, value, names, headed):
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith("pps") else f"columns.{quantity}"
+    number = f"from 0 to {len(names) - 1}"
     if isinstance(value, int) and not isinstance(value, bool):
-        if not 0 <= value < len(names):
-            raise ImuloopError(
-                f"{key}: there is no column {value}; the log has {len(names)}, "
-                f"numbered from 0 to {len(names) - 1}"
-            )
-        return value
-    if not headed:
-        raise ImuloopError(
-            f"{key}: the log has no header, so {value!r} cannot be found; "
-            f"name columns by number, from 0 to {len(names) - 1}"
-        )
-    value = str(value)
-    if names.count(value) > 1:
-        raise ImuloopError(
-            f"{key}: {names.count(value)} columns are named '{value}'; name it by number, from 0"
-        )
-    if value not in names:
-        raise ImuloopError(
-            f"{key}: no column '{value}'; there are {listed(names)}"
-            f"{did_you_mean(value, names, 0.5)}"
-        )
-    return names.index(value)
+        if 0 <= value < len(names):
+            return value
+        fault = f"there is no column {value}; the log has {len(names)}, numbered {number}"
+    elif not headed:
+        fault = f"the log has no header, so {value!r} cannot be found; name columns by number, "
+        fault += number
+    elif names.count(str(value)) == 1:
+        return names.index(str(value))
+    elif count := names.count(str(value)):
+        fault = f"{count} columns are named '{value}'; name it by number, from 0"
+    else:
+        hint = did_you_mean(str(value), names, 0.5)
+        fault = f"no column '{value}'; there are {listed(names)}{hint}"
+    raise ImuloopError(f"{key}: {fault}")
 
 
 def listed(names, headed=True):

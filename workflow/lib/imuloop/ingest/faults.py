@@ -106,14 +106,12 @@ def measure(file, figures, threads=1, progress=lambda share: None):
                       for n in CHANNELS]),
         ]  # fmt: skip
         blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
-        rates = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
-        spread = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        quiet = np.array([spread, np.sqrt((rates**2).sum(axis=0))])
+        quiet = sum(blocks[name].var(axis=1) for name in ACCELERATION)
         return counts, np.array([rests.bands(blocks[name]) for name in CHANNELS]), quiet
 
     counts, spectra, quiet = zip(*in_order(counted, groups(), threads), strict=True)
     common, lengths, limits, spikes, wraps = (sum(each) for each in zip(*counts, strict=True))
-    quiet, spectra = np.concatenate(quiet, axis=1), np.concatenate(spectra, axis=2)
+    quiet, spectra = np.concatenate(quiet), np.concatenate(spectra, axis=2)
     spectra = dict(zip(CHANNELS, spectra, strict=True))
     spikes = dict(zip(names, spikes.tolist(), strict=True))
     stuck = {name: runs[name].stuck() for name in CHANNELS}
@@ -123,7 +121,7 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         # once or twice is a fault of a moment
         if len(stuck[name]) not in (1, 2)
         and name not in figures["constant"]
-        and rests.silent(spectra[name][0], quiet[0])
+        and rests.silent(spectra[name][0], quiet)
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
@@ -160,7 +158,6 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         "noise_near_nyquist": {
             name: None if name in silent else rests.lacking(spectra[name]) for name in CHANNELS
         },
-        "rate_at_rest": rests.rate_at_rest(quiet),
         "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
         "axes": axes,
         "rests": _rests(still.figures(fits and axes["ratio"]), file),

@@ -126,12 +126,12 @@ def ingest(
         log.threads = threads
         return log
 
-    def told(what):
+    def teller(what):
         return lambda done: progress and done and progress(what, done, total)
 
     def written(log, counts, batches, rebuilt=False):
-        _write(temporary, batches, log, counts, origin, hashes, told("read"), rebuilt)
-        measured = told("measured")
+        _write(temporary, batches, log, counts, origin, hashes, teller("read"), rebuilt)
+        measured = teller("measured")
         return quality.measure(temporary, full_scale, threads, lambda x: measured(x * total))
 
     try:
@@ -186,7 +186,7 @@ def ingest(
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
             if reasons:
-                _write(temporary, (), log, counts, origin, hashes, told("read"))
+                _write(temporary, (), log, counts, origin, hashes, teller("read"))
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
         kind_of_error, text = type(error), error

@@ -10,7 +10,7 @@ from math import log
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.samples import ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 
@@ -26,7 +26,7 @@ PLAUSIBLE_TURN_RATIO = 0.1
 AGREEMENT, LEAST_STEPS = 0.9, 10
 # full scales of a sensor differ by powers of two
 FULL_SCALES = (2, 4, 8, 16)
-# no sensor at rest shows more; no hand turns faster than this on average, rad/s
+# on average no sensor at rest shows more, and no hand turns faster, rad/s
 PLAUSIBLE_REST, PLAUSIBLE_MEAN_RATE = 1.0, 10.0
 # a static session rests for this share of its time; its gravity turns by less than no drift of a
 # bias makes, 0.15 g, rad; stops that follow each other differ by less in a slow tilt, rad
@@ -39,9 +39,6 @@ MOST_JUMP = 0.05
 # times that an integer wraps around, to be named and to make the log useless: logs that were joined
 # jump so once or twice
 LEAST_WRAPS, MOST_WRAPS = 3, 20
-# the magnitude of the specific force is that of a computed gravity where it varies less, of itself,
-# while the device turns so much that an axis changes by this share of it
-COMPUTED, TURNED = 1e-4, 0.1
 
 
 def judged(figures, units, gravity, kind=None):
@@ -63,17 +60,9 @@ def judged(figures, units, gravity, kind=None):
         # nothing else can be said of such values
         return ([text], []) if max(wrapped.values()) >= MOST_WRAPS else ([], [text])
     _force(figures, units["acceleration"], gravity, reasons, warnings)
-    _turns(figures, units["angular_rate"], gravity, reasons, warnings)
+    _turns(figures, units["angular_rate"], gravity, kind, reasons, warnings)
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
-    size, spread = figures["mean_specific_force"], figures["specific_force_std"]
-    widest = max(high - low for low, high in (figures["range"][name] for name in ACCELERATION))
-    if spread is not None and spread < COMPUTED * size and widest > TURNED * size:
-        warnings.append(
-            f"the magnitude of the specific force is the same within {spread / size:.1g} of itself "
-            "however the device turns: a gravity that was computed, corrected or filtered, not the "
-            "accelerometer's output; log that"
-        )
     return reasons, warnings
 
 
@@ -153,7 +142,7 @@ def _live(figures):
     return not (found["zero_rows"]["angular_rate"] or found["copies"] or dead)
 
 
-def _turns(figures, unit, gravity, reasons, warnings):
+def _turns(figures, unit, gravity, kind, reasons, warnings):
     """Say what is wrong with an angular rate that does not turn the device as gravity says."""
     axes, rests = figures["faults"]["axes"], figures["faults"]["rests"]
     ratio = rests and rests["turn_ratio"]
@@ -182,19 +171,14 @@ def _turns(figures, unit, gravity, reasons, warnings):
         if cause:
             reasons.append(f"{line}: {cause}{off}")
             return
-    mean, rest = figures["mean_angular_rate"], figures["faults"]["rate_at_rest"]
-    if mean > PLAUSIBLE_MEAN_RATE:
+    mean = figures["mean_angular_rate"]
+    if mean > (PLAUSIBLE_REST if kind == "static" else PLAUSIBLE_MEAN_RATE):
         warnings.append(
-            f"the mean angular rate is {mean:.4g} rad/s, too much for a turn by hand: "
-            "see units.angular_rate"
+            f"the mean angular rate is {mean:.4g} rad/s, too much for a "
+            f"{'turn by hand' if mean > PLAUSIBLE_MEAN_RATE else 'bias'}: see units.angular_rate"
         )
     elif value and sure and abs(log(value)) > max(log(1 + PLAUSIBLE_TURN_RATIO), sure):
         warnings.append(f"{line}: its scale is off by as much; {see}{off}")
-    elif rest and rest > PLAUSIBLE_REST:
-        warnings.append(
-            f"the angular rate is {rest:.4g} rad/s in the quietest stretches, too much for a bias: "
-            f"{see}"
-        )
 
 
 def _moved(rests, gravity, reasons, warnings):

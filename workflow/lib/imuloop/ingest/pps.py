@@ -37,23 +37,21 @@ _MARK_ROWS = 1 << 16
 class Timeline:
     """GNSS time `seconds` from the first mark over the local counter at marks, `counters`, rising.
 
-    `scale` are nominal seconds per tick, `start_ns` is the moment of the first mark, ns since 1970,
-    where marks are dates, `figures` what quality.json says of the marks.
+    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` what
+    quality.json says of the marks.
     """
 
     counters: np.ndarray
     seconds: np.ndarray
-    scale: float
     start_ns: int | None
     figures: dict
 
     def at(self, x):
         """Return GNSS time from the first mark, s, at counters of shape (n,)."""
         i = np.clip(np.searchsorted(self.counters, x, side="right") - 1, 0, len(self.counters) - 2)
-        since = x - self.counters[i]
-        whole = self.counters[i + 1] - self.counters[i]
-        bias = (self.seconds[i + 1] - self.seconds[i]) - whole * self.scale
-        return self.seconds[i] + since * self.scale + bias * since / whole
+        # s + b/(C3 - C1) is the slope from mark to mark
+        slope = np.diff(self.seconds) / np.diff(self.counters)
+        return self.seconds[i] + (x - self.counters[i]) * slope[i]
 
     def moment(self, seconds):
         """Return the moment of GNSS time from the first mark, ns since 1970; None without dates."""
@@ -198,7 +196,7 @@ def timeline(counters, times, dated, limits, scale):
         "drift_ppm": float(((counters[-1] - counters[0]) * scale / (t[-1] - t[0]) - 1) * 1e6),
         "drift_range_ppm": [float(off.min()), float(off.max())],
     }
-    return Timeline(counters, t - t[0], scale, int(times[begin]) if dated else None, figures)
+    return Timeline(counters, t - t[0], int(times[begin]) if dated else None, figures)
 
 
 def _longest_run(sound):

@@ -64,7 +64,7 @@ def measure(path, full_scale=None, threads=1, progress=None):
                 progress(0.5 * (group + 1) / file.num_row_groups)
 
         parts = in_order(lambda part: _part(*part, names, scales), tables(), threads)
-        parts = list(zip(*parts, strict=True)) or [[]] * 5
+        parts = list(zip(*parts, strict=True)) or [[]] * 4
         figures = _time_figures(file, median_of_parts(parts[0]))
         figures |= _channel_figures(file.metadata.num_rows, names, scales, *parts[1:])
         found = faults.measure(file, figures, threads, lambda share: progress(0.5 + 0.5 * share))
@@ -119,7 +119,7 @@ def _part(t, table, names, scales):
     """Return what a row group alone shows.
 
     Median and number of steps; ends and smallest step of each channel; samples at each full scale;
-    sums of both magnitudes; number, mean and variance of the force's.
+    sums of both magnitudes.
     """
     x = {name: table[name].to_numpy() for name in names}
     finite = {name: np.sort(x[name][np.isfinite(x[name])]) for name in names}
@@ -134,11 +134,11 @@ def _part(t, table, names, scales):
     force, rate = (np.sqrt(sum(x[name] ** 2 for name in axes)) for axes in SENSORS.values())
     steps = np.diff(t)
     median = (np.median(steps) if len(steps) else None, len(steps))
-    return median, ends, clipped, (force.sum(), rate.sum()), (len(force), force.mean(), force.var())
+    return median, ends, clipped, (force.sum(), rate.sum())
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _channel_figures(rows, names, scales, ends, clipped, magnitudes, force):
+def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
     """Return the figures of the channels, of those of the row groups."""
     # without a value there is neither an end nor a step
     ends = np.transpose([[(np.nan, np.nan, np.inf)] * len(names), *ends], (2, 0, 1))
@@ -150,8 +150,6 @@ def _channel_figures(rows, names, scales, ends, clipped, magnitudes, force):
     clipped = np.sum([[0] * len(scales), *clipped], axis=0)
     if rows:
         magnitudes = np.sum(magnitudes, axis=0) / rows
-        n, mean, variance = np.transpose(force)
-        spread = np.sqrt(n @ (variance + (mean - n @ mean / rows) ** 2) / rows)
     return {
         "clipped": {
             name: None if scale is None else int(count)
@@ -164,7 +162,6 @@ def _channel_figures(rows, names, scales, ends, clipped, magnitudes, force):
             for name, each in zip(names, step, strict=True)
         },
         "mean_specific_force": float(magnitudes[0]) if rows else None,
-        "specific_force_std": float(spread) if rows and np.isfinite(spread) else None,
         "mean_angular_rate": float(magnitudes[1]) if rows else None,
         "temperature_range": ranges.get(TEMPERATURE),
     }

@@ -32,11 +32,10 @@ def parse_stamps(text):
 
     What cannot be read becomes null; stamps without a zone count as UTC.
     """
-    text = pc.utf8_trim_whitespace(text)
     for kind in (pa.int64(), pa.float64()):
         with suppress(pa.ArrowInvalid):
             return text.cast(kind)
-    series = text.to_pandas()
+    series = pc.utf8_trim_whitespace(text).to_pandas()
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
         # whole numbers beside a few unreadable ones keep all their digits

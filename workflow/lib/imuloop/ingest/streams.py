@@ -66,30 +66,28 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         raise RejectedLog("the log has no rows")
     chosen = _chosen(columns, streams)
     clock = chosen["acceleration"][0]
-    stamps, units = clock.stamps, _stated("time", clock)
+    wanted = {quantity: (names, *chosen[quantity]) for quantity, names in _SENSORS.items()}
+    stream, name, notes = _temperature(columns, streams, clock)
+    if stream:
+        wanted[TEMPERATURE] = (TEMPERATURE,), stream, [name]
+    arrays, interpolated, found = {}, set(), {}
+    stamps, units = clock.stamps, {q: unit for q, unit in clock.units.items() if q == "time"}
     if columns.get("time") is not None:
-        stream, name = _locate("time", columns["time"], streams)
-        if stream is not clock:
+        own, name = _locate("time", columns["time"], streams)
+        if own is not clock:
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
         # in a unit of its own
-        stamps, units = stream.fields[name], {}
-    notes, arrays, interpolated, found = [], {}, set(), {}
-    for quantity, names in _SENSORS.items():
-        stream, fields = chosen[quantity]
+        stamps, units = own.fields[name], {}
+    for quantity, (names, stream, fields) in wanted.items():
         values, merged = _onto(clock, stream, fields, quantity)
         notes += merged
         if merged:
             interpolated.add(quantity)
         arrays |= dict(zip(names, values, strict=True))
-        units |= _stated(quantity, stream)
+        units |= {q: unit for q, unit in stream.units.items() if q == quantity}
         found[quantity] = [f"{stream.name}.{field}" for field in fields]
-    stream, name, doubt = _temperature(columns, streams, clock)
-    notes += doubt
-    if stream:
-        (arrays[TEMPERATURE],), merged = _onto(clock, stream, [name], TEMPERATURE)
-        notes += merged
-        units |= _stated("temperature", stream)
-        found["temperature"] = f"{stream.name}.{name}"
+    if TEMPERATURE in found:
+        [found[TEMPERATURE]] = found[TEMPERATURE]
     if columns.get("time", True) is not None:
         found["time"] = columns.get("time") or f"{clock.name} stamps"
         arrays[STAMP] = stamps
@@ -133,10 +131,6 @@ def _signed(stream):
     whole = np.asarray(stream.stamps).dtype.kind in "iu"
     stamps = np.asarray(stream.stamps).astype(np.int64 if whole else float)
     return replace(stream, name=printable(stream.name), fields=fields, stamps=stamps)
-
-
-def _stated(quantity, stream):
-    return {q: unit for q, unit in stream.units.items() if q == quantity}
 
 
 def _chosen(columns, streams):
