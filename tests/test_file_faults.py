@@ -126,7 +126,7 @@ def test_increments_need_an_interval(faults, tmp_path):
         "devices.imu.sessions.a.rate: missing; sums.csv has no time column of a usual name "
         f"({', '.join(names.split(','))}); give it, or name the column in columns.time"
     ]
-    assert faults(session("kind: static, file: own.csv, columns: {interval: step}")) == [
+    assert faults(session("kind: static, file: own.csv, rate: 9, columns: {interval: step}")) == [
         "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
         f"{', '.join(names.split(','))}, dt"
     ]

@@ -14,7 +14,7 @@ from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest.columns import guess, listed, resolve, unit_of
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.packed import check_unpacked
-from imuloop.ingest.raw_log import STAMP, RawLog
+from imuloop.ingest.raw_log import STAMP, RawLog, doubles
 from imuloop.ingest.stamps import stamp_array
 from imuloop.ingest.text_layout import (
     AXES,
@@ -204,14 +204,6 @@ def _check_headers(text, layout, positions):
                 f"a second header in the log names other columns ({listed(names)}) than the first "
                 f"({listed(layout.names)}): make a log of each part"
             )
-
-
-def doubles(column):
-    """Return a column as float64; what is missing becomes NaN."""
-    if column.type != pa.float64():
-        # whole numbers of more than 53 bits are rounded
-        column = column.cast(pa.float64(), safe=False)
-    return column.fill_null(float("nan"))
 
 
 def numbers(text):
