@@ -120,13 +120,13 @@ def test_increments_need_an_interval(faults, tmp_path):
     names = "dvx,dvy,dvz,dax,day,daz"
     (tmp_path / "sums.csv").write_text(f"{names}\n0,0,0.1,0,0,0\n0,0,0.1,0,0,0\n")
     (tmp_path / "own.csv").write_text(f"{names},dt\n0,0,0.1,0,0,0,0.01\n0,0,0.1,0,0,0,0.01\n")
-    assert faults(session("kind: static, file: own.csv")) == []
+    assert faults(session("kind: static, file: own.csv, rate: 100")) == []
     assert faults(session("kind: static, file: sums.csv, rate: 100")) == []
     assert faults(session("kind: static, file: sums.csv")) == [
         "devices.imu.sessions.a.rate: missing; sums.csv has no time column of a usual name "
         f"({', '.join(names.split(','))}); give it, or name the column in columns.time"
     ]
-    assert faults(session("kind: static, file: own.csv, columns: {interval: step}")) == [
+    assert faults(session("kind: static, file: own.csv, rate: 9, columns: {interval: step}")) == [
         "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
         f"{', '.join(names.split(','))}, dt"
     ]
