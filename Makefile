@@ -75,7 +75,7 @@ bench-noise: setup
 
 # undeclared effects in simulated devices: are they found? Writes docs/study.md, with devices that
 # nothing was developed on; for a part of it OPTIONS="--effects g_sensitivity,control --seeds 3"
-OPTIONS ?= --first 7500 --seeds 6 --write docs/study.md
+OPTIONS ?= --first 8200 --seeds 6 --write docs/study.md
 study: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.study --workers $(CORES) $(OPTIONS)
 

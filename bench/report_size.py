@@ -1,7 +1,7 @@
 """Time and size of the report of ten devices and of 200, from finished results.
 
 The devices of a results folder are taken in turn under so many names; their parts and the report
-are written, twice. Bounds for ten: 6 s, 5 MB; the same bytes the second time. `make bench-report`.
+are written, twice. Bounds for ten: 100 s, 8 MB; the same bytes again. `make bench-report`.
 """
 
 import argparse

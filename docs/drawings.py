@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from imuloop.core.rotation import exponential, matrix
-from imuloop.plan.planned import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S, holes
+from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S, holes
 from imuloop.simulate.motion import shortest_turn
 
 STYLE = """

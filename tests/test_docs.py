@@ -26,9 +26,9 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import FORMATS
 from imuloop.noise.settings import NoiseSettings
-from imuloop.plan.planned import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
-from imuloop.report.pose_plot import largest_hole
-from imuloop.report.recording_gain import WIDE_HOLE
+from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
+from imuloop.report.figures.poses import largest_hole
+from imuloop.report.recording import WIDE_HOLE
 from imuloop.segment.settings import SegmentSettings
 
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -16,6 +16,16 @@ ACCELERATION_UNIT = RawUnit("m/s^2", 1.0)
 RATE_UNIT = RawUnit("rad/s", 1.0)
 
 
+class IndependentMeans:
+    """Stands in for a noise model: each pose's mean has a variance of its own, SI."""
+
+    def __init__(self, variance):
+        self.variance = variance
+
+    def pose_mean_covariance(self, windows):
+        return np.tile(np.eye(len(windows)) * self.variance, (6, 1, 1))
+
+
 def known_noise(truth):
     """Return the noise model that the truth declares."""
 
@@ -30,11 +40,15 @@ def known_noise(truth):
     return NoiseModel(truth.name, axes)
 
 
+def recorded(*samples):
+    """Return the poses and rotations of sessions."""
+    segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
+    return record(list(samples), segments, 30.0)
+
+
 def recording(truth, seed, session="multi_position"):
     """Return the poses and rotations of a simulated session."""
-    samples = simulate_session(truth, session, seed)
-    segments, _ = segment_session(samples, session, SegmentSettings())
-    return record([samples], [segments], 30.0)
+    return recorded(simulate_session(truth, session, seed))
 
 
 def noiseless(truth):
@@ -49,10 +63,10 @@ def noiseless(truth):
 
 def difference(calibration, truth, names):
     """Return estimate less truth of the parameters `names`, T01 … b2."""
-    return np.array(
-        [
-            getattr(calibration, name[0])[tuple(int(i) for i in name[1:])]
-            - getattr(truth, name[0])[tuple(int(i) for i in name[1:])]
-            for name in names
-        ]
-    )
+    places = [(name[0], tuple(int(i) for i in name[1:])) for name in names]
+    return np.array([getattr(calibration, k)[i] - getattr(truth, k)[i] for k, i in places])
+
+
+def scores(calibration, truth, names):
+    """Return (estimate - truth) / standard error of the parameters `names`."""
+    return difference(calibration, truth, names) / [calibration.std[name] for name in names]

@@ -12,39 +12,35 @@ from imuloop.core.model import SensorCalibration
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
-SEEDS = 12
 
 
 def test_errors_of_parameters_move_directions_as_their_covariance_says():
     made, rng = recording(TRUTH, 3), np.random.default_rng(0)
-    effect = find_effect("quadratic")()
+    effect, a = find_effect("quadratic")(), TRUTH.accelerometer
     names = (*accelerometer.NAMES, *(f"quadratic.{p}" for p in effect.parameters))
-    root = np.diag([2e-3] * 3 + [3e-3] * 3 + [0.02] * 3 + [2e-4] * 3) @ (
-        np.eye(12) + 0.3 * rng.normal(size=(12, 12))
-    )
-    a = TRUTH.accelerometer
+    size = np.repeat([2e-3, 3e-3, 0.02, 2e-4], 3)
+    root = size[:, None] * (np.eye(12) + 0.3 * rng.normal(size=(12, 12)))
 
-    def calibration(x):
+    def calibration(x, covariance):
         T, K, b = accelerometer.unpack(x)
         values = dict(zip(effect.parameters, x[9:].tolist(), strict=True))
         fitted = (FittedEffect(effect, values, {}),)
-        covariance = root @ root.T
         return SensorCalibration(ACCELERATION_UNIT, T, K, b, names, covariance, fitted)
 
     x = np.concatenate([a.T[np.triu_indices(3, 1)], a.K, a.b, [1e-4, -2e-4, 3e-4]])
-    silent = replace(made, poses=replace(made.poses, variance=0 * made.poses.variance))
     noise = known_noise(TRUTH)
 
     def directions(x):
-        f = calibrated_force(calibration(x), silent, noise).poses
+        f = calibrated_force(calibration(x, root), made, noise).poses
         return (f / np.linalg.norm(f, axis=1, keepdims=True)).ravel()
 
     drawn = [directions(x + root @ rng.normal(size=12)) for _ in range(4000)]
-    whole = calibrated_force(calibration(x), silent, noise).direction_covariance
-    exact = replace(calibration(x), covariance=np.zeros((12, 12)))
-    own = whole - calibrated_force(exact, silent, noise).direction_covariance
-    found = np.cov(np.transpose(drawn))
-    assert np.abs(found - own).max() < 0.08 * own.max()
+    whole, exact = (
+        calibrated_force(calibration(x, c), made, noise).direction_covariance
+        for c in (root @ root.T, np.zeros((12, 12)))
+    )
+    own = whole - exact
+    assert np.abs(np.cov(np.transpose(drawn)) - own).max() < 0.08 * own.max()
 
 
 def test_an_effect_that_a_plan_leaves_out_moves_no_direction():

@@ -41,59 +41,36 @@ class Third(Column):
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows as a search sees them, each the only one of its pose.
-
-    Attributes
-    ----------
-    evidence : Evidence
-        The rows.
-    shapes : dict of type to tuple of Effect
-        The candidates.
-    settings : DiagnoseSettings
-        Settings.
-    fold : ndarray of int, shape (n,)
-        The part that each row is held out with.
-    """
+    """A problem of rows that are the only one of their pose each, `fold` their parts."""
 
     evidence: Evidence
     shapes: dict
     settings: DiagnoseSettings
     fold: np.ndarray
-    tests = 1
+    tests, parts = 1, PARTS
     scans: ClassVar = {}
 
     @property
-    def parts(self):
-        """Number of parts that are held out in turn."""
-        return int(self.fold.max()) + 1
-
-    @property
     def ends(self):
-        """The parts that each row touches."""
         return self.fold[:, None]
 
-    def sight(self, base, out):
-        """Return what is seen without some parts."""
-        return self.evidence.sight(out)
+    def training(self, base, out):
+        return self.evidence.training(out)
 
     def left(self, search, base):
-        """Return what effects leave of all rows."""
-        return search.sight(base).left(search.columns(base, 0), 0)[0][:, None]
+        return search.training(base).left(search.columns(base, 0), 0)[0][:, None]
 
     def slow(self, effect):
-        """Return False: what the noise may be is given."""
         return False
 
     def groups(self):
-        """Return the rows of each kind of residual: they are of one."""
         return [np.ones(len(self.fold), dtype=bool)]
 
     def shows(self, search, base, trial):
-        """Return kind and rows in which a trial shows most."""
         return "kind", slice(None)
 
     def lost(self, base):
-        """Return why a fit is none: it always is one."""
+        return None
 
 
 def rows(values, nuisance, columns, covariances=(), threshold=0.05):
@@ -116,16 +93,13 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     noise = Hypotheses.of(covariances or [np.eye(n)])
     fold = np.arange(n) % PARTS
     block = Block(values[:, None], nuisance, noise, fold[:, None])
-    prior = np.zeros(len(noise.log_det))
+    prior, shapes = np.zeros(len(noise.log_det)), {}
     plain = np.arange(len(prior)) == 0
-
-    def design(effect):
-        return columns[effect].reshape(n, 1, -1)
-
-    evidence, shapes = Evidence([block], prior, design, least=1.0, plain=plain), {}
     for effect in columns:
-        shapes.setdefault(type(effect), []).append(effect)
-    shapes = {cls: tuple(own) for cls, own in shapes.items()}
+        shapes[type(effect)] = (*shapes.get(type(effect), ()), effect)
+    evidence = Evidence(
+        [block], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, plain=plain
+    )
     return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold)
 
 

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, known_noise, recording
-from imuloop.calibrate.pose_fits import AccelerometerPoses
-from imuloop.calibrate.settings import CalibrateSettings
+from calibrate.devices import recording
+from diagnose.models import accelerometer_poses
 from imuloop.core.sphere import fibonacci_lattice
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.records.probes import harmonics
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, harmonics
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
 
@@ -26,7 +24,7 @@ def test_harmonics_are_orthogonal_to_each_other_and_to_lower_degrees(degree):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(seed):
+def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(no_limits, seed):
     degree = 5
     pattern = np.random.default_rng(seed).normal(size=2 * degree + 1)
 
@@ -36,17 +34,10 @@ def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(seed
 
     truth = example_truth()
     multi = replace(truth.sessions["multi_position"], poses=70)
-    truth = replace(
-        truth,
-        accelerometer=replace(truth.accelerometer, extra=extra),
-        sessions={"multi_position": multi},
-    )
-    model = AccelerometerPoses(
-        known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    )
-    content = diagnose_poses(
-        model, recording(truth, seed), DiagnoseSettings(folds=5), tests=20
-    ).content
+    force = replace(truth.accelerometer, extra=extra)
+    truth = replace(truth, accelerometer=force, sessions={"multi_position": multi})
+    model, settings = accelerometer_poses(truth), DiagnoseSettings(folds=5)
+    content = diagnose_poses(model, recording(truth, seed), settings, tests=20).content
     assert (content["verdict"], content["effects"]) == ("unexplained", [])
     first = content["correlates"][0]
     assert first["name"] == f"harmonics_{degree}"

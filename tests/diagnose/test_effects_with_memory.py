@@ -87,12 +87,3 @@ def test_vibration_is_counted_and_the_turn_beside_it_is_not():
     assert found[still, 2, 2].mean() == pytest.approx(1e-4, rel=0.25)
     assert found[still, 2, 2].max() < 2e-4
     np.testing.assert_allclose(found[t > 22, 0, 0], 0.25, rtol=0.06)
-
-
-def test_a_turn_by_hand_is_no_vibration():
-    # half a turn in two seconds, as smooth as a hand's
-    t = 0.01 * np.arange(1000)
-    angle = np.clip((t - 4) / 2, 0, 1) * np.pi
-    y = G * np.cos(angle - np.sin(2 * angle) / 2)[:, None] * np.ones(3)
-    found = find_effect("vibration_rectification")().design(Channels(t, y, y))
-    assert found.max() < 1e-4 * y.var()

@@ -1,7 +1,6 @@
 """A measured log, harmed as a logger would: a report of it, and a verdict that its data bear."""
 
 import json
-import math
 
 import numpy as np
 import pytest
@@ -13,18 +12,17 @@ GRAVITY = 9.81744
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
 
-def midway(log, channels, change):
-    late = log.t > log.t.iloc[-1] / 2
-    log.loc[late, channels] = change(log.loc[late, channels])
+def halved(log):
+    log.loc[log.t > log.t.iloc[-1] / 2, F] /= 2
 
 
-def wrapped(size):
-    """Return what integers make of more than `size`, m/s^2."""
+def shifted(log):
+    log.loc[log.t > log.t.iloc[-1] / 2, F] += 5
 
-    def harm(log):
-        log[F] = (log[F] + size) % (2 * size) - size
 
-    return harm
+def wrapped(log):
+    """What integers make of more than 7 m/s^2."""
+    log[F] = (log[F] + 7) % 14 - 7
 
 
 def clipped(channels, size):
@@ -40,25 +38,14 @@ HARMS = {
     # the gyroscope's own g-sensitivity is found all the same
     "accelerometer clipped": (clipped(F, 1.05 * GRAVITY), OPEN, "partly_explained"),
     "gyroscope clipped": (clipped(W, 1.5), "consistent", NOTHING),
-    "scale halves": (lambda log: midway(log, F, lambda f: f / 2), NOTHING, NOTHING),
-    "offset jumps": (lambda log: midway(log, F, lambda f: f + 5), NOTHING, NOTHING),
-    "wrapped at 5": (wrapped(5.0), NOTHING, NOTHING),
-    "wrapped at 7": (wrapped(7.0), NOTHING, NOTHING),
-    "wrapped at 8.5": (wrapped(8.5), NOTHING, NOTHING),
+    "scale halves": (halved, NOTHING, NOTHING),
+    "offset jumps": (shifted, NOTHING, NOTHING),
+    "wrapped": (wrapped, NOTHING, NOTHING),
 }
 
 
-def finite(content):
-    """Return whether every number of a JSON file is one."""
-    if isinstance(content, dict):
-        content = list(content.values())
-    if isinstance(content, list):
-        return all(map(finite, content))
-    return not isinstance(content, float) or math.isfinite(content)
-
-
 @pytest.mark.parametrize(("harm", "force", "turn"), HARMS.values(), ids=HARMS.keys())
-def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
+def test_a_verdict_that_the_data_bear(recordings, tmp_path, no_limits, harm, force, turn):
     log = xsens(recordings)
     harm(log)
     log.to_parquet(tmp_path / "log.parquet", index=False)
@@ -67,13 +54,12 @@ def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
     assert main([*words, "--gravity", str(GRAVITY)]) == 0
     assert "</html>" in page.read_text()
     for path in kept.rglob("*.json"):
-        assert finite(json.loads(path.read_text())), path
+        assert not {"NaN", "Infinity"} & set(path.read_text().replace(",", " ").split()), path
     diagnosis = json.loads((kept / "diagnosis.json").read_text())
     assert "failed" not in diagnosis
-    found = diagnosis["sensors"]
     calibration = json.loads((kept / "calibration.json").read_text())
     for sensor, verdict in (("accelerometer", force), ("gyroscope", turn)):
-        poses = found[sensor]["poses"]
+        poses = diagnosis["sensors"][sensor]["poses"]
         assert poses["verdict"] == verdict
         assert bool(poses["effects"]) == (verdict == "partly_explained")
         if verdict == NOTHING:

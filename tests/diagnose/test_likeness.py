@@ -1,7 +1,8 @@
-"""Effects that data cannot tell apart, before the data are seen and after."""
+"""Effects that data cannot tell apart, before the data are seen and after; pairs that hide."""
 
 import numpy as np
 import pytest
+from scipy.stats import f
 
 from diagnose.rows import Column, N, Other, T, Third, search
 from imuloop.diagnose.likeness import imitated, twin
@@ -16,21 +17,15 @@ def likeness(columns):
 
 def test_the_share_that_another_imitates_is_the_squared_cosine():
     a, b = np.zeros((2, N))
-    a[0], b[:2] = 1.0, [np.cos(0.3), np.sin(0.3)]
+    # alike but for a part that every fit takes up
+    a[0], a[-1], b[:2] = 1.0, 3.0, [np.cos(0.3), np.sin(0.3)]
+    share = pytest.approx(np.cos(0.3) ** 2)
     assert likeness({Column(): a, Other(): b}) == [
-        {"effect": "column", "with": "other", "share": pytest.approx(np.cos(0.3) ** 2)},
-        {"effect": "other", "with": "column", "share": pytest.approx(np.cos(0.3) ** 2)},
+        {"effect": "column", "with": "other", "share": share},
+        {"effect": "other", "with": "column", "share": share},
     ]
     b[:2] = [np.cos(0.6), np.sin(0.6)]
     assert likeness({Column(): a, Other(): b}) == []
-
-
-def test_what_the_base_model_takes_is_no_likeness():
-    # alike but for a part that every fit takes up
-    a, b = np.zeros((2, N))
-    a[[0, -1]], b[[0, -1]] = [1.0, 3.0], [1.0, -3.0]
-    shares = [found["share"] for found in likeness({Column(): a, Other(): b})]
-    assert shares == pytest.approx([1.0, 1.0])
 
 
 def test_the_middle_shape_counts_and_the_nearest_of_the_other():
@@ -42,13 +37,6 @@ def test_the_middle_shape_counts_and_the_nearest_of_the_other():
         ("column", "other"): pytest.approx(np.cos(0.2) ** 2),
         ("other", "column"): pytest.approx(1),
     }
-
-
-def test_a_parameter_that_the_data_do_not_show_is_left_out():
-    a, dead = np.eye(N)[:, :1], np.zeros((N, 1))
-    found = likeness({Column(): np.hstack([a, dead]), Other(): a, Third(): dead})
-    named = {(f["effect"], f["with"]) for f in found}
-    assert named == {("column", "other"), ("other", "column")}
 
 
 def test_a_plane_imitates_a_line_in_it_and_the_line_not_the_plane():
@@ -76,8 +64,55 @@ def test_of_two_patterns_that_are_one_the_first_of_the_library_is_named():
     made = search(2 * pattern + rng.normal(size=N), np.ones((N, 1)), columns)
     assert made.trial((), Other).log_p < made.trial((), Column).log_p
     assert made.best(()).effect == Column(0)
-    # what has more parameters does more than the best
-    wide = {Column(0): np.column_stack([pattern, others[0]]), Other(): pattern}
-    assert (
-        search(2 * pattern + rng.normal(size=N), np.ones((N, 1)), wide).best(()).effect == Other()
-    )
+
+
+LINE = np.column_stack([np.ones(N), T])
+COLUMNS = (np.sin(7 * T), np.cos(23 * T), T**2)
+A, B, C = Column(), Other(), Third()
+
+
+def best_pair(values, columns=COLUMNS, threshold=1e-3):
+    made = search(values, LINE, dict(zip((A, B, C), columns, strict=True)), (), threshold)
+    return made, made.best_pair((), ())
+
+
+def chi2(values, *columns):
+    design = np.column_stack([LINE, *columns])
+    left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    return left @ left
+
+
+def test_both_of_a_pair_are_tested_beside_each_other():
+    values = 4 * COLUMNS[0] - 4 * COLUMNS[1] + np.random.default_rng(0).normal(size=N)
+    made, pair = best_pair(values)
+    assert pair.effects == (A, B)
+    after = chi2(values, *COLUMNS[:2])
+    scale = max(1, after / (N - 4))
+    expected = f.logsf((chi2(values) - after) / 2 / scale, 2, N - 4) + np.log(3)
+    assert pair.log_p == pytest.approx(expected)
+    fitted = np.linalg.lstsq(np.column_stack([LINE, *COLUMNS[:2]]), values, rcond=None)[0][2:]
+    found = [made.beside((other,), own)[0][0] for own, other in ((A, B), (B, A))]
+    np.testing.assert_allclose(found, fitted, rtol=1e-9)
+    assert made.best_pair((), {(Column, Other)}) is None
+
+
+@pytest.mark.parametrize(("step", "made"), [(0.1, False), (0.7, True)])
+def test_twins_are_no_pair_for_what_tells_them_apart(step, made):
+    twins = COLUMNS[0], COLUMNS[0] + step * COLUMNS[1], COLUMNS[2]
+    values = 12 * COLUMNS[1] + np.random.default_rng(3).normal(size=N)
+    assert (best_pair(values, twins)[1] is not None) == made
+
+
+def test_noise_alone_makes_no_pair():
+    rng = np.random.default_rng(2)
+    found = [best_pair(rng.normal(size=N), threshold=0.05)[1] for _ in range(200)]
+    assert sum(pair is not None for pair in found) <= 0.05 * 200
+
+
+def test_the_best_is_a_pair_where_no_single_one_passes():
+    # opposite ones of which neither alone has half of what is there
+    rng, (u, v) = np.random.default_rng(4), np.linalg.qr(LINE, mode="complete")[0].T[2:4]
+    columns = u + 0.5 * v, -u + 0.5 * v, COLUMNS[2]
+    made, pair = best_pair(6 * v + rng.normal(size=N), columns)
+    assert all(made.trial((), type(e)).log_p > made.threshold(0) for e in (A, B))
+    assert made.best(()) == pair and pair.effects == (A, B)

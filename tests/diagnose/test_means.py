@@ -12,13 +12,10 @@ from imuloop.diagnose.records.means import (
     LEAST_MEANS,
     LEAST_SAMPLES,
     MOST_MEANS,
-    rests_to_use,
     static_record,
     window_length,
 )
-from imuloop.diagnose.records.static import StaticProblem
-from imuloop.diagnose.records.static_content import _probes
-from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.records.rests import rests_to_use
 from imuloop.effects.bias_temperature_rate import lagged_rate
 from imuloop.effects.reorientation import creep
 from imuloop.effects.thermal_hysteresis import branch
@@ -71,15 +68,6 @@ def test_values_are_means_of_the_sensors_output():
         np.testing.assert_allclose(found.values[k], 2 * (raw - 0.5), rtol=1e-12)
     # at rest the output stands still for the effects
     np.testing.assert_allclose(found.channels.output, np.tile(found.values.mean(0), (118, 1)))
-
-
-def test_what_is_remembered_is_averaged_over_each_window():
-    found = made()
-    squares = found.channels.remembered(lambda whole, power: whole.t**power, 2)
-    start, end = found.windows.T
-    # samples at 0.1 s: the mean of squares of an arithmetic series
-    middle, n = (start + end - 0.1) / 2, 200
-    np.testing.assert_allclose(squares, middle**2 + 0.01 * (n**2 - 1) / 12, rtol=1e-9)
 
 
 def test_windows_are_as_wanted_unless_the_record_is_short_or_long():
@@ -155,15 +143,3 @@ def test_a_log_is_the_same_in_parts(missing, monkeypatch, tmp_path):
     for (function, *constants), values in zip(remembered, expected, strict=True):
         found = parts.channels.remembered(function, *constants)
         np.testing.assert_allclose(found, values, rtol=1e-9, atol=1e-12, err_msg=function.__name__)
-    found, expected = (
-        _probes(StaticProblem((each,), {}, DiagnoseSettings(), 1)) for each in (parts, whole)
-    )
-    for (name, _, columns), (_, _, own) in zip(found, expected, strict=True):
-        np.testing.assert_allclose(columns, own, rtol=1e-9, atol=1e-12, err_msg=name)
-
-
-def test_an_axis_that_never_changes_has_the_same_mean_everywhere(monkeypatch):
-    samples = log()
-    samples["gy"] = 0.1
-    monkeypatch.setattr(rest_log, "PART", 1000)
-    assert np.ptp(made(samples).values, axis=0)[1] == 0

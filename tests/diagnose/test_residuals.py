@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop.calibrate.pose_fits import (
-    AccelerometerPoses,
-    GyroscopePoses,
-    fitted_calibration,
-)
-from imuloop.calibrate.settings import CalibrateSettings
+from calibrate.devices import recording
+from diagnose.models import pose_sensors
+from diagnose.test_search import problem_of
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import (
     chance,
     chi_square,
@@ -20,7 +15,6 @@ from imuloop.diagnose.residuals import (
     held_out_operator,
     size,
 )
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.verdict import Judged, above_floor, unseen
 from imuloop.simulate.truth import example_truth
 
@@ -43,20 +37,6 @@ def test_a_linear_fit_has_its_textbook_degrees_of_freedom():
     assert likelihood == pytest.approx(-log / 2)
 
 
-def problem_of(sensor, made, parts=10):
-    """Return the PoseProblem of a sensor without effects to try."""
-    fold = interleaved(len(made.poses), parts)
-    return PoseProblem(sensor, made, {}, DiagnoseSettings(folds=parts), 1, fold)
-
-
-def sensors(truth, made):
-    """Return both sensors at the poses, their noise known."""
-    arguments = known_noise(truth), truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    force = AccelerometerPoses(*arguments)
-    fitted = fitted_calibration(force, force.fit(made))
-    return force, GyroscopePoses(arguments[0], fitted, RATE_UNIT, arguments[3])
-
-
 def test_parts_of_a_fit_share_its_parameters():
     """What each part is expected to leave, as many degrees of freedom, is what simulated ones do.
 
@@ -64,9 +44,9 @@ def test_parts_of_a_fit_share_its_parameters():
     """
     truth = example_truth()
     made = recording(truth, 2)
-    turn = sensors(truth, made)[1]
-    problem = problem_of(turn, made)
-    about = problem.about()
+    turn = pose_sensors(truth, made)["gyroscope"]
+    problem = problem_of(turn, made, {})
+    about = problem.linearized()
     covariance, design = about.alternatives[0][1], about.jacobian
     groups = [problem.of_kind(kind) for kind in turn.kinds]
     (*found, (_, total)), _ = chi_square(
@@ -83,22 +63,6 @@ def test_parts_of_a_fit_share_its_parameters():
         squares = (left[at] * own).sum(axis=0)
         # four standard errors of the mean
         assert squares.mean() == pytest.approx(dof, abs=4 * squares.std() / np.sqrt(20000))
-
-
-def test_a_fit_by_other_weights_costs_no_degree_of_freedom_and_leaves_no_more():
-    """Each alternative of the noise has a fit of its own."""
-    truth = example_truth()
-    made = recording(truth, 2)
-    about = problem_of(sensors(truth, made)[0], made).about()
-    covariance, everything = about.alternatives[0][1], [np.ones(len(made.poses), dtype=bool)]
-    ((square, dof),), likelihood = chi_square(about.values, covariance, about.jacobian, everything)
-    assert dof == pytest.approx(len(made.poses) - 9)
-    rng = np.random.default_rng(0)
-    off = about.jacobian @ (rng.normal(size=9) * np.sqrt(np.diag(about.solution.fit.covariance)))
-    ((again, same),), as_likely = chi_square(
-        about.values + off, covariance, about.jacobian, everything
-    )
-    assert (again, same, as_likely) == pytest.approx((square, dof, likelihood), rel=1e-6)
 
 
 def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
@@ -120,28 +84,22 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     errors = drawn[held] - design[held] @ fitted
     np.testing.assert_allclose(predicted, errors.var(axis=1), rtol=0.05)
     assert predicted.max() < 60
-    np.testing.assert_allclose(operator @ drawn, np.where(held[:, None], pad(errors, held), 0.0))
+    np.testing.assert_allclose((operator @ drawn)[held], errors)
+    assert not (operator @ drawn)[~held].any()
     squares = (errors**2).sum(axis=0)
     for tail in (0.5, 0.1, 0.01, 0.002):
         largest = np.quantile(squares, 1 - tail)
         assert chance(largest, [spread]) == pytest.approx(tail, rel=0.3), tail
 
 
-def pad(errors, held):
-    """Return errors in the rows that are held out, zero elsewhere."""
-    found = np.zeros((len(held), errors.shape[1]))
-    found[held] = errors
-    return found
-
-
 def test_held_out_errors_of_a_good_model_are_at_their_floor():
     truth = example_truth()
     ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
-    for seed in range(8):
+    for seed in range(5):
         made = recording(truth, seed)
-        for sensor in sensors(truth, made):
-            problem = problem_of(sensor, made, parts=5)
-            about, errors = problem.about(), Choices(problem).following(())
+        for sensor in pose_sensors(truth, made).values():
+            problem = problem_of(sensor, made, {}, 5)
+            about, errors = problem.linearized(), Choices(problem).following(())
             variance = np.diag(
                 held_out_covariance(about.alternatives[0][1], about.jacobian, problem.ends)
             )

@@ -37,7 +37,7 @@ def test_trials_refit_everything_and_count_their_shapes():
         found, std, _ = made.beside((), trial.effect)
         np.testing.assert_allclose(found, x[2:], rtol=1e-8)
         np.testing.assert_allclose(std, np.sqrt(np.linalg.inv(normal)[-1, -1] * scale), rtol=1e-8)
-        nuisances, theta = made.sight(()).solved(made.columns((trial.effect,), 0), 0)
+        nuisances, theta = made.training(()).solved(made.columns((trial.effect,), 0), 0)
         assert theta == pytest.approx(found * np.linalg.norm(columns[trial.effect]))
         np.testing.assert_allclose(nuisances[0], x[:2], rtol=1e-8)
         expected = f.logsf((chi2(LINE)[0] - square) / scale, 1, N - 3) + np.log(tried)
@@ -55,7 +55,7 @@ def test_what_the_base_model_takes_up_is_not_tried():
 
 def test_p_values_are_uniform_without_an_effect():
     rng = np.random.default_rng(2)
-    drawn = [search(rng.normal(size=N), LINE, WAVE).trial((), Column).p_value for _ in range(400)]
+    drawn = [search(rng.normal(size=N), LINE, WAVE).trial((), Column).p_value for _ in range(200)]
     # conservative by a little: the scale is never below the noise model's
     assert kstest(drawn, "uniform").pvalue > 1e-3
 
@@ -68,14 +68,14 @@ def test_an_effect_of_its_detection_limit_is_found_with_the_stated_power():
         return Choices(rows(rng.normal(size=N) + size * wave, LINE, WAVE, threshold=threshold))
 
     quiet = []
-    for _ in range(20):
+    for _ in range(10):
         made = choices(0.0).search()
         quiet.append(detection_limits(made, (), made.trial((), Column), power)["p"])
     limit = np.median(quiet)
     # it passes the test, and parts that are held out keep it
-    found = [choices(limit).choice().base == (Column(),) for _ in range(400)]
+    found = [choices(limit).choice().base == (Column(),) for _ in range(300)]
     # a little less: the scale of the test is never below the noise model's
-    assert np.mean(found) == pytest.approx(power, abs=0.06)
+    assert np.mean(found) == pytest.approx(power, abs=0.07)
 
 
 def test_a_walk_that_the_noise_model_does_not_exclude_passes_for_no_drift():
@@ -83,7 +83,7 @@ def test_a_walk_that_the_noise_model_does_not_exclude_passes_for_no_drift():
     limit = Part((2 / 1.96) ** 2 * np.minimum.outer(np.arange(N), np.arange(N)), 0.0, 1.0)
     level, drift, wave = np.ones((N, 1)), 1 - np.exp(-5 * T), np.sin(40 * T)
     rng, alone, guarded, found = np.random.default_rng(6), 0, 0, 0
-    for _ in range(200):
+    for _ in range(100):
         walk = np.cumsum(0.5 * rng.normal(size=N)) + rng.normal(size=N)
         for column, size in ((drift, 0.0), (wave, 60.0)):
             values = walk + size * column
@@ -99,26 +99,13 @@ def test_a_walk_that_the_noise_model_does_not_exclude_passes_for_no_drift():
                 alone += log_p[0] < np.log(0.01)
                 guarded += log_p[1] < np.log(0.01)
     # one in a hundred by chance, and what no walk makes is found as before
-    assert alone > 60
-    assert guarded <= 6
-    assert found == 200
-
-
-def test_the_larger_an_effect_the_smaller_its_p_value():
-    """Though noise of the residual's size is among the hypotheses."""
-    noise = np.random.default_rng(6).normal(size=N)
-
-    def log_p(size):
-        values = noise + size * WAVE[Column()]
-        covariances = [np.eye(N), np.var(values) * np.eye(N)]
-        return search(values, LINE, WAVE, covariances).trial((), Column).log_p
-
-    found = [log_p(size) for size in (3, 10, 30, 100)]
-    assert np.all(np.diff(found) < -20)
+    assert alone > 30
+    assert guarded <= 4
+    assert found == 100
 
 
 @pytest.mark.parametrize("elsewhere, shown", [(0.05, False), (0.5, True)])
-def test_what_one_part_alone_tells_has_no_limit(elsewhere, shown):
+def test_what_one_part_alone_shows_has_no_limit(elsewhere, shown):
     """Errors of a parameter that all others hardly know are in that part larger than the noise."""
     part, values = np.arange(N) % 10 == 0, np.random.default_rng(7).normal(size=N)
     columns = {Column(): np.where(part, 1.0, elsewhere * np.sin(40 * T))}

@@ -59,12 +59,6 @@ def test_the_likelihood_is_the_one_that_is_written():
     assert changes[2] == pytest.approx(changes[3], rel=0.1)
 
 
-def test_what_is_known_well_beforehand_stays():
-    values = 3 * np.random.default_rng(3).normal(size=N)
-    found = likely_sizes(values, LINE, np.eye(N), [Part(np.eye(N), 0.7, 1e-4)])
-    assert found == pytest.approx(0.7, abs=1e-3)
-
-
 def test_sizes_of_simulated_noise_are_found_on_average():
     rng, truth, few = np.random.default_rng(4), (2.0, 1.5), T % 3 == 0
     parts = [Part(WALK), Part(np.diag(few).astype(float))]

@@ -1,6 +1,8 @@
 """A small log, one of numbers that lose their last bit easily, and ingest into a fresh folder."""
 
+import inspect
 from collections import namedtuple
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +11,7 @@ import pytest
 
 from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, read_metadata, read_samples
-from imuloop.ingest.formats import find_format
+from imuloop.ingest.formats import FORMATS, find_format
 from imuloop.ingest.ingest import ingest
 from imuloop.ingest.stamps import stamp_values
 
@@ -40,6 +42,13 @@ def hard_stamps():
     """300 stamps in ns that no float64 holds, in uneven steps."""
     steps = np.random.default_rng(17).integers(9_000_001, 11_000_001, 300)
     return 1_700_000_000_123_456_789 + np.cumsum(steps)
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Read all formats in the process of the test, where it is their values that count."""
+    for name, form in FORMATS.items():
+        monkeypatch.setitem(FORMATS, name, replace(form, read=inspect.unwrap(form.read)))
 
 
 @pytest.fixture

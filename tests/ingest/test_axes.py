@@ -9,7 +9,7 @@ import pytest
 
 from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
-from imuloop.ingest.axes import KEPT, MAPPINGS, Axes, Thinned
+from imuloop.ingest.axes import KEPT, Axes, Thinned
 from imuloop.ingest.ingest import ingest
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
@@ -67,13 +67,11 @@ FAULTS = {
         (2, 1, 3),
         f"x as gy, y as gx, z as gz: {MIRRORED}",
     ),
-    "the three cycled": (GOOD, (2, 3, 1), "x as gz, y as gx, z as gy: turned axes; as well with"),
     "one axis of the gyroscope flipped": (GOOD, (1, -2, 3), f"y as -gy, z as gz: {MIRRORED}"),
     "two axes of the gyroscope flipped": (
         *(GOOD, (-1, 2, -3)),
         "x as -gx, y as gy, z as -gz: turned axes; as well with an acceleration of ax, -ay, az;",
     ),
-    "the three flipped": (GOOD, (-1, -2, -3), f"x as -gx, y as -gy, z as -gz: {MIRRORED}"),
     "one axis of the accelerometer flipped": (
         *((1, 2, -3), GOOD),
         "x as -gx, y as -gy, z as gz: turned axes; as well with an acceleration of ax, ay, -az;",
@@ -81,14 +79,6 @@ FAULTS = {
     "two axes of the accelerometer swapped": (
         *((2, 1, 3), GOOD),
         "x as -gy, y as -gx, z as -gz: turned axes; as well with an acceleration of ay, ax, az;",
-    ),
-    "the accelerometer cycled": (
-        *((3, 1, 2), GOOD),
-        "x as gz, y as gx, z as gy: turned axes; as well with an acceleration of ay, az, ax;",
-    ),
-    "both in one frame with an axis mirrored": (
-        *((1, -2, 3), (1, -2, 3)),
-        f"x as -gx, y as -gy, z as -gz: {MIRRORED}",
     ),
     "both in one frame with two axes swapped": (
         *((2, 1, 3), (2, 1, 3)),
@@ -98,11 +88,10 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fault", FAULTS)
-def test_axes_that_do_not_fit_are_told(logs, tmp_path, kind, fault):
+def test_axes_that_do_not_fit_are_told(logs, tmp_path, fault):
     acceleration, angular_rate, text = FAULTS[fault]
-    log = logs[kind].copy()
+    log = logs["multi_position"].copy()
     turned(acceleration, angular_rate)(log)
     lines = told(tmp_path, log)
     assert len(lines) == 1
@@ -110,20 +99,9 @@ def test_axes_that_do_not_fit_are_told(logs, tmp_path, kind, fault):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_the_line_says_mends_the_log(logs, kind):
-    for mapping in MAPPINGS[1:]:
-        log = logs[kind].copy()
-        log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].to_numpy() @ mapping
-        found = fitted(log)
-        assert found["mapping"] == (mapping @ [1, 2, 3]).tolist()
-        turned(GOOD, found["mapping"])(log)
-        np.testing.assert_array_equal(log, logs[kind])
-
-
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("swapped", [False, True])
 def test_bias_scale_lost_rows_and_a_narrow_range_change_nothing(kind, swapped):
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         log = simulated(kind, seed)
         # 0.3 rad/s of bias, misalignments of 5 degrees, scale errors of 10 %
@@ -136,23 +114,6 @@ def test_bias_scale_lost_rows_and_a_narrow_range_change_nothing(kind, swapped):
         kept = rng.random(len(log)) > 0.03
         kept[2000:2150] = False
         assert fitted(log[kept])["mapping"] == ([1, 3, -2] if swapped else None)
-
-
-@pytest.mark.parametrize("rate", [12.5, 400.0])
-def test_other_rates(logs, rate):
-    log = logs["multi_position"].copy()
-    turned(GOOD, (3, 2, 1))(log)
-    t = np.arange(0, log["t"].iloc[-1], 1 / rate)
-    other = {name: np.interp(t, log["t"], log[name]) for name in CHANNELS}
-    axes = Axes(rate)
-    axes.add(other)
-    assert axes.fit()["mapping"] == [3, 2, 1]
-
-
-def test_small_parts_give_the_same(logs):
-    log = logs["multi_position"].copy()
-    turned(GOOD, (3, 2, 1))(log)
-    assert fitted(log, rows=1000)["mapping"] == fitted(log)["mapping"] == [3, 2, 1]
 
 
 def about_x(rng):
@@ -175,16 +136,8 @@ def test_turns_about_one_axis_tell_that_axis_alone(tmp_path):
     assert "with x as -gy: swapped or mirrored axes (the turns of this log leave" in lines[0]
 
 
-def test_a_device_at_rest_tells_nothing():
-    rng = np.random.default_rng(2)
-    x = dict(zip(CHANNELS, rng.normal(size=(6, 5000)) * 0.02, strict=True))
-    axes = Axes(100)
-    axes.add({**x, "az": x["az"] + 9.8})
-    assert axes.fit() is None
-
-
 def test_good_logs_agree():
-    for seed in range(6):
+    for seed in range(3):
         for kind in KINDS:
             found = fitted(simulated(kind, seed))
             assert found["agreement"] > 0.95
@@ -198,13 +151,3 @@ def test_rows_of_a_long_log_are_thinned_evenly():
     rows = thinned.rows()[:, 0]
     assert KEPT <= len(rows) <= 2 * KEPT
     assert set(np.diff(rows)) == {thinned.stride}
-
-
-def test_values_beyond_all_bounds_stay_numbers(logs):
-    log = logs["multi_position"].copy()
-    log.loc[3000:3100, "gx"] = 1e306
-    log.loc[4000:4100, "ax"] = 1e306
-    with np.errstate(all="ignore"):
-        found = fitted(log)
-    assert np.isfinite([found["agreement"], found["best"]]).all()
-    assert found["mapping"] is None

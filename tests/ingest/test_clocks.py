@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.ingest.bursts import Points
-from imuloop.ingest.clocks import AHEAD, RESET_STEPS, Clock, ahead, span
+from imuloop.ingest.clocks import RESET_STEPS, Clock, ahead
 
 STEP = 10_000
 
@@ -25,13 +24,10 @@ def events(clock):
     return clock.rollovers, clock.resets, clock.strays
 
 
-@pytest.mark.parametrize("size", [None, 7, 64])
-@pytest.mark.parametrize("lost", [0, 3])
+@pytest.mark.parametrize("size", [None, 7])
 @pytest.mark.parametrize(
-    ("width", "tick"),
-    [(2**32, 1000), (2**31, 1), (2**24, 1000), (10**9, 1000), (2**32 * 1000, 1),
-     (604_800_000, 10**6)],
-)  # fmt: skip
+    ("width", "tick", "lost"), [(2**32, 1000, 0), (2**24, 1000, 3), (604_800_000, 10**6, 0)]
+)
 def test_a_counter_that_rolls_over(width, tick, lost, size):
     rng = np.random.default_rng(1)
     true = width - 200 * STEP + np.cumsum(rng.integers(STEP - 99, STEP + 99, 500))
@@ -44,37 +40,11 @@ def test_a_counter_that_rolls_over(width, tick, lost, size):
     assert clock.span_s == pytest.approx(width * tick * 1e-9)
 
 
-def test_roll_overs_of_a_small_signed_counter():
-    true = 7 * np.arange(50_000)
-    x, _, clock = mended((true + 2**15) % 2**16 - 2**15, 1000)
-    np.testing.assert_array_equal(x, true)
-    assert clock.rollovers == (7 * 49_999 + 2**15) // 2**16
-
-
-@pytest.mark.parametrize("width", [2**32 * 1e-6, 2**16 * 1e-3, 1000.0, 86400.0])
-def test_decimal_stamps_that_roll_over(width):
-    true = width - 2 + np.arange(500) / 100
-    x, _, clock = mended(true % width, 50, 10**9)
-    np.testing.assert_allclose(x, true, rtol=0, atol=1e-10)
-    assert events(clock) == (1, 0, 0)
-
-
-def test_the_span_nearest_to_a_step_is_taken():
-    assert span(65_530, 4, 10) == 2**16
-    assert span(99_990, 0, 10) == 10**5
-    assert span(32_760, -32_766, 10) == 2**16
-    assert span(65_530.5, 4.5, 10.0) == 2**16
-    # neither starts at zero nor lies in the middle
-    assert span(70_000, 70_000 - 65_526, 10) is None
-    assert span(50_000, 4, 10) is None
-
-
 @pytest.mark.parametrize("size", [None, 7])
-@pytest.mark.parametrize("start", [0, 12_345])
 @pytest.mark.parametrize("rows", [30, 777])
-def test_stamps_that_start_again(rows, start, size):
+def test_stamps_that_start_again(rows, size):
     first = 10**9 + STEP * np.arange(rows)
-    again = start + STEP * np.arange(400)
+    again = 12_345 + STEP * np.arange(400)
     x, readable, clock = mended(np.concatenate((first, again, again)), size)
     np.testing.assert_array_equal(x[:rows], first)
     steps = np.diff(x)
@@ -84,14 +54,8 @@ def test_stamps_that_start_again(rows, start, size):
     assert events(clock) == (0, 2, 0)
 
 
-def test_an_early_reset_whose_stamps_pass_the_old_ones():
-    x, _, clock = mended(np.r_[STEP * np.arange(40), STEP * np.arange(400)], 9)
-    assert (np.diff(x) > 0).all()
-    assert events(clock) == (0, 1, 0)
-
-
 @pytest.mark.parametrize("size", [None, 7])
-@pytest.mark.parametrize("block", [1, 2, 20, 60])
+@pytest.mark.parametrize("block", [1, 20])
 def test_late_rows_stay_late(block, size):
     stamps = STEP * np.arange(500)
     late = np.concatenate((np.delete(stamps, np.s_[100 : 100 + block]), stamps[100 : 100 + block]))
@@ -103,30 +67,6 @@ def test_late_rows_stay_late(block, size):
         assert events(clock) == (0, 0, 0)
 
 
-def test_jitter_that_turns_stamps_round_is_not_mended():
-    rows = STEP * np.arange(5000) + np.random.default_rng(2).normal(0, STEP, 5000).round()
-    x, _, clock = mended(rows)
-    np.testing.assert_array_equal(x, rows)
-    assert clock.resets == clock.rollovers == 0
-
-
-@pytest.mark.parametrize("size", [None, 1, 7])
-@pytest.mark.parametrize("at", [0, 1, 250, 497])
-def test_one_stamp_far_ahead_is_missing(at, size):
-    rows = STEP * np.arange(500)
-    rows[at] += 2**40
-    x, readable, clock = mended(rows, size)
-    assert np.flatnonzero(~readable).tolist() == [at]
-    np.testing.assert_array_equal(x[readable], rows[readable])
-    assert events(clock) == (0, 0, 1)
-
-
-def test_no_order_at_all_is_not_mended():
-    rows = np.random.default_rng(3).permutation(STEP * np.arange(2000))
-    _, _, clock = mended(rows)
-    assert clock.resets == 0
-
-
 def test_missing_stamps_and_any_batches():
     rng = np.random.default_rng(4)
     true = 2**32 - 1500 * STEP + STEP * np.arange(3000)
@@ -136,29 +76,11 @@ def test_missing_stamps_and_any_batches():
     valid = rng.random(3000) > 0.1
     whole = mended(rows, valid=valid)
     assert events(whole[2])[:2] == (1, 1)
-    for size in (1, 13, 99, 100, 101, 1024):
+    for size in (1, 99, 101):
         parts = mended(rows, size, valid=valid)
         np.testing.assert_array_equal(parts[0][parts[1]], whole[0][whole[1]])
         np.testing.assert_array_equal(parts[1], whole[1])
         assert events(parts[2]) == events(whole[2])
-
-
-@pytest.mark.parametrize("dtype", [np.int64, float])
-def test_stamps_of_any_size_do_no_harm(dtype):
-    rng = np.random.default_rng(5)
-    limits = np.iinfo(np.int64)
-    rows = rng.choice([limits.min, limits.max, 0, 1, -1, 2**62, -(2**62)], 300).astype(dtype)
-    mended(rows, 17)
-    mended(np.r_[rows[:50], np.arange(200), rows[:50], np.arange(200)].astype(dtype), 17)
-
-
-def test_parts_come_with_the_rows_that_follow():
-    x = np.arange(1000)
-    parts = [(x[i : i + 30], x[i : i + 30] > 0) for i in range(0, 1000, 30)]
-    for part, (stamps, readable) in ahead(parts):
-        end = part[0][-1] + 1
-        assert stamps.tolist() == x[end : end + AHEAD].tolist()
-        assert len(readable) == len(stamps)
 
 
 @pytest.fixture
@@ -200,14 +122,6 @@ def test_a_reset_is_a_gap(quality):
     assert done.quality["gaps"]["total_s"] == pytest.approx(0.1)
     assert "the stamps start again once" in done.quality["warnings"][0]
     assert len(quality(done.samples.t, time_range=[2.05, None]).samples) == 300
-
-
-def test_dates_that_start_again(quality):
-    moments = pd.Timestamp("2024-10-27T02:59:58") + pd.to_timedelta(np.arange(500) * 10, "ms")
-    done = quality(moments.where(np.arange(500) < 200, moments - pd.Timedelta("1h")))
-    assert done.quality["clock"]["resets"] == 1
-    assert done.metadata["start"] == "2024-10-27T02:59:58Z"
-    assert done.samples.t.max() == pytest.approx(5.08)
 
 
 def test_a_stamp_far_ahead_costs_its_row(quality):
@@ -291,7 +205,7 @@ def turned(table, t):
     return table.assign(**turn)
 
 
-@pytest.mark.parametrize("std", [0.0005, 0.002, 0.005])
+@pytest.mark.parametrize("std", [0.0005, 0.005])
 def test_stamps_that_scatter_are_rebuilt(turning, run, tmp_path, std):
     even = np.arange(20_000) / 100
     stamps = even + np.random.default_rng(12).normal(0, std, 20_000)
@@ -308,11 +222,10 @@ def test_stamps_that_scatter_are_rebuilt(turning, run, tmp_path, std):
     assert "scatter about a regular clock" in done.quality["warnings"][0]
 
 
-@pytest.mark.parametrize("lost", [1, 3])
-def test_stamps_that_scatter_stay_where_a_sample_is_lost(turning, run, tmp_path, lost):
+def test_stamps_that_scatter_stay_where_a_sample_is_lost(turning, run, tmp_path):
     even = np.arange(20_000) / 100
     stamps = even + np.random.default_rng(13).normal(0, 0.002, 20_000)
-    table = turned(turning, even).assign(t=stamps).drop(index=[1_500, 9_000, 18_000][:lost])
+    table = turned(turning, even).assign(t=stamps).drop(index=[9_000])
     table.to_parquet(tmp_path / "log.parquet", index=False)
     assert not run(tmp_path / "log.parquet").quality["clock"]["rebuilt"]
 
@@ -369,55 +282,3 @@ def test_bursts_that_cannot_be_rebuilt_are_told_with_what_to_declare(log, run, t
     rate = float(done["reasons"][0].split("about rate: ")[1])
     done = run(tmp_path / "many.parquet", columns={"time": None}, rate=rate).quality
     assert (done["status"], done["gaps"]["count"]) == ("ok", 0)
-
-
-def test_a_sensor_that_pauses_is_no_burst(log, quality):
-    t = np.arange(500) / 100
-    # pauses of a second; stretches of more than one; and the rate within the bursts declared
-    for stamps, declared in (
-        (t + np.arange(500) // 20, {}),
-        (t + 0.4 * (np.arange(500) // 120), {}),
-        (bursts(500), {"rate": 500}),
-    ):
-        done = quality(stamps, **declared).quality
-        assert not done["clock"]["rebuilt"]
-        assert not any("bursts" in line for line in done["reasons"] + done["warnings"])
-
-
-def test_bursts_of_dates_and_a_reset_that_no_line_may_cross(quality):
-    stamps = pd.Timestamp("2024-02-29") + pd.to_timedelta((bursts(500) * 1e9).astype(int), "ns")
-    done = quality(stamps)
-    assert done.quality["clock"]["rebuilt"]
-    assert done.metadata["start"].startswith("2024-02-29T00:00:00.05")
-    np.testing.assert_allclose(done.samples.t, np.arange(500) / 100, rtol=1e-3)
-    done = quality(stamps.where(np.arange(500) < 250, stamps - pd.Timedelta("1h")))
-    assert (done.quality["clock"]["resets"], done.quality["clock"]["rebuilt"]) == (1, False)
-
-
-def test_long_pauses_and_single_gaps_are_the_sensors_own(quality):
-    t = np.arange(500) / 100
-    assert not quality(t + np.arange(500) // 20)[1]["clock"]["rebuilt"]
-    # a boot clock that meets GPS time within the first rows makes the mean step long
-    assert not quality(np.where(np.arange(500) > 12, t + 1.7e9, t))[1]["clock"]["rebuilt"]
-    assert not quality(t + 100 * (np.arange(500) // 250))[1]["clock"]["rebuilt"]
-
-
-def test_points_are_few_and_the_same_for_any_batches(monkeypatch):
-    monkeypatch.setattr("imuloop.ingest.bursts._POINTS", 50)
-    rows, held = np.delete(np.arange(1000), [0, 64, 65]), []
-    for size in (1, 10, 333, 1000):
-        held.append(Points())
-        for begin in range(0, len(rows), size):
-            held[-1].add(rows[begin : begin + size], rows[begin : begin + size] / 8)
-    assert held[0].rows.tolist() == [r for r in range(32, 1000, 32) if r != 64]
-    for each in held:
-        np.testing.assert_array_equal(each.rows, held[0].rows)
-        np.testing.assert_array_equal(each.t, each.rows / 8)
-
-
-def test_times_of_any_size_are_on_no_line(quality):
-    for largest in (1e18, 1e100):
-        stamps = np.sort(np.random.default_rng(8).random(500) ** 40) * largest
-        done = quality(stamps)
-        assert not done.quality["clock"]["rebuilt"]
-        assert "t_logged" not in done.samples

@@ -5,11 +5,10 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
-from imuloop.ingest.text_layout import find_layout
 
 SIX = "ax ay az gx gy gz".split()
 
@@ -40,45 +39,11 @@ def test_runs_of_blanks_with_leading_and_trailing_ones(log, run, tmp_path):
     assert same(run(path, columns=columns).samples, log)
 
 
-def test_decimal_commas(log, run, tmp_path):
-    path = tmp_path / "log.csv"
-    log.to_csv(path, index=False, sep=";", decimal=",")
-    assert same(run(path).samples, log)
-
-
-@pytest.mark.parametrize("kind", ["gz", "zst", "bz2"])
-@pytest.mark.parametrize("separator", [",", " "])
-def test_packed_and_no_newline_at_the_end(log, run, tmp_path, kind, separator):
-    path = tmp_path / f"log.csv.{kind}"
-    content = log.to_csv(index=False, sep=separator).rstrip("\n").encode()
-    with pa.output_stream(path, compression="detect") as stream:
-        stream.write(content)
-    done = run(path)
-    assert same(done.samples, log)
-    assert done.quality["bad_lines"] == 0
-    assert path.stat().st_size < len(content)
-
-
-@pytest.mark.parametrize("kind", ["gz", "zst"])
-def test_packed_in_parts_as_loggers_append_them(log, run, tmp_path, kind):
-    content = log.to_csv(index=False).encode()
-    packed = b""
-    for part in (content[:5000], content[5000:]):
-        path = tmp_path / f"log.csv.{kind}"
-        with pa.output_stream(path, compression="detect") as stream:
-            stream.write(part)
-        packed += path.read_bytes()
-    path.write_bytes(packed)
-    assert same(run(path).samples, log)
-
-
-@pytest.mark.parametrize("kind", ["gz", "zst"])
-@pytest.mark.parametrize("line", [b"0.1,1,2,3,4,5,6\n", b"0.1 1 2 3 4 5 6\n"])
-def test_a_bomb_is_refused(run, tmp_path, kind, line):
-    path = tmp_path / f"log.csv.{kind}"
+def test_a_bomb_is_refused(run, tmp_path):
+    path = tmp_path / "log.csv.zst"
     with pa.output_stream(path, compression="detect") as stream:
         for _ in range(8):
-            stream.write(line * (1 << 16))
+            stream.write(b"0.1,1,2,3,4,5,6\n" * (1 << 16))
     columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
     [reason] = run(path, columns=columns).quality["reasons"]
     assert reason == (
@@ -89,7 +54,7 @@ def test_a_bomb_is_refused(run, tmp_path, kind, line):
 
 @pytest.mark.parametrize("batch_rows", [1 << 16, 64])
 @pytest.mark.parametrize("separator", [" ", ","])
-@pytest.mark.parametrize("size", [1 << 16, (1 << 16) + 1, 1 << 20, (1 << 21) + 3])
+@pytest.mark.parametrize("size", [1 << 16, (1 << 16) + 1, (1 << 21) + 3])
 def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size, batch_rows):
     path = tmp_path / "log.txt"
     lines = log.to_csv(index=False, sep=separator).splitlines(keepends=True)
@@ -139,34 +104,6 @@ def test_byte_order_mark_preamble_blank_lines_and_other_columns(log, run, tmp_pa
     assert done.quality["warnings"] == ["1 line(s) before the table skipped"]
 
 
-@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
-def test_euroc(run, tmp_path, batch_rows):
-    path = tmp_path / "data.csv"
-    header = (
-        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
-        "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
-    )
-    # published start of the sequence, 2014-06-24
-    start = 1403636579763555584
-    noise = np.random.default_rng(1).normal([0, 0, 0, 8.1, -0.3, -3.2], size=(500, 6))
-    rows = [
-        ",".join(map(repr, [start + 5_000_000 * i, *row])) for i, row in enumerate(noise.tolist())
-    ]
-    path.write_text("\r\n".join([header, *rows]) + "\r\n")
-    done = run(path, batch_rows=batch_rows)
-    assert done.quality["status"] == "ok"
-    np.testing.assert_array_equal(done.samples.t, np.arange(500) * 5_000_000 * 1e-9)
-    written = np.array([row.split(",")[1:] for row in rows], dtype=float)
-    axes = ["gx", "gy", "gz", "ax", "ay", "az"]
-    np.testing.assert_array_equal(done.samples[axes], written)
-    assert done.metadata["units"] == {
-        "time": "ns",
-        "acceleration": "m/s^2",
-        "angular_rate": "rad/s",
-    }
-    assert done.metadata["start"] == "2014-06-24T19:02:59.763555584Z"
-
-
 def test_unreadable_values_and_lines_are_dropped_and_counted(log, run, tmp_path):
     path = tmp_path / "log.csv"
     lines = log.to_csv(index=False).splitlines()
@@ -184,43 +121,15 @@ def test_unreadable_values_and_lines_are_dropped_and_counted(log, run, tmp_path)
     assert same(done.samples, log.drop(index=range(4, 9)).reset_index(drop=True))
 
 
-def test_nothing_depends_on_the_size_of_a_batch(log, run, tmp_path):
-    path = tmp_path / "log.csv"
-    big = pd.concat([log] * 20, ignore_index=True)
-    big["t"] = 1_000_000 + 10_000 * np.arange(len(big))
-    # whole and decimal numbers in one column, and faults, all over the file
-    big["ax"] = big["ax"].where(big.index % 50 != 0, 1)
-    big.loc[777::1000, "gy"] = np.nan
-    big.loc[500, "t"] = big.loc[499, "t"]
-    big.to_csv(path, index=False)
-    found = []
-    for batch_rows in (1 << 16, 70, 700):
-        done = run(path, units={"time": "us"}, batch_rows=batch_rows)
-        found.append((done.path.read_bytes(), done.quality))
-    assert found[0] == found[1] == found[2]
-    assert found[0][1]["non_finite"] == 10
-
-
-def test_memory_is_bounded(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("t,ax,ay,az,gx,gy,gz\n" + "0.1,1,2,3,4,5,6\n" * 100_000)
-    log = delimited.read({"log": path}, batch_rows=1000)
-    rows = [batch.num_rows for batch in log.batches]
-    assert sum(rows) == 100_000
-    # a block is 64 bytes a row asked for
-    assert max(rows) <= 4100
-
-
 ODD = [" 1.5", "1.5 ", "+2", ".5", "5.", "1e-7", "-inf", " nan", "NULL", "", "oops", "0x1p3", "1_0"]
 BIG = 140363657976355584
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(
     ("stamps", "value"),
     [
         (lambda i: str(BIG + i), lambda i: BIG + i),
-        (lambda i: f'"{BIG + i}"', lambda i: BIG + i),
         (lambda i: f" {BIG + i}" if i % 3 else "", lambda i: BIG + i if i % 3 else None),
         # a first line whose stamp is unlike the others
         (lambda i: str(BIG + i) if i else "1.5,2", lambda i: BIG + i if i else None),
@@ -254,24 +163,6 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value, thr
     np.testing.assert_array_equal(np.array(columns["az"], dtype=float), az[len(left_out) :])
 
 
-def test_what_cannot_be_read_to_its_end_counts_alike_in_threads(log, tmp_path):
-    path = tmp_path / "log.csv.gz"
-    big = pd.concat([log] * 20)
-    big["az"] = np.random.default_rng(1).normal(size=len(big))
-    big.to_csv(path, index=False)
-    path.write_bytes(path.read_bytes()[:-20_000])
-    found = []
-    for threads in (1, 2, 3):
-        broken, rows = delimited.read({"log": path}, batch_rows=1000), 0
-        broken.threads = threads
-        with pytest.raises(RejectedLog, match="cannot be read to its end"):
-            for batch in broken.batches:
-                rows += batch.num_rows
-        assert 0 < broken.position <= path.stat().st_size
-        found.append(rows)
-    assert found[0] == found[1] == found[2] > 0
-
-
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
@@ -300,14 +191,7 @@ def test_headerless_log_needs_numbers(log, run, tmp_path):
         run(path, columns={"acceleration": [1, 2, 3], "angular_rate": [5, 6, 7]})
 
 
-def test_layout_of_a_file_longer_than_what_is_looked_at(log, tmp_path):
-    path = tmp_path / "log.tsv"
-    pd.concat([log] * 10).to_csv(path, index=False, sep="\t")
-    layout = find_layout(path)
-    assert (layout.separator, layout.headed, layout.names) == ("\t", True, list(log.columns))
-
-
-@pytest.mark.parametrize("share", [0.04, 0.06, 0.5])
+@pytest.mark.parametrize("share", [0.04, 0.5])
 @pytest.mark.parametrize("batch_rows", [1 << 16, 64])
 def test_a_long_line_counts_by_what_was_in_it(log, run, tmp_path, share, batch_rows):
     """Line ends were lost: one line, though a part of the log is in it."""
@@ -329,7 +213,7 @@ def test_a_long_line_counts_by_what_was_in_it(log, run, tmp_path, share, batch_r
         assert rest == " of the log's bytes are in 1 lines that are no row; at most 5% may be lost"
 
 
-@pytest.mark.parametrize("filling", [b"\0", b"\xff", b" "])
+@pytest.mark.parametrize("filling", [b"\0", b"\xff"])
 def test_what_was_never_written_is_not_lost(log, run, tmp_path, filling):
     """The rest of a block of a disk or of a flash memory."""
     path = tmp_path / "log.csv"
@@ -403,17 +287,18 @@ def test_a_row_of_units_below_the_header(log, run, tmp_path, brackets):
         run(path)
 
 
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (b"\x89HDF\r\n\x1a\n" + bytes(500), "the file is HDF5: format netcdf or matlab reads"),
-        (b"\x1f\x8b\x08" + bytes(500), "the file is packed by gzip: name it .csv.gz"),
-        (b"PK\x03\x04" + bytes(500), "the file is a zip or a spreadsheet: save its table as CSV"),
-        (b"\x01\0\x05\xff\0\0\0?" * 99, "the file is binary, no text: format: names what"),
-    ],
-)
-def test_what_is_binary_is_not_called_utf_16(run, tmp_path, content, reason):
+def test_nothing_depends_on_the_size_of_a_batch(log, run, tmp_path):
     path = tmp_path / "log.csv"
-    path.write_bytes(content)
-    [told] = run(path, format="csv").quality["reasons"]
-    assert told.startswith(reason)
+    big = pd.concat([log] * 20, ignore_index=True)
+    big["t"] = 1_000_000 + 10_000 * np.arange(len(big))
+    # whole and decimal numbers in one column, and faults, all over the file
+    big["ax"] = big["ax"].where(big.index % 50 != 0, 1)
+    big.loc[777::1000, "gy"] = np.nan
+    big.loc[500, "t"] = big.loc[499, "t"]
+    big.to_csv(path, index=False)
+    found = []
+    for batch_rows in (1 << 16, 70, 700):
+        done = run(path, units={"time": "us"}, batch_rows=batch_rows)
+        found.append((done.path.read_bytes(), done.quality))
+    assert found[0] == found[1] == found[2]
+    assert found[0][1]["non_finite"] == 10

@@ -7,12 +7,6 @@ from imuloop.core.errors import ImuloopError
 from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
 
 
-def test_formats_share_no_ending():
-    endings = [ending for form in FORMATS.values() for ending in form.endings]
-    assert len(endings) == len(set(endings))
-    assert all(ending == ending.lower() and ending.startswith(".") for ending in endings)
-
-
 @pytest.mark.parametrize(("head", "name"), SIGNATURES.items())
 def test_first_bytes_go_before_the_name(tmp_path, head, name):
     path = tmp_path / "log.csv"

@@ -1,23 +1,18 @@
 """Hostile files: one clear line, memory bounded, nothing half-written, nothing outside."""
 
-import errno
 import os
 import signal
 import subprocess
 import sys
 import textwrap
-import zipfile
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from imuloop.config import source_path
-from imuloop.core.errors import ImuloopError, one_line
-from imuloop.core.files import read_json, replaced, write_json
+from imuloop.core.errors import ImuloopError
 from imuloop.ingest import ingest as stage
-from imuloop.ingest.sources import fetch
 
 # more than the libraries and a block of a log take, far less than the files below, MB
 MEMORY = 120
@@ -86,10 +81,7 @@ def text(log, **options):
     ("encoding", "reason"),
     [
         ("utf-16", "the text is UTF-16: save it as UTF-8 (iconv -f utf-16 -t utf-8)"),
-        ("utf-32", "the text is UTF-32: save it as UTF-8 (iconv -f utf-32 -t utf-8)"),
         ("utf-16-le", "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
-        ("utf-16-be", "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
-        ("utf-32-be", "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
         ("cp500", "the file is not a table of numbers in rows and columns"),
     ],
 )
@@ -113,7 +105,7 @@ def test_a_file_that_holds_nothing(run, tmp_path, content, reason):
     assert rejected(run(tmp_path / "log.csv", columns=columns)).startswith(reason)
 
 
-@pytest.mark.parametrize("line", ["7", "0 ", "0,", "\\0", '"'])
+@pytest.mark.parametrize("line", ["7", "0,", "\\0"])
 def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line):
     """A hole in the file, which is zeros without room on the disk, of 1 GB: nothing was in it."""
     half = len(log) // 2
@@ -137,35 +129,6 @@ def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line)
     assert int(found[3]) < MEMORY
 
 
-def test_a_million_columns(log, run, tmp_path):
-    wide = b",".join([b"0"] * 1_000_000)
-    header = b",".join(b"c%d" % i for i in range(1_000_000))
-    rows = text(log).splitlines()
-    path = tmp_path / "log.csv"
-    path.write_bytes(b"\n".join(r + b"," + (wide if i else header) for i, r in enumerate(rows[:4])))
-    assert rejected(run(path)) == "the first line is longer than 64 kB: no table"
-    # below a header of seven, they are lines that are no row
-    rows[300:302] = [wide, wide]
-    path.write_bytes(b"\n".join(rows))
-    quality = run(path).quality
-    assert quality["bad_lines"] == 2
-    [reason] = quality["reasons"]
-    assert reason == (
-        "99.3% of the log's bytes are in 2 lines that are no row; at most 5% may be lost"
-    )
-
-
-def test_as_many_columns_as_a_first_line_holds(log, run, tmp_path):
-    rows = text(log.head(60)).splitlines()
-    wide = [[b"c%d" % i if row == 0 else b"0" for i in range(3000)] for row in range(61)]
-    path = tmp_path / "log.csv"
-    path.write_bytes(b"\n".join(b",".join([r, *w]) for r, w in zip(rows, wide, strict=True)))
-    assert run(path).quality["rows"] == 60
-    with pytest.raises(ImuloopError, match=r"no column 'q'; .* and 2947 more") as raised:
-        run(path, columns={"time": "q"})
-    assert len(str(raised.value)) < 1000
-
-
 def test_names_in_a_header_that_a_terminal_would_obey(run, tmp_path, monkeypatch, capsys):
     path = tmp_path / "log.csv"
     path.write_text("t,\x1b[31max,ay,\x07az,gx,gy,gz\n" + "0,1,2,3,4,5,6\n" * 20)
@@ -184,29 +147,8 @@ def test_names_in_a_header_that_a_terminal_would_obey(run, tmp_path, monkeypatch
     assert all(line.isprintable() for line in log.split("\n"))
 
 
-@pytest.mark.parametrize("name", ["../\x1b[31ma\r.csv", "\x1b]0;a\x07.zip", "a\x9b31m.csv"])
-def test_members_of_a_zip_that_a_terminal_would_obey(run, tmp_path, name):
-    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
-        archive.writestr(name, "t\n")
-    rejected(run(tmp_path / "log.zip"))
-
-
-def test_members_of_a_wheel_that_a_terminal_would_obey(tmp_path, monkeypatch, capsys):
-    def download(command, **_):
-        with zipfile.ZipFile(Path(command[-2], "a-1-py3-none-any.whl"), "w") as archive:
-            archive.writestr("lo\x1b[31mg.csv\n\x07", "t\n")
-        return subprocess.CompletedProcess(command, 0, stderr="")
-
-    monkeypatch.setattr(subprocess, "run", download)
-    source = {"wheel": "a==1", "member": "lo\x1b[31mg.csv", "sha256": "0" * 64}
-    with pytest.raises(ImuloopError) as raised:
-        fetch(source, tmp_path / "log.csv")
-    line = one_line(raised.value)
-    assert line.isprintable() and "did you mean 'lo?[31mg.csv" in line
-
-
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
-@pytest.mark.parametrize("name", ["log.csv", "log.mat", "log.zip", "log.bag", "log"])
+@pytest.mark.parametrize("name", ["log.csv", "log.bag"])
 def test_what_is_no_file_is_told_and_never_waited_for(run, tmp_path, kind, name):
     path = tmp_path / name
     if kind == "fifo":
@@ -219,51 +161,6 @@ def test_what_is_no_file_is_told_and_never_waited_for(run, tmp_path, kind, name)
     with seconds(10), pytest.raises(ImuloopError, match=message):
         run(path)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("name", ["a.db3", "metadata.yaml"])
-def test_a_folder_with_a_fifo_and_links_in_a_loop(run, tmp_path, name):
-    folder = tmp_path / "bag"
-    folder.mkdir()
-    os.mkfifo(folder / name)
-    (folder / "b.mcap").symlink_to("b.mcap")
-    (folder / "up").symlink_to(folder)
-    with seconds(10):
-        assert "no bag" in rejected(run(folder, format="ros"))
-
-
-@pytest.mark.parametrize("listed", ["../secret.mcap", "/etc/passwd"])
-def test_a_bag_that_names_a_file_outside(run, tmp_path, listed):
-    folder = tmp_path / "bag"
-    folder.mkdir()
-    (tmp_path / "secret.mcap").write_bytes(b"\x89MCAP0\r\n")
-    (folder / "metadata.yaml").write_text(
-        f"rosbag2_bagfile_information: {{relative_file_paths: [{listed}]}}"
-    )
-    assert "is missing from the bag" in rejected(run(folder, format="ros"))
-
-
-def test_members_of_a_zip_that_point_outside(log, run, tmp_path):
-    path = tmp_path / "in" / "log.zip"
-    path.parent.mkdir()
-    with zipfile.ZipFile(path, "w") as archive:
-        for name in ("../Accelerometer.csv", "/tmp/Gyroscope.csv"):
-            archive.writestr(name, text(log))
-    before = {p for p in tmp_path.rglob("*")}
-    rejected(run(path))
-    assert {p for p in tmp_path.rglob("*") if "out" not in p.parts} == before
-
-
-@pytest.mark.parametrize("name", ["url: 'http://h/a/..'", "wheel: a==1, member: 'a/..'"])
-def test_a_source_in_the_config_whose_name_is_a_folder_above(faults, name):
-    source = f"{{{name}, sha256: '{'0' * 64}'}}"
-    [fault] = faults(f"devices: {{imu: {{sessions: {{a: {{kind: static, file: {source}}}}}}}}}")
-    assert fault == "devices.imu.sessions.a.file: .. is a folder, not a file"
-
-
-def test_a_member_of_a_wheel_lies_in_the_cache_by_its_name_alone():
-    source = {"wheel": "a==1", "member": "../../../log.csv", "sha256": "0" * 64}
-    assert source_path(source, "cache") == f"cache/{'0' * 64}/log.csv"
 
 
 @pytest.fixture
@@ -295,7 +192,7 @@ def test_a_file_that_may_not_be_read(log, unprivileged):
     assert os.listdir() == ["log.csv"]
 
 
-@pytest.mark.parametrize("change", ["grow", "cut", "replace", "remove"])
+@pytest.mark.parametrize("change", ["grow", "replace", "remove"])
 def test_a_file_that_changes_while_it_is_read(log, run, tmp_path, monkeypatch, change):
     path = tmp_path / "log.csv"
     path.write_bytes(text(log))
@@ -306,8 +203,6 @@ def test_a_file_that_changes_while_it_is_read(log, run, tmp_path, monkeypatch, c
         if change == "grow":
             with open(path, "ab") as file:
                 file.write(b"9,0,0,9.8,0,0,0\n")
-        elif change == "cut":
-            os.truncate(path, 3000)
         elif change == "replace":
             (tmp_path / "new").write_bytes(path.read_bytes())
             (tmp_path / "new").replace(path)
@@ -342,39 +237,3 @@ def test_a_full_disk_leaves_the_old_results_and_one_line(log, tmp_path):
     assert said == (
         "MachineFault imu/poses: big.csv: out/samples.parquet cannot be written: File too large\n"
     )
-
-
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
-def test_a_disk_without_room_is_told_in_one_line(tmp_path, number):
-    with pytest.raises(ImuloopError, match=r"a\.json cannot be written: "):
-        with replaced(tmp_path / "a.json") as temporary:
-            temporary.write_text("half")
-            raise OSError(number, "library's own words")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_what_a_killed_writer_left_goes_with_the_next_one(tmp_path):
-    said = in_child(
-        tmp_path,
-        """
-        import os, signal
-        from imuloop.core.files import replaced
-        if not os.fork():
-            with replaced("a.json") as temporary:
-                temporary.write_text("half")
-                os.kill(os.getpid(), signal.SIGKILL)
-        os.wait()
-        [left] = Path().glob(".a.json.*")
-        print(left)
-        """,
-    )
-    [left] = tmp_path.iterdir()
-    assert left.name == said.strip() and left.read_text() == "half"
-    (tmp_path / ".a.json.swp").touch()
-    with replaced(tmp_path / "a.json") as temporary:
-        # a writer that lives keeps what it has
-        temporary.write_text("1")
-        write_json(tmp_path / "a.json", 2)
-        assert temporary.read_text() == "1"
-    assert read_json(tmp_path / "a.json") == 1
-    assert sorted(p.name for p in tmp_path.iterdir()) == [".a.json.swp", "a.json"]

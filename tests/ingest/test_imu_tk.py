@@ -26,7 +26,7 @@ def test_both_files_make_one_table(log, run, pair):
     assert set(done.metadata["sha256"]) == {"acc.mat", "gyro.mat"}
 
 
-@pytest.mark.parametrize("form", ["%.18e", "%.7e", "%.17g", "%r"])
+@pytest.mark.parametrize("form", ["%.7e", "%r"])
 def test_every_bit(hard, every_bit, tmp_path, form):
     t = 1e9 + np.arange(300) / 100
     paths = {"acceleration": tmp_path / "acc.mat", "angular_rate": tmp_path / "gyro.mat"}

@@ -1,6 +1,5 @@
 """Increments of velocity and angle become rates by the interval that they are really of."""
 
-import netCDF4
 import numpy as np
 import pytest
 
@@ -63,7 +62,7 @@ def test_by_the_steps_of_the_stamps(log, summed, told):
     assert f"jitter by {share:.1%} of a step" in jitter
 
 
-@pytest.mark.parametrize("name", ["dt_us", "delta_t [us]", "interval", "integration_time"])
+@pytest.mark.parametrize("name", ["dt_us", "delta_t [us]", "interval"])
 def test_by_the_logged_interval(log, summed, told, name):
     summed[name] = TICKS
     units = {} if "us" in name else {"units": {"interval": "us"}}
@@ -128,40 +127,6 @@ def test_faulty_rows_do_not_reach_their_neighbours(log, summed, told):
     assert (done.quality["clock"]["rollovers"], done.quality["clock"]["resets"]) == (1, 1)
 
 
-def test_rows_without_a_logged_interval_are_dropped(log, summed, told):
-    summed["dt_us"] = TICKS
-    summed["dt_us"] = summed.dt_us.astype(object)
-    summed.loc[[3, 30, 300, 400], "dt_us"] = [0, -5, "", "x"]
-    done = told(summed)
-    assert done.quality["non_finite"] == 4
-    rows = np.delete(np.arange(500), [3, 30, 300, 400])
-    np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log, rows), rtol=1e-14)
-
-
-@pytest.mark.parametrize("kind", [int, float])
-def test_time_is_the_sum_of_intervals_where_there_is_none(log, summed, told, kind):
-    unit = {int: 1, float: 1e-6}[kind]
-    table = summed.drop(columns="time_us").assign(dt=TICKS * unit)
-    done = told(table, units={"interval": {int: "us", float: "s"}[kind]})
-    np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log), rtol=1e-14)
-    np.testing.assert_allclose(done.samples.t, (np.cumsum(TICKS) - TICKS[0]) * 1e-6, rtol=1e-12)
-    assert done.metadata["units"]["time"] == f"sum of intervals, {'us' if kind is int else 's'}"
-    # a row without one is dropped, and the clock goes on by the last
-    table.loc[10, "dt"] = 0
-    short = told(table, units={"interval": {int: "us", float: "s"}[kind]})
-    assert len(short.samples) == 499
-    assert short.samples.t.max() - done.samples.t.max() == pytest.approx(
-        (TICKS[9] - TICKS[10]) * 1e-6, abs=1e-12
-    )
-
-
-def test_by_a_declared_rate_no_row_is_lost(log, summed, told):
-    summed[DELTA] = rates(log) / 200
-    done = told(summed.drop(columns="time_us"), rate=200)
-    np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log), rtol=1e-14)
-    assert done.quality["increments"]["interval"] == "1/(200 Hz)"
-
-
 def test_of_stamps_in_bursts_the_step_of_the_line(log, summed, told):
     late = np.repeat(np.random.default_rng(6).gamma(2, 0.001, 100), 5)
     table = summed.drop(columns="time_us")
@@ -195,31 +160,10 @@ def test_declared_units_of_columns_of_any_name(log, run, tmp_path, force, rate, 
     np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log, slice(1, None)), rtol=1e-9)
 
 
-@pytest.mark.parametrize("ending", ["parquet", "nc"])
-def test_tables_of_other_formats(log, summed, run, tmp_path, ending):
-    path = tmp_path / f"log.{ending}"
-    summed["dt"] = TICKS
-    if ending == "parquet":
-        summed.to_parquet(path, index=False)
-    else:
-        with netCDF4.Dataset(path, "w") as file:
-            file.createDimension("row", 500)
-            for name in summed:
-                file.createVariable(name, summed[name].dtype, ("row",))[:] = summed[name]
-                file[name].units = "deg" if "theta" in name else "us" if "t" in name else "m/s"
-    done = run(path, units={"interval": "us", "time": "us", "angular_rate": "rad"})
-    np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log), rtol=1e-14)
-    np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log), rtol=1e-14)
-    if ending == "nc":
-        assert "the log says deg" in done.quality["warnings"][0]
-
-
 @pytest.mark.parametrize(
     "names",
     [
         "dvx dvy dvz dax day daz",
-        "dv_x dv_y dv_z dth_x dth_y dth_z",
-        "delta_v_x delta_v_y delta_v_z delta_theta_x delta_theta_y delta_theta_z",
         "imu.delta_velocity.x imu.delta_velocity.y imu.delta_velocity.z imu.delta_angle.x"
         " imu.delta_angle.y imu.delta_angle.z",
         "deltaVelX deltaVelY deltaVelZ deltaAngX deltaAngY deltaAngZ",
@@ -249,14 +193,6 @@ def test_who_logs_the_rate_too_has_it_from_there():
     assert (beside.units, beside.increments) == ({"angular_rate": "deg/s"}, frozenset())
 
 
-def test_an_interval_in_another_unit_is_told(summed, run, tmp_path):
-    summed.assign(dt=TICKS).to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
-    assert "the interval is 9.99e+03 s in the mean, the step of the rows 0.00999 s: see" in str(
-        done.quality["warnings"]
-    )
-
-
 def test_what_cannot_be_is_one_line(log, summed, run, tmp_path):
     path = tmp_path / "log.csv"
     summed.drop(columns="time_us").to_csv(path, index=False)
@@ -269,15 +205,3 @@ def test_what_cannot_be_is_one_line(log, summed, run, tmp_path):
     streams = [Stream("imu", np.arange(9), {})]
     with pytest.raises(ImuloopError, match=r"columns.interval: only tables have one"):
         raw_log(streams, {"interval": "dt"})
-
-
-def test_values_of_any_size_do_no_harm(summed, run, tmp_path):
-    rng = np.random.default_rng(8)
-    for name in ("dvx", "dtheta_z"):
-        rows = rng.integers(0, 500, 5)
-        summed.loc[rows, name] = rng.choice([1e308, -1e308, 1e-308, 5e-324], 5)
-    table = summed.assign(dt=rng.choice([0.01] * 40 + [1e308, 5e-324, -1, np.inf], 500))
-    for each in (summed, table, table.drop(columns="time_us")):
-        each.to_parquet(tmp_path / "log.parquet", index=False)
-        done = run(tmp_path / "log.parquet")
-        assert np.isfinite(done.samples).all(axis=None)

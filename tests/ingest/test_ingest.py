@@ -1,7 +1,6 @@
 """One call: files written in one step, errors of one line, provenance."""
 
 import hashlib
-import json
 
 import numpy as np
 import pandas as pd
@@ -44,10 +43,6 @@ def test_provenance(path, run):
     assert fields.equals(schema(False, {}))
 
 
-def test_the_same_bytes_again(path, run):
-    assert run(path).path.read_bytes() == run(path).path.read_bytes()
-
-
 @pytest.mark.parametrize("coarse", [True, False])
 def test_threads_change_nothing_and_progress_is_told(log, path, run, monkeypatch, coarse):
     monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 1000)
@@ -68,15 +63,6 @@ def test_threads_change_nothing_and_progress_is_told(log, path, run, monkeypatch
     assert done == sorted(done, key=lambda one: (one[0] != "read", one[1]))
     assert [what for what, _ in done].count("read") == 6
     assert done[5] == ("read", size) and done[-1] == ("measured", size)
-
-
-def test_rejected_samples_are_empty_and_whole(path, run):
-    path.write_text("t,ax,ay,az,gx,gy,gz,temp\n" + "0,1,2,3,4,5,6,7\n" * 9)
-    done = run(path)
-    assert done.quality["status"] == "rejected"
-    assert pq.read_schema(done.path).equals(schema(True, {}))
-    assert len(done.samples) == 0
-    assert {str(kind) for kind in done.samples.dtypes} == {"float64"}
 
 
 def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch, tmp_path):
@@ -135,61 +121,17 @@ def test_missing_file_and_unknown_ending(run, tmp_path):
         run(tmp_path / "log.xyz")
 
 
-def test_quality_is_plain_json(path, run):
-    done = run(path)
-    text = (done.path.parent / "quality.json").read_text()
-    assert json.loads(text, parse_constant=pytest.fail) == done.quality
-
-
-def test_a_long_log_in_row_groups(log, run, tmp_path, monkeypatch):
-    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 128)
-    log.to_parquet(tmp_path / "log.parquet", index=False)
-    done = run(tmp_path / "log.parquet", batch_rows=100)
-    pd.testing.assert_frame_equal(done.samples, log, check_exact=True)
-    file = pq.ParquetFile(done.path)
-    assert [file.metadata.row_group(i).num_rows for i in range(4)] == [128, 128, 128, 116]
-
-
 def test_stamps_that_are_too_large(log, path, run):
     """One is a missing stamp; where there are no others, the log is rejected."""
-    for stamp, reason in (
-        (
-            "9999-12-31T23:59:{:06.3f}",
-            "the dates, as 9999-12-31 23:59:00+00:00, lie outside of the ",
-        ),
-        ("7" * 400 + "{:.2f}", "its numbers are too large to be stamps"),
-        ("7" * 400 + "{:.0f}", "its numbers are too large to be stamps"),
-    ):
+    for stamp in ("9999-12-31T23:59:{:06.3f}", "7" * 400 + "{:.2f}", "7" * 400 + "{:.0f}"):
         far = [stamp.format(t) for t in log.t]
         log.assign(t=far).to_csv(path, index=False)
-        [told] = run(path).quality["reasons"]
-        assert told.startswith(f"time column 't': {reason}")
+        [reason] = run(path).quality["reasons"]
+        assert reason.startswith("time column 't': its stamps, as ")
         near = [f"2024-01-01T00:00:{t:06.3f}" if "T" in stamp else f"{t:.2f}" for t in log.t]
         log.assign(t=[*near[:9], far[9], *near[10:]]).to_csv(path, index=False)
         done = run(path)
         assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 1)
-
-
-@pytest.mark.filterwarnings("error")
-def test_values_of_400_digits_are_missing_values(log, path, run):
-    table = log.astype(object)
-    table.loc[7, "ay"] = "5" * 400
-    table.to_csv(path, index=False)
-    done = run(path)
-    assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 1)
-    assert done.quality["missing_values"]["ay"] == 1
-
-
-def test_a_range_that_ends_in_the_year_9999(log, path, run):
-    log.assign(t=[f"2024-01-01T00:00:{t:06.3f}" for t in log.t]).to_csv(path, index=False)
-    assert run(path, time_range=["0001-01-01", "9999-02-01"]).quality["rows"] == len(log)
-
-
-def test_a_name_that_is_no_utf_8(path, run):
-    other = path.with_name("log\udcff.csv")
-    path.rename(other)
-    with pytest.raises(ImuloopError, match=r"log\\xff\.csv: its name is no UTF-8: rename it"):
-        run(other)
 
 
 @pytest.mark.parametrize(
@@ -208,20 +150,6 @@ def test_a_unit_that_is_not_known_is_an_error_unless_declared(path, run, header,
         run(path)
     quality = run(path, units=units).quality
     assert f"units.{quantity} is {unit}, the log says {told}; {unit} used" in quality["warnings"]
-
-
-def test_words_beside_a_time_that_is_iso_8601(log, path, run):
-    log["t [yyyy-MM-dd]"] = [f"2024-01-01T00:00:{t:06.3f}" for t in log.t]
-    log.drop(columns="t").to_csv(path, index=False)
-    assert run(path).metadata["units"]["time"] == "ISO 8601"
-
-
-def test_a_log_without_time_names_its_columns(log, path, run):
-    log.drop(columns="t").to_csv(path, index=False)
-    with pytest.raises(
-        ImuloopError, match=r"no time column .* \(ax, ay, az, gx, gy, gz\); name it"
-    ):
-        run(path)
 
 
 @pytest.mark.parametrize("sentinel", [-(2**63), 2**63 - 1])

@@ -6,7 +6,6 @@ import pytest
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS
-from imuloop.ingest.pps import Timeline
 
 ROWS, RATE, START = 30_000, 100, 345_600
 SECONDS = np.arange(1, ROWS // RATE)
@@ -136,17 +135,6 @@ def test_marks_that_jitter_and_marks_that_are_none(simulated, told):
     assert np.median(np.abs(error - np.median(error))) < 10e-6
 
 
-def test_before_the_fix_and_after_a_leap_the_longest_run_is_taken(simulated, told):
-    table, true, marks = simulated
-    marks.loc[:29, "gnss"] = 0
-    marks.loc[250:, "gnss"] += 1
-    done = told(table, marks)
-    assert done.quality["clock"]["pps"]["marks"] == 220
-    assert done.quality["clock"]["pps"]["after"] == 5000
-    # a minute by the rate of one interval: the temperature's 2 ppm, and the 1 us of the counter
-    np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=60 * 6e-6)
-
-
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("offset", [100, 5, -3])
 def test_a_counter_that_rolls_over(simulated, told, offset, inside):
@@ -220,20 +208,3 @@ def test_what_is_declared_wrongly_is_one_line(simulated, told):
     stamps = pd.Timestamp("2024-02-29") + pd.to_timedelta(table.t, "us")
     with pytest.raises(ImuloopError, match="stamps are dates, not a local counter"):
         told(table.assign(t=stamps), marks)
-
-
-def test_marks_of_any_size_do_no_harm(simulated, told):
-    table, _, marks = simulated
-    rng = np.random.default_rng(9)
-    for dtype in (np.int64, float):
-        hostile = marks[:100].astype(dtype)
-        for name in hostile:
-            worst = [2**62, -(2**62), 0, -1] if dtype is np.int64 else [1e308, -1e308, 1e-308, 0]
-            hostile.loc[rng.integers(0, 100, 40), name] = rng.choice(worst, 40)
-        told(table[:1000], hostile)
-
-
-def test_a_mark_is_met_exactly():
-    marks = np.array([0.0, 999_990.0, 3_000_017.0])
-    line = Timeline(marks, np.array([0.0, 1.0, 3.0]), 1e-6, None, {})
-    np.testing.assert_allclose(line.at(marks), [0, 1, 3], rtol=1e-15)

@@ -39,23 +39,6 @@ def test_gaps_and_rate_beside_them(log, measured):
     assert found["warnings"] == ["2 gaps, 0.53 s together"]
 
 
-def test_at_most_fifty_gaps_are_listed(log, measured):
-    log["t"] += np.floor(log.index / 5) * 0.01
-    found = measured()
-    assert found["gaps"]["count"] == 99
-    assert len(found["gaps"]["list"]) == 50
-
-
-def test_rate_of_stamps_rounded_to_milliseconds(log, measured):
-    # 104 Hz in whole milliseconds: steps of 9 and 10 ms, whose median alone is 4 % off
-    log["t"] = np.round(np.arange(500) / 104, 3)
-    found = measured()
-    assert found["rate_hz"] == pytest.approx(104, rel=1e-3)
-    steps = np.diff(log.t)
-    assert found["jitter"]["std_s"] == pytest.approx(steps.std(), rel=1e-6)
-    assert found["jitter"]["max_s"] == pytest.approx(1e-3)
-
-
 def test_figures_over_row_groups_are_those_of_one(log, measured, monkeypatch):
     log.loc[100:, "t"] += 0.5
     whole = measured()
@@ -103,8 +86,6 @@ def test_quantisation_step(log, measured):
         ("m/s^2", 1 / 9.80665, "rejected", "taken as m/s^2, it looks like g"),
         ("m/s^2", 1e3 / 9.80665, "rejected", "taken as m/s^2, it looks like mg"),
         ("g", 1, "rejected", "taken as g, it looks like m/s^2"),
-        # a bias and scale of some per cent besides
-        ("m/s^2", 1.06 / 9.80665, "rejected", "taken as m/s^2, it looks like g"),
         ("m/s^2", 2, "rejected", "full scale was 1/2 of the one that the logger's scale is for"),
         ("m/s^2", 1 / 4, "rejected", "full scale was 4 times the one"),
         ("m/s^2", 400, "ok", "see units.acceleration"),
@@ -128,17 +109,6 @@ def test_a_scale_of_some_per_cent_is_honest(log, measured, kind):
         log[:] = scaled
         assert measured(kind=kind)["warnings"] == []
         log[["ax", "ay", "az"]] /= factor
-
-
-def test_an_impossible_turn_is_told(log, measured):
-    log["gx"] = 40 + log.gx
-    assert "too much for a turn by hand" in measured()["warnings"][0]
-
-
-def test_a_declared_rate_that_the_stamps_deny(measured):
-    assert measured(rate=50)["warnings"] == [
-        "the stamps give 100 Hz, declared are 50 Hz; stamps used"
-    ]
 
 
 def test_the_wrong_unit_of_time_is_rejected_with_the_right_one(log, measured):
@@ -168,31 +138,12 @@ def test_the_share_that_may_be_lost(log, measured, bad, status):
         assert "26 of 500 rows (5.2%) cannot be used" in found["reasons"][0]
 
 
-@pytest.mark.parametrize("step", [5e-324, 1e-318, 1e-300, 1e-12, 1e100])
+@pytest.mark.parametrize("step", [5e-324, 1e-12, 1e100])
 def test_stamps_of_no_sensor(log, run, tmp_path, step):
     log["t"] = np.arange(500) * step
     log.to_parquet(tmp_path / "log.parquet", index=False)
     [reason] = run(tmp_path / "log.parquet").quality["reasons"]
     assert "Hz is no rate of an IMU" in reason
-
-
-def test_stamps_too_coarse(log, measured):
-    log["t"] = np.floor(log.t)
-    assert "495 with a repeated stamp" in measured()["reasons"][0]
-
-
-def test_no_finite_data(log, measured):
-    log[["ax", "gy"]] = np.nan
-    found = measured()
-    assert found["status"] == "rejected"
-    assert "500 with missing or non-finite values" in found["reasons"][0]
-    assert found["rate_hz"] is None
-    assert found["missing_values"] == {"ax": 500, "ay": 0, "az": 0, "gx": 0, "gy": 500, "gz": 0}
-
-
-def test_rows_too_late_are_rejected(log, measured):
-    log["t"] = np.r_[log.t[:50], log.t[100:], log.t[50:100]]
-    assert "50 with a stamp before an earlier one" in measured()["reasons"][0]
 
 
 def test_missing_temperatures_stay_missing(log, run, tmp_path):
@@ -206,8 +157,7 @@ def test_missing_temperatures_stay_missing(log, run, tmp_path):
     assert done.quality["temperature_range"] == [25.0, 25.0]
 
 
-@pytest.mark.parametrize("size", [1e12, -3.4e38, 1e200, 1e306])
-@pytest.mark.parametrize("channel", ["ax", "gy"])
+@pytest.mark.parametrize(("channel", "size"), [("ax", 1e12), ("gy", 1e306)])
 def test_a_value_that_no_sensor_gives_is_dropped_and_counted(log, measured, channel, size):
     log.loc[[100, 250], channel] = size
     found = measured()
@@ -218,28 +168,6 @@ def test_a_value_that_no_sensor_gives_is_dropped_and_counted(log, measured, chan
     [gaps, warning] = found["warnings"]
     assert gaps.startswith("2 gaps")
     assert f"beyond ± 1e+10 in SI, which no sensor gives: {channel} 2;" in warning
-
-
-def test_more_of_them_than_may_be_lost_are_the_reason(log, measured):
-    log[["ax", "ay", "az"]] *= 1e12
-    found = measured()
-    assert found["status"] == "rejected"
-    assert "500 with missing or non-finite values (beyond ± 1e+10" in found["reasons"][0]
-    assert "ax 500, ay 500, az 500; see units and nominal" in found["reasons"][0]
-
-
-def test_a_temperature_that_is_none_stays_missing(log, run, tmp_path):
-    log["temp"] = 25.0 + log.t
-    log.loc[7, "temp"] = 1e300
-    log.to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
-    assert done.quality["rows"] == 500
-    assert done.quality["impossible_values"]["temperature"] == 1
-    assert np.flatnonzero(done.samples.temperature.isna()).tolist() == [7]
-    assert done.quality["temperature_range"] == pytest.approx([25.0, 29.99])
-    log["temp"] = 1e300
-    log.to_csv(tmp_path / "log.csv", index=False)
-    assert run(tmp_path / "log.csv").quality["temperature_range"] is None
 
 
 @pytest.mark.parametrize("channels", [["ax", "ay", "az"], ["gx", "gy", "gz"], ["gz"]])

@@ -69,15 +69,6 @@ def test_ferraris(run, recordings):
     )
 
 
-def test_ferraris_in_counts_with_a_column_of_text(run, recordings):
-    path = recordings("annotated_session.csv")
-    # legacy_calibration_pre_2.0.json: about 210 counts per m/s^2
-    nominal = {"acceleration": {"scale": 1 / 210}, "angular_rate": {"scale": 1e-3}}
-    done = run(path, rate=204.8, units=COUNTS, nominal=nominal)
-    assert (done.quality["status"], done.quality["rows"]) == ("ok", 9414)
-    assert done.quality["mean_specific_force"] == pytest.approx(9.81, rel=0.1)
-
-
 def test_adis16405(run, recordings):
     path = recordings("adis_16405_imu1.parquet")
     done = run(path, rate=100, units={"acceleration": "g", "angular_rate": "deg/s"})

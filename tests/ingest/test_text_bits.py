@@ -35,7 +35,7 @@ def written(stamps, texts, **dialect):
     return file.getvalue().encode()
 
 
-@pytest.mark.parametrize("digits", ["{!r}", "{:.16e}", "{:.9E}", "{:.17g}", "{:.40f}", "{:.6g}"])
+@pytest.mark.parametrize("digits", ["{!r}", "{:.9E}", "{:.40f}"])
 @pytest.mark.parametrize("separator", [",", ";", "\t", " "])
 def test_every_bit(hard, hard_stamps, every_bit, tmp_path, separator, digits):
     texts = [[digits.format(x) for x in row] for row in hard.tolist()]

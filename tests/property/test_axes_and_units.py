@@ -7,9 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop.calibrate.accelerometer import fit_accelerometer, unpack
+from calibrate.devices import (
+    ACCELERATION_UNIT,
+    RATE_UNIT,
+    IndependentMeans,
+    known_noise,
+    recording,
+)
+from imuloop.calibrate.accelerometer import unpack
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.pose_fits import AccelerometerPoses
 from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
@@ -48,10 +55,8 @@ def multi_position(f, error=ERROR):
         np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
         np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
     )  # fmt: skip
-    fit, _ = fit_accelerometer(
-        Recording(poses), np.broadcast_to(np.eye(n) * error**2, (3, n, n)), G
-    )
-    return unpack(fit.x)
+    sensor = AccelerometerPoses(IndependentMeans(error**2), G, ACCELERATION_UNIT, SETTINGS)
+    return unpack(sensor.fit(Recording(poses)).fit.x)
 
 
 def six_position(f, error=ERROR):

@@ -4,8 +4,8 @@ import numpy as np
 
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.gyroscope import fit_gyroscope, gyroscope_model
-from imuloop.calibrate.pose_fits import AccelerometerPoses, fitted_calibration
+from imuloop.calibrate.gyroscope import gyroscope_model
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -40,9 +40,11 @@ def test_the_bias_as_imu_tk_takes_it_is_no_better_than_that_of_the_base_model(me
         seen = made.select(block != k)
         calibration = fitted_calibration(model, model.fit(seen))
         # held at the mean of the first rest
-        fit, _, _ = fit_gyroscope(
-            seen, calibrated_force(calibration, seen, noise), noise, bias=seen.poses.w[0]
+        held = seen.poses.w[0], np.zeros(3)
+        turn = GyroscopePoses(
+            noise, calibration, multi.gyroscope.raw_unit, CalibrateSettings(), held
         )
+        fit = turn.fit(seen).fit
         whole = gyroscope_model(made, calibrated_force(calibration, made, noise))
         held = block[made.rotations.first] == k
         errors.append(np.linalg.norm(whole.rotation_errors(fit.x)[0][held], axis=1))

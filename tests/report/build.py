@@ -1,6 +1,5 @@
 """The report of the plausible results, as the workflow's two rules make it."""
 
-from imuloop.report.page import write_device
 from imuloop.report.report import write_report
 from imuloop.report.section import write_section
 from report.plausible_results import write_results
@@ -13,49 +12,16 @@ PROVENANCE = {
 }
 
 
-def build(folder, repository):
+def build(folder):
     """Write results and report of all devices into `folder`; return it."""
     devices = write_results(folder)
     for device, (label, kinds) in devices.items():
-        write_section(
-            device=device,
-            label=label,
-            folder=folder / device,
-            sessions=kinds,
-            template=repository / "workflow/templates/section.html.j2",
-            section_path=folder / device / "section.html",
-            summary_path=folder / device / "summary.json",
-            figures_folder=folder / device / "figures",
-        )
-        device_page(folder / device, repository)
-    joined_report(folder, devices, repository, folder)
+        write_section(device, label, folder / device, kinds)
+    joined_report(folder, devices, folder)
     return folder
 
 
-def device_page(folder, repository):
-    """Write the page of a device whose part is in its folder."""
-    templates = repository / "workflow/templates"
-    write_device(
-        folder / "report.html",
-        folder / "section.html",
-        folder / "summary.json",
-        template=templates / "device.html.j2",
-        style=templates / "style.css",
-        script=templates / "sorting.js",
-    )
-
-
-def joined_report(folder, devices, repository, to):
+def joined_report(folder, devices, to):
     """Write report and comparison of some devices of a results folder."""
-    templates = repository / "workflow/templates"
-    write_report(
-        sections=[folder / device / "section.html" for device in devices],
-        summaries=[folder / device / "summary.json" for device in devices],
-        exports=[folder / device / "exports.json" for device in devices],
-        template=templates / "report.html.j2",
-        style=templates / "style.css",
-        script=templates / "sorting.js",
-        provenance=PROVENANCE,
-        report_path=to / "report.html",
-        comparison_path=to / "comparison.csv",
-    )
+    folders = [folder / device for device in devices]
+    write_report(folders, PROVENANCE, to / "report.html", to / "comparison.csv")

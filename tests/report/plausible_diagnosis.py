@@ -7,7 +7,6 @@ from imuloop.core.samples import read_columns
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.pose_tables import MOVES, poses_table
 
-PER_AXIS = "xyz"
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 GAIN = "rad/s per m/s^2"
 # held-out errors before and after, and floor, SI
@@ -18,41 +17,37 @@ SIZES = {
 }
 # share of a twin, and what a residual goes with
 SHARE, PROBE = 0.97, 0.62
+BLANK = {"residuals": {}, "effects": [], "candidates": []}
+WORKS = "lowers the residual in the fit and on held-out poses"
+TWIN = "in these data it could stand in for g_sensitivity: neither adds to the other"
 
 
 def residual(unit, before, after, floor, n=24):
     """Return the held-out figures of one kind of residual."""
-    return {
-        "unit": unit,
-        "n": n,
-        "floor": floor,
-        "before": before,
-        "after": after,
-        "chi2_before": (before / floor) ** 2,
-        "chi2_after": (after / floor) ** 2,
-    }
+    found = {"unit": unit, "n": n, "floor": floor, "before": before, "after": after}
+    return found | {"chi2_before": (before / floor) ** 2, "chi2_after": (after / floor) ** 2}
 
 
-def _candidate(name, status, why, p=None, after=None, limits=None, unit=None, **more):
+def _candidate(name, status, why, p=None, kind=None, after=None, limits=None, unit=None, twin=None):
     """Return a candidate; `limits` are detection limits by parameter."""
-    limits = limits or {}
     return {
         "name": name,
         "status": status,
         "why": why,
         "p_value": p,
+        "residual": kind,
         "heldout_after": after,
-        "detection_limit": limits or None,
-        "units": dict.fromkeys(limits, unit),
-        **more,
+        "detection_limit": limits,
+        "units": dict.fromkeys(limits or {}, unit),
+        "confounded_with": twin,
     }
 
 
 def _axes(stem, size):
-    return {f"{stem}{axis}": size * (1 + 0.2 * i) for i, axis in enumerate(PER_AXIS)}
+    return {f"{stem}{axis}": size * (1 + 0.2 * i) for i, axis in enumerate("xyz")}
 
 
-def _effect(name, values, unit, p, residual, before, after, constants=None):
+def _effect(name, values, unit, p, kind, before, after, constants=None):
     return {
         "name": name,
         "constants": constants or {},
@@ -60,7 +55,7 @@ def _effect(name, values, unit, p, residual, before, after, constants=None):
         "std": {key: abs(value) / 50 for key, value in values.items()},
         "units": dict.fromkeys(values, unit),
         "p_value": p,
-        "residual": residual,
+        "residual": kind,
         "heldout_before": before,
         "heldout_after": after,
         "ratio_ci95": [0.8 * after / before, 1.2 * after / before],
@@ -75,83 +70,69 @@ def pose_diagnosis(gain):
     gain : dict
         Parameters of g_sensitivity.
     """
-    cubic = _candidate(
-        "cubic",
-        "rejected",
-        "held-out error does not fall for certain: ratio 1.102 to 1.934",
-        1e-3,
-        3.1e-3,
-        _axes("K3", 2.6e-7),
-        "m/s^2 per (m/s^2)^3",
-        residual="gravity_norm",
-    )
-    quadratic = _candidate(
-        "quadratic",
-        "rejected",
-        "the residual does not fall by more than chance",
-        0.21,
-        1.9e-3,
-        _axes("K2", 1.3e-5),
-        "m/s^2 per (m/s^2)^2",
-        residual="gravity_norm",
-    )
-    lever = _candidate("lever_arm", "not_observable", "turns from rest to rest do not show it")
-    warm = _candidate("bias_temperature", "not_available", "no <b>temperature</b>")
-    g = _candidate(
-        "g_sensitivity",
-        "added",
-        "lowers the residual in the fit and on held-out poses",
-        1e-12,
-        5e-4,
-        dict.fromkeys(gain, 2e-5),
-        GAIN,
-        residual="pose_rate",
-        constants={},
-        confounded_with=None,
-    )
-    drift = _candidate(
-        "bias_drift",
-        "added",
-        "lowers the residual in the fit and on held-out poses",
-        1e-6,
-        1.8e-3,
-        _axes("d", 2e-8),
-        "rad/s per s",
-        residual="pose_rate",
-    )
-    earth = _candidate(
-        "earth_rate",
-        "confounded",
-        "in these data it could stand in for g_sensitivity: neither adds to the other",
-        1e-4,
-        1.9e-3,
-        {"w_up": 2e-4},
-        "rad/s",
-        residual="pose_rate",
-        confounded_with="g_sensitivity",
-    )
+    c, norm, rate = _candidate, "gravity_norm", "pose_rate"
+    ratio, chance = "held-out error does not fall for certain", "no more than chance"
+    drift = "rad/s per s"
+    warm = c("bias_temperature", "not_available", "no <b>temperature</b>")
+    force = [
+        warm,
+        c("lever_arm", "not_observable", "turns from rest to rest do not show it"),
+        c(
+            "cubic",
+            "rejected",
+            ratio,
+            1e-3,
+            norm,
+            3.1e-3,
+            _axes("K3", 2.6e-7),
+            "m/s^2 per (m/s^2)^3",
+        ),
+        c(
+            "quadratic",
+            "rejected",
+            chance,
+            0.21,
+            norm,
+            1.9e-3,
+            _axes("K2", 1e-5),
+            "m/s^2 per (m/s^2)^2",
+        ),
+    ]
+    turn = [
+        c(
+            "earth_rate",
+            "confounded",
+            TWIN,
+            1e-4,
+            rate,
+            1.9e-3,
+            {"w_up": 2e-4},
+            "rad/s",
+            "g_sensitivity",
+        ),
+        warm,
+        c("bias_drift", "added", WORKS, 1e-6, rate, 1.8e-3, _axes("d", 2e-8), drift),
+        c("g_sensitivity", "added", WORKS, 1e-12, rate, 5e-4, dict.fromkeys(gain, 2e-5), GAIN),
+    ]
+    units = {"gravity_norm": "m/s^2", "pose_rate": "rad/s", "rotation": "rad"}
+    residuals = {name: residual(unit, *SIZES[name]) for name, unit in units.items()}
     return {
         "accelerometer": {
             "verdict": "consistent",
-            "residuals": {"gravity_norm": residual("m/s^2", *SIZES["gravity_norm"])},
+            "residuals": {norm: residuals.pop(norm)},
             "effects": [],
-            "candidates": [warm, lever, cubic, quadratic],
+            "candidates": force,
             "confounded": [{"effect": "quadratic", "with": "asymmetry", "share": 0.9964}],
             "correlates": [],
         },
         "gyroscope": {
             "verdict": "explained",
-            "residuals": {
-                "pose_rate": residual("rad/s", *SIZES["pose_rate"]),
-                "rotation": residual("rad", *SIZES["rotation"]),
-            },
+            "residuals": residuals,
             "effects": [
-                _effect("g_sensitivity", gain, GAIN, 1e-12, "pose_rate", 2e-3, 5e-4),
-                _effect(
-                    "bias_drift", _axes("d", 8e-7), "rad/s per s", 1e-6, "pose_rate", 5e-4, 2e-4
-                ),
+                _effect("g_sensitivity", gain, GAIN, 1e-12, rate, 2e-3, 5e-4),
+                _effect("bias_drift", _axes("d", 8e-7), drift, 1e-6, rate, 5e-4, 2e-4),
             ],
-            "candidates": [earth, warm, drift, g],
+            "candidates": turn,
             "confounded": [{"effect": "earth_rate", "with": "g_sensitivity", "share": SHARE}],
         },
     }
@@ -182,16 +163,15 @@ def pose_tables(folder, rng):
     moves |= {"session": np.full(n - 1, "turns", dtype=object), "pose": np.arange(n - 1)}
     moves |= {"start_s": turns.end_s[:-1], "end_s": turns.start_s[1:]}
     axis = rng.normal(size=(3, n - 1))
-    moves |= dict(
-        zip(("axis_x", "axis_y", "axis_z"), axis / np.linalg.norm(axis, axis=0), strict=True)
-    )
+    axes = zip(("axis_x", "axis_y", "axis_z"), axis / np.linalg.norm(axis, axis=0), strict=True)
+    moves |= dict(axes)
     moves |= {name: rng.uniform(0, 3, n - 1) for name in ("angle_rad", "speed_rad_s")}
     moves |= {name: values[1:] for name, values in errors.items() if name in MOVES}
     return {"poses": joined(poses), "moves": moves}
 
 
 def static_diagnosis(sensor, sessions, verdict, rng):
-    """Return the diagnosis of static records.
+    """Return the diagnosis of static records; effects are added where the verdict calls for them.
 
     Parameters
     ----------
@@ -200,54 +180,44 @@ def static_diagnosis(sensor, sessions, verdict, rng):
     sessions : sequence of str
         Names of the static sessions.
     verdict : str
-        The contract's word; effects are added where it calls for them.
+        The contract's word.
     rng : Generator
         Of the points.
     """
     if not sessions:
-        blank = {"residuals": {}, "effects": [], "candidates": []}
-        return {"verdict": "not_testable", "why": "no static session", **blank}
-    unit = OUTPUT[sensor]
+        return {"verdict": "not_testable", "why": "no static session", **BLANK}
+    unit, channels = OUTPUT[sensor], [f"{sensor[0]}{axis}" for axis in "xyz"]
     size = 1e-3 if sensor == "accelerometer" else 3e-5
     found = verdict in ("explained", "partly_explained")
     fall = 10.0 if found else 1.0
-    block = {
-        "verdict": verdict,
-        "residuals": {"bias": residual(unit, fall * size, size, size, 15 * len(sessions))},
-        "points": [p for s in sessions for p in _means(s, size, fall, found, rng)],
-        "effects": [],
-        "candidates": [],
-    }
-    block["residuals"]["bias"]["sessions"] = {
+    block = {**BLANK, "verdict": verdict}
+    bias = residual(unit, fall * size, size, size, 15 * len(sessions))
+    bias["sessions"] = {
         session: {
             axis: {"before": fall * size * (1 + i), "after": size, "floor": size}
-            for i, axis in enumerate(PER_AXIS)
+            for i, axis in enumerate("xyz")
         }
         for session in sessions
     }
+    block["residuals"] = {"bias": bias}
+    block["points"] = [p for s in sessions for p in _means(s, size, fall, found, rng)]
     if verdict in ("unexplained", "partly_explained"):
         block["correlates"] = [
             {"name": "temperature_rate", "columns": 3, "share": PROBE, "p_value": 0.0},
             {"name": "time", "columns": 6, "share": 0.04, "p_value": 0.3},
         ]
     if found:
-        constants = {"order": 1, "reference_temperature": 25.0}
+        name, constants = "bias_temperature", {"order": 1, "reference_temperature": 25.0}
         values = _axes("c1", 3e-4 if sensor == "accelerometer" else 2e-5)
-        warm = _effect(
-            *("bias_temperature", values, f"{unit} per K", 0.0, "bias"),
-            *(fall * size, size, constants),
-        )
-        block["effects"] = [warm]
-        block["by_session"] = {
-            "bias_temperature": {
-                session: {k: {"value": v * (1 + i), "std": v / 10} for k, v in values.items()}
-                for i, session in enumerate(sessions)
-            }
+        errors = (fall * size, size)
+        block["effects"] = [_effect(name, values, f"{unit} per K", 0.0, "bias", *errors, constants)]
+        alone = {
+            session: {k: {"value": v * (1 + i), "std": v / 10} for k, v in values.items()}
+            for i, session in enumerate(sessions)
         }
-        block["noise"] = {
-            axis: {"before": _coefficients(size), "after": _coefficients(size / 10)}
-            for axis in (("ax", "ay", "az") if sensor == "accelerometer" else ("gx", "gy", "gz"))
-        }
+        block["by_session"] = {name: alone}
+        change = {"before": _coefficients(size), "after": _coefficients(size / 10)}
+        block["noise"] = dict.fromkeys(channels, change)
     return block
 
 
@@ -258,11 +228,8 @@ def _means(session, size, fall, found, rng):
     return [
         {
             "residual": "bias",
-            "index": i,
             "session": session,
             "start_s": 60.0 * i,
-            "before": float(np.linalg.norm(b)),
-            "after": float(np.linalg.norm(a)),
             "values": b,
             **({"corrected": a} if found else {}),
             "floor": size * 3**0.5 if i else None,
@@ -273,10 +240,6 @@ def _means(session, size, fall, found, rng):
 
 def _coefficients(size):
     limit = {"value": None, "ci95": None, "upper95": size, "identifiable": False}
-    known = {
-        "value": size,
-        "ci95": [0.9 * size, 1.1 * size],
-        "upper95": 1.1 * size,
-        "identifiable": True,
-    }
+    ends = [0.9 * size, 1.1 * size]
+    known = {"value": size, "ci95": ends, "upper95": ends[1], "identifiable": True}
     return {"Q": limit, "N": known, "B": known, "K": limit, "R": limit}

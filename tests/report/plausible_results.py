@@ -21,7 +21,7 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.export.export import write_exports
-from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
+from report.plausible_diagnosis import BLANK, pose_diagnosis, pose_tables, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_views, statistics
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
@@ -42,9 +42,11 @@ VERDICTS = {
     ("still", "gyroscope"): "partly_explained",
 }
 RATE = 20.0
-EXPORTED = ("README.txt", "kalibr_imu.yaml")
 UNIT_A, UNIT_G = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", np.pi / 180)
 N, B = {"a": 8e-4, "g": 7e-5}, {"a": 3e-4, "g": 2e-5}
+FEW = "9 poses found, 12 needed: hold at least 3 more attitudes"
+BASE = tuple(f"{p}{i}" for p in "Kb" for i in range(3))
+UPPER, FULL = ("T01", "T02", "T12"), ("T01", "T02", "T10", "T12", "T20", "T21")
 
 
 def write_results(folder):
@@ -54,64 +56,46 @@ def write_results(folder):
         for session, kind in sessions.items():
             _session(folder / device, device, session, kind, rng)
         _device(folder / device, device, sessions, rng)
-        write_exports(folder / device / "exports", {name: name for name in EXPORTED})
+        files = {name: name for name in ("README.txt", "kalibr_imu.yaml")}
+        write_exports(folder / device / "exports", files)
     return DEVICES
 
 
 def _session(folder, device, session, kind, rng):
     path = folder / session
     path.mkdir(parents=True)
-    rejected = (device, session) in REJECTED
+    rejected, warm = (device, session) in REJECTED, device == "still"
     t = np.arange(0, 0 if rejected else 900 if kind == "static" else 240, 1 / RATE)
     if kind == "static" and len(t):
         t = t[(t < 300) | (t > 320)]
     samples, edges = _signal(t, kind, rng)
-    warm = device == "still"
     if warm:
         samples["temperature"] = 20 + t / 60
     metadata = {
-        "device": device,
-        "session": session,
-        "kind": kind,
         "source": {"log": {"path": f"data/{session}.csv"}},
         "sha256": {f"{session}.csv": f"{len(t):064x}"},
-        "units": {"time": "s", "acceleration": "count", "angular_rate": "deg/s"},
-        "raw_units": {},
-        "simulated": device == "still",
-        "start": None,
+        "simulated": warm,
     }
     table = pa.Table.from_pandas(samples, preserve_index=False)
-    pq.write_table(
-        table.replace_schema_metadata(schema(warm, metadata).metadata), path / "samples.parquet"
-    )
-    start, end, kinds, poses = edges
-    segments = segment_table(samples, start, end, kinds, poses)
+    metadata = schema(warm, metadata).metadata
+    pq.write_table(table.replace_schema_metadata(metadata), path / "samples.parquet")
     chosen = {"multiples": [6.0, 12.0], "short_rests": 2}
-    write_segments(path / "segments.parquet", segments, chosen)
+    write_segments(path / "segments.parquet", segment_table(samples, *edges), chosen)
     reasons = ["angular rate: 'gx' is constant over all 4,800 rows; log it again"]
-    write_json(
-        path / "quality.json",
-        {
-            "status": "rejected" if rejected else "ok",
-            "reasons": reasons if rejected else [],
-            "rows": len(t),
-            "duration_s": t[-1] if len(t) else 0.0,
-            "rate_hz": RATE,
-            "warnings": ["1 gaps, 20 s together <i>"] if kind == "static" else [],
-            "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
-            "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
-            "duplicates": 0,
-            "out_of_order": 0,
-            "non_finite": 3,
-            "bad_lines": 0,
-            "outside_time_range": 0,
-            "clipped": dict.fromkeys(CHANNELS, None),
-            "temperature_range": None,
-            "treatment": "Rows that are not finite are dropped and counted.",
-            "constant": [],
-            "simulated": device == "still",
-        },
-    )
+    quality = {
+        "status": "rejected" if rejected else "ok",
+        "reasons": reasons if rejected else [],
+        "rows": len(t),
+        "duration_s": t[-1] if len(t) else 0.0,
+        "rate_hz": RATE,
+        "warnings": ["1 gaps, 20 s together <i>"] if kind == "static" else [],
+        "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
+        "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
+        "non_finite": 3,
+        "clipped": dict.fromkeys(CHANNELS, None),
+        "treatment": "Rows that are not finite are dropped and counted.",
+    }
+    write_json(path / "quality.json", quality)
     if kind == "static" and not rejected:
         allan = _allan(list(DEVICES).index(device))
         allan.to_parquet(path / "allan.parquet")
@@ -126,18 +110,14 @@ def _signal(t, kind, rng):
     if kind == "static":
         x[:, 2] += 9.8
         x[(t > 600) & (t < 606), 0] += 0.4
-        edges = (
-            [0, 300, 320, 600, 606],
-            [300, 320, 600, 606, 900],
-            ["static", "gap", "static", "disturbed", "static"],
-            [0, -1, 0, -1, 0],
-        )
+        start, end = [0, 300, 320, 600, 606], [300, 320, 600, 606, 900]
+        kinds = ["static", "gap", "static", "disturbed", "static"]
+        edges = start, end, kinds, [0, -1, 0, -1, 0]
     else:
         count = 6 if kind == "six_position" else 24
         length = 240 / count
-        if kind == "six_position":
-            up = np.concatenate([np.eye(3), -np.eye(3)])
-        else:
+        up = np.concatenate([np.eye(3), -np.eye(3)])
+        if kind == "multi_position":
             up = rng.normal(size=(count, 3))
             up /= np.linalg.norm(up, axis=1, keepdims=True)
         pose = np.minimum((t / length).astype(int), count - 1)
@@ -145,129 +125,95 @@ def _signal(t, kind, rng):
         x[:, :3] += 9.8 * up[pose] + moving[:, None] * rng.normal(size=(len(t), 3)) * 3
         x[:, 3:] += moving[:, None] * rng.normal(size=(len(t), 3))
         start = np.repeat(np.arange(count) * length, 2) + np.tile([0, length - 3], count)
-        kinds = ["static", "motion"] * count
         poses = np.where(np.arange(2 * count) % 2, -1, np.arange(2 * count) // 2)
-        edges = start, [*start[1:], 240.0], kinds, poses
-    if not len(t):
-        edges = [], [], [], []
-    return pd.DataFrame(np.column_stack([t, x]), columns=["t", *CHANNELS]), edges
+        edges = start, [*start[1:], 240.0], ["static", "motion"] * count, poses
+    samples = pd.DataFrame(np.column_stack([t, x]), columns=["t", *CHANNELS])
+    return samples, edges if len(t) else ([], [], [], [])
 
 
 def _allan(place):
-    tau = np.geomspace(0.1, 300, 30)
-    rows = []
+    tau, tables = np.geomspace(0.1, 300, 30), []
     for i, axis in enumerate(CHANNELS):
         adev = np.sqrt(N[axis[0]] ** 2 / tau + 0.44 * B[axis[0]] ** 2) * (1 + 0.2 * i + 0.5 * place)
         width = 1 + 0.4 * tau / 300
+        columns = {"axis": axis, "tau_s": tau, "ci_low": adev / width, "ci_high": adev * width}
         for stage, factor in (("raw", 1.1), ("corrected", 1.0)):
-            rows.append(
-                pd.DataFrame(
-                    {
-                        "axis": axis,
-                        "tau_s": tau,
-                        "adev": adev * factor,
-                        "ci_low": adev / width,
-                        "ci_high": adev * width,
-                        "edf": 900 / tau,
-                        "stage": stage,
-                    }
-                )
-            )
-    return pd.concat(rows, ignore_index=True)
+            tables.append(pd.DataFrame(columns | {"adev": adev * factor, "stage": stage}))
+    return pd.concat(tables, ignore_index=True)
 
 
-def _coefficient(value):
+def _coefficient(value=None, upper=None):
     if value is None:
-        return {"value": None, "ci95": None, "upper95": 3e-6, "identifiable": False}
+        return {"value": None, "ci95": None, "upper95": upper, "identifiable": False}
     interval = [0.95 * value, 1.05 * value]
     return {"value": value, "ci95": interval, "upper95": 1.04 * value, "identifiable": True}
 
 
-def _noise(device, known):
-    nothing = {"value": None, "ci95": None, "upper95": None, "identifiable": False}
+def _noise(device):
+    known = device != "nothing"
     worse = 1 + 0.5 * list(DEVICES).index(device)
-    axes = {
-        axis: {
-            **{k: _coefficient(None) if known else nothing for k in "QNBKR"},
-            **(
-                {"N": _coefficient(N[axis[0]] * worse), "B": _coefficient(B[axis[0]] * worse)}
-                if known
-                else {}
-            ),
-            "gauss_markov": [],
-            "sinusoid": [],
-        }
-        for axis in CHANNELS
-    }
+    axes = {}
+    for axis in CHANNELS:
+        axes[axis] = {k: _coefficient(upper=3e-6 if known else None) for k in "QNBKR"}
+        axes[axis] |= {"gauss_markov": [], "sinusoid": []}
+        for key, size in (("N", N), ("B", B)) if known else ():
+            axes[axis][key] = _coefficient(size[axis[0]] * worse)
     session = next(iter(DEVICES[device][1]))
     if device == "board":
         return plausible_noise(device, session, RATE, axes)
     # what a noise stage may leave without an answer: null in one device, absent in the others
-    unknown = "rate_hz curve_fit spectrum uncut repeatability".split()
+    unknown = ("rate_hz", "curve_fit", "spectrum", "uncut", "repeatability")
     return {
         **(dict.fromkeys(unknown) if device == "still" else {}),
         "format": 1,
         "device": device,
         "axes": axes,
         "statistics": {session: statistics()} if known else {},
-        "sessions": [session] if known else [],
         "notes": ["K would need a record of 40 h"] if known else ["no rest is long enough"],
     }
 
 
-def _fitted(unit, names, effects=(), method="multi_position", seed=0):
+def _fitted(unit, names, method="multi_position", seed=0):
     rng = np.random.default_rng(seed)
-    upper = [name for name in names if name.startswith("T")]
     T = np.eye(3)
-    for name in upper:
-        T[int(name[1]), int(name[2])] = rng.normal() * 5e-3
+    for name in names:
+        if name[0] == "T":
+            T[int(name[1]), int(name[2])] = rng.normal() * 5e-3
     K = unit.scale * (1 + rng.normal(size=3) * 4e-3)
     b = unit.offset + rng.normal(size=3) * 0.05 / unit.scale
     std = {"T": 1e-4, "K": 2e-4 * unit.scale, "b": 2e-3 / unit.scale}
-    root = np.diag([std[name[0]] for name in names])
     mix = np.eye(len(names)) + 0.3 * rng.normal(size=(len(names),) * 2) / len(names)
-    covariance = root @ mix @ mix.T @ root
-    return SensorCalibration(unit, T, K, b, names, covariance, effects, method, None, 1.1)
+    root = np.diag([std[name[0]] for name in names]) @ mix
+    return SensorCalibration(unit, T, K, b, names, root @ root.T, (), method, None, 1.1)
 
 
 def _device(folder, device, sessions, rng):
-    base = tuple(f"{p}{i}" for p in "Kb" for i in range(3))
-    upper, full = ("T01", "T02", "T12"), ("T01", "T02", "T10", "T12", "T20", "T21")
-    none = "9 poses found, 12 needed: hold at least 3 more attitudes"
-    bias = ("b0", "b1", "b2")
-    six = Calibration(
-        device,
-        9.80665,
-        SensorCalibration.nominal(UNIT_A, none),
-        SensorCalibration.nominal(UNIT_G, none),
-    )
-    multi, final, diagnosis = six, six, {"accelerometer": {}, "gyroscope": {}}
-    blank = {"residuals": {}, "effects": [], "candidates": []}
-    poses = {s: {"verdict": "not_testable", "why": none, **blank} for s in diagnosis}
+    nominal = (SensorCalibration.nominal(unit, FEW) for unit in (UNIT_A, UNIT_G))
+    six = multi = final = Calibration(device, 9.80665, *nominal)
+    untested = {**BLANK, "verdict": "not_testable", "why": FEW}
+    poses = {"accelerometer": untested, "gyroscope": untested}
     tables = no_tables()
     if device == "board":
         gain = {f"G{i}{j}": 1e-4 * rng.normal() for i in range(3) for j in range(3)}
         effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 2e-6))
-        faces = _fitted(UNIT_A, upper + base, method="six_position", seed=3)
-        six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, bias, method="static"))
-        force = _fitted(UNIT_A, upper + base, seed=1)
-        turn = _fitted(UNIT_G, full + base, seed=2)
+        faces = _fitted(UNIT_A, UPPER + BASE, "six_position", seed=3)
+        six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, BASE[3:], "static"))
+        force, turn = _fitted(UNIT_A, UPPER + BASE, seed=1), _fitted(UNIT_G, FULL + BASE, seed=2)
         multi = Calibration(device, 9.80665, force, turn)
         final = replace(multi, gyroscope=replace(turn, effects=(effect,)))
         poses, tables = pose_diagnosis(gain), pose_tables(folder, rng)
     elif device in ("still", "partly"):
-        turn = _fitted(UNIT_G, bias, method="static", seed=4)
-        multi = final = Calibration(device, 9.80665, six.accelerometer, turn)
+        multi = final = replace(six, gyroscope=_fitted(UNIT_G, BASE[3:], "static", seed=4))
     records = [name for name, kind in sessions.items() if kind == "static"]
-    still = {
-        sensor: static_diagnosis(sensor, records, VERDICTS.get((device, sensor), "consistent"), rng)
-        for sensor in diagnosis
-    }
-    diagnosis = {s: {"poses": poses[s], "static_record": still[s]} for s in diagnosis}
+    diagnosis = {}
+    for sensor, block in poses.items():
+        verdict = VERDICTS.get((device, sensor), "consistent")
+        still = static_diagnosis(sensor, records, verdict, rng)
+        diagnosis[sensor] = {"poses": block, "static_record": still}
     six.to_json(folder / "six_position.json")
     multi.to_json(folder / "multi_position.json")
     final.to_json(folder / "calibration.json")
-    write_json(folder / "noise.json", _noise(device, known=device != "nothing"))
+    write_json(folder / "noise.json", _noise(device))
     for name, columns in tables.items():
         write_table(folder / f"{name}.parquet", columns)
     write_json(folder / "diagnosis.json", {"format": 1, "device": device, "sensors": diagnosis})

@@ -8,25 +8,25 @@ import pytest
 
 from imuloop.core.noise_model import NoiseModel
 from imuloop.noise.filters import bounding
-from imuloop.report.answer import answers, best_words
-from imuloop.report.comparison import (
+from imuloop.report.figures.comparison import (
+    DASHES,
+    allan_comparison,
+    line_style,
+    parameter_comparison,
+)
+from imuloop.report.figures.drawing import PALETTE
+from imuloop.report.summary import PAIRS
+from imuloop.report.tables.comparison import (
     COLUMNS,
     best_devices,
+    best_words,
     cells,
     filter_cells,
-    rate_cell,
     verdict_parts,
     verdict_rank,
     write_comparison,
 )
-from imuloop.report.comparison_plot import (
-    DASHES,
-    allan_comparison,
-    interval_comparison,
-    line_style,
-)
-from imuloop.report.summary import PAIRS
-from imuloop.report.svg import PALETTE, write_csv
+from imuloop.report.verdict import answers
 
 
 def _summary(label="A", **figures):
@@ -61,9 +61,9 @@ def test_two_allan_curves_are_compared_where_both_are_and_one_is_told():
         return {"label": label, "allan": {"ax": curve}}
 
     one, two = device("A", 2e-3), device("B", 1e-3)
-    (picture,) = allan_comparison([one])
+    (picture,) = allan_comparison([one], together=True)
     assert picture.caption == "Accelerometer x: over 1.0 s 0.00200 m/s²."
-    (picture,) = allan_comparison([one, two])
+    (picture,) = allan_comparison([one, two], together=True)
     assert picture.caption.endswith(
         "over 1.0 s B is steadiest, 0.00100 m/s²; A least, 0.00200 m/s²."
     )
@@ -79,12 +79,12 @@ def summaries(results):
 
 def test_a_device_is_answered_in_a_line(summaries):
     said = {sensor: (verdict, words) for sensor, verdict, words in summaries["board"]["answers"]}
-    assert said["accelerometer"] == ("consistent", "good to its noise")
+    assert said["accelerometer"] == ("consistent", "as good as its noise allows")
     # poses explained, but something stands in the static record: the worse marks the line
     verdict, words = said["gyroscope"]
     assert verdict == "unexplained"
     assert words == (
-        "good to its noise with g sensitivity and bias drift corrected; "
+        "as good as its noise allows with g sensitivity and bias drift corrected; "
         "at rest something is missing that no known effect explains"
     )
     said = {sensor: (verdict, words) for sensor, verdict, words in summaries["still"]["answers"]}
@@ -109,15 +109,15 @@ def test_verdicts_rank_by_poses_then_by_the_static_record(summaries):
 def test_the_smallest_held_out_residual_is_named():
     key = COLUMNS["gyroscope"][0].key
     devices = [_summary("A", **{key: {"value": 0.02}}), _summary("B", **{key: {"value": 0.01}})]
-    assert best_words(devices, COLUMNS) == ["gyroscope – B, 0.57°"]
-    assert best_words(devices[:1], COLUMNS) == []
+    assert best_words(devices) == ["gyroscope – B, 0.57°"]
+    assert best_words(devices[:1]) == []
 
 
 def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flicker(
     summaries, results
 ):
     noise = NoiseModel.from_json(results / "still" / "noise.json")
-    n_a, k_a, n_g, k_g = filter_cells(summaries["still"])
+    rate, n_a, k_a, n_g, k_g = filter_cells(summaries["still"])
     for cell, term, sensor in ((n_a, "N", "a"), (k_a, "K", "a"), (n_g, "N", "g")):
         axes = [noise.axes[f"{sensor}{axis}"] for axis in "xyz"]
         raised = max(dict(zip("NK", bounding(each), strict=True))[term] for each in axes)
@@ -129,15 +129,14 @@ def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flic
         assert cell.below == f"{limit}, raised from {own:.2e}"
     # large enough beside the white noise that was raised
     assert (k_g.value, k_g.below) == (3e-6, "x, not seen: 95 % limit")
-    assert rate_cell(summaries["board"]).text == "20"
-    nothing = summaries["nothing"]
-    assert [c.text for c in (*filter_cells(nothing), rate_cell(nothing))] == ["—"] * 5
+    assert rate.text == "20"
+    assert [c.text for c in filter_cells(summaries["nothing"])] == ["—"] * 5
 
 
 @pytest.mark.parametrize(("limit", "words"), [(False, "axis z"), (True, "z, not seen: 95 % limit")])
 def test_what_was_not_raised_is_as_it_was_estimated(limit, words):
     density = {"value": 1.25e-4, "axis": "z", "limit": limit, "raised_from": None}
-    cell, *others = filter_cells({"filter": {"accelerometer_N": density}})
+    _, cell, *others = filter_cells({"filter": {"accelerometer_N": density}})
     assert (cell.text, cell.below, cell.value) == ("1.25e-04", words, 1.25e-4)
     assert [c.text for c in others] == ["—"] * 3
 
@@ -160,7 +159,8 @@ def test_misalignments_are_those_that_were_estimated(summaries, results):
 
 
 def test_every_parameter_has_a_picture_with_all_devices_that_have_it(summaries):
-    pictures = {p.name: p for p in interval_comparison(list(summaries.values()), "comparison.csv")}
+    found = parameter_comparison(list(summaries.values()), "comparison.csv", together=True)
+    pictures = {p.name: p for p in found}
     assert len(pictures) == 6
     assert "xy" in pictures["comparison.accelerometer_misalignment"].svg
     assert "zx" not in pictures["comparison.accelerometer_misalignment"].svg
@@ -183,11 +183,3 @@ def test_a_label_that_a_spreadsheet_would_run(summaries, tmp_path):
             below += [cell for cell in row.values() if cell.startswith("-")]
     # numbers stay numbers, those below zero too
     assert below and all(float(cell) < 0 for cell in below)
-
-
-def test_a_picture_s_numbers_with_a_text_that_a_spreadsheet_would_run(tmp_path):
-    columns = {"session": ["-poses", "rest"], "x": [-1.0, 2.0]}
-    assert write_csv(tmp_path, "a", columns).endswith("a.csv")
-    text = (tmp_path / "a.csv").read_text()
-    assert text == '"session","x"\n"\'-poses",-1\n"rest",2\n'
-    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

@@ -10,7 +10,7 @@ from imuloop.report.numbers import (
     number,
     with_sigma,
 )
-from imuloop.report.table import Sized, sized
+from imuloop.report.tables.table import Sized, sized
 
 THIN = "\u202f"
 

@@ -10,8 +10,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from imuloop.report.calibration_tables import parameter_words
-from imuloop.report.data_tables import _clipped
+from imuloop.report.figures.correlations import parameter_words
 from report.build import build, joined_report
 from report.plausible_results import HOSTILE
 
@@ -59,17 +58,17 @@ def page(html):
 
 
 def _written(folder):
-    kept = [p for p in folder.rglob("*") if p.suffix in (".html", ".csv", ".json")]
+    kept = [p for p in folder.rglob("*") if p.suffix in (".html", ".csv", ".json", ".svg")]
     return {str(p.relative_to(folder)): p.read_bytes() for p in kept}
 
 
-def test_a_second_run_gives_the_same_bytes(results, tmp_path, repository):
-    assert _written(build(tmp_path / "results", repository)) == _written(results)
+def test_a_second_run_gives_the_same_bytes(results, tmp_path):
+    assert _written(build(tmp_path / "results")) == _written(results)
 
 
-def test_ten_devices_stay_below_5_mb(results):
-    # `board`, three sessions, is the largest kind
-    assert 10 * (results / "board" / "section.html").stat().st_size < 4e6
+def test_ten_devices_stay_below_8_mb(results):
+    # `board`, three sessions and all views of the noise, is the largest kind
+    assert 10 * (results / "board" / "section.html").stat().st_size < 7.5e6
 
 
 def test_nothing_is_requested_and_no_other_script_is_run(html, page):
@@ -110,8 +109,8 @@ def test_rejected_sessions_come_first_then_the_comparison(page):
     assert "Board C" in alert
 
 
-def test_no_rejected_session_is_said_too(results, tmp_path, repository):
-    joined_report(results, ["board"], repository, tmp_path)
+def test_no_rejected_session_is_said_too(results, tmp_path):
+    joined_report(results, ["board"], tmp_path)
     text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert "No session was rejected." in text
     # one device is not the best of its kind
@@ -157,13 +156,6 @@ def test_axes_carry_units(page):
         assert unit or named, picture["aria-label"]
 
 
-def test_captions_tell_the_finding(page):
-    captions = " ".join(e["text"] for e in page.all("figcaption"))
-    assert "falls from 0.521° to 0.138°, floor from noise alone 0.120°" in captions
-    assert "1 disturbed stretch cut out" in captions
-    assert "the largest hole is around" in captions
-
-
 def test_simulated_devices_are_called_so_everywhere(page):
     called = [e for e in page.elements if e["text"].strip() == f"{HOSTILE} (simulated)"]
     # contents, two tables, sentences, key, title, logs
@@ -174,7 +166,6 @@ def test_simulated_devices_are_called_so_everywhere(page):
 
 
 def test_what_was_not_determined_is_said(page):
-    assert "No calibration" not in page.text or "could be used" in page.text
     assert "9 poses found, 12 needed: hold at least 3 more attitudes" in page.text
     assert "not estimated" in page.text
     assert "No session could be used." in page.text
@@ -205,22 +196,11 @@ def test_parameters_are_shown_with_their_sigma(page):
     assert re.fullmatch(r"Bias xmg(−?[\d.]+\u202f±\u202f0\.\d\d){3}", row)
 
 
-def test_a_mean_without_a_floor_leaves_the_floor_of_the_others(page):
-    assert re.search(r"noise alone, 1 σ, 1\.0 mg|noise alone, 1 σ, 0\.10 mg", page.text)
-    assert "1 σ, —" not in page.text
-
-
 def test_numbers_to_copy_can_be_copied(page, results):
     sensor = json.loads((results / "board" / "calibration.json").read_text())["accelerometer"]
     row = next(e["text"] for e in page.all("tr") if e["text"].startswith("T, row x"))
     assert "−" not in row
     assert str(float(f"{sensor['T'][0][1]:.8g}")) in row
-
-
-def test_clipping_is_not_told_where_no_full_scale_is_known():
-    assert _clipped(dict.fromkeys(("ax", "gx"))) == "not known, no full_scale"
-    assert _clipped({"ax": 0, "gx": None}) == "0"
-    assert _clipped({"ax": 3, "gx": 0}) == "ax 3"
 
 
 @pytest.mark.parametrize(

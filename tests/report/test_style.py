@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from imuloop.report.svg import _ALONE, INK
+from imuloop.report.figures.drawing import INK, THEME
 
 # severe deficiency: Machado, Oliveira and Fernandes (2009), linear RGB
 DEFICIENCIES = {
@@ -99,5 +99,5 @@ def test_colours_are_told_apart(colours, deficiency, count):
 
 def test_a_picture_without_the_page_has_its_light_colours(repository):
     light, _ = _palettes(repository)
-    named = {f"var(--{name})": colour for name, colour in light.items()} | {INK: light["ink"]}
-    assert {colour: named[colour] for colour in _ALONE} == _ALONE
+    named = {colour: f"var(--{name})" for name, colour in light.items()}
+    assert {colour: named[colour] for colour in THEME} | {INK: "currentColor"} == THEME

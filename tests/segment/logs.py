@@ -52,6 +52,11 @@ def pose_log(turns, rests, seed=0, rate=100.0, turn_s=2.0, noise=PHONE, bias=(0.
     return frame(np.arange(len(w)) / rate, noisy[:, :3], noisy[:, 3:]), np.array(truth)
 
 
+def rests_of(segments):
+    """Return the rows of segments that are rests."""
+    return segments[segments["kind"] == "static"]
+
+
 def random_turns(n, seed):
     """Return rotation vectors of 40 to 140 degrees about random axes."""
     rng = np.random.default_rng(seed)

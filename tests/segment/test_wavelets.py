@@ -43,13 +43,13 @@ def each(detail, first, width):
     return {first + k * width: c for k, c in enumerate(detail.T)}
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def small(monkeypatch):
     monkeypatch.setattr(wavelets, "ROWS", 128)
 
 
-@pytest.mark.parametrize("n", [1, 3, 5, 30, 97, 128, 129, 224, 255, 256, 257, 1000, 1023, 1025])
-def test_pieces_give_what_the_whole_gives(small, n):
+@pytest.mark.parametrize("n", [1, 5, 97, 128, 129, 256, 257, 1025])
+def test_pieces_give_what_the_whole_gives(n):
     x = np.random.default_rng(n).normal(size=(2, n + 7))
     found, smooth, width = coefficients(x, [(7, n + 7)], 5), x[:, 7:], 1
     while width < DENSE:
@@ -64,7 +64,7 @@ def test_pieces_give_what_the_whole_gives(small, n):
         np.testing.assert_array_equal(list(found[width].values()), detail[:, inside].T.tolist())
 
 
-def test_coefficients_depend_on_the_samples_that_they_claim(small):
+def test_coefficients_depend_on_the_samples_that_they_claim():
     x = np.random.default_rng(10).normal(size=(6, 1000))
     ranges = [(3, 411), (500, 1000)]
     before = coefficients(x, ranges, 7)
@@ -76,22 +76,18 @@ def test_coefficients_depend_on_the_samples_that_they_claim(small):
         touched = [np.any(changed[k] != before[width][k]) for k in changed]
         allowed = (first + 3 * width - 2 > 600) & (first < 620)
         assert not np.any(touched & ~allowed)
-        if width > 2:
-            assert np.any(touched)
+        assert width == 2 or np.any(touched)
         # orthonormal: the variance of white noise is kept on every scale
         if len(changed) > 100:
             assert np.mean(np.square(list(before[width].values()))) == pytest.approx(1, abs=0.2)
 
 
-def test_long_scales_are_transformed_at_every_shift_by_half_of_the_scale_below(small):
-    found = coefficients(np.zeros((1, 2000)), [(0, 2000)], 8)
-    for width in (64, 128, 256):
-        starts = np.sort(list(found[width]))
-        assert np.all(np.diff(starts) == DENSE)
-        assert starts[0] < DENSE and 2000 - (starts[-1] + 3 * width - 2) < DENSE
-
-
-def test_a_straight_drift_leaves_nothing(small):
-    x = np.linspace(0, 100, 5000) * np.arange(1, 7)[:, None]
-    for found in coefficients(x, [(0, 5000)], 8).values():
+def test_long_scales_are_dense_and_a_straight_drift_leaves_nothing():
+    drift = np.linspace(0, 100, 2000) * np.arange(1, 7)[:, None]
+    for width, found in coefficients(drift, [(0, 2000)], 8).items():
         np.testing.assert_allclose(list(found.values()), 0, atol=1e-8)
+        if width > DENSE:
+            # transformed at every shift by half of the scale below
+            starts = np.sort(list(found))
+            assert np.all(np.diff(starts) == DENSE)
+            assert starts[0] < DENSE and 2000 - (starts[-1] + 3 * width - 2) < DENSE

@@ -13,9 +13,6 @@ from pathlib import Path
 
 from imuloop.core.failure import attempt
 
-TEMPLATES = Path(__file__).parent / "templates"
-LOOKS = {"style": TEMPLATES / "style.css", "script": TEMPLATES / "sorting.js"}
-
 
 @dataclass(frozen=True)
 class Device:
@@ -283,59 +280,22 @@ def export(device):
 
 def report_device(device):
     """Write a device's part of the report, its page, its figures and its row of the comparison."""
-    from imuloop.report.page import write_device
     from imuloop.report.section import write_failed, write_section
 
-    paths = {
-        "section_path": device.file("section.html"),
-        "summary_path": device.file("summary.json"),
-        "figures_folder": device.file("figures"),
-        "template": TEMPLATES / "section.html.j2",
-    }
-    what = {"device": device.name, "label": device.label or device.name, **paths}
-
-    def write(write_parts, **more):
-        write_parts(**what, folder=device.folder, sessions=device.kinds, **more)
-        write_device(
-            device.file("report.html"),
-            paths["section_path"],
-            paths["summary_path"],
-            template=TEMPLATES / "device.html.j2",
-            **LOOKS,
-        )
-
+    given = (device.name, device.label or device.name, device.folder, device.kinds)
     return attempt(
         device,
         "report_device",
-        lambda: write(write_section),
-        lambda reason, failed: write(write_failed, failed=failed),
+        lambda: write_section(*given),
+        lambda reason, failed: write_failed(*given, failed),
     )
 
 
 def report(folders, provenance, report_path, comparison_path):
-    """Join the parts of devices to the report, and their figures to the comparison.
-
-    Parameters
-    ----------
-    folders : sequence of Path
-        Results of each device.
-    provenance : dict
-        What made the report; see `imuloop.report.report.write_report`.
-    report_path, comparison_path : path-like
-        HTML and CSV file to write.
-    """
+    """Join the parts of devices to the report; see `imuloop.report.report.write_report`."""
     from imuloop.report.report import write_report
 
-    write_report(
-        sections=[folder / "section.html" for folder in folders],
-        summaries=[folder / "summary.json" for folder in folders],
-        exports=[folder / "exports.json" for folder in folders],
-        template=TEMPLATES / "report.html.j2",
-        **LOOKS,
-        provenance=provenance,
-        report_path=report_path,
-        comparison_path=comparison_path,
-    )
+    write_report(folders, provenance, report_path, comparison_path)
 
 
 def run(device):

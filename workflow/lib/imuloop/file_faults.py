@@ -132,7 +132,7 @@ def _log_faults(session, nominal, log_format, names, whole):
             # the others may be wrong too
             wrong.add(name)
             del declared[name]
-    timed = {"time", "interval"} & {*log.found, *wrong}
+    timed = "time" in {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
         where = f"{names['log']} has no time column of a usual name ({log.columns})"
         yield ("rate",), f"missing; {where}; give it, or name the column in columns.time"

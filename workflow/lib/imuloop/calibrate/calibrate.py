@@ -1,7 +1,6 @@
 """Calibrate a device: six-position and multi-position, from its sessions' segments."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -30,18 +29,16 @@ from imuloop.core.samples import (
 )
 from imuloop.core.units import RawUnit
 
+# what a calibration rests on, most first
+METHODS = ("multi_position", "six_position", "static", "nominal")
+KINDS = ("multi_position", "six_position", "static")
+
 
 def usable(sessions, kind):
     """Return (session, segments) of each session of one kind that was not rejected.
 
-    Segments are a dict of arrays.
-
-    Parameters
-    ----------
-    sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session.
-    kind : str
-        Kind of session to take.
+    Takes ``kind``, ``samples`` and ``segments`` (paths) of each session by name; the segments that
+    it gives are a dict of arrays.
     """
     chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] == kind]
     return [(session, table) for session, table in chosen if len(table["kind"])]
@@ -49,16 +46,12 @@ def usable(sessions, kind):
 
 def without_pose(sessions, kind):
     """Return why there is no pose of one kind; arguments as of `usable`."""
-    kinds = {
-        name: read_columns(session["segments"], ["kind"])["kind"]
-        for name, session in sessions.items()
-        if session["kind"] == kind
-    }
-    became = [
-        f"{name} {'has no rest that is a pose' if len(kinds[name]) else 'was rejected'}"
-        for name in kinds
-    ]
-    return ": ".join([f"no {kind} session with a pose", *([", ".join(became)] if became else [])])
+    became = []
+    for name, session in sessions.items():
+        if session["kind"] == kind:
+            rejected = not len(read_columns(session["segments"], ["kind"])["kind"])
+            became.append(f"{name} {'was rejected' if rejected else 'has no rest that is a pose'}")
+    return f"no {kind} session with a pose" + (f": {', '.join(became)}" if became else "")
 
 
 def told(reason, sessions):
@@ -76,25 +69,14 @@ def read_poses(sessions, kind):
 
 
 def read_recording(sessions, longest_rotation):
-    """Return the poses and rotations of the multi-position sessions.
+    """Return the Recording of the multi-position sessions, without poses if there is none.
 
-    Parameters
-    ----------
-    sessions : dict of str to dict
-        As of `usable`.
-    longest_rotation : float
-        Seconds.
-
-    Returns
-    -------
-    Recording
-        Without poses if there is no such session.
+    Takes sessions as `usable` does, and the longest rotation, s.
     """
     chosen = usable(sessions, "multi_position")
-    segments = [table for _, table in chosen]
     columns = (TIME, *CHANNELS, TEMPERATURE)
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
-    return record(samples, segments, longest_rotation)
+    return record(samples, [table for _, table in chosen], longest_rotation)
 
 
 def raw_units(sessions, kinds):
@@ -106,75 +88,51 @@ def raw_units(sessions, kinds):
         sessions.values(), key=lambda s: (not len(Samples(s["samples"])), kinds.index(s["kind"]))
     )
     units = read_metadata(ordered[0]["samples"])["raw_units"]
-    return tuple(
-        RawUnit(units[q]["name"], units[q]["scale"], units[q]["offset"])
-        for q in ("acceleration", "angular_rate")
-    )
+    found = (units[quantity] for quantity in ("acceleration", "angular_rate"))
+    return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in found)
 
 
 def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     """Return the multi-position calibration of the accelerometer.
 
-    Nominal, with the reason, where the poses do not determine it.
-
-    Parameters
-    ----------
-    poses : Poses
-        Poses.
-    noise, gravity, unit, settings
-        As of `AccelerometerPoses`.
+    Nominal, with the reason, where the poses do not determine it. Arguments as of
+    `AccelerometerPoses`.
     """
     sensor = AccelerometerPoses(noise, gravity, unit, settings)
-    return calibrated(sensor, Recording(poses), partial(SensorCalibration.nominal, unit))
+    made, reason = _fitted(sensor, Recording(poses))
+    return made or SensorCalibration.nominal(unit, reason)
 
 
 def calibrate_gyroscope(recording, noise, force, unit, settings):
     """Return the multi-position calibration of the gyroscope.
 
     With the bias alone, and the reason, where the rotations do not determine the rest; nominal
-    where the noise of an axis is not known.
-
-    Parameters
-    ----------
-    recording : Recording
-        Poses and rotations.
-    noise, force, unit, settings
-        As of `GyroscopePoses`, `force` its accelerometer.
+    where the noise of an axis is not known. Arguments as of `GyroscopePoses`, `force` its
+    accelerometer.
     """
     poses, held = recording.poses, None
     if settings.gyroscope_bias == "initial_rest" and len(poses):
         # its error is that of the first rest's mean
         held = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
     sensor = GyroscopePoses(noise, force, unit, settings, held)
-    return calibrated(sensor, recording, partial(rest_bias, poses, noise, unit), "; bias only")
+    made, reason = _fitted(sensor, recording, "; bias only")
+    return made or rest_bias(poses, noise, unit, reason)
 
 
-def calibrated(sensor, recording, without, left=""):
-    """Return the calibration of a sensor that its poses determine.
-
-    Parameters
-    ----------
-    sensor : AccelerometerPoses or GyroscopePoses
-        How it is fitted.
-    recording : Recording
-        Poses and rotations.
-    without : callable
-        Takes the reason why there is none, gives what calibration there is instead.
-    left : str
-        What the reason says of that where a fit fails.
-    """
+def _fitted(sensor, recording, left=""):
+    """Return the calibration of a sensor or None, and why there is none; `left` is what is then."""
     if reason := sensor.untestable(recording):
-        return without(reason)
+        return None, reason
     try:
         solution = sensor.fit(recording)
     except LinAlgError:
-        return without(f"{SINGULAR}{left}")
+        return None, f"{SINGULAR}{left}"
     if reason := sensor.lost(solution, recording):
-        return without(reason)
+        return None, reason
     made = fitted_calibration(sensor, solution)
     if fault := sensor_fault(made, sensor.sensor):
-        return without(f"the fit gives what no sensor has: {fault}{left}")
-    return made
+        return None, f"the fit gives what no sensor has: {fault}{left}"
+    return made, None
 
 
 def rest_bias(poses, noise, unit, reason):
@@ -202,32 +160,16 @@ def rest_bias(poses, noise, unit, reason):
 def calibrate_six_position(poses, noise, gravity, units, settings):
     """Return the accelerometer's six-position calibration and the gyroscope's bias.
 
-    Parameters
-    ----------
-    poses : Poses
-        Poses of six-position sessions; those that are no face are left out.
-    noise : NoiseModel
-        Noise of the device.
-    gravity : float
-        m/s^2.
-    units : tuple of RawUnit
-        Of accelerometer and gyroscope.
-    settings : CalibrateSettings
-        Settings.
-
-    Returns
-    -------
-    SensorCalibration, SensorCalibration
-        Accelerometer, gyroscope.
+    Poses that are no face are left out. Arguments as of `AccelerometerPoses`, with the units of
+    both sensors.
     """
     if not len(poses):
         reason = without_pose({}, "six_position")
         return tuple(SensorCalibration.nominal(unit, reason) for unit in units)
     faces = six_position.find_faces(poses.f, settings.face_tolerance)
-    reason = six_position.untestable_faces(faces)
     turns = "six faces do not show misalignment and scale factor of a gyroscope: bias only"
     rest = rest_bias(poses, noise, units[1], turns)
-    if reason:
+    if reason := six_position.untestable_faces(faces):
         return SensorCalibration.nominal(units[0], reason), rest
     known = faces != 0
     means = np.diagonal(poses.mean_covariance(noise)[:3], axis1=1, axis2=2)
@@ -242,71 +184,44 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
 
 def best(*candidates):
     """Return the calibration that rests on most: multi-position, six-position, rest, nominal."""
-    order = ("multi_position", "six_position", "static", "nominal")
-    return min(candidates, key=lambda c: order.index(c.method))
+    return min(candidates, key=lambda c: METHODS.index(c.method))
 
 
 def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, multi_path):
-    """Calibrate a device from its sessions and write both calibrations.
+    """Calibrate a device from its sessions, as of `usable`, and its noise.json; write both results.
 
     Parameters
     ----------
-    device : str
-        Name of the device.
-    gravity : float
-        Local gravity, m/s^2.
-    sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session.
-    noise : path-like
-        noise.json of the device.
+    device, gravity : str, float
+        Name of the device, and local gravity, m/s^2.
+    sessions, noise : dict, path-like
+        What it is calibrated from.
     settings : CalibrateSettings
         Settings.
     six_path, multi_path : path-like
         Where to write the six-position and the multi-position calibration.
-
-    Returns
-    -------
-    Calibration, Calibration
-        Six-position, multi-position.
     """
-    model = NoiseModel.from_json(noise)
-    kinds = ["multi_position", "six_position", "static"]
-    units = raw_units(sessions, kinds)
+    model, units = NoiseModel.from_json(noise), raw_units(sessions, KINDS)
     multi = read_recording(sessions, settings.longest_rotation)
     six, static = (read_poses(sessions, kind) for kind in ("six_position", "static"))
     six_sensors = calibrate_six_position(six, model, gravity, units, settings)
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
-    known = best(force, six_sensors[0])
-    turn = calibrate_gyroscope(multi, model, known, units[1], settings)
+    turn = calibrate_gyroscope(multi, model, best(force, six_sensors[0]), units[1], settings)
     if not len(multi.poses) and len(static):
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)
-    six_calibration, multi_calibration = (
-        Calibration(
-            device,
-            gravity,
-            *(replace(s, not_testable=told(s.not_testable, sessions)) for s in sensors),
-        )
-        for sensors in (six_sensors, (force, turn))
-    )
-    six_calibration.to_json(six_path)
-    multi_calibration.to_json(multi_path)
-    return six_calibration, multi_calibration
+    for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
+        named = (replace(s, not_testable=told(s.not_testable, sessions)) for s in sensors)
+        Calibration(device, gravity, *named).to_json(path)
 
 
 def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
     """Write both calibrations as the data sheet has them, where there are none.
 
-    Parameters
-    ----------
-    device, gravity, sessions, six_path, multi_path
-        As of `calibrate_device`.
-    why : (str, dict or None)
-        Reason, and the content of the key ``failed``.
+    Arguments as of `calibrate_device`; `why` is a reason, and the content of the key ``failed``.
     """
     reason, failed = why
-    units = raw_units(sessions, ["multi_position", "six_position", "static"])
-    sensors = [SensorCalibration.nominal(unit, reason) for unit in units]
+    sensors = [SensorCalibration.nominal(unit, reason) for unit in raw_units(sessions, KINDS)]
     for path in (six_path, multi_path):
         Calibration(device, gravity, *sensors).to_json(path, failed)

@@ -14,19 +14,7 @@ _UPPER = ((0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True)
 class Force:
-    """Calibrated specific force.
-
-    Attributes
-    ----------
-    poses : ndarray, shape (n, 3)
-        m/s^2, at each pose.
-    calibration : SensorCalibration
-        Of the accelerometer.
-    recording : Recording
-        Poses, n of them, and rotations, m of k samples.
-    noise : NoiseModel
-        Noise of the device.
-    """
+    """Calibrated specific force of a recording, at its poses, m/s^2, shape (n, 3)."""
 
     poses: np.ndarray
     calibration: SensorCalibration
@@ -43,34 +31,33 @@ class Force:
         calibration, n = self.calibration, len(self.poses)
         norm = np.linalg.norm(self.poses, axis=1)[:, None]
         u = self.poses / norm
-        across = np.eye(3) - u[:, :, None] * u[:, None, :]
-        scale = calibration.K / calibration.raw_unit.scale
-        to_direction = across @ (calibration.T * scale) / norm[:, None]
+        across = (np.eye(3) - u[:, :, None] * u[:, None, :]) / norm[:, None]
+        to_direction = across @ (calibration.T * calibration.K / calibration.raw_unit.scale)
         means = self.recording.poses.mean_covariance(self.noise)[:3]
         # the second pose before the first, its three components, the axes last
         left = means.T[:, :, None] * to_direction
         found = left.reshape(n, 3 * n, 3) @ to_direction.swapaxes(1, 2)
         change, covariance = self._of_parameters
-        change = (across / norm[:, None] @ change).reshape(3 * n, -1)
+        change = (across @ change).reshape(3 * n, -1)
         return found.swapaxes(0, 1).reshape(3 * n, 3 * n) + change @ covariance @ change.T
 
     @cached_property
     def _of_parameters(self):
         """The derivative of specific force with respect to the calibration, and its covariance."""
         calibration, poses = self.calibration, self.recording.poses
-        unit, T, K = calibration.raw_unit, calibration.T, calibration.K
-        raw = unit.from_si(poses.f) - calibration.b
+        if not calibration.names:
+            return np.zeros((len(poses), 3, 0)), np.zeros((0, 0))
+        T, K = calibration.T, calibration.K
+        raw = calibration.raw_unit.from_si(poses.f) - calibration.b
         channels = self.recording.pose_channels("accelerometer", calibration.output, poses.w)
         output = calibration.output(poses.f) - sum(e.output(channels) for e in calibration.effects)
         columns = {f"T{i}{j}": np.outer(output[:, j], np.eye(3)[i]) for i, j in _UPPER}
         columns |= {f"K{k}": np.outer(raw[:, k], T[:, k]) for k in range(3)}
         columns |= {f"b{k}": np.tile(-K[k] * T[:, k], (len(raw), 1)) for k in range(3)}
-        if not calibration.names:
-            return np.zeros((len(raw), 3, 0)), np.zeros((0, 0))
-        for effect in calibration.effects:
-            design = -T @ effect.effect.design(channels)
-            for k, name in enumerate(effect.effect.parameters):
-                columns[f"{effect.name}.{name}"] = design[:, :, k]
+        for fitted in calibration.effects:
+            design = -T @ fitted.effect.design(channels)
+            names = (f"{fitted.name}.{name}" for name in fitted.effect.parameters)
+            columns |= dict(zip(names, np.moveaxis(design, 2, 0), strict=True))
         # what a plan leaves out has no column
         known = [k for k, name in enumerate(calibration.names) if name in columns]
         change = np.stack([columns[calibration.names[k]] for k in known], axis=2)
@@ -80,27 +67,14 @@ class Force:
     def rotations(self):
         """m/s^2, along each rotation, shape (m, k, 3)."""
         calibration, rotations = self.calibration, self.recording.rotations
-        along = calibration.apply(
-            rotations.f.reshape(-1, 3),
-            self.recording.rotation_channels("accelerometer", calibration.output, rotations.w),
+        channels = self.recording.rotation_channels(
+            "accelerometer", calibration.output, rotations.w
         )
-        return along.reshape(rotations.f.shape)
+        return calibration.apply(rotations.f.reshape(-1, 3), channels).reshape(rotations.f.shape)
 
 
 def calibrated_force(calibration, recording, noise):
-    """Return calibrated specific force at the poses and along the rotations.
-
-    Parameters
-    ----------
-    calibration : SensorCalibration
-        Of the accelerometer.
-    recording : Recording
-        Poses, n of them, and rotations, m of k samples.
-    noise : NoiseModel
-        Noise of the device.
-    """
+    """Return the Force of a recording by an accelerometer's calibration."""
     poses = recording.poses
-    at_poses = calibration.apply(
-        poses.f, recording.pose_channels("accelerometer", calibration.output, poses.w)
-    )
-    return Force(at_poses, calibration, recording, noise)
+    channels = recording.pose_channels("accelerometer", calibration.output, poses.w)
+    return Force(calibration.apply(poses.f, channels), calibration, recording, noise)

@@ -17,7 +17,7 @@ from imuloop.core.rotation import mean_rates
 from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, lost_samples
 from imuloop.core.stamps import Scatter, bend
 
-# windows of a rotation from which the error of a gap can be told
+# windows of a rotation that determine the error of a gap
 FEWEST = 10
 # error, share of the angle, beyond which a rotation says nothing: as they come, sensors are off
 # by less
@@ -29,16 +29,10 @@ PARTS = 16
 
 @dataclass(frozen=True)
 class Lost:
-    """Rotations that gaps took.
+    """Rotations that gaps took, of all that are short enough to be used.
 
-    Attributes
-    ----------
-    rotations : int
-        All rotations short enough to be used.
-    left_out : int
-        Those with a gap too long, or with gaps whose error cannot be told or says it all.
-    longest : int
-        Samples lost in a row, at most, in those.
+    They are left out as a gap is too long, or its error not known or too large; `longest` is the
+    most samples lost in a row in one of them.
     """
 
     rotations: int = 0
@@ -53,33 +47,14 @@ class Lost:
         samples = f"{self.longest} sample{'s' * (self.longest != 1)} in a row"
         return f"; {self.left_out} of {self.rotations} turns lost up to {samples} and are left out"
 
-    @classmethod
-    def of_all(cls, losses):
-        """Return what gaps took of several sessions."""
-        counts = [(each.rotations, each.left_out, each.longest) for each in losses]
-        rotations, left_out, longest = np.reshape(counts, (-1, 3)).astype(int).T
-        return cls(int(rotations.sum()), int(left_out.sum()), int(longest.max(initial=0)))
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors of a rotation that come from its time stamps.
-
-    Attributes
-    ----------
-    uneven : ndarray of int, shape (u,)
-        Steps over which samples are missing.
-    at, covariance : ndarray, shape (g,) and (g, 3, 3)
-        Steps about which an error is added to the turn, and its covariance, rad².
-    """
-
-    uneven: np.ndarray
-    at: np.ndarray
-    covariance: np.ndarray
-
 
 def errors_of_time(log, begin, last, bias, variance):
     """Return the errors that the time stamps of a log bring into its rotations.
+
+    Of each rotation the steps over which samples are missing, and steps about which an error is
+    added to the turn, (g,), with its covariance, rad², (g, 3, 3). None where `gap_covariance` is
+    not known, or where the root of its trace is above that of the noise and above `TELLING` of the
+    angle. Then the samples lost in a row, at most, in each, (m,).
 
     Parameters
     ----------
@@ -89,14 +64,6 @@ def errors_of_time(log, begin, last, bias, variance):
         First and last sample of each rotation.
     bias, variance : ndarray, shape (m, 3)
         Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
-
-    Returns
-    -------
-    list of Errors
-        Of each rotation. None where `gap_covariance` is not known, or where the root of its trace
-        is above that of the noise and above `TELLING` of the angle.
-    ndarray of int, shape (m,)
-        Samples lost in a row, at most, in each.
     """
     t = np.asarray(log[TIME])
     steps = np.diff(t)
@@ -108,34 +75,19 @@ def errors_of_time(log, begin, last, bias, variance):
         own = lost[i:j]
         longest.append(own.max(initial=0))
         if not (own.any() or late):
-            found.append(Errors(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3, 3))))
+            found.append((np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3, 3))))
             continue
         w = np.column_stack([np.asarray(log[c])[i : j + 1] for c in ANGULAR_RATE])
         gaps, at = gap_covariance(w, own, usual), np.flatnonzero(own)
         if gaps is not None:
-            added = np.trace(gaps.sum(axis=0))
             angle = np.linalg.norm(w[1:] - rest, axis=1) @ steps[i:j]
-            if added > max(noise.sum() * usual * steps[i:j].sum(), (TELLING * angle) ** 2):
-                gaps = None
-        if gaps is None:
+            most = max(noise.sum() * usual * steps[i:j].sum(), (TELLING * angle) ** 2)
+        if gaps is None or np.trace(gaps.sum(axis=0)) > most:
             found.append(None)
-            continue
-        parts, scatter = _late_covariance(w, late)
-        found.append(Errors(at, np.append(at, parts), np.concatenate([gaps, scatter])))
+        else:
+            parts, scatter = _late_covariance(w, late)
+            found.append((at, np.append(at, parts), np.concatenate([gaps, scatter])))
     return found, np.array(longest, dtype=int)
-
-
-def padded_errors(errors, steps):
-    """Return the errors of m rotations as `Rotations` holds them, padded to `steps` steps."""
-    count = max((len(each.at) for each in errors), default=0)
-    if not count:
-        return {"uneven": None, "added_at": None, "added": None}
-    uneven = np.zeros((len(errors), steps), dtype=bool)
-    at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))
-    for row, each in enumerate(errors):
-        uneven[row, each.uneven] = True
-        at[row, : len(each.at)], added[row, : len(each.at)] = each.at, each.covariance
-    return {"uneven": uneven, "added_at": at, "added": added}
 
 
 def _lateness(log, t, usual):
@@ -165,21 +117,10 @@ def _late_covariance(w, late):
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the turn over each gap of a rotation that interpolation adds.
+    """Return the covariance of the turn over each gap that interpolation adds, rad², (g, 3, 3).
 
-    Parameters
-    ----------
-    w : ndarray, shape (k, 3)
-        Angular rate, rad/s.
-    lost : ndarray of int, shape (k - 1,)
-        Samples missing in each step.
-    usual : float
-        Usual step of time, s.
-
-    Returns
-    -------
-    ndarray, shape (g, 3, 3), or None
-        rad²; None where too little of the rotation is whole to tell.
+    None where too little of the rotation is whole. Takes angular rate, rad/s, shape (k, 3), the
+    samples missing in each step, (k - 1,), and the usual step, s.
     """
     sizes = {n: _mean_square(w, lost, n, usual) for n in np.unique(lost[lost > 0]).tolist()}
     if any(size is None for size in sizes.values()):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from imuloop.core.samples import ANGULAR_RATE
+
 
 def residual_covariance(model, x, poses, directions, noise):
     """Return the covariance of all residuals that the noise model predicts: rates, then rotations.
@@ -32,46 +34,44 @@ def residual_covariance(model, x, poses, directions, noise):
     """
     rotations, path, n, m = model.rotations, model.path(x), len(poses), len(model.rotations)
     plane, length = model.plane, rotations.end_s - rotations.start_s
-    start = model.directions[rotations.first]
     # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
     carried = plane @ path.last.swapaxes(1, 2)
-    to_error = carried @ cross_matrix(start)
+    to_error = carried @ cross_matrix(model.directions[rotations.first])
     per_angle = to_error @ (path.mean / length[:, None, None])
     covariance = np.zeros((3 * n + 2 * m, 3 * n + 2 * m))
     means, of_run = poses.mean_covariance(noise)[3:], poses.run[rotations.first]
     ends = np.column_stack([rotations.start_s, rotations.end_s])
+    # the two components of each rotation's error
+    pairs = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
     for run in np.unique(poses.run):
         at, turns = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
         seconds = np.concatenate([np.ones(len(at)), length[turns]])
         together = noise.pose_mean_covariance(np.concatenate([poses.windows[at], ends[turns]]))[3:]
-        for axis, name in enumerate(("gx", "gy", "gz")):
+        turned = len(at) + np.arange(len(turns))
+        for axis, name in enumerate(ANGULAR_RATE):
             # means at the poses, angles of the rotations
             slow = together[axis] * (seconds[:, None] * seconds)
-            white = noise.axes[name].N.square * length[turns]
-            turned = len(at) + np.arange(len(turns))
-            slow[turned, turned] -= white
+            slow[turned, turned] -= noise.axes[name].N.square * length[turns]
             # what each of them makes of a residual
-            gain = np.zeros((len(at) + len(turns), len(at) + 2 * len(turns)))
+            gain = np.zeros((len(seconds), len(at) + 2 * len(turns)))
             gain[: len(at), : len(at)] = np.eye(len(at))
             for k in range(2):
                 gain[turned, len(at) + 2 * np.arange(len(turns)) + k] = per_angle[turns, k, axis]
-            rows = np.concatenate([3 * at + axis, 3 * n + np.repeat(2 * turns, 2) + _pair(turns)])
+            own = 3 * at + axis
+            rows = np.concatenate([own, pairs[turns].ravel()])
             covariance[np.ix_(rows, rows)] += gain.T @ slow @ gain
             if not together[axis].any():
                 # of an axis without noise the poses' own variance is known
-                own = 3 * at + axis
                 covariance[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
             elif poses.rounded is not None:
-                own = 3 * at + axis
                 covariance[own, own] += poses.rounded[at, axis]
-    each = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
     within = sum(
         noise.axes[name].N.square * (to_error @ path.spread[:, axis] @ to_error.swapaxes(1, 2))
-        for axis, name in enumerate(("gx", "gy", "gz"))
+        for axis, name in enumerate(ANGULAR_RATE)
     )
     if path.added is not None:
         within = within + to_error @ path.added @ to_error.swapaxes(1, 2)
-    covariance[each[:, :, None], each[:, None]] += within
+    covariance[pairs[:, :, None], pairs[:, None]] += within
     # of all directions only those of the poses at both ends enter a rotation
     of_ends = ((rotations.first, carried), (rotations.first + 1, -plane))
     by_pose = directions.reshape(n, 3, 3 * n)
@@ -79,11 +79,6 @@ def residual_covariance(model, x, poses, directions, noise):
     whole = sum(np.einsum("xmk,mjk->xmj", half[:, pose], of_end) for pose, of_end in of_ends)
     covariance[3 * n :, 3 * n :] += whole.reshape(2 * m, 2 * m)
     return covariance
-
-
-def _pair(turns):
-    """Return 0, 1, 0, 1, ...: the components of each rotation's error."""
-    return np.tile([0, 1], len(turns))
 
 
 def tangents(directions):
@@ -96,7 +91,4 @@ def tangents(directions):
 
 def cross_matrix(vectors):
     """Return the matrices of ``v ×``, shape (n, 3, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    o = np.zeros_like(x)
-    rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.cross(np.eye(3), vectors[:, None])

@@ -18,20 +18,10 @@ SINGULAR = (
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a generalised least-squares fit.
+    """Result of a generalised least-squares fit of p parameters to n residuals.
 
-    Attributes
-    ----------
-    x : ndarray, shape (p,)
-        Parameters.
-    covariance : ndarray, shape (p, p)
-        ``(Jᵀ Σ⁻¹ J)⁻¹``, from the predicted covariance Σ of the residuals alone.
-    chi2 : float
-        ``rᵀ Σ⁻¹ r`` at the solution.
-    dof : int
-        Residuals less parameters.
-    jacobian : ndarray, shape (n, p)
-        Derivative of the residuals, not whitened.
+    The covariance is ``(Jᵀ Σ⁻¹ J)⁻¹``, from the predicted covariance Σ of the residuals alone, χ²
+    ``rᵀ Σ⁻¹ r``; the derivative J, (n, p), is not whitened.
     """
 
     x: np.ndarray
@@ -48,8 +38,7 @@ class Fit:
     @property
     def scaled_covariance(self):
         """Covariance inflated by the reduced chi square where the residual exceeds its floor."""
-        excess = self.reduced_chi2
-        return self.covariance * (max(1.0, excess) if np.isfinite(excess) else 1.0)
+        return self.covariance * np.fmax(1.0, self.reduced_chi2)
 
 
 def fit(residuals, x0, covariance, prior=None):
@@ -72,7 +61,6 @@ def fit(residuals, x0, covariance, prior=None):
     Returns
     -------
     Fit
-        The solution.
 
     Raises
     ------
@@ -127,20 +115,9 @@ def _covariance(white):
 
 
 def condition_number(jacobian, scales):
-    """Return the condition number of a design whose parameters are measured in `scales`.
+    """Return the condition number of a derivative, (n, p), columns in units of `scales`, (p,).
 
-    Parameters
-    ----------
-    jacobian : array_like, shape (n, p)
-        Derivative of the residuals.
-    scales : array_like, shape (p,)
-        Natural size of one unit of each parameter, so that columns compare.
-
-    Returns
-    -------
-    float
-        Largest over smallest singular value; infinite where the rank is deficient or the design
-        is not finite.
+    Infinite where the rank is deficient or the derivative is not finite.
     """
     design = np.asarray(jacobian) * scales
     if design.shape[0] < design.shape[1] or not np.isfinite(design).all():

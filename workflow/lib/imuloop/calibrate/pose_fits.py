@@ -1,6 +1,7 @@
 """The two sensors at the poses: how each is fitted, with or without effects, and what is left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.linalg import block_diag
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.least_squares import Fit
+from imuloop.calibrate.least_squares import Fit, condition_number, fit, too_large
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, FittedEffect
 from imuloop.core.model import SensorCalibration
@@ -16,44 +17,80 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
 
+# the axes of an accelerometer, cheap ones and three glued to a cube too, are less off square, rad
+SLANT = 0.3
+# what data sheets of MEMS gyroscopes allow: misalignment, rad; scale factor, 1
+AXES, SCALE = 0.02, 0.03
+NO_POSE = "no multi_position session with a pose"
+
 
 @dataclass(frozen=True)
 class Solution:
-    """A sensor fitted to poses with some effects.
+    """A sensor fitted to poses: the effects that were estimated, and the calibration, if needed.
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        The effects that were estimated.
-    fit : Fit
-        Parameters of the base model, then the effects', SI as logged.
-    accelerometer : SensorCalibration or None
-        Calibration that gave the direction of gravity; None of an accelerometer.
-    calibration : SensorCalibration or None
-        Fitted calibration; None while nobody needs it.
+    The fit has the parameters of the base model, then the effects', SI as logged.
     """
 
     effects: tuple[Effect, ...]
     fit: Fit
-    accelerometer: SensorCalibration | None
     calibration: SensorCalibration | None = None
 
 
-@dataclass(frozen=True)
-class AccelerometerPoses:
-    """The accelerometer at the poses: the norm of specific force is gravity.
+class SensorPoses:
+    """A sensor at the poses: its model about parameters, and the covariance of its residuals."""
 
-    Attributes
-    ----------
-    noise : NoiseModel
-        Noise of the device.
-    gravity : float
-        m/s^2.
-    unit : RawUnit
-        Unit of the log.
-    settings : CalibrateSettings
-        Settings of the calibration.
-    """
+    # bias and its variance, where it is held instead of estimated
+    bias = None
+
+    def fit(self, recording, effects=(), start=None, prior=None):
+        """Return the Solution for a recording.
+
+        All residuals together, weighted with the covariance that the noise model predicts. A bias
+        that is held is not in the fit's covariance and derivative.
+
+        Parameters
+        ----------
+        recording : Recording
+            Poses and rotations.
+        effects : sequence of Effect
+            Effects to estimate.
+        start : ndarray, optional
+            Parameters of a fit with fewer effects.
+        prior : (ndarray, ndarray), optional
+            What other data tell of the parameters, as of `least_squares.fit`.
+
+        References
+        ----------
+        Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration
+        without external equipments", ICRA 2014, section IV.
+        """
+        x = self.model_at(None, recording, effects).start()
+        if start is not None:
+            x[: len(start)] = start
+        free = np.ones(len(x), dtype=bool)
+        if self.bias is not None:
+            x[9:12], free[9:12] = self.bias[0], False
+        # weights and effects depend on the calibrated output, which the start gives to 1 %
+        for _ in range(3 if start is None and effects else 2):
+            model = self.model_at(x, recording, effects)
+            covariance = self.covariance_at(x, model, recording, self.noise)
+            found = fit(partial(_of_free, model, x, free), x[free], covariance, prior)
+            x[free] = found.x
+        return Solution(tuple(effects), replace(found, x=x))
+
+    def model(self, solution, recording, shapes=()):
+        """Return the model of any recording about a solution, with more effects."""
+        return self.model_at(solution.fit.x, recording, (*solution.effects, *shapes))
+
+    def covariance(self, solution, recording, noise=None):
+        """Return the covariance of the residuals of any recording, by a noise model."""
+        model = self.model(solution, recording)
+        return self.covariance_at(solution.fit.x, model, recording, noise or self.noise)
+
+
+@dataclass(frozen=True)
+class AccelerometerPoses(SensorPoses):
+    """The accelerometer at the poses: the norm of specific force is gravity, m/s^2."""
 
     noise: NoiseModel
     gravity: float
@@ -66,87 +103,91 @@ class AccelerometerPoses:
 
     def untestable(self, recording):
         """Return why the data determine no calibration, or None."""
-        return accelerometer.untestable_accelerometer(
-            recording.poses, self.gravity, self.settings.largest_condition
-        ) or recording.poses.unknown_noise(self.noise, ACCELERATION)
-
-    def lost(self, solution, recording):
-        """Return why a fit is none, or None if it is one."""
-        condition = self.settings.largest_condition
-        return accelerometer.lost_accelerometer(solution.fit, self.gravity, condition)
+        silent = partial(recording.poses.unknown_noise, self.noise, ACCELERATION)
+        return self._undetermined(recording.poses) or silent()
 
     def undetermined(self, recording, keeps):
         """Return for each mask of poses whether these alone determine no calibration."""
-        condition = self.settings.largest_condition
-        return [
-            accelerometer.untestable_accelerometer(
-                recording.poses.select(keep), self.gravity, condition
-            )
-            is not None
-            for keep in keeps
-        ]
+        return [self._undetermined(recording.poses.select(keep)) is not None for keep in keeps]
+
+    def _undetermined(self, poses):
+        """Return why the poses do not determine the nine parameters, or None if they do."""
+        n, needed, largest = len(poses), len(self.names) + 1, self.settings.largest_condition
+        if not n:
+            return NO_POSE
+        if n < needed:
+            return f"{n} poses found, at least {needed} needed for 9 parameters and a check"
+        model = accelerometer.AccelerometerModel(poses.f, np.zeros((n, 3, 0)), self.gravity)
+        x = model.start()
+        condition = self._condition(model.residuals(x)[1], x)
+        if condition <= largest:
+            return None
+        return (
+            f"the attitudes of {n} poses do not determine 9 parameters: "
+            f"{too_large(condition, largest)}; add poses that point each axis up and down and in "
+            "between"
+        )
+
+    def _condition(self, jacobian, x):
+        """Return the condition number of the nine parameters at x, each by its natural size."""
+        K = np.abs(x[3:6])
+        return condition_number(jacobian[:, :9], np.concatenate([np.ones(3), K, self.gravity / K]))
+
+    def lost(self, solution, recording):
+        """Return why a fit is none, or None if it is one.
+
+        Gravity's norm is also met where K tends to zero and K b to a vector as long as gravity.
+        What lies on no ellipsoid is drawn there, and there the poses determine nothing; or to axes
+        that no accelerometer has.
+        """
+        found, largest = solution.fit, self.settings.largest_condition
+        condition = self._condition(found.jacobian, found.x)
+        slant = np.max(np.abs(found.x[:3]))
+        if not condition <= largest:
+            leads = f"where they determine nothing, {too_large(condition, largest)}"
+        elif slant > SLANT or np.min(found.x[3:6]) <= 0:
+            leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
+        else:
+            return None
+        return (
+            f"specific force at {len(found.jacobian)} poses lies on no ellipsoid of an "
+            f"accelerometer: the fit leads to {leads}; was a pose clipped or wrapped around, did "
+            f"scale or offset change midway?"
+        )
 
     def fit(self, recording, effects=(), start=None, prior=None):
-        """Return the Solution for a recording; the start is as good without another.
-
-        Parameters
-        ----------
-        recording : Recording
-            Poses.
-        effects : sequence of Effect
-            Effects to estimate.
-        start : ndarray, optional
-            Parameters of a fit with fewer effects.
-        prior : (ndarray, ndarray), optional
-            What other data tell of the parameters, as of `least_squares.fit`.
-        """
-        means = recording.poses.mean_covariance(self.noise)[:3]
-        fit, _ = accelerometer.fit_accelerometer(
-            recording, means, self.gravity, effects, prior=prior
-        )
-        return Solution(tuple(effects), fit, None)
+        """Return the Solution for a recording; the start is as good without another."""
+        return super().fit(recording, effects, None, prior)
 
     def rows(self, recording):
         """Return the poses where each residual starts and ends, (N, 2), and its kind, (N,)."""
         poses = np.arange(len(recording.poses))
         return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
 
-    def model(self, solution, recording, shapes=()):
-        """Return the AccelerometerModel of any recording about a solution, with more effects."""
-        effects = (*solution.effects, *shapes)
-        return accelerometer.accelerometer_model(recording, self.gravity, solution.fit.x, effects)
+    def model_at(self, x, recording, effects):
+        """Return the AccelerometerModel of a recording, effects seen with parameters x."""
+        return accelerometer.accelerometer_model(recording, self.gravity, x, effects)
 
-    def covariance(self, solution, recording, noise=None):
-        """Return the covariance of the residuals of any recording, by a noise model."""
-        means = recording.poses.mean_covariance(noise or self.noise)[:3]
-        return self.model(solution, recording).covariance(solution.fit.x, means)
+    def covariance_at(self, x, model, recording, noise):
+        """Return the covariance of a model's residuals, by a noise model."""
+        return model.covariance(x, recording.poses.mean_covariance(noise)[:3])
 
     def directions(self, solution, recording):
         """Return gravity's direction at the poses, shape (n, 3)."""
-        force, _ = self.model(solution, recording).force(solution.fit.x)
+        force = self.model(solution, recording).force(solution.fit.x)
         return force / np.linalg.norm(force, axis=1, keepdims=True)
 
-    def effect_sizes(self, solution, recording):
-        """Return what one unit of each effect's parameter does, root mean square, (p,), SI."""
-        return size_of(self.model(solution, recording).design)
+    def designs(self, solution, recording):
+        """Return the derivatives of the effects wherever these act, (n, 3, p) each."""
+        return [self.model(solution, recording).design]
 
 
 @dataclass(frozen=True)
-class GyroscopePoses:
+class GyroscopePoses(SensorPoses):
     """The gyroscope at the poses: no rate at rest, and rotations carry gravity to the next pose.
 
-    Attributes
-    ----------
-    noise : NoiseModel
-        Noise of the device.
-    accelerometer : SensorCalibration
-        Calibration of the accelerometer of the same device.
-    unit : RawUnit
-        Unit of the log.
-    settings : CalibrateSettings
-        Settings of the calibration.
-    bias : tuple of two ndarrays, shape (3,), optional
-        Bias and its variance, rad/s as logged, where it is held instead of estimated.
+    Gravity is that of the accelerometer's calibration. A bias that is held is given with its
+    variance, rad/s as logged, shape (3,) each.
     """
 
     noise: NoiseModel
@@ -161,42 +202,68 @@ class GyroscopePoses:
     def untestable(self, recording):
         """Return why the data determine no calibration, or None."""
         if not len(recording.poses):
-            return "no multi_position session with a pose"
-        return (
-            direction_unknown(self.accelerometer)
-            or recording.poses.unknown_noise(self.noise, ANGULAR_RATE)
-            or gyroscope.untestable_gyroscope(
-                recording, self._force(recording), self.settings.largest_condition
-            )
-        )
-
-    def lost(self, solution, recording):
-        """Return why a fit is none, or None if it is one."""
-        condition = self.settings.largest_condition
-        return gyroscope.lost_gyroscope(solution.fit, len(recording.rotations), condition)
+            return NO_POSE
+        silent = partial(recording.poses.unknown_noise, self.noise, ANGULAR_RATE)
+        if reason := direction_unknown(self.accelerometer) or silent():
+            return reason
+        reason = self._undetermined(self._start_derivative(recording))
+        return reason and reason + recording.lost.reason
 
     def undetermined(self, recording, keeps):
         """Return for each mask of poses whether these alone determine no calibration."""
         # the design, but for what the parameters of a part differ by
-        jacobian = gyroscope.start_derivative(recording, self._force(recording))
-        condition, first = self.settings.largest_condition, recording.rotations.first
-        return [
-            gyroscope.undetermined(jacobian[keep[first] & keep[first + 1]], condition) is not None
-            for keep in keeps
-        ]
+        jacobian, first = self._start_derivative(recording), recording.rotations.first
+        parts = (jacobian[keep[first] & keep[first + 1]] for keep in keeps)
+        return [self._undetermined(part) is not None for part in parts]
 
-    def fit(self, recording, effects=(), start=None, prior=None):
-        """Return the Solution for a recording; arguments as of the accelerometer."""
-        fit, _, _ = gyroscope.fit_gyroscope(
-            recording,
-            self._force(recording),
-            self.noise,
-            effects=effects,
-            bias=None if self.bias is None else self.bias[0],
-            start=start,
-            prior=prior,
+    def _start_derivative(self, recording):
+        """Return the derivative of the rotations' errors at the start of a fit, (m, 2, 12)."""
+        if not len(recording.rotations):
+            return np.zeros((0, 2, 12))
+        model = self.model_at(None, recording, ())
+        return model.rotation_errors(model.start())[1]
+
+    def _undetermined(self, jacobian):
+        """Return why rotations of this derivative do not determine T and K, or None if they do."""
+        count, needed, largest = len(jacobian), 5, self.settings.largest_condition
+        if count < needed:
+            return (
+                f"{count} rotations between poses found, at least {needed} needed for the "
+                f"9 parameters of misalignment and scale factor"
+            )
+        condition = condition_number(jacobian.reshape(-1, 12)[:, :9], np.ones(9))
+        if condition <= largest:
+            return None
+        return (
+            f"the axes of {count} rotations do not determine misalignment and scale "
+            f"factor: {too_large(condition, largest)}; turn about each axis, both ways, "
+            "by 90 degrees and more"
         )
-        return Solution(tuple(effects), fit, self.accelerometer)
+
+    def lost(self, solution, recording):
+        """Return why a fit is none, or None if it is one: where it ends nothing is determined."""
+        found, count = solution.fit, len(recording.rotations)
+        sizes, largest = (
+            np.append(np.ones(6), np.abs(found.x[6:9])),
+            self.settings.largest_condition,
+        )
+        # the rows of the rotations are the last
+        condition = condition_number(found.jacobian[len(found.jacobian) - 2 * count :, :9], sizes)
+        if condition > largest:
+            return (
+                f"no misalignment and scale factor carries gravity through {count} rotations: the "
+                f"fit leads to where they determine nothing, {too_large(condition, largest)}; was "
+                "the angular rate clipped or wrapped around, did scale or axes change midway?"
+            )
+        std = np.sqrt(np.diag(found.scaled_covariance)[:9])
+        axes, scale = std[:6].max(), np.max(std[6:] / sizes[6:])
+        if axes > AXES or scale > SCALE:
+            return (
+                f"{count} rotations show misalignment to {axes:.2g} rad and scale factor to "
+                f"{100 * scale:.2g} %, a data sheet to {AXES:g} rad and {100 * SCALE:g} %: they "
+                "are too few, or contradict each other; was the angular rate clipped?"
+            )
+        return None
 
     def rows(self, recording):
         """Return the poses where each residual starts and ends, (N, 2), and its kind, (N,)."""
@@ -205,38 +272,33 @@ class GyroscopePoses:
         kind = np.repeat([0, 1], [3 * len(poses), 2 * len(first)])
         return np.column_stack([ends, ends + kind]), kind
 
-    def model(self, solution, recording, shapes=()):
-        """Return the GyroscopeModel of any recording about a solution, with more effects."""
-        force = calibrated_force(solution.accelerometer, recording, self.noise)
-        effects = (*solution.effects, *shapes)
-        return gyroscope.gyroscope_model(recording, force, solution.fit.x, effects)
+    def model_at(self, x, recording, effects):
+        """Return the GyroscopeModel of a recording, effects seen with parameters x."""
+        force = calibrated_force(self.accelerometer, recording, self.noise)
+        return gyroscope.gyroscope_model(recording, force, x, effects)
 
-    def covariance(self, solution, recording, noise=None):
-        """Return the covariance of the residuals of any recording, by a noise model."""
-        noise, poses = noise or self.noise, recording.poses
-        force = calibrated_force(solution.accelerometer, recording, noise)
+    def covariance_at(self, x, model, recording, noise):
+        """Return the covariance of a model's residuals, by a noise model."""
+        directions = calibrated_force(self.accelerometer, recording, noise).direction_covariance
+        return gyroscope.residual_covariance(model, x, recording.poses, directions, noise)
+
+    def designs(self, solution, recording):
+        """Return the derivatives of the effects at the poses and along the rotations."""
         model = self.model(solution, recording)
-        return gyroscope.residual_covariance(
-            model, solution.fit.x, poses, force.direction_covariance, noise
-        )
+        return [model.rate_design, model.rotation_design.reshape(-1, *model.rate_design.shape[1:])]
 
-    def effect_sizes(self, solution, recording):
-        """Return what one unit of each effect's parameter does, root mean square, (p,), SI.
 
-        At the poses or along the rotations, whichever is more.
-        """
-        model = self.model(solution, recording)
-        along = model.rotation_design.reshape(-1, *model.rotation_design.shape[2:])
-        return np.maximum(size_of(model.rate_design), size_of(along))
-
-    def _force(self, recording):
-        return calibrated_force(self.accelerometer, recording, self.noise)
+def _of_free(model, x, free, values):
+    """Return the residuals with other values of the free parameters, and their derivative."""
+    full = x.copy()
+    full[free] = values
+    r, jacobian = model.residuals(full)
+    return r, jacobian[:, free]
 
 
 def residuals(model, x):
     """Return residuals and their derivative at x, the parameters of further effects zero."""
-    count = model.start().shape[0]
-    return model.residuals(np.append(x, np.zeros(count - len(x))))
+    return model.residuals(np.append(x, np.zeros(len(model.start()) - len(x))))
 
 
 def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
@@ -250,16 +312,12 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
         Unit of the log.
     base : tuple of str
         Names of the base parameters: misalignment, three scale factors, three biases.
-    x : ndarray, shape (p,)
-        The base parameters, then those of the effects; SI as logged.
-    covariance : ndarray, shape (p, p)
-        Theirs.
+    x, covariance : ndarray, shape (p,) and (p, p)
+        The base parameters, then those of the effects, SI as logged, and their covariance.
     method : {'multi_position', 'six_position'}
         What they come from.
-    effects : sequence of Effect
-        The effects whose parameters follow the base's.
-    known : sequence of FittedEffect
-        Effects that are known from elsewhere.
+    effects, known : sequence of Effect, sequence of FittedEffect
+        The effects whose parameters follow the base's, and those known from elsewhere.
     reduced_chi2 : float, optional
         Of the fit.
 
@@ -276,25 +334,23 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
     T = np.eye(3)
     for name, value in zip(base[:-6], x[: count - 6], strict=True):
         T[int(name[1]), int(name[2])] = value
+    names = [f"{effect.name}.{p}" for effect in effects for p in effect.parameters]
     std = np.sqrt(np.diag(covariance))
-    fitted, names, at = [], list(base), count
+    fitted, at = [], count
     for effect in effects:
-        part = slice(at, at + len(effect.parameters))
-        fitted.append(
-            FittedEffect(
-                effect,
-                dict(zip(effect.parameters, x[part].tolist(), strict=True)),
-                dict(zip(effect.parameters, std[part].tolist(), strict=True)),
-            )
+        end = at + len(effect.parameters)
+        parts = (
+            dict(zip(effect.parameters, values[at:end].tolist(), strict=True))
+            for values in (x, std)
         )
-        names += [f"{effect.name}.{p}" for p in effect.parameters]
-        at = part.stop
+        fitted.append(FittedEffect(effect, *parts))
+        at = end
     return SensorCalibration(
         raw_unit=unit,
         T=T,
         K=raw[count - 6 : count - 3],
         b=raw[count - 3 : count] + unit.offset,
-        names=tuple(names),
+        names=(*base, *names),
         covariance=covariance * np.outer(factor, factor),
         effects=(*known, *fitted),
         method=method,
@@ -302,40 +358,37 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
     )
 
 
+def as_logged(calibration, base):
+    """Return the base parameters of a calibration, SI as logged: inverse of `in_raw_units`."""
+    unit = calibration.raw_unit
+    T = [calibration.T[int(name[1]), int(name[2])] for name in base[:-6]]
+    return np.concatenate([T, calibration.K / unit.scale, unit.to_si(calibration.b)])
+
+
 def fitted_calibration(sensor, solution, covariance=None):
     """Return the calibration of a solution; its variances grow with what it leaves unexplained."""
-    fit = solution.fit
-    covariance = fit.scaled_covariance if covariance is None else covariance
-    if len(covariance) < len(fit.x):
+    found = solution.fit
+    covariance = found.scaled_covariance if covariance is None else covariance
+    if len(covariance) < len(found.x):
         # of a bias that was held
         covariance = block_diag(covariance, np.diag(sensor.bias[1]))
     return in_raw_units(
         sensor.unit,
         sensor.names,
-        fit.x,
+        found.x,
         covariance,
         method="multi_position",
         effects=solution.effects,
-        reduced_chi2=fit.reduced_chi2,
+        reduced_chi2=found.reduced_chi2,
     )
 
 
 def direction_unknown(force):
-    """Return why the direction of gravity at the poses is not known, or None if it is.
+    """Return why an accelerometer's calibration gives no direction of gravity, None if it does.
 
-    An accelerometer as its data sheet has it may be degrees off: what a gyroscope fits to that is
-    no better than its own data sheet. One that is nominal for no reason is taken as known.
-
-    Parameters
-    ----------
-    force : SensorCalibration
-        The best of the accelerometer.
+    One as its data sheet has it may be degrees off: what a gyroscope fits to that is no better than
+    its own data sheet. One that is nominal for no reason is taken as known.
     """
     if force.method != "nominal" or force.not_testable is None:
         return None
     return f"direction of gravity not known: {force.not_testable}"
-
-
-def size_of(design):
-    """Return the root mean square of the vectors of a design, (n, 3, p) to (p,)."""
-    return np.sqrt((design**2).sum(axis=1).mean(axis=0))

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from imuloop.calibrate.gaps import Lost, errors_of_time, padded_errors
+from imuloop.calibrate.gaps import Lost, errors_of_time
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
@@ -23,17 +23,13 @@ class Poses:
 
     Attributes
     ----------
-    session : ndarray of int, shape (n,)
-        Which session each pose belongs to.
-    run : ndarray of int, shape (n,)
-        Which run of which session (`imuloop.core.segments.runs`); no two sessions share a number.
-        Noise of different runs is independent.
+    session, run : ndarray of int, shape (n,)
+        Which session each pose belongs to, and which run (`imuloop.core.segments.runs`): no two
+        sessions share one, and noise of different runs is independent.
     start_s, end_s : ndarray, shape (n,)
         First and last instant, s on the session's clock.
-    duration_s : ndarray, shape (n,)
-        Seconds at rest, less than end - start where a rest was interrupted.
-    n : ndarray of int, shape (n,)
-        Samples.
+    duration_s, n : ndarray, shape (n,)
+        Seconds at rest, less than end - start where a rest was interrupted, and samples.
     f, w : ndarray, shape (n, 3)
         Mean specific force (m/s^2) and angular rate (rad/s), SI as logged.
     variance : ndarray, shape (n, 6)
@@ -61,7 +57,7 @@ class Poses:
 
     def select(self, keep):
         """Return the poses of an index or mask."""
-        return selected(self, keep)
+        return _selected(self, keep)
 
     @property
     def mid_s(self):
@@ -75,21 +71,11 @@ class Poses:
         return np.column_stack([self.mid_s - half, self.mid_s + half])
 
     def mean_covariance(self, noise):
-        """Return the covariance of the pose means that the noise model predicts.
+        """Return the covariance of the pose means that a NoiseModel predicts, (6, n, n).
 
-        Runs are independent. An axis whose noise is not known gets the white part alone, the
-        variance within the pose over its samples. What rounding adds is independent from pose to
-        pose.
-
-        Parameters
-        ----------
-        noise : NoiseModel
-            Noise of the device.
-
-        Returns
-        -------
-        ndarray, shape (6, n, n)
-            SI units squared, in the order ax … gz; read-only.
+        SI units squared, in the order ax … gz; read-only. Runs are independent. An axis whose noise
+        is not known gets the white part alone, the variance within the pose over its samples. What
+        rounding adds is independent from pose to pose.
         """
         # both sensors, their checks and their weights ask for the same one
         if self._means.get("noise") is not noise:
@@ -115,15 +101,7 @@ class Poses:
         return whole
 
     def unknown_noise(self, noise, channels):
-        """Return why means of some channels cannot be weighted, or None if they can.
-
-        Parameters
-        ----------
-        noise : NoiseModel
-            Noise of the device.
-        channels : tuple of str
-            Channels of one sensor.
-        """
+        """Return why means of some channels have no weight by a NoiseModel, or None if they do."""
         own = [c in channels for c in CHANNELS]
         silent, lines = without_weight(self.mean_covariance(noise)[own])
         for found, what in (
@@ -154,10 +132,8 @@ class Rotations:
         Temperature, degC.
     uneven : ndarray of bool, shape (m, k - 1), or None
         Steps over which samples are missing; None where no sample is, and stamps do not scatter.
-    added_at : ndarray of int, shape (m, g), or None
-        Steps about which the time stamps add an error to the turn.
-    added : ndarray, shape (m, g, 3, 3), or None
-        Covariance of each, rad².
+    added_at, added : ndarray, shape (m, g) and (m, g, 3, 3), or None
+        Steps about which the time stamps add an error to the turn, and its covariance, rad².
     """
 
     first: np.ndarray
@@ -181,27 +157,20 @@ class Rotations:
 
     def select(self, keep):
         """Return the rotations of an index or mask."""
-        return selected(self, keep)
+        return _selected(self, keep)
 
 
-def selected(table, keep):
+def _selected(table, keep):
     """Return a copy of a dataclass of arrays with the chosen rows."""
     columns = {f.name: getattr(table, f.name) for f in fields(table)}
     return type(table)(**{k: None if v is None else v[keep] for k, v in columns.items()})
 
 
 def gather_poses(segments):
-    """Return the poses of several sessions; rests that share a number are one pose.
+    """Return the Poses of several sessions, in order of session and time.
 
-    Parameters
-    ----------
-    segments : sequence of DataFrame or dict of arrays
-        Segments of each session.
-
-    Returns
-    -------
-    Poses
-        In order of session and time.
+    Rests that share a number are one pose. Takes the segments of each session, a DataFrame or a
+    dict of arrays.
     """
     session = np.repeat(np.arange(len(segments)), [len(table["n"]) for table in segments])
 
@@ -246,19 +215,8 @@ def rounded_means(samples, variance):
     r"""Return the variance that rounding to the sensor's steps adds to means of its samples.
 
     Of a level anywhere between steps q, under white noise σ, the mean is wrong by a variance of
-    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``: q²/12 without noise, nothing from σ = q/2 on.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (m,)
-        Samples of a channel; without common steps rounding adds nothing.
-    variance : ndarray, shape (n,)
-        Sample variance about each mean.
-
-    Returns
-    -------
-    float
-        Unit of the samples squared.
+    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``: q²/12 without noise, nothing from σ = q/2 on, and
+    nothing for samples, (m,), without common steps. Takes the sample variance about each mean.
 
     References
     ----------
@@ -295,32 +253,30 @@ def gather_rotations(poses, samples, segments, longest_s):
 
     Returns
     -------
-    Rotations
-        In the order of the poses.
-    Lost
-        What gaps took.
+    Rotations, Lost
+        In the order of the poses; what gaps took.
     """
-    first, pieces, errors, losses = [], [], [], []
+    first, pieces, errors, all_, left_out = [], [], [], 0, [np.zeros(0, int)]
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
         short = end - start <= longest_s
         k, start, end = k[short], start[short], end[short]
-        table = segments[session]
+        log, table = samples[session], segments[session]
         gap = np.asarray(table["kind"]) == GAP
         open_s, close_s = (np.asarray(table[c])[gap] for c in ("start_s", "end_s"))
         interrupted = ((open_s < end[:, None]) & (close_s > start[:, None])).any(axis=1)
-        t = np.asarray(samples[session][TIME])
+        t = np.asarray(log[TIME])
         # `end_s` is open: the pose's last sample is the one before it
         begin, last = np.searchsorted(t, start) - 1, np.searchsorted(t, end)
-        found, lost = errors_of_time(
-            samples[session], begin, last, poses.w[k], poses.variance[k, 3:]
-        )
+        found, lost = errors_of_time(log, begin, last, poses.w[k], poses.variance[k, 3:])
         whole = np.array([e is not None for e in found], dtype=bool) & ~interrupted
         first.append(k[whole])
-        pieces.append((samples[session], begin[whole, None], last[whole, None]))
+        pieces.append((log, begin[whole, None], last[whole, None]))
         errors += [e for e, used in zip(found, whole, strict=True) if used]
-        losses.append(Lost(len(k), int(np.sum(~whole)), int(lost[~whole].max(initial=0))))
+        all_ += len(k)
+        left_out.append(lost[~whole])
+    left_out = np.concatenate(left_out)
     length = max((np.max(last - begin, initial=1) for _, begin, last in pieces), default=1) + 1
 
     def padded(name):
@@ -340,6 +296,19 @@ def gather_rotations(poses, samples, segments, longest_s):
         w=np.stack([padded(c) for c in ANGULAR_RATE], axis=-1),
         f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
-        **padded_errors(errors, length - 1),
+        **_padded_errors(errors, length - 1),
     )
-    return rotations, Lost.of_all(losses)
+    return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)))
+
+
+def _padded_errors(errors, steps):
+    """Return the errors of time of m rotations as `Rotations` holds them, of so many steps."""
+    count = max((len(at) for _, at, _ in errors), default=0)
+    if not count:
+        return {}
+    uneven = np.zeros((len(errors), steps), dtype=bool)
+    added_at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))
+    for row, (missing, at, covariance) in enumerate(errors):
+        uneven[row, missing] = True
+        added_at[row, : len(at)], added[row, : len(at)] = at, covariance
+    return {"uneven": uneven, "added_at": added_at, "added": added}

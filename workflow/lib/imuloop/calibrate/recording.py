@@ -7,21 +7,15 @@ import numpy as np
 from imuloop.calibrate.gaps import Lost
 from imuloop.calibrate.poses import Poses, Rotations, gather_poses, gather_rotations, rounded_means
 from imuloop.core.effect import Channels
+from imuloop.core.memory import filled
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 
 
 @dataclass(frozen=True)
 class Log:
-    """The whole log of a session.
+    """The whole log of a session: specific force and angular rate, (N, 3), SI as logged.
 
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Time of the samples, s.
-    f, w : ndarray, shape (N, 3)
-        Specific force (m/s^2) and angular rate (rad/s), SI as logged.
-    temperature : ndarray, shape (N,), or None
-        Temperature, degC, missing values interpolated; None where none was logged.
+    Missing values of the temperature, degC, are interpolated; None where none was logged.
     """
 
     t: np.ndarray
@@ -33,13 +27,10 @@ class Log:
     def of(cls, samples):
         """Return the log that samples (DataFrame or dict of arrays) hold."""
         t, temperature = np.asarray(samples[TIME]), None
-        if TEMPERATURE in samples:
-            logged = np.asarray(samples[TEMPERATURE])
-            known = np.isfinite(logged)
-            temperature = np.interp(t, t[known], logged[known]) if known.any() else None
-        f, w = (
-            np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE)
-        )
+        if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
+            temperature = filled(t, np.asarray(samples[TEMPERATURE]))
+        sensors = (ACCELERATION, ANGULAR_RATE)
+        f, w = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
         return cls(t, f, w, temperature)
 
 
@@ -51,16 +42,8 @@ OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 class Recording:
     """The poses and rotations of all usable sessions of one kind.
 
-    Attributes
-    ----------
-    poses : Poses
-        Poses.
-    rotations : Rotations, or None
-        Rotations between them; None where only poses are looked at.
-    logs : tuple of Log
-        Whole log of each session, for effects with a memory.
-    lost : Lost
-        Rotations that gaps took.
+    Without rotations where only poses are looked at. The whole log of each session is for effects
+    with a memory.
     """
 
     poses: Poses
@@ -72,8 +55,7 @@ class Recording:
         """Return the poses of a mask and the rotations with both ends among them."""
         keep = np.asarray(keep)
         first = self.rotations.first
-        inside = keep[first] & keep[first + 1]
-        rotations = self.rotations.select(inside)
+        rotations = self.rotations.select(keep[first] & keep[first + 1])
         # neighbours that were both kept stay neighbours
         renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
         return replace(self, poses=self.poses.select(keep), rotations=renumbered)
@@ -104,25 +86,14 @@ class Recording:
         return Channels(poses.mid_s, own, other, poses.temperature, history, run=poses.run)
 
     def rotation_channels(self, sensor, output, other):
-        """Return what an effect sees along the rotations, m of k samples, one after the other.
-
-        Parameters
-        ----------
-        sensor, output : str, callable
-            As of `pose_channels`.
-        other : ndarray, shape (m, k, 3)
-            The other sensor along the rotations, SI.
-        """
+        """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
         rotations = self.rotations
         session = self.poses.session[rotations.first]
 
         def history(function, *constants):
             whole = self._remember(sensor, output, function, constants)
-            picked = [
-                whole[s][np.searchsorted(self.logs[s].t, t)]
-                for s, t in zip(session, rotations.t, strict=True)
-            ]
-            return np.concatenate(picked)
+            at = zip(session, rotations.t, strict=True)
+            return np.concatenate([whole[s][np.searchsorted(self.logs[s].t, t)] for s, t in at])
 
         temperature = rotations.temperature
         return Channels(
@@ -135,22 +106,18 @@ class Recording:
         )
 
     def _remember(self, sensor, output, function, constants):
-        """Return a function of each session's whole log; None for a session without a pose."""
+        """Return a function of the whole log of each session that has a pose, by its number."""
         own, other = OWN[sensor]
-        used = set(self.poses.session.tolist())
-        return [
-            function(
-                Channels(log.t, output(getattr(log, own)), getattr(log, other), log.temperature),
-                *constants,
-            )
-            if s in used
-            else None
-            for s, log in enumerate(self.logs)
-        ]
+        found = {}
+        for s in set(self.poses.session.tolist()):
+            log = self.logs[s]
+            values = output(getattr(log, own)), getattr(log, other)
+            found[s] = function(Channels(log.t, *values, log.temperature), *constants)
+        return found
 
 
 def pose_means(poses, logs, whole):
-    """Return the mean over each pose of one array a session, first axis the session's samples."""
+    """Return the mean over each pose of an array per session, first axis the session's samples."""
     means = []
     for s, start, end in zip(poses.session, poses.start_s, poses.end_s, strict=True):
         first, last = np.searchsorted(logs[s].t, [start, end])
@@ -159,19 +126,10 @@ def pose_means(poses, logs, whole):
 
 
 def record(samples, segments, longest_rotation):
-    """Return the recording of several sessions.
+    """Return the Recording of several sessions, with temperatures where every one logs them.
 
-    Parameters
-    ----------
-    samples, segments : sequence of DataFrame or dict of arrays
-        Samples and segments of each session.
-    longest_rotation : float
-        Seconds.
-
-    Returns
-    -------
-    Recording
-        With temperatures where every session logs one, missing values interpolated.
+    Takes samples and segments of each session, DataFrames or dicts of arrays, and the longest
+    rotation, s.
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)
@@ -190,7 +148,6 @@ def _rounded(poses, samples):
     for s in np.unique(poses.session):
         own = poses.session == s
         for axis, name in enumerate(CHANNELS):
-            rounded[own, axis] = rounded_means(
-                np.asarray(samples[s][name]), poses.variance[own, axis]
-            )
+            values = np.asarray(samples[s][name])
+            rounded[own, axis] = rounded_means(values, poses.variance[own, axis])
     return rounded

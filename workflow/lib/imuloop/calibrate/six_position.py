@@ -9,16 +9,9 @@ import numpy as np
 class SixPositionFit:
     """Result of the six-position calibration, ``x = T (K (y - b))``, SI as logged.
 
-    Attributes
-    ----------
-    x : ndarray, shape (9,)
-        Parameters in the order of `imuloop.calibrate.accelerometer.NAMES`.
-    covariance : ndarray, shape (9, 9)
-        From the scatter of the residuals and the noise.
-    case : ndarray, shape (3, 3)
-        Rotation from the body axes to the axes of the faces.
-    residuals : ndarray, shape (n, 3)
-        ``A y + c - g d``, m/s^2: placement errors of the faces above all.
+    Nine parameters in the order of `imuloop.calibrate.accelerometer.NAMES` with their covariance,
+    the rotation from the body axes to those of the faces, (3, 3), and the residuals
+    ``A y + c - g d``, m/s^2, (n, 3): placement errors of the faces above all.
     """
 
     x: np.ndarray
@@ -30,12 +23,7 @@ class SixPositionFit:
 def find_faces(f, tolerance):
     """Return the face of each pose: +1 … +3 for the axis up, -1 … -3 for down, 0 for none.
 
-    Parameters
-    ----------
-    f : array_like, shape (n, 3)
-        Mean specific force, m/s^2.
-    tolerance : float
-        Degrees between specific force and the axis.
+    Takes mean specific force, m/s^2, (n, 3), and the degrees that it may lie from an axis.
     """
     f = np.asarray(f, dtype=float)
     axis = np.argmax(np.abs(f), axis=1)
@@ -71,13 +59,11 @@ def fit_six_position(f, faces, gravity, noise=0.0):
     """Fit the twelve-parameter model to faces of known direction.
 
     Least squares of ``A y + c = g d`` over the 3 × 3 matrix A and the vector c, where d is the
-    unit vector of the face that points up; then the decomposition into T, K, b. The frame of the
-    faces is not the sensor's: the rotation between the two is reported beside them.
-
-    A face tilted by small angles θ moves specific force by g θ across d and shortens it along d
-    by g θ²/2 for each. So the components across have a variance s², estimated from what a first
-    fit with equal weights leaves; the one along d is expected at ``g - s²/g`` and has the
-    variance of the noise and ``(s²/g)²``.
+    unit vector of the face that points up; then the decomposition into T, K, b. A face tilted by
+    small angles θ moves specific force by g θ across d and shortens it along d by g θ²/2 for each.
+    So the components across have a variance s², estimated from what a first fit with equal weights
+    leaves; the one along d is expected at ``g - s²/g`` and has the variance of the noise and
+    ``(s²/g)²``.
 
     Parameters
     ----------
@@ -93,7 +79,6 @@ def fit_six_position(f, faces, gravity, noise=0.0):
     Returns
     -------
     SixPositionFit
-        The parameters and their covariance.
 
     References
     ----------
@@ -103,7 +88,7 @@ def fit_six_position(f, faces, gravity, noise=0.0):
     up = np.sign(faces)[:, None] * np.eye(3)[np.abs(faces) - 1]
     wanted = gravity * up
     design = np.column_stack([f, np.ones(len(f))])
-    along = np.abs(faces)[:, None] - 1 == np.arange(3)
+    along = up != 0
     solution = np.linalg.lstsq(design, wanted, rcond=None)[0]
     # the pairs along d settle c and the diagonal of A; what lies across settles six numbers more
     across_dof = 2 * len(f) - 6
@@ -116,9 +101,8 @@ def fit_six_position(f, faces, gravity, noise=0.0):
         variance = np.where(along, shortened, across)
         # each row of [A c] is a linear fit of its own
         cofactor = np.array([np.linalg.inv((design.T / v) @ design) for v in variance.T])
-        solution = np.column_stack(
-            [c @ (design.T / v) @ w for c, v, w in zip(cofactor, variance.T, wanted.T, strict=True)]
-        )
+        rows = zip(cofactor, variance.T, wanted.T, strict=True)
+        solution = np.column_stack([c @ (design.T / v) @ w for c, v, w in rows])
     x, case = decompose(solution[:3].T, solution[3])
     jacobian = np.empty((9, 4, 3))
     for i, j in np.ndindex(4, 3):

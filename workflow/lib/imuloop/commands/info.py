@@ -11,7 +11,6 @@ from imuloop.commands.raw_log import add_arguments, log_samples
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import Samples, read_metadata
-from imuloop.report.calibration_tables import BIAS, METHOD_WORDS
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.noise_units import COEFFICIENTS, quantities
 from imuloop.report.numbers import (
@@ -26,6 +25,7 @@ from imuloop.report.numbers import (
     with_unit,
 )
 from imuloop.report.results import SENSORS, XYZ, base_parameters
+from imuloop.report.tables.calibration import BIAS, METHOD_WORDS
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 
 EXAMPLE = """examples:

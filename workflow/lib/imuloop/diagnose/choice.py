@@ -54,13 +54,7 @@ class Choice:
 
 
 class Choices:
-    """The searches of all data and without some parts, and what each adds.
-
-    Parameters
-    ----------
-    problem : Problem
-        Data and settings.
-    """
+    """The searches of all data of a problem and without some parts, and what each adds."""
 
     def __init__(self, problem):
         self.problem, self._searches, self._choices, self._errors = problem, {}, {}, {}
@@ -95,7 +89,7 @@ class Choices:
             if found is None:
                 found = np.full(left.shape, np.nan)
             found[held] = left[held]
-            search.sight(base).release()
+            search.training(base).release()
         return found
 
     def following(self, classes, out=frozenset()):
@@ -135,15 +129,15 @@ class Choices:
                     break
                 shapes = search.trial(others, type(effect))
                 tries = shapes.tries if shapes else 0.0
-                trial = Trial((effect,), trial.log_p + tries, trial.axis, trial.axes, tries)
+                trial = replace(trial, log_p=trial.log_p + tries, tries=tries)
                 added.append(Added(effect, trial, *gate))
             else:
                 finer = search.finer(base)
-                each = zip(added, finer, strict=True)
-                added = (
-                    replace(a, effect=e, trial=replace(a.trial, effects=(e,))) for a, e in each
+                added = tuple(
+                    replace(a, effect=e, trial=replace(a.trial, effects=(e,)))
+                    for a, e in zip(added, finer, strict=True)
                 )
-                return Choice(finer, tuple(added), failed)
+                return Choice(finer, added, failed)
             base = others
 
     def _wider(self, base, out):
@@ -171,17 +165,10 @@ class Choices:
         return (wide if ratio[1] < 1 and not self.problem.lost(wide) else None), ratio
 
     def _gate(self, base, trial, wide, out):
-        """Return the kind of residual in which a trial shows most, and held-out errors there.
+        """Return kind, errors without and with, and ratio of a trial, as `Added` has them.
 
-        Returns
-        -------
-        str
-            Kind.
-        ndarray, ndarray, shape (n, k)
-            Without it and with it, in the axis where it shows most; in all where that axis alone
-            does not confirm it, and all do.
-        list of float
-            95 % interval of the ratio of their root mean squares, each axis in its own size.
+        On the axis where it shows most; on all where that axis alone does not confirm it, and all
+        do, each in its own size.
         """
         try:
             errors = [self.following(tuple(map(type, e)), out) for e in (base, wide)]
@@ -202,10 +189,10 @@ class Choices:
         return kind, before, after, ratio
 
     def ratio(self, fold, before, after):
-        """Return the interval of `ratio_interval`, a part that tells most cut into several.
+        """Return the interval of `ratio_interval`, a part that weighs most cut into several.
 
         A part in which the prediction changes several times as much as in others, as the first
-        one does with a warm-up, is cut into as many: a draw without it would tell nothing.
+        one does with a warm-up, is cut into as many: a draw without it would show nothing.
         """
         change = ((before - after) ** 2).sum(axis=1)
         number, last, parts = np.empty(len(fold)), 0, np.unique(fold)

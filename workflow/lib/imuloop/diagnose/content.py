@@ -4,10 +4,50 @@ from dataclasses import asdict
 
 import numpy as np
 
-from imuloop.diagnose.likeness import holder, twin
+from imuloop.diagnose.correlates import correlates
+from imuloop.diagnose.likeness import holder, imitated, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.verdict import above_floor, unseen
+
+
+def search_content(sensor, choices, fitted, others, probes):
+    """Return the contract's fields that tell what was looked for and found.
+
+    Parameters
+    ----------
+    sensor : str
+        The sensor.
+    choices : Choices
+        The searches and what they added.
+    fitted : sequence of FittedEffect
+        The effects that were added, with their parameters.
+    others : dict of type to (str, str)
+        Status and reason of what cannot be tried.
+    probes : sequence
+        As of `correlates`.
+    """
+    problem, choice = choices.problem, choices.choice()
+    return {
+        "effects": [
+            {
+                **effect.to_dict(),
+                "units": effect.effect.units(sensor),
+                "p_value": own.trial.p_value,
+                "residual": own.kind,
+                "heldout_before": size_of(problem, own.kind, own.before),
+                "heldout_after": size_of(problem, own.kind, own.after),
+                "ratio_ci95": own.ratio,
+            }
+            for effect, own in zip(fitted, choice.added, strict=True)
+        ],
+        "candidates": [
+            *(_candidate(sensor, choices, cls) for cls in (*problem.shapes, *problem.scans)),
+            *(untried(cls.name, *reason) for cls, reason in others.items()),
+        ],
+        "confounded": imitated(choices.search()),
+        "correlates": correlates(choices.search(), choice.base, probes),
+    }
 
 
 def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chosen):
@@ -17,16 +57,12 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chos
     ----------
     problem : Problem
         Data and settings.
-    kind, unit : str
-        Kind of residual and its unit.
-    rows : index
-        Its rows.
-    judged : (Judged, Judged)
-        What the fits leave, without the effects and with them.
-    errors : (ndarray, ndarray), shape (M, a)
-        Held-out errors, without the effects and with them.
+    kind, unit, rows : str, str, index
+        Kind of residual, its unit and its rows.
+    judged, errors : (Judged, Judged), (ndarray, ndarray), shape (M, a)
+        What the fits leave, and held-out errors, without the effects and with them.
     floor : ndarray, shape (M, a)
-        Variance that the noise alone gives them.
+        Variance that the noise alone gives the errors.
     share : float
         Significance of this kind.
     chosen : bool
@@ -39,11 +75,12 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chos
     list of bool
         Without the effects and with them.
     """
-    noise, sizes, above = np.sqrt(floor[rows]), [], []
-    least = size_of(problem, kind, noise)
-    for judge, own, by_data in zip(judged, errors, (False, chosen), strict=True):
-        sizes.append(size_of(problem, kind, own[rows]))
-        above.append(above_floor(judge, share, sizes[-1], least, by_data))
+    noise = np.sqrt(floor[rows])
+    least, *sizes = (size_of(problem, kind, own) for own in (noise, *(e[rows] for e in errors)))
+    above = [
+        above_floor(judge, share, heldout, least, by_data)
+        for judge, heldout, by_data in zip(judged, sizes, (False, chosen), strict=True)
+    ]
     entry = {
         "unit": unit,
         "n": len(noise) // problem.components(kind),
@@ -54,52 +91,6 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chos
         "chi2_after": judged[1].reduced_chi2,
     }
     return entry, above
-
-
-def effect_entries(sensor, fitted, choices):
-    """Return the entries of the effects that were added.
-
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    fitted : sequence of FittedEffect
-        The effects with their parameters.
-    choices : Choices
-        The searches and what they added.
-    """
-    problem = choices.problem
-    return [
-        {
-            **effect.to_dict(),
-            "units": effect.effect.units(sensor),
-            "p_value": own.trial.p_value,
-            "residual": own.kind,
-            "heldout_before": size_of(problem, own.kind, own.before),
-            "heldout_after": size_of(problem, own.kind, own.after),
-            "ratio_ci95": own.ratio,
-        }
-        for effect, own in zip(fitted, choices.choice().added, strict=True)
-    ]
-
-
-def candidate_entries(sensor, choices, others):
-    """Return the entry of every effect that was looked for, and of those that could not be.
-
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    choices : Choices
-        The searches and what they added.
-    others : dict of type to (str, str)
-        Status and reason of what cannot be tried.
-    """
-    problem = choices.problem
-    return [
-        *(_candidate(sensor, choices, cls) for cls in (*problem.shapes, *problem.scans)),
-        *(untried(cls.name, status, why) for cls, (status, why) in others.items()),
-    ]
 
 
 def untried(name, status, why):
@@ -161,7 +152,7 @@ def _by_slow_noise(search, base, trial):
     """Return whether nothing but noise slower than what was estimated speaks against a trial."""
     if trial.log_p < search.threshold(len(base)):
         return False
-    (plain,) = search.tests(base, trial.effects, search.sight(base).evidence.plain)
+    (plain,) = search.tests(base, trial.effects, search.training(base).evidence.plain)
     return bool(plain and plain.log_p + trial.tries < search.threshold(len(base)))
 
 

@@ -8,7 +8,7 @@ LEAST = 1e-6
 
 
 def correlates(search, base, probes):
-    """Return what share of the residual each probe takes, the most telling first.
+    """Return what share of the residual each probe takes, the most significant first.
 
     ``share = 1 - (χ²₁/ν₁)/(χ²₀/ν₀)``, by the noise as estimated and summed over the axes, not below
     0, with the p-value of the test that effects have.
@@ -27,17 +27,17 @@ def correlates(search, base, probes):
     list of dict
         ``name``, ``residual``, ``columns``, ``share``, ``p_value``.
     """
-    found, sight = [], search.sight(base)
+    found, training = [], search.training(base)
     for name, kind, columns in probes:
-        sight.evidence.know((name, kind), _independent(columns))
+        training.evidence.know((name, kind), _independent(columns))
         trial = search.test(base, (name, kind))
         if trial is None:
             continue
-        (pattern,) = sight.evidence.patterns(((name, kind),))
+        (pattern,) = training.evidence.patterns(((name, kind),))
         squares = np.zeros(2)
         for axis, own in enumerate(pattern.columns):
             before = search.columns(base, axis)
-            fits = (sight.fit(c, axis) for c in (before, (*before, *own)))
+            fits = (training.fit(c, axis) for c in (before, (*before, *own)))
             squares += [f.square[0] / f.dof for f in fits]
         found.append(
             {

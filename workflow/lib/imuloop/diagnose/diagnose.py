@@ -22,7 +22,7 @@ from imuloop.diagnose.records.pose_diagnosis import (
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
-from imuloop.diagnose.verdict import NOTHING
+from imuloop.diagnose.verdict import not_testable
 
 # version of the JSON file
 FORMAT = 1
@@ -48,8 +48,8 @@ class Diagnosed:
         Fit of each to all poses, effects included; None where they determine none.
     effects : dict of str to (tuple of Effect or None)
         Effects by sensor that all poses together show; None where they could not be tested.
-    told : dict of str to (tuple of Effect, callable or None)
-        By sensor the effects that other records show, and what these tell, as of PoseProblem.
+    shown : dict of str to (tuple of Effect, callable or None)
+        By sensor `found` and `information` of PoseProblem: what the static records show.
     names : sequence of str
         Names of the recording's sessions.
     tests : int
@@ -65,7 +65,7 @@ class Diagnosed:
     recording: Recording
     solutions: dict
     effects: dict
-    told: dict
+    shown: dict
     names: list
     tests: int
     tables: dict
@@ -83,7 +83,7 @@ def diagnose_device(
     settings,
     noise_settings,
 ):
-    """Diagnose a device.
+    """Return the Diagnosed of a device.
 
     Parameters
     ----------
@@ -95,16 +95,9 @@ def diagnose_device(
         ``kind``, ``samples`` and ``segments`` (paths) of each session.
     noise, six_position, multi_position : path-like
         Results of the stages before.
-    calibrate_settings : CalibrateSettings
-        Settings of the calibration that is repeated with effects.
-    settings : DiagnoseSettings
-        Settings.
-    noise_settings : NoiseSettings
-        Settings of the noise stage, whose Allan curves are made again without the effects.
-
-    Returns
-    -------
-    Diagnosed
+    calibrate_settings, settings, noise_settings
+        Of the calibration that is repeated with effects, of the diagnosis, and of the noise stage,
+        whose Allan curves are made again without the effects.
     """
     model = NoiseModel.from_json(noise)
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
@@ -118,13 +111,10 @@ def diagnose_device(
     # first the static records: the poses have their effects too, and the noise without these; but
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
     still = diagnose_static(data, records, base, model, settings, noise_settings, tests)
-    of_own_session = "static" in data.kinds.values()
-    shown = {
-        sensor: still.told(sensor, recording.poses.temperature is not None)
-        if of_own_session
-        else ((), None)
-        for sensor in SENSORS
-    }
+    of_own_session, shown = "static" in data.kinds.values(), dict.fromkeys(SENSORS, ((), None))
+    if of_own_session:
+        warm = recording.poses.temperature is not None
+        shown = {sensor: still.shown(sensor, warm) for sensor in SENSORS}
     # without a ramp too, which the poses do not have, but which would count as slow noise there
     noise = still.noise
     units = (multi.accelerometer.raw_unit, multi.gyroscope.raw_unit)
@@ -143,28 +133,28 @@ def diagnose_device(
     )
     seen = directions if force.choices else None
     turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen)
-    solutions = dict(zip(SENSORS, (force.solution, turn.solution), strict=True))
-    effects = {
-        sensor: still.effects[sensor] if of_own_session or not solution else ()
-        for sensor, solution in solutions.items()
-    }
+    found = dict(zip(SENSORS, (force, turn), strict=True))
+    solutions = {sensor: each.solution for sensor, each in found.items()}
+    for each in found.values():
+        if "why" in each.content:
+            each.content["why"] = told(each.content["why"], sessions)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
-    held = calibrate_settings.gyroscope_bias == "initial_rest"
+    anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
     final = replace(
         base,
         **{
             sensor: final_calibration(
-                getattr(base, sensor), solution, effects[sensor], records[sensor], anew or not held
+                getattr(base, sensor),
+                solution,
+                still.effects[sensor] if of_own_session or not solution else (),
+                records[sensor],
+                anew,
             )
             for sensor, solution in solutions.items()
         },
     )
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
-    found = dict(zip(SENSORS, (force, turn), strict=True))
-    for each in found.values():
-        if "why" in each.content:
-            each.content["why"] = told(each.content["why"], sessions)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, kind)]
         for kind in ("multi_position", "six_position")
@@ -173,16 +163,8 @@ def diagnose_device(
     # with the effects of the rotations alone: those at rest may need what is not logged here
     turned = turn.solution.calibration if turn.solution else base.gyroscope
     seen_force = calibrated_force(turn_model.accelerometer, recording, noise)
-    tables = {
-        "poses": joined(
-            [
-                poses_table(recording.poses, names, residuals),
-                # these are not diagnosed
-                poses_table(read_poses(sessions, "six_position"), faces, {}),
-            ]
-        ),
-        "moves": moves_table(recording, names, turned, seen_force, residuals),
-    }
+    # the six faces are not diagnosed
+    six = poses_table(read_poses(sessions, "six_position"), faces, {})
     return Diagnosed(
         _content(device, {s: (found[s].content, still.content[s]) for s in SENSORS}),
         final,
@@ -194,14 +176,16 @@ def diagnose_device(
         shown,
         names,
         tests,
-        tables,
+        {
+            "poses": joined([poses_table(recording.poses, names, residuals), six]),
+            "moves": moves_table(recording, names, turned, seen_force, residuals),
+        },
     )
 
 
 def undiagnosed(device, why):
     """Return the content of diagnosis.json where nothing could be tested, with the reason."""
-    untested = {"verdict": "not_testable", "why": why, **NOTHING}
-    return _content(device, dict.fromkeys(SENSORS, (untested, untested)))
+    return _content(device, dict.fromkeys(SENSORS, (not_testable(why), not_testable(why))))
 
 
 def _content(device, blocks):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.precision import precision
-from imuloop.diagnose.sight import Sight
+from imuloop.diagnose.training import Training
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Hypotheses:
 
 @dataclass(frozen=True)
 class Block:
-    """Rows whose noise is independent of that of all other rows, with nuisances of their own.
+    """Rows whose noise is independent of that of all other rows.
 
     Attributes
     ----------
@@ -63,18 +63,10 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """What one shape of an effect adds to the rows.
+    """What one shape of an effect adds to the rows: ``design``, (N, a, q), SI.
 
-    Attributes
-    ----------
-    effect : Effect
-        The shape.
-    design : ndarray, shape (N, a, q)
-        Derivative of all rows with respect to the parameters.
-    columns, parameters : tuple of tuple of int
-        Of each axis the columns of the parameters that it has, and which these are.
-    scale : tuple of ndarray
-        Norms that the columns were divided by.
+    Of each axis: the numbers of its columns in the evidence, which parameters these belong to, and
+    the norms that they were divided by.
     """
 
     effect: object
@@ -110,14 +102,13 @@ class Evidence:
         self.blocks, self.prior, self.design = tuple(blocks), prior, design
         self.least = np.broadcast_to(least, prior.shape)
         self.still = np.ones(len(prior), dtype=bool) if still is None else still
-        self.even = even
         self.plain = self.still if plain is None else plain
+        self.even = even
         self.axes = self.blocks[0].values.shape[1]
         # of each block: columns, and their products with the precision, (h, n)
         self.columns, self.weighted = [[] for _ in self.blocks], [[] for _ in self.blocks]
-        self._known, self._patterns, self._sights, self._made = {}, {}, {}, {}
+        self._known, self._patterns, self._trainings, self._made = {}, {}, {}, {}
         self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
-        # first the nuisances, which differ from block to block
         self.sides = [b.noise.precision @ b.nuisance for b in self.blocks]
         self.values = self.enter(np.concatenate([b.values for b in self.blocks]).T)
 
@@ -150,14 +141,9 @@ class Evidence:
                 vectors += list((design[:, axis, used] / scale).T)
         numbers = self.enter(vectors)
         for k, (effect, design) in enumerate(zip(new, designs, strict=True)):
-            own = places[k * self.axes : (k + 1) * self.axes]
-            self._patterns[effect] = Pattern(
-                effect,
-                design,
-                tuple(numbers[at : at + len(used)] for used, _, at in own),
-                tuple(used for used, _, _ in own),
-                tuple(scale for _, scale, _ in own),
-            )
+            used, scale, at = zip(*places[k * self.axes : (k + 1) * self.axes], strict=True)
+            columns = tuple(numbers[i : i + len(u)] for u, i in zip(used, at, strict=True))
+            self._patterns[effect] = Pattern(effect, design, columns, used, scale)
         return tuple(self._patterns[effect] for effect in effects)
 
     def columns_of(self, effects, axis):
@@ -177,26 +163,18 @@ class Evidence:
         """Enter a pattern of any kind, (N, a, q), under a key that stands for an effect."""
         self._made[key] = design
 
-    def sight(self, out=frozenset(), only=None):
-        """Return the Sight that lacks what touches some parts, or sees some blocks alone.
-
-        Parameters
-        ----------
-        out : frozenset of int
-            Parts.
-        only : frozenset of int, optional
-            Blocks to see; all by default.
-        """
+    def training(self, out=frozenset(), only=None):
+        """Return the Training rows: those that touch no part of `out`, of some blocks or of all."""
         key = out, only
-        if key not in self._sights:
+        if key not in self._trainings:
             held = tuple(
                 np.flatnonzero(np.isin(b.folds, list(out)).any(axis=1))
                 if only is None or i in only
                 else None
                 for i, b in enumerate(self.blocks)
             )
-            self._sights[key] = Sight(self, held, self.values)
-        return self._sights[key]
+            self._trainings[key] = Training(self, held, self.values)
+        return self._trainings[key]
 
     def split(self, rows):
         """Return an array of all rows, shape (N, …), block by block."""

@@ -9,35 +9,24 @@ SHARE = 8 / 9
 ONE = 0.999
 
 
-def imitated_share(sight, base, first, second):
+def imitated_share(training, base, first, second):
     """Return which share of a pattern another takes, and which share of that the first takes.
 
     ``cos²`` of the largest principal angle between the columns that nuisances and base leave:
     whatever its parameters, the other takes that share of its square at least. At the likeliest
-    noise of the base model.
-
-    Parameters
-    ----------
-    sight : Sight
-        What is seen.
-    base : tuple of int
-        Columns that are known.
-    first, second : tuple of int
-        Columns of the patterns.
+    noise of the base model. `base`, `first` and `second` are columns of the evidence.
     """
     columns = (*base, *first, *second)
     k, m = len(base), len(base) + len(first)
-    gram = sight.gram(columns)[sight.point(sight.fit(base, 0))]
+    gram = training.gram(columns)[training.point(training.fit(base, 0))]
     if k:
         gram = gram - gram[:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k])
     roots = [_root(gram[s, s]) for s in (slice(k, m), slice(m, None))]
     if any(r is None for r in roots):
         return 0.0, 0.0
     cosines = np.linalg.svd(roots[0] @ gram[k:m, m:] @ roots[1].T, compute_uv=False)
-    least = float(cosines[-1] ** 2)
-    return (least if len(first) <= len(second) else 0.0), (
-        least if len(second) <= len(first) else 0.0
-    )
+    least, more = float(cosines[-1] ** 2), len(first) - len(second)
+    return (least if more <= 0 else 0.0), (least if more >= 0 else 0.0)
 
 
 def _root(gram):
@@ -54,41 +43,33 @@ def _root(gram):
 def imitated(search):
     """Return which effects others imitate, from their patterns alone.
 
-    Parameters
-    ----------
-    search : Search
-        Of all data.
-
-    Returns
-    -------
-    list of dict
-        ``effect``, ``with`` and ``share``, where it is at least `SHARE`: of the middle one of the
-        effect's shapes, by the nearest one of the other's; of the axis where it is least.
+    A list of ``effect``, ``with`` and ``share``, where it is at least `SHARE`: of the middle one of
+    the effect's shapes, by the nearest one of the other's; of the axis where it is least.
     """
-    sight, shapes = search.sight(()), {}
+    training, shapes = search.training(()), {}
     for cls, own in search.problem.shapes.items():
         tried = search.tests((), own)
         seen = [s for s, t in zip(own, tried, strict=True) if t]
         if seen:
-            shapes[cls] = sight.evidence.patterns(seen)
+            shapes[cls] = training.evidence.patterns(seen)
     found = []
     for cls, own in shapes.items():
         for other, theirs in shapes.items():
             if other is cls:
                 continue
-            shares = [max(share_on_axes(sight, a, b) for b in theirs) for a in own]
+            shares = [max(share_on_axes(training, a, b) for b in theirs) for a in own]
             share = float(np.median(shares))
             if share >= SHARE:
                 found.append({"effect": cls.name, "with": other.name, "share": share})
     return found
 
 
-def share_on_axes(sight, a, b):
+def share_on_axes(training, a, b):
     """Return the share of one pattern that another takes on the axis where it takes least."""
     own = [axis for axis, columns in enumerate(a.columns) if columns]
     if not all(b.columns[axis] for axis in own):
         return 0.0
-    return min(imitated_share(sight, (), a.columns[x], b.columns[x])[0] for x in own)
+    return min(imitated_share(training, (), a.columns[x], b.columns[x])[0] for x in own)
 
 
 def twin(search, base, cls):

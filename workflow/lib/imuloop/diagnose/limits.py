@@ -32,7 +32,7 @@ def detection_limits(search, base, trial, power, kept=True):
     added to drawn records of noise, each hypothesis as often as the data let expect. Each has to
     pass the test, its p-value averaged over the hypotheses as it has them itself, and to lower the
     error of parts that are held out, for certain by whole parts drawn again; what the noise does to
-    the parameters shall not raise that error by a quarter, as where one part alone tells them. What
+    the parameters shall not raise that error by a quarter, as where one part alone shows them. What
     changes with time or temperature can look like slow noise: where data with it would let expect
     more, the hypotheses are those of such data. Time constants and widths that are added lie
     between those of the shapes.
@@ -44,7 +44,7 @@ def detection_limits(search, base, trial, power, kept=True):
     base : tuple of Effect
         The effects beside it.
     trial : Trial
-        The candidate's trial beside `base`.
+        The trial of one effect beside `base`.
     power : float
         Probability of finding the effect.
     kept : bool
@@ -55,30 +55,26 @@ def detection_limits(search, base, trial, power, kept=True):
     dict of str to float
         By parameter; parameters that no axis shows, or at no size, are left out.
     """
-    sight = search.sight(base)
-    between = moved(trial.effect, BETWEEN)
-    pattern, added = sight.evidence.patterns((trial.effect, between))
-    limits = {}
-    names = list(trial.effect.parameters)
-    needed = search.threshold(len(base)) - trial.tries
+    training, limits, names = search.training(base), {}, list(trial.effect.parameters)
+    effects = base, trial.effects, (moved(trial.effect, BETWEEN),)
+    pattern, added = training.evidence.patterns((*effects[1], *effects[2]))
+    threshold = search.threshold(len(base)) - trial.tries
+    rules = {"axes": trial.axes, "threshold": threshold, "kept": kept}
     for axis, own in enumerate(pattern.columns):
-        columns = search.columns(base, axis)
-        fit = sight.fit((*columns, *own), axis) if own else None
+        fit = training.fit((*search.columns(base, axis), *own), axis) if own else None
         if fit is None:
             continue
-        records = _records(sight, fit, search.problem.settings.seed)
-        drawn = _Drawn.of(search, sight, columns, own, added.columns[axis], axis, records)
-        slow = any(map(search.problem.slow, trial.effects))
-        seen = search, base, trial, between, axis, records, needed, kept
+        records = _records(training, fit, search.problem.settings.seed)
+        drawn = _Drawn.of(search, training, effects, axis, records)
         shown = [names[p] for p in pattern.parameters[axis]]
         for together in dict.fromkeys(map(trial.effect.together, shown)):
             one = np.isin(shown, together) * added.scale[axis]
             scale = np.linalg.norm(one)
             one = one / scale
-            share = partial(drawn.found, one, axes=trial.axes, needed=needed, kept=kept)
-            size = _least(share, drawn.typical(one), power)
-            if size and slow:
-                size = _least(partial(_with_pattern, *seen, one), size, power)
+            size = _least(partial(drawn.found, one, **rules), drawn.typical(one), power)
+            if size and search.problem.slow(trial.effect):
+                slow = partial(_with_pattern, search, effects, axis, records, one, **rules)
+                size = _least(slow, size, power)
             if size is not None:
                 limits |= dict.fromkeys(together, size / scale)
     return {name: limits[name] for name in names if name in limits}
@@ -92,8 +88,6 @@ class _Drawn:
     ----------
     fits : tuple of Fit
         To the data, without the pattern and with it.
-    prior : tuple of ndarray, shape (h,)
-        Of each fit, what its weights hold beside the residuals.
     gram : ndarray, shape (h, k, k)
         Products of the columns of the base model, of its pattern and, last, of the added one.
     product, square : ndarray, shape (h, k, m) and (h, m)
@@ -110,7 +104,6 @@ class _Drawn:
     """
 
     fits: tuple
-    prior: tuple
     gram: np.ndarray
     product: np.ndarray
     square: np.ndarray
@@ -120,25 +113,26 @@ class _Drawn:
     counts: np.ndarray
 
     @classmethod
-    def of(cls, search, sight, columns, own, added, axis, records):
-        """Return them for columns of a base model, a pattern and what is added, on an axis."""
-        evidence, (values, variance) = sight.evidence, records
-        fits = sight.fit(columns, axis), sight.fit((*columns, *own), axis)
+    def of(cls, search, training, effects, axis, records):
+        """Return them for effects of a base model, of its pattern and of what is added."""
+        evidence, (values, variance) = training.evidence, records
+        columns, own, added = each = [evidence.columns_of(e, axis) for e in effects]
+        fits = training.fit(columns, axis), training.fit((*columns, *own), axis)
         product, square = 0.0, 0.0
         for i, own_values in enumerate(values):
             z = np.column_stack([evidence.columns[i][c] for c in (*columns, *own, *added)])
-            each = [sight.precision(i, h) @ own_values for h in range(len(evidence.prior))]
-            product = product + np.array([z.T @ w for w in each])
-            square = square + np.array([(own_values * w).sum(axis=0) for w in each])
+            weighted = [training.precision(i, h) @ own_values for h in range(len(evidence.prior))]
+            product = product + np.array([z.T @ w for w in weighted])
+            square = square + np.array([(own_values * w).sum(axis=0) for w in weighted])
         folds = np.concatenate([b.folds for b in evidence.blocks])
         known, pattern, more = (
-            np.array([np.concatenate([e[c] for e in evidence.columns]) for c in each])
+            np.array([np.concatenate([e[c] for e in evidence.columns]) for c in numbers])
             .reshape(-1, len(folds))
             .T
-            for each in (columns, own, added)
+            for numbers in each
         )
         known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
-        estimated = sight.point(fits[1])
+        estimated = training.point(fits[1])
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
         everything = np.column_stack([np.concatenate(values), more])
@@ -148,8 +142,7 @@ class _Drawn:
         ]
         return cls(
             fits,
-            tuple(f.log_weight + f.spent for f in fits),
-            sight.gram((*columns, *own, *added)),
+            training.gram((*columns, *own, *added)),
             product,
             square,
             tuple((e[:, :RECORDS], e[:, RECORDS:]) for e in errors),
@@ -167,7 +160,7 @@ class _Drawn:
         own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
         return np.sqrt(10.0 / (one @ own @ one))
 
-    def found(self, one, size, axes, needed, kept=True):
+    def found(self, one, size, axes, threshold, kept=True):
         """Return the share of the records in which a size along a direction is found."""
         q, added = len(one), size * one
         base = self.gram.shape[1] - 2 * q
@@ -175,16 +168,16 @@ class _Drawn:
         square = self.square + 2 * np.einsum("k,hkm->hm", added, self.product[:, -q:])
         square = square + (gram[:, -q:] @ added)[:, None]
         product = self.product + gram[:, :, None]
-        left = [
-            square - (np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]).sum(1)
-            for n in (base, base + q)
-        ]
-        fits = [replace(f, square=v) for f, v in zip(self.fits, left, strict=True)]
-        each = zip(fits, self.prior, strict=True)
-        fits = [replace(f, log_weight=p[:, None] - f.spent) for f, p in each]
+        fits = []
+        for fit, n in zip(self.fits, (base, base + q), strict=True):
+            taken = np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]
+            drawn = replace(fit, square=square - taken.sum(1))
+            # what the weight holds beside the residuals stays
+            rest = (fit.log_weight + fit.spent)[:, None]
+            fits.append(replace(drawn, log_weight=rest - drawn.spent))
         log_p = averaged_log_p(*fits, q)
         joint = fisher([log_p] + [np.full(len(log_p), CHANCE)] * (axes - 1))
-        passed = ndtr((needed - joint) / SOFT)
+        passed = ndtr((threshold - joint) / SOFT)
         near = passed > 1e-6
         if not (kept and near.any()):
             return float(passed.mean())
@@ -205,17 +198,18 @@ class _Drawn:
         return float((passed[near] * lower * close).sum() / len(passed))
 
 
-def _with_pattern(search, base, trial, between, axis, records, needed, kept, one, size):
+def _with_pattern(search, effects, axis, records, one, size, **rules):
     """Return the share that is found where the noise is what data with the pattern let expect."""
-    sight, effects = search.sight(base), (base, trial.effects, (between,))
-    columns, own, more = (sight.evidence.columns_of(e, axis) for e in effects)
-    left = sight.left((*columns, *own), axis)
-    added = [size * one @ [each[c] for c in more] for each in sight.evidence.columns]
-    values = [v + more for v, more in zip(left, added, strict=True)]
-    other = sight.evidence.under(search.problem.noise_with(base, values))
-    columns = (other.columns_of(e, axis) for e in effects)
-    again = _Drawn.of(search, other.sight(), *columns, axis, records)
-    return again.found(one, size, trial.axes, needed, kept)
+    training, (base, own, added) = search.training(effects[0]), effects
+    evidence = training.evidence
+    left = training.left(evidence.columns_of((*base, *own), axis), axis)
+    more = evidence.columns_of(added, axis)
+    values = [
+        v + size * one @ [each[c] for c in more]
+        for v, each in zip(left, evidence.columns, strict=True)
+    ]
+    other = evidence.under(search.problem.noise_with(base, values))
+    return _Drawn.of(search, other.training(), effects, axis, records).found(one, size, **rules)
 
 
 def _least(share, smallest, power):
@@ -243,13 +237,13 @@ def _least(share, smallest, power):
     return low * (high / low) ** (lacking / (lacking - excess))
 
 
-def _records(sight, fit, seed):
+def _records(training, fit, seed):
     """Return drawn noise, (n, m) of each block, and its variance, shape (N,)."""
     rng, values, variance = np.random.default_rng(seed), [], []
     # each hypothesis as often as it is likely, by numbers that rounding does not move
     share = np.cumsum(np.round(fit.weight, 6))
     drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
-    for block in sight.evidence.blocks:
+    for block in training.evidence.blocks:
         white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
         for h in np.unique(drawn):
             precision = block.noise.precision[h] / fit.scale[h]

@@ -33,18 +33,8 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     probability, half at most, by Schwarz (Ann. Stat. 6, 1978, 461), ``ln L - q/2 ln n`` under each
     hypothesis: a pattern of many parameters takes up noise, but what is many times it is none.
 
-    Parameters
-    ----------
-    without, fit : Fit
-        Of the same data; of m records at once with squares and weights of shape (h, m).
-    q : int
-        Number of parameters.
-    points : index, optional
-        The hypotheses to count; all by default.
-
-    Returns
-    -------
-    float or ndarray, shape (m,)
+    Of m records at once, shape (m,), from fits with squares and weights of shape (h, m). With
+    `points`, by some hypotheses alone.
     """
     drop = np.maximum(without.square - fit.square, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]

@@ -55,12 +55,12 @@ def chi_square(values, covariance, jacobian, groups):
 
 
 def held_out_operator(weights, jacobian, folds):
-    """Return what takes residuals to their errors, each part predicted by the others.
+    """Return what takes residuals to their errors, each part predicted by the others, (n, n).
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``, W the inverse of the covariance of what is seen; the error of what is
     held out is ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up,
-    does not count in its covariance ``E Σ Eᵀ``.
+    does not count in its covariance ``E Σ Eᵀ``. E is zero in the rows of no part.
 
     Parameters
     ----------
@@ -70,11 +70,6 @@ def held_out_operator(weights, jacobian, folds):
         Derivative J with respect to the parameters.
     folds : ndarray of int, shape (n, 2)
         The part that each row is held out with, and the other that it touches; -1 for none.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        E; zero in the rows of no part.
     """
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
@@ -93,14 +88,9 @@ def held_out_operator(weights, jacobian, folds):
 
 
 def held_out_covariance(covariance, jacobian, folds, weights=None):
-    """Return the covariance that the noise alone gives to held-out errors, shape (n, n).
+    """Return the covariance that the noise, (n, n), alone gives to held-out errors, (n, n).
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        Predicted covariance Σ of all residuals.
-    jacobian, folds, weights
-        As of `held_out_operator`; the inverse of Σ without other weights.
+    Other arguments as of `held_out_operator`; the inverse of the covariance without weights.
     """
     weights = precision(covariance)[0] if weights is None else weights
     operator = held_out_operator(weights, jacobian, folds)
@@ -132,15 +122,7 @@ def chance(square, covariances):
 
 
 def floor_range(weights, floors, floor):
-    """Return the least and the largest floor of the alternatives that are likely enough.
-
-    Parameters
-    ----------
-    weights, floors : sequence of float
-        Of the alternatives.
-    floor : float
-        Their mean.
-    """
+    """Return the least and the largest floor of the alternatives that are likely enough."""
     kept = [floor, *(f for w, f in zip(weights, floors, strict=True) if w >= NEGLIGIBLE)]
     return [min(kept), max(kept)]
 

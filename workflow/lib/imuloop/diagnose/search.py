@@ -1,4 +1,4 @@
-"""The search: test every shape of every effect beside those found, by what is seen."""
+"""The search: test every shape of every effect beside those found, by the training rows."""
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -11,7 +11,7 @@ from imuloop.core.fisher import fisher
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
 from imuloop.diagnose.p_values import log_p_values
 
-# share of log p by which shapes may differ and count as equally telling
+# share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
 # constants that lie between those of the shapes: moved by these factors, one after the other
 FINE, FACTORS = ("tau", "half_width"), (1.4, 1.2, 1.1, 1.05, 1.02)
@@ -33,10 +33,8 @@ class Trial:
         The shape; two of a pair.
     log_p : float
         Logarithm of the p-value, times the number of shapes.
-    axis : int
-        The axis on which it shows most.
-    axes : int
-        Number of axes that it was tested on.
+    axis, axes : int
+        The axis on which it shows most, and the number that it was tested on.
     tries : float
         Logarithm of the number of shapes.
     impossible : bool
@@ -63,15 +61,7 @@ class Trial:
 
 @dataclass
 class Search:
-    """A search that does not see some parts of the data.
-
-    Attributes
-    ----------
-    problem : Problem
-        The data, their effects and settings.
-    out : frozenset of int
-        The parts that are not seen.
-    """
+    """A search of the data of a Problem that does not see the parts `out`."""
 
     problem: object
     out: frozenset
@@ -84,13 +74,13 @@ class Search:
         settings = self.problem.settings
         return np.log(settings.significance / max(1, self.problem.tests - count))
 
-    def sight(self, base):
-        """Return what is seen, about the solution with some effects."""
-        return self.problem.sight(base, self.out)
+    def training(self, base):
+        """Return the Training rows, about the solution with some effects."""
+        return self.problem.training(base, self.out)
 
     def columns(self, base, axis):
         """Return the columns of effects on an axis."""
-        return self.sight(base).evidence.columns_of(base, axis)
+        return self.training(base).evidence.columns_of(base, axis)
 
     def test(self, base, effect):
         """Return the Trial of one shape beside others; None where an axis cannot show it."""
@@ -102,21 +92,20 @@ class Search:
         Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
         method. With `points`, by some hypotheses alone.
         """
-        sight = self.sight(base)
-        patterns = sight.evidence.patterns(effects)
+        training = self.training(base)
+        patterns = training.evidence.patterns(effects)
         log_p = [{} for _ in patterns]
-        for axis in range(sight.evidence.axes):
+        for axis in range(training.evidence.axes):
             own = [k for k, p in enumerate(patterns) if p.columns[axis] and log_p[k] is not None]
             columns = self.columns(base, axis)
-            without = sight.fit(columns, axis)
-            fits = sight.fits(columns, [patterns[k].columns[axis] for k in own], axis)
+            without = training.fit(columns, axis)
+            fits = training.fits(columns, [patterns[k].columns[axis] for k in own], axis)
             shown = [(k, f) for k, f in zip(own, fits, strict=True) if f and without]
             for k in set(own) - {k for k, _ in shown}:
                 log_p[k] = None
-            if shown:
-                values = log_p_values([(without, f) for _, f in shown], points)
-                for (k, _), value in zip(shown, values, strict=True):
-                    log_p[k][axis] = value
+            values = log_p_values([(without, f) for _, f in shown], points)
+            for (k, _), value in zip(shown, values, strict=True):
+                log_p[k][axis] = value
         return [
             Trial((effect,), float(fisher(found.values())), min(found, key=found.get), len(found))
             if found
@@ -144,7 +133,7 @@ class Search:
     def shaped(self, base, shapes, tries):
         """Return the Trial of the best of several shapes, `tries` the log of how many, or None.
 
-        The smallest p-value; of those as telling but for a share `ALIKE`, the one that fits
+        The smallest p-value; of those as significant but for a share `ALIKE`, the one that fits
         best as the parameters are estimated.
         """
         tried = [t for t in self.tests(base, shapes) if t]
@@ -155,10 +144,11 @@ class Search:
         best = alike[0]
         if len(alike) > 1:
             # shapes that say the same in these data differ by rounding alone: the first counts
-            still = self.tests(base, [t.effect for t in alike], self.sight(base).evidence.still)
+            still = self.training(base).evidence.still
+            still = self.tests(base, [t.effect for t in alike], still)
             best = alike[int(np.argmin([round(t.log_p, 6) for t in still]))]
         impossible = self._impossible(base, best.effect)
-        return Trial(best.effects, best.log_p + tries, best.axis, best.axes, tries, impossible)
+        return replace(best, log_p=best.log_p + tries, tries=tries, impossible=impossible)
 
     def _impossible(self, base, effect):
         """Return whether a parameter is beyond its limit by more than its error."""
@@ -172,11 +162,11 @@ class Search:
 
         Averaged over the noise; zero on an axis that does not have them.
         """
-        sight, count = self.sight(base), len(effect.parameters)
-        (pattern,) = sight.evidence.patterns((effect,))
+        training, count = self.training(base), len(effect.parameters)
+        (pattern,) = training.evidence.patterns((effect,))
         values, covariance = np.zeros(count), np.zeros((count, count))
         for axis, own in enumerate(pattern.columns):
-            fit = sight.fit((*self.columns(base, axis), *own), axis) if own else None
+            fit = training.fit((*self.columns(base, axis), *own), axis) if own else None
             if fit is not None:
                 at, scale = list(pattern.parameters[axis]), pattern.scale[axis]
                 found, spread = fit.averaged(fit.weight)
@@ -200,13 +190,13 @@ class Search:
 
     def _first_alike(self, base, best, passing):
         """Return the first trial that does all that the best does: a bias in one attitude."""
-        sight = self.sight(base)
-        (pattern,) = sight.evidence.patterns(best.effects)
+        training = self.training(base)
+        (pattern,) = training.evidence.patterns(best.effects)
         for trial in passing:
-            (other,) = sight.evidence.patterns(trial.effects)
+            (other,) = training.evidence.patterns(trial.effects)
             # what has more columns does more
             alike = list(map(len, other.columns)) == list(map(len, pattern.columns))
-            if trial is best or (alike and share_on_axes(sight, pattern, other) > ONE):
+            if trial is best or (alike and share_on_axes(training, pattern, other) > ONE):
                 return trial
 
     def best_pair(self, base, banned):
@@ -222,8 +212,8 @@ class Search:
         return min(allowed, key=lambda t: t.log_p, default=None)
 
     def _passing_pairs(self, base):
-        sight, used = self.sight(base), {type(e) for e in base}
-        if sight.evidence.axes > 1 or not self._above(base):
+        training, used = self.training(base), {type(e) for e in base}
+        if training.evidence.axes > 1 or not self._above(base):
             return []
         shapes = [
             s
@@ -232,39 +222,32 @@ class Search:
             for s in all_
         ]
         columns = self.columns(base, 0)
-        own = [p.columns[0] for p in sight.evidence.patterns(shapes)]
-        without = sight.fit(columns, 0)
-        alone = sight.fits(columns, own, 0)
+        own = [p.columns[0] for p in training.evidence.patterns(shapes)]
+        without = training.fit(columns, 0)
+        alone = training.fits(columns, own, 0)
         pairs = [
             (i, j)
             for i, j in combinations([k for k, f in enumerate(alone) if f], 2)
             if type(shapes[i]) is not type(shapes[j])
         ]
-        both = sight.fits(columns, [(*own[i], *own[j]) for i, j in pairs], 0)
+        both = training.fits(columns, [(*own[i], *own[j]) for i, j in pairs], 0)
         known = [(*ij, f) for ij, f in zip(pairs, both, strict=True) if f]
-        if not known:
-            return []
         tests = [
-            log_p_values([(w, f) for w, (*_, f) in zip(fits, known, strict=True)])
-            for fits in (
-                [without] * len(known),
-                [alone[i] for i, _, _ in known],
-                [alone[j] for _, j, _ in known],
-            )
+            log_p_values([(before(i, j), f) for i, j, f in known])
+            for before in (lambda i, j: without, lambda i, j: alone[i], lambda i, j: alone[j])
         ]
-        tries, threshold, found = np.log(len(pairs)), self.threshold(len(base)), []
+        tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
         for (i, j, _), joint, *each in zip(known, *tests, strict=True):
             if max(joint + tries, *each) >= threshold:
                 continue
-            shares = imitated_share(sight, columns, own[i], own[j])
-            if max(shares) < SHARE:
+            if max(imitated_share(training, columns, own[i], own[j])) < SHARE:
                 found.append(Trial((shapes[i], shapes[j]), joint + tries, 0, 1, tries))
         return found
 
     def _above(self, base):
         """Return whether what effects leave is more than the noise, whatever it is."""
-        sight = self.sight(base)
-        fit, known = sight.fit(self.columns(base, 0), 0), np.exp(sight.evidence.prior)
+        training = self.training(base)
+        fit, known = training.fit(self.columns(base, 0), 0), np.exp(training.evidence.prior)
         chance = np.where(fit.least > 0, chdtrc(fit.dof, fit.square), 0.0)
         return known @ chance < self.problem.settings.significance * known.sum()
 
@@ -286,7 +269,7 @@ class Search:
             fits = self._beside_on_axes(others, effect) if moved(effect, 2.0) != effect else [None]
             if not all(fits):
                 continue
-            points = [self.sight(others).point(fit) for fit in fits]
+            points = [self.training(others).point(fit) for fit in fits]
             for factor in FACTORS:
                 near = [moved(effect, f) for f in (1.0, 1 / factor, factor)]
                 each = [zip(self._beside_on_axes(others, e), points, strict=True) for e in near]
@@ -297,9 +280,9 @@ class Search:
 
     def _beside_on_axes(self, base, effect):
         """Return the fit of each axis with an effect beside others, about a fit without it."""
-        sight, both = self.sight(base), (*base, effect)
-        own = [sight.evidence.columns_of(both, axis) for axis in range(sight.evidence.axes)]
-        return [sight.fit(columns, axis) for axis, columns in enumerate(own)]
+        training, both = self.training(base), (*base, effect)
+        axes = range(training.evidence.axes)
+        return [training.fit(training.evidence.columns_of(both, axis), axis) for axis in axes]
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""

@@ -3,18 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, softmax
 
-# what a diagnosis holds where nothing could be tested
-NOTHING = {
-    "residuals": {},
-    "effects": [],
-    "candidates": [],
-    "confounded": [],
-    "correlates": [],
-}
+from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
+
 # held-out error over its floor up to which the floor itself may be wrong
 MARGIN = 1.25
+
+
+def not_testable(why):
+    """Return what a diagnosis holds where nothing could be tested, with the reason."""
+    lists = ("effects", "candidates", "confounded", "correlates")
+    return {"verdict": "not_testable", "why": why, "residuals": {}} | {name: [] for name in lists}
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Judged:
     heldout : float
         Probability that the noise gives as large errors of what is held out.
     estimated : float
-        The same by the noise as estimated, the first alternative.
+        As `p_value`, by the noise as estimated, the first alternative.
     reduced_chi2 : float
         By the noise as estimated.
     """
@@ -38,25 +38,47 @@ class Judged:
     estimated: float
     reduced_chi2: float
 
-    @classmethod
-    def of(cls, weights, found, heldout):
-        """Return it of probabilities, χ² and degrees of freedom, and chances, by alternative."""
-        chances = [float(chdtrc(dof, square)) for square, dof in found]
-        square, dof = found[0]
-        averaged = (float(np.dot(weights, each)) for each in (chances, heldout))
-        return cls(*averaged, chances[0], square / dof)
 
-
-def verdict(above_before, above_after, effects):
-    """Return the verdict in the contract's words.
+def judge(alternatives, squares, fitted=0):
+    """Return the probability of each alternative of the noise, and the Judged of each kind.
 
     Parameters
     ----------
-    above_before, above_after : bool
-        Whether a residual is `above_floor`, without the effects and with them.
-    effects : sequence
-        Those that were added.
+    alternatives : sequence of (float, sequence)
+        Of each the logarithm of its probability beforehand, and of independent blocks of residuals
+        the values, covariance, derivative, folds and the rows of each kind of residual, as of
+        `chi_square` and `held_out_covariance`.
+    squares : sequence of float
+        Sum of the squares of the held-out errors of each kind.
+    fitted : int
+        Parameters beside those of the derivative that the residuals were fitted with.
     """
+    found, heldout, logs = [], [], []
+    for prior, blocks in alternatives:
+        each = [chi_square(values, c, jacobian, kinds) for values, c, jacobian, _, kinds in blocks]
+        found.append(np.sum([left for left, _ in each], axis=0) - [0, fitted])
+        logs.append(prior + sum(likelihood for _, likelihood in each))
+        spreads = [
+            (held_out_covariance(c, jacobian, folds), kinds)
+            for _, c, jacobian, folds, kinds in blocks
+        ]
+        heldout.append(
+            [
+                chance(square, [spread[np.ix_(g[k], g[k])] for spread, g in spreads])
+                for k, square in enumerate(squares)
+            ]
+        )
+    weights, judged = softmax(logs), []
+    for left, by_chance in zip(np.swapaxes(found, 0, 1), np.transpose(heldout), strict=True):
+        p_values = [float(chdtrc(dof, square)) for square, dof in left]
+        square, dof = left[0]
+        averaged = float(weights @ p_values), float(weights @ by_chance)
+        judged.append(Judged(*averaged, p_values[0], float(square / dof)))
+    return weights, judged
+
+
+def verdict(above_before, above_after, effects):
+    """Return the verdict by whether a residual is above its floor, without and with effects."""
     if not effects:
         return "unexplained" if above_before else "consistent"
     return "partly_explained" if above_after else "explained"
@@ -87,17 +109,7 @@ def above_floor(judged, share, heldout, floor, chosen):
 
 
 def unseen(cls, limits, units):
-    """Return why these data cannot show an effect at all, or None.
-
-    Parameters
-    ----------
-    cls : type
-        The effect.
-    limits : dict of str to float
-        Detection limit of each parameter, SI.
-    units : dict of str to str
-        Unit of each.
-    """
+    """Return why these data cannot show an effect at all, by its detection limits, or None."""
     if not limits:
         return "whatever its size, parts that are held out do not confirm it for certain"
     name = min(limits, key=limits.get)

@@ -1,4 +1,4 @@
-"""Effects that have the same parameters on each axis."""
+"""Parameters and derivatives of effects that have the same parameters on each axis."""
 
 import numpy as np
 
@@ -11,17 +11,14 @@ def per_axis(units):
 
 
 def on_each_axis(*columns):
-    """Return the derivative of ``e_i = Σ_k p_ki column_ki``, each axis with parameters of its own.
+    """Return the derivative of ``e_i = Σ_k p_ki c_ki``, x, y, z of each column, (n, 3, 3 k).
 
-    Parameters
-    ----------
-    *columns : ndarray, shape (n,) or (n, 3)
-        What each parameter multiplies: the same on all axes, or a column an axis.
-
-    Returns
-    -------
-    ndarray, shape (n, 3, 3 k)
-        Three parameters, x, y, z, of the first column, then those of the next.
+    Columns, (n,) or (n, 3), are what each parameter multiplies: the same on all axes, or each own.
     """
     parts = [(c[:, None] if c.ndim == 1 else c)[:, :, None] * np.eye(3) for c in columns]
     return np.concatenate(parts, axis=2)
+
+
+def row_by_row(columns):
+    """Return the derivative of ``e_i = Σ_k M_ik c_k`` by M, row by row, (n, k) to (n, 3, 3 k)."""
+    return np.einsum("ij,nk->nijk", np.eye(3), columns).reshape(len(columns), 3, -1)

@@ -1,7 +1,6 @@
 """A bias that follows the temperature."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,17 +17,10 @@ SPAN_OF_AN_ORDER = 5.0
 class BiasTemperature(Effect):
     """``e_i = Σ_k c_ki (θ - θ0)^k``, k = 1 … order: the bias is a polynomial of the temperature θ.
 
+    Order 3 at most, what thermal calibration of MEMS sensors uses; θ0 is the reference in degC.
     Leaves: a bias that copies θ(t), the same way up as down, on every axis whatever its load.
     Imitated by: a drift and a warm-up where θ only rises or only falls; a thermometer that lags
     and a hysteresis where it turns (these differ on the two branches).
-
-    Attributes
-    ----------
-    order : int
-        Degree of the polynomial, 1 to 3. More is fitted nowhere: three terms are what thermal
-        calibration of MEMS sensors uses, and a higher one runs away outside its data.
-    reference_temperature : float
-        θ0, degC, where the effect is zero.
     """
 
     order: int = 1
@@ -37,8 +29,8 @@ class BiasTemperature(Effect):
     name = "bias_temperature"
     equation = "e_i = Σ_k c_ki (θ - θ0)^k"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
-    bounds: ClassVar = {"order": (1, 3), "reference_temperature": CELSIUS}
-    needs: ClassVar = ("temperature",)
+    bounds = {"order": (1, 3), "reference_temperature": CELSIUS}
+    needs = ("temperature",)
 
     @property
     def parameters(self):

@@ -1,7 +1,6 @@
 """A bias that follows the rate of the temperature: lag, and gradients in the housing."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from imuloop.effects.thermometer import temperature
 # s; half decades, so that a true lag is at most a factor 1.8 from one that is tried and their
 # responses correlate by 2 √1.8/(1 + 1.8) = 0.96. From a package's (seconds) to a housing's lag
 LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
-# relaxation times that a record must hold; with fewer the lag is hardly told from θ itself
+# relaxation times that a record must hold; with fewer the lag is hardly known from θ itself
 RELAXATIONS = 3
 
 
@@ -26,31 +25,21 @@ def lagged_rate(channels, tau):
 
 @dataclass(frozen=True)
 class BiasTemperatureRate(Effect):
-    """``e_i = r_i (θ - θ_lag)/τ``: the bias follows dθ/dt, seen through a first-order lag τ.
+    """``e_i = r_i (θ - θ_lag)/τ``: the bias follows dθ/dt, seen through a first-order lag τ in s.
 
-    ``τ dθ_lag/dt = θ - θ_lag``, in equilibrium at the start of the log. Two causes have the same
-    form beside a `bias_temperature` c1 (θ - θ0):
-
-    - The sensor lags behind the thermometer: r = -c1 τ turns c1 θ exactly into c1 θ_lag.
-    - The thermometer lags behind the sensor: r of the sign of c1, ``c1 (θ + (r/c1) dθ/dt)``.
-
-    A gradient across the housing, itself as large as dθ/dt, is the third and has any sign.
-    Leaves: branches of heating and cooling that differ while the temperature moves, and no more
-    once it rests. Imitated by: `thermal_hysteresis`, whose branches stay apart at rest too.
-
-    Attributes
-    ----------
-    tau : float
-        Time constant τ, s.
+    ``τ dθ_lag/dt = θ - θ_lag``, in equilibrium at the start of the log. Beside a
+    `bias_temperature` c1 (θ - θ0) a sensor that lags behind the thermometer has r = -c1 τ exactly,
+    a thermometer that lags behind the sensor r of the sign of c1, a gradient across the housing
+    any. Leaves: branches of heating and cooling that differ while the temperature moves, and no
+    more once it rests. Imitated by: `thermal_hysteresis`, whose branches stay apart at rest too.
     """
 
     tau: float = LAGS[0]
 
     name = "bias_temperature_rate"
-    parameters: ClassVar = per_axis({"r": "output per K/s"})
+    parameters = per_axis({"r": "output per K/s"})
     equation = "e_i = r_i (θ - θ_lag)/τ"
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
-    bounds: ClassVar = {"tau": (1e-3, 1e7)}
     timed = True
     needs = ("temperature",)
 

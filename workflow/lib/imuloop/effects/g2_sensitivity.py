@@ -1,29 +1,25 @@
 """Sensitivity of a gyroscope to the square of specific force."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.effects.axes import AXES
+from imuloop.effects.axes import AXES, row_by_row
 
 TERMS = ("xx", "yy", "xy", "xz", "yz")
 
 
-@dataclass(frozen=True)
 class G2Sensitivity(Effect):
     """``e_i = Σ_jk D_ijk f_j f_k``: the anisoelastic bias of a gyroscope.
 
     Five terms an axis: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²), D_ixy f_x f_y, D_ixz f_x f_z,
     D_iyz f_y f_z. The sixth, |f|², is the same in all attitudes at rest: a bias.
-    Leaves: a pattern of degree 2 in the mean rates of poses, where `g_sensitivity` is of degree 1:
-    well spread poses tell the two apart. Imitated by: nothing else of degree 2.
+    Leaves: a pattern of degree 2 in the mean rates of poses, where `g_sensitivity` is of degree 1.
+    Imitated by: nothing else of degree 2.
     """
 
     name = "g2_sensitivity"
     sensors = ("gyroscope",)
-    parameters: ClassVar = {f"D{i}{jk}": "rad/s per (m/s^2)^2" for i in AXES for jk in TERMS}
+    parameters = {f"D{i}{jk}": "rad/s per (m/s^2)^2" for i in AXES for jk in TERMS}
     equation = "e_i = Σ_jk D_ijk f_j f_k"
     reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
     records = ("poses",)
@@ -31,5 +27,4 @@ class G2Sensitivity(Effect):
     def design(self, channels):
         """Return the products on each axis, shape (n, 3, 15)."""
         x, y, z = channels.other.T
-        products = np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z])
-        return np.einsum("ij,nk->nijk", np.eye(3), products).reshape(-1, 3, 15)
+        return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))

@@ -1,24 +1,19 @@
 """Accelerometers that do not sit in one point."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import AXES
 
 
-@dataclass(frozen=True)
 class LeverArm(Effect):
     """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i sits at r_i, not at the origin.
 
     Leaves: errors of the norm while it turns, as the square of the rate; 1 cm at 5 rad/s gives
-    0.25 m/s². Needs specific force during motion to be known, which calibration from rest to rest
-    never asks for.
+    0.25 m/s². Needs specific force during motion, which calibration from rest to rest never uses.
     """
 
     name = "lever_arm"
     sensors = ("accelerometer",)
-    parameters: ClassVar = {f"r{i}{j}": "m" for i in AXES for j in AXES}
+    parameters = {f"r{i}{j}": "m" for i in AXES for j in AXES}
     equation = "e_i = (dw/dt × r_i + w × (w × r_i))_i"
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, size effect"
     records = ("poses",)

@@ -1,25 +1,20 @@
 """Quadratic nonlinearity of an accelerometer."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
 
 
-@dataclass(frozen=True)
 class Quadratic(Effect):
     """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output.
 
-    Leaves at rest, u the direction of gravity: ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``. The
-    first part, 60 %, is a bias; the second, a pattern of degree 3, is what shows.
-    Imitated by: `cross_coupling`, of which it is a special case, and by `asymmetry` where poses
-    are few. Under vibration it is `vibration_rectification`.
+    Leaves at rest, u the direction of gravity: ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``, 60 %
+    of it a bias. Imitated by: `cross_coupling`, of which it is a special case, and `asymmetry`
+    where poses are few. Under vibration it is `vibration_rectification`.
     """
 
     name = "quadratic"
     sensors = ("accelerometer",)
-    parameters: ClassVar = per_axis({"K2": "m/s^2 per (m/s^2)^2"})
+    parameters = per_axis({"K2": "m/s^2 per (m/s^2)^2"})
     equation = "e_i = K2_i y_i²"
     reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
     records = ("poses",)

@@ -1,7 +1,6 @@
 """Creep of an accelerometer after it was turned."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import first_order_lag, in_pieces
@@ -20,27 +19,21 @@ def creep(channels, tau):
 
 @dataclass(frozen=True)
 class Reorientation(Effect):
-    """``e_i = k_i (y_i,lag - y_i)``: part k_i of the load is borne by what creeps, time constant τ.
+    """``e_i = k_i (y_i,lag - y_i)``: part k_i of the load is borne by what creeps, τ in s.
 
     ``τ dy_lag/dt = y - y_lag``, at rest at the start of the log. After a turn the output starts
     k_i times the change of load short, and relaxes with exp(-t/τ).
     Leaves: a trend within each pose, and a mean that depends on the pose before. Imitated by:
     nothing in the library; a support that gives way looks the same.
-
-    Attributes
-    ----------
-    tau : float
-        Time constant τ, s.
     """
 
     tau: float = 10.0
 
     name = "reorientation"
     sensors = ("accelerometer",)
-    parameters: ClassVar = per_axis({"k": "1"})
+    parameters = per_axis({"k": "1"})
     equation = "e_i = k_i (y_i,lag - y_i)"
     reference = "Zhou et al., Materials 10 (2017) 1077, viscoelastic die attach"
-    bounds: ClassVar = {"tau": (1e-3, 1e7)}
     timed = True
     records = ("poses",)
 

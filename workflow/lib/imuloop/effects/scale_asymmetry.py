@@ -1,27 +1,22 @@
 """Asymmetry of a gyroscope's scale factor."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
 
 
-@dataclass(frozen=True)
 class ScaleAsymmetry(Effect):
     """``e_i = sa_i |y_i|``: the scale factor of an axis differs between left and right turns.
 
-    The scale factor of one side less that of the other, the asymmetry of the standard, is 2 sa.
-    Leaves: errors of rotations that keep their sign when the turn is reversed. At rest it is
-    nothing. Imitated by: the scale factor if each axis is turned one way only; the even part of
-    `scale_nonlinearity` if all turns are equally fast.
+    The asymmetry of the standard, one side less the other, is 2 sa. Leaves: errors of rotations
+    that keep their sign when the turn is reversed; nothing at rest. Imitated by: the scale factor
+    if each axis is turned one way only; the even part of `scale_nonlinearity` at one speed.
     """
 
     name = "scale_asymmetry"
     sensors = ("gyroscope",)
-    parameters: ClassVar = per_axis({"sa": "1"})
+    parameters = per_axis({"sa": "1"})
     equation = "e_i = sa_i abs(y_i)"
     reference = "IEEE Std 528-2001, asymmetry error"
     records = ("poses",)

@@ -1,24 +1,20 @@
 """Nonlinearity of a gyroscope's scale factor."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
 
 
-@dataclass(frozen=True)
 class ScaleNonlinearity(Effect):
     """``e_i = s2_i y_i² + s3_i y_i³``: the scale factor of an axis changes with the rate.
 
     Leaves: errors of rotations that grow with their speed, the even part with the sign of the
-    turn. At rest it is nothing. Imitated by: the scale factor where all turns are equally fast;
-    `scale_asymmetry` where they are (s2), or nearly.
+    turn; nothing at rest. Imitated by: the scale factor and `scale_asymmetry` (s2) where all turns
+    are equally fast, or nearly.
     """
 
     name = "scale_nonlinearity"
     sensors = ("gyroscope",)
-    parameters: ClassVar = per_axis({"s2": "rad/s per (rad/s)^2", "s3": "rad/s per (rad/s)^3"})
+    parameters = per_axis({"s2": "rad/s per (rad/s)^2", "s3": "rad/s per (rad/s)^3"})
     equation = "e_i = s2_i y_i² + s3_i y_i³"
     reference = "IEEE Std 528-2001, nonlinearity"
     records = ("poses",)

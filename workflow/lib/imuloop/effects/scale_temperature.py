@@ -1,40 +1,28 @@
 """A scale factor that follows the temperature."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
-from imuloop.effects.thermometer import (
-    CELSIUS,
-    ROOM,
-    span,
-    temperature,
-    whole_degrees,
-)
+from imuloop.effects.thermometer import CELSIUS, ROOM, span, temperature, whole_degrees
 
 
 @dataclass(frozen=True)
 class ScaleTemperature(Effect):
     """``e_i = sT_i (θ - θ0) y_i``: the scale factor is a straight line of the temperature θ.
 
-    y_i is the output of the same axis. Leaves: an error that copies θ(t) on loaded axes alone, so
-    at rest on the accelerometer's vertical one, and in a gyroscope's turns.
+    θ0 is the reference in degC. Leaves: an error that copies θ(t) on loaded axes alone, so at rest
+    on the accelerometer's vertical one, and in a gyroscope's turns.
     Imitated by: `bias_temperature` where the attitude, or the turn, is always the same.
-
-    Attributes
-    ----------
-    reference_temperature : float
-        θ0, degC, where the effect is zero.
     """
 
     reference_temperature: float = ROOM
 
     name = "scale_temperature"
-    parameters: ClassVar = per_axis({"sT": "1 per K"})
+    parameters = per_axis({"sT": "1 per K"})
     equation = "e_i = sT_i (θ - θ0) y_i"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
-    bounds: ClassVar = {"reference_temperature": CELSIUS}
+    bounds = {"reference_temperature": CELSIUS}
     needs = ("temperature",)
     # ten times what data sheets of MEMS sensors state, some 300 ppm/K
     limit = 3e-3

@@ -10,17 +10,11 @@ from imuloop.effects.axes import AXES, on_each_axis
 
 @dataclass(frozen=True)
 class Sinusoid(Effect):
-    """``e_i = c_i cos(2π f t) + s_i sin(2π f t)``: a line of one frequency f.
+    """``e_i = c_i cos(2π f t) + s_i sin(2π f t)``: a line of one frequency f, Hz.
 
-    Each session has its own phase, hence its own c and s. Leaves: a hump of the Allan curve near
-    0.37/f with nulls at k/f. Imitated by: `gauss_markov` where the record holds a few periods.
-
-    Attributes
-    ----------
-    frequency : float
-        f, Hz.
-    sessions : tuple of str
-        The sessions that have it.
+    Each session that has it has its own phase, hence its own c and s. Leaves: a hump of the Allan
+    curve near 0.37/f with nulls at k/f. Imitated by: `gauss_markov` where the record holds a few
+    periods.
     """
 
     frequency: float = 1.0
@@ -41,11 +35,6 @@ class Sinusoid(Effect):
     def together(self, name):
         """Return the same parameter of every session: a line that is there comes back."""
         return tuple(p for p in self.parameters if p[:2] == name[:2])
-
-    @classmethod
-    def shapes(cls, channels):
-        """Return none: the frequency is searched."""
-        return ()
 
     def in_session(self, channels, session, windows):
         """Return the means of cosine and sine over windows (n, 2), shape (n, 3, 6 sessions)."""

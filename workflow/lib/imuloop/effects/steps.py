@@ -17,13 +17,11 @@ class Steps(Effect):
 
     Attributes
     ----------
-    times : tuple of float
-        t_k, s from the start of the log.
-    sessions : tuple of str
-        The session of each.
+    times, sessions : tuple of float, tuple of str
+        t_k, s from the start of the log, and the session of each.
     spans : tuple of float
-        Length of the span, s, about each time in which nobody looked. The step may lie anywhere in
-        it: there the expected value counts, which goes up evenly.
+        Length of the span, s, about each time in which nobody looked: the step may lie anywhere
+        in it, and the expected value counts, which goes up evenly.
     """
 
     times: tuple[float, ...] = (0.0,)
@@ -41,18 +39,10 @@ class Steps(Effect):
         """Names and units, all axes of the first step first."""
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
 
-    @classmethod
-    def shapes(cls, channels):
-        """Return none: the times are searched."""
-        return ()
-
     def in_session(self, channels, session, windows):
         """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""
-        after = [
-            share_after(windows, t, span) * (s == session)
-            for t, s, span in zip(self.times, self.sessions, self.spans, strict=True)
-        ]
-        return on_each_axis(*after)
+        steps = zip(self.times, self.sessions, self.spans, strict=True)
+        return on_each_axis(*(share_after(windows, t, x) * (s == session) for t, s, x in steps))
 
 
 def share_after(windows, t, span=0.0):
@@ -68,8 +58,6 @@ def share_after(windows, t, span=0.0):
 
 def joined(steps):
     """Return several steps as one effect, in order of session and time."""
-    parts = sorted(
-        part for one in steps for part in zip(one.sessions, one.times, one.spans, strict=True)
-    )
-    sessions, times, spans = zip(*parts, strict=True)
+    parts = (zip(one.sessions, one.times, one.spans, strict=True) for one in steps)
+    sessions, times, spans = zip(*sorted(part for one in parts for part in one), strict=True)
     return Steps(times, sessions, spans)

@@ -1,7 +1,6 @@
 """A bias that depends on the path of the temperature."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces, play
@@ -24,25 +23,20 @@ def branch(channels, half_width):
 class ThermalHysteresis(Effect):
     """``e_i = h_i (θ - play_w θ)/w``: the bias depends on where the temperature θ came from.
 
-    play_w is dragged along between two walls w on either side of θ, so the bracket is 1 while
-    heating goes on, -1 while cooling does, 0 at the log's start, and crosses over within 2 w of a
-    turning point. It knows no time: at rest it stays. 2 h_i is the opening of the loop.
+    play_w is dragged along between two walls w (the half-width, K) on either side of θ: the bracket
+    is 1 while heating goes on, -1 while cooling does, 0 at the log's start, and crosses over within
+    2 w of a turning point. At rest it stays. 2 h_i is the opening of the loop.
     Leaves: two branches of bias over temperature. Imitated by: `bias_temperature_rate` where the
     temperature always moves at one speed; `bias_temperature` and `bias_drift` where it never turns.
-
-    Attributes
-    ----------
-    half_width : float
-        w, K.
     """
 
     half_width: float = 5.0
 
     name = "thermal_hysteresis"
-    parameters: ClassVar = per_axis({"h": "output"})
+    parameters = per_axis({"h": "output"})
     equation = "e_i = h_i (θ - play_w θ)/w"
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
-    bounds: ClassVar = {"half_width": (1e-3, 1e3)}
+    bounds = {"half_width": (1e-3, 1e3)}
     needs = ("temperature",)
 
     @classmethod

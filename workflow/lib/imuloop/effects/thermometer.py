@@ -13,18 +13,15 @@ LEAST_SPAN = 1.0
 CELSIUS = (-273.15, 1000.0)
 
 
-def temperature(channels):
-    """Return the temperature at every point, degC, gaps filled on a line or held.
+def _logged(channels):
+    return channels.temperature is not None and bool(np.isfinite(channels.temperature).any())
 
-    Raises
-    ------
-    ImuloopError
-        If none was logged.
-    """
-    values = channels.temperature
-    if values is None or not np.isfinite(values).any():
+
+def temperature(channels):
+    """Return the temperature, degC, gaps filled on a line or held; ImuloopError without one."""
+    if not _logged(channels):
         raise ImuloopError("an effect of temperature needs a temperature, and none was logged")
-    return filled(channels.t, np.asarray(values, dtype=float))
+    return filled(channels.t, np.asarray(channels.temperature, dtype=float))
 
 
 def whole_degrees(channels):
@@ -34,6 +31,4 @@ def whole_degrees(channels):
 
 def span(channels):
     """Return the largest temperature less the smallest, K; zero where none was logged."""
-    if channels.temperature is None or not np.isfinite(channels.temperature).any():
-        return 0.0
-    return float(np.ptp(temperature(channels)))
+    return float(np.ptp(temperature(channels))) if _logged(channels) else 0.0

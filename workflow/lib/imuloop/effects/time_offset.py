@@ -1,12 +1,8 @@
 """A sensor whose samples are stamped too late or too early."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 from imuloop.core.effect import Effect
 
 
-@dataclass(frozen=True)
 class TimeOffset(Effect):
     """``e = Δt dy/dt``: the sensor shows what was Δt ago (negative) or will be.
 
@@ -15,7 +11,7 @@ class TimeOffset(Effect):
     """
 
     name = "time_offset"
-    parameters: ClassVar = {"dt": "s"}
+    parameters = {"dt": "s"}
     equation = "e = Δt dy/dt"
     reference = "Furgale et al., IROS 2013, temporal calibration"
     records = ("poses",)

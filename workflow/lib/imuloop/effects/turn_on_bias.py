@@ -1,7 +1,6 @@
 """A bias that is another each time the device is switched on."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.special import chdtri
@@ -12,20 +11,12 @@ from imuloop.effects.axes import on_each_axis, per_axis
 
 @dataclass(frozen=True)
 class TurnOnBias(Effect):
-    """``e_i = s_ki`` in run k, ``Σ_k s_ki = 0``: each run has a bias of its own.
+    """``e_i = s_ki`` in run k, ``Σ_k s_ki = 0``: each of several runs has a bias of its own.
 
     A run is a session, or what follows a gap longer than all that was recorded before. The bias of
-    the calibration is the mean over the runs; the next run's differs from it by the run-to-run
-    standard deviation. A log that the calibration is applied to is a run that it does not know:
-    there the effect is zero.
-
-    Leaves: levels of the pose means that change from run to run and in no other way. Imitated by:
-    whatever differs between the runs as a whole, temperature above all.
-
-    Attributes
-    ----------
-    runs : int
-        Number of runs.
+    the calibration is the mean over the runs; in a log of a run that it does not know the effect is
+    zero. Leaves: levels of the pose means that change from run to run and in no other way.
+    Imitated by: whatever differs between the runs as a whole, temperature above all.
     """
 
     runs: int = 2
@@ -33,9 +24,9 @@ class TurnOnBias(Effect):
     name = "turn_on_bias"
     equation = "e_i = s_ki in run k, Σ_k s_ki = 0"
     reference = "IEEE Std 1554-2005, bias repeatability"
-    needs: ClassVar = ("run",)
+    needs = ("run",)
     records = ("poses",)
-    bounds: ClassVar = {"runs": (2, 50)}
+    bounds = {"runs": (2, 50)}
 
     @property
     def parameters(self):
@@ -64,10 +55,8 @@ class TurnOnBias(Effect):
 
         Returns
         -------
-        std : ndarray, shape (3,)
-            SI.
-        interval : ndarray, shape (2, 3)
-            By χ² with one degree of freedom less than there are runs.
+        std, interval : ndarray, shape (3,) and (2, 3)
+            SI; the interval by χ² with one degree of freedom less than there are runs.
         """
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
         std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)

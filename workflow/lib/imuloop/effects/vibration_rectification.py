@@ -1,8 +1,5 @@
 """Vibration that an accelerometer turns into a bias."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from imuloop.core.effect import Effect
@@ -33,20 +30,18 @@ def vibration(channels):
     return found
 
 
-@dataclass(frozen=True)
 class VibrationRectification(Effect):
     """``e_i = v_i σ_i²``: vibration of mean square σ_i² on the same axis shifts its bias.
 
-    The mean of a nonlinearity over a vibration; v = K2 where it is quadratic and as fast. Slow
-    changes, as of a turn, are none: there K2 is the `quadratic` effect.
-    The sensor's own noise is in σ² too: what is always there is a bias.
+    v = K2 where a nonlinearity is quadratic and as fast; slow changes, as of a turn, are the
+    `quadratic` effect. The sensor's own noise is in σ² too: what is always there is a bias.
     Leaves: means that depend on the variance within the pose, or steps of bias in a static record
     while a motor runs. Imitated by: what changes with the vibration, as a support that tilts.
     """
 
     name = "vibration_rectification"
     sensors = ("accelerometer",)
-    parameters: ClassVar = per_axis({"v": "m/s^2 per (m/s^2)^2"})
+    parameters = per_axis({"v": "m/s^2 per (m/s^2)^2"})
     equation = "e_i = v_i σ_i²"
     reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
     # ten times what MEMS sensors show, up to 2 mg per g² of mean square

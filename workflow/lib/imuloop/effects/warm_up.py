@@ -1,7 +1,6 @@
 """A bias that settles after the power is switched on."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -26,36 +25,28 @@ def settling(channels, tau):
 
 @dataclass(frozen=True)
 class WarmUp(Effect):
-    """``e_i = A_i exp(-t/τ)``: after power-on the bias settles exponentially.
+    """``e_i = A_i exp(-t/τ)``: after power-on the bias settles exponentially, τ in s.
 
-    t counts from the start of each log: a log that starts t_on after the power has the amplitude
+    t counts from the start of each log: one that starts t_on after the power has the amplitude
     A exp(-t_on/τ); several sessions are taken to start alike.
     Leaves: first poses and minutes off, later ones not. Imitated by: `bias_temperature`, if the
     thermometer shows the same warming; `bias_drift` where τ is as long as the log.
-
-    Attributes
-    ----------
-    tau : float
-        Time constant τ, s.
     """
 
     tau: float = SETTLING[0]
 
     name = "warm_up"
-    parameters: ClassVar = per_axis({"A": "output"})
+    parameters = per_axis({"A": "output"})
     equation = "e_i = A_i exp(-t/τ)"
     reference = "IEEE Std 528-2001, warm-up time"
-    bounds: ClassVar = {"tau": (1e-3, 1e7)}
     timed = True
 
     @classmethod
     def shapes(cls, channels):
         """Return the time constants of which the data hold several, and several points in each."""
         longest = np.ptp(channels.t) / SETTLINGS
-        tried = [
-            tau for tau in SETTLING if tau <= longest and np.sum(channels.t < 2 * tau) >= POINTS
-        ]
-        return tuple(cls(tau) for tau in tried) or (cls(),)
+        shown = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
+        return tuple(cls(tau) for tau in shown if tau <= longest) or (cls(),)
 
     def design(self, channels):
         """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""

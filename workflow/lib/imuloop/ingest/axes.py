@@ -11,6 +11,7 @@ log. Gravity tells P alone: which of the two sensors is at fault it cannot tell,
 accelerometer's three signs are all wrong, since -u obeys the same equation.
 """
 
+from copy import copy
 from itertools import permutations, product
 
 import numpy as np
@@ -80,17 +81,16 @@ class Axes:
         self.steps.add(np.hstack([change[:, turns].T, weighted.sum(axis=2).T, moment]))
 
     def fit(self):
-        """Return how well the axes fit, and what would mend them.
+        """Return how well the axes fit, and what would mend them; None without enough turns.
 
         Returns
         -------
-        dict or None
+        dict
             `agreement` of the axes as logged, of the best mapping `best`, and how far that turns
             gravity beside how far it turns, `ratio`, None where they have nothing in common;
             `steps` in favour and against, and `steps_used` in all; `mapping`: for each axis of the
             acceleration the angular rate's axis that fits, as 1, 2, 3 with its sign and 0 where
-            the turns leave it open; None where the axes as logged fit. None in all where the
-            device hardly turns.
+            the turns leave it open; None where the axes as logged fit.
         """
         steps = self.steps.rows()
         if len(steps) < LEAST_STEPS:
@@ -137,26 +137,22 @@ class Axes:
 
 
 class Thinned:
-    """Rows evenly spread over all that were added, at most twice `kept`."""
+    """Items evenly spread over all that were added, at most twice `kept`."""
 
     def __init__(self, kept):
-        self.kept, self.stride, self.seen, self.parts, self.held = kept, 1, 0, [], 0
+        self.kept, self.stride, self.seen, self.items = kept, 1, 0, []
 
-    def add(self, rows):
-        """Take in rows, shape (n, k)."""
-        if not len(rows):
-            return
-        part = rows[-self.seen % self.stride :: self.stride]
-        self.seen += len(rows)
-        self.parts.append(part)
-        self.held += len(part)
-        while self.held > 2 * self.kept:
-            self.parts = [np.concatenate(self.parts)[::2]]
-            self.held, self.stride = len(self.parts[0]), 2 * self.stride
+    def add(self, items):
+        """Take in a list, or rows of shape (n, k)."""
+        # copies, so that no row holds all others
+        self.items += map(copy, items[-self.seen % self.stride :: self.stride])
+        self.seen += len(items)
+        while len(self.items) > 2 * self.kept:
+            self.items, self.stride = self.items[::2], 2 * self.stride
 
     def rows(self):
-        """Return those kept, in order."""
-        return np.concatenate(self.parts) if self.parts else np.empty((0, 0))
+        """Return those kept, in order, as one array."""
+        return np.array(self.items) if self.items else np.empty((0, 0))
 
 
 def _some(at, n):

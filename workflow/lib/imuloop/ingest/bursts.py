@@ -5,8 +5,9 @@ import pyarrow.parquet as pq
 
 from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME
 from imuloop.core.stamps import Scatter
-from imuloop.ingest.clocks import BURST
 
+# stamps come in bursts where the median step is less than this share of the sensor's step
+BURST = 0.5
 # no transfer holds samples back longer, s: a longer pause is of the sensor
 _LONGEST_PAUSE = 0.5
 # stamps scatter where nine in ten of them take this share of a step, or more
@@ -28,51 +29,34 @@ _LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
 
 
 class Points:
-    """Every so many rows' number and time: few enough to hold, the same for any batches.
-
-    Attributes
-    ----------
-    rows, t : ndarray, shape (n,)
-    """
+    """Number and time of every k-th row: few enough to hold, the same for any batches."""
 
     def __init__(self):
-        self._parts, self._count, self._stride = [], 0, 1
+        self._stride = 1
+        self._parts = [(np.empty(0, dtype=np.int64), np.empty(0))]
 
     @property
     def rows(self):
         """Row numbers."""
-        return np.concatenate([np.empty(0, dtype=np.int64), *(rows for rows, _ in self._parts)])
+        return np.concatenate([rows for rows, _ in self._parts])
 
     @property
     def t(self):
         """Times, s."""
-        return np.concatenate([np.empty(0), *(t for _, t in self._parts)])
+        return np.concatenate([t for _, t in self._parts])
 
     def add(self, rows, t):
         """Take further rows."""
-        self._take([(rows, t)])
-        while self._count > _POINTS:
+        chosen = rows % self._stride == 0
+        self._parts.append((rows[chosen], t[chosen]))
+        while sum(len(rows) for rows, _ in self._parts) > _POINTS:
             self._stride *= 2
-            held, self._parts, self._count = self._parts, [], 0
-            self._take(held)
-
-    def _take(self, parts):
-        for rows, t in parts:
-            chosen = rows % self._stride == 0
-            self._parts.append((rows[chosen], t[chosen]))
-            self._count += len(self._parts[-1][0])
+            chosen = self.rows % self._stride == 0
+            self._parts = [(self.rows[chosen], self.t[chosen])]
 
 
 def follows_stamps(path, step):
-    """Tell whether samples were taken when they are stamped, not evenly and stamped late.
-
-    Parameters
-    ----------
-    path : path-like
-        Samples as stamped.
-    step : float
-        Seconds from row to row.
-    """
+    """Tell whether samples (a file) were taken when they are stamped, not evenly every `step` s."""
     scatter = Scatter(step)
     with pq.ParquetFile(path) as file:
         for group in range(file.num_row_groups):
@@ -95,23 +79,13 @@ def line_step(counts, measured, rate=None, increments=False):
 
     Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
     lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
-    a step.
+    a step; not where rows hold `increments`, whose intervals may differ.
 
-    Parameters
-    ----------
-    counts : Counts
-        With `clock`, and `points`: number and time (s) of rows.
-    measured : dict
-        ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
-    rate : float or None
-        Declared rate, Hz.
-    increments : bool
-        Whether rows hold increments, whose intervals may differ.
+    `measured` are the figures of the samples as stamped, `rate` is the declared one, Hz.
     """
-    points = counts.points
-    if counts.clock.resets or len(points.rows) < 10 * _PARTS:
+    rows, t = counts.points.rows, counts.points.t
+    if counts.clock.resets or len(rows) < 10 * _PARTS:
         return None
-    rows, t = points.rows, points.t
     rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
@@ -133,31 +107,44 @@ def line_step(counts, measured, rate=None, increments=False):
             return None
         parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
         limit = step / 2
-    levels = [np.median(part) for part in parts]
-    if not (np.ptp(levels) <= limit and scatter <= _LONGEST_PAUSE):
-        return None
-    if rate and abs(step * rate - 1) > _RATE_SHARE:
+    on_line = np.ptp([np.median(part) for part in parts]) <= limit and scatter <= _LONGEST_PAUSE
+    if not on_line or (rate and abs(step * rate - 1) > _RATE_SHARE):
         return None
     return step
+
+
+def rebuilt(logged, step):
+    """Return the line on stamps that were rebuilt every `step` s, by their figures as logged."""
+    median, mean = _steps(logged)
+    if median < BURST * step:
+        how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
+    else:
+        how = (
+            f"scatter about a regular clock ({logged['gaps']['count']} steps look like gaps, no "
+            "sample is lost)"
+        )
+    return (
+        f"the stamps {how}: t is rebuilt from the row number at {1 / step:.6g} Hz; where the "
+        "sensor itself pauses, declare its rate"
+    )
+
+
+def _steps(measured):
+    """Return the median and the mean step, s."""
+    median = measured["gaps"]["longer_than_s"] / GAP_STEPS
+    return median, measured["duration_s"] / (measured["rows"] - 1)
 
 
 def broken(measured, rate=None):
     """Return what is wrong with stamps in bursts that no line could rebuild; None if they are none.
 
     A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
-    declared rate in between.
-
-    Parameters
-    ----------
-    measured : dict
-        ``rows``, ``duration_s`` and ``gaps`` of the samples as stamped.
-    rate : float or None
-        Declared rate, Hz.
+    declared rate in between. Parameters are as of `line_step`.
     """
-    gaps, rows = measured["gaps"], measured["rows"]
-    if rows < 2 or not gaps["longer_than_s"]:
+    gaps = measured["gaps"]
+    if measured["rows"] < 2 or not gaps["longer_than_s"]:
         return None
-    median, mean = gaps["longer_than_s"] / GAP_STEPS, measured["duration_s"] / (rows - 1)
+    median, mean = _steps(measured)
     stretch = (measured["duration_s"] - gaps["total_s"]) / (gaps["count"] + 1)
     itself = (rate and abs(median * rate - 1) < _RATE_SHARE) or stretch >= _LEAST_STRETCH
     pause = gaps["total_s"] / max(gaps["count"], 1)

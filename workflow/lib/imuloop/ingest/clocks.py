@@ -1,13 +1,13 @@
-"""A log's clock: stamps that roll over, start again, stray or come in bursts are mended."""
+"""A log's clock: stamps that roll over, start again or stray are mended."""
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from imuloop.core.samples import GAP_STEPS
 
-# rows after a fall of the stamps that tell what it is
+# rows after a fall of the stamps that show what it is
 AHEAD = 100
 # a counter's last stamp and its first after the roll-over lie at most so many steps apart
 ROLL_STEPS = 10
@@ -19,9 +19,6 @@ _FORWARD = 0.9
 MOST_FALLS = 10_000
 # largest stamp that is mended, and largest fall: their sums fit 64 bits
 _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
-
-# stamps come in bursts where the median step is less than this share of the sensor's step
-BURST = 0.5
 # figures of the stamps as logged, kept where they are rebuilt
 _LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
 
@@ -36,18 +33,8 @@ SPANS = sorted(
 def ahead(parts, rows=AHEAD):
     """Give each part with the stamps of at least the next `rows` rows, fewer at the end.
 
-    Parameters
-    ----------
-    parts : iterable of tuple
-        Stamps, which of them are readable, and anything else.
-    rows : int
-        How far to look.
-
-    Yields
-    ------
-    part : tuple
-    after : (ndarray, ndarray of bool)
-        The following stamps, and which are readable.
+    Parts are tuples of stamps, which of them are readable, and anything else; what follows is
+    (stamps, readable).
     """
     held = deque()
     for part in parts:
@@ -67,16 +54,8 @@ def _joined(parts, rows):
 def span(last, first, step, tick=1):
     """Return the span of a counter that rolls over from `last` to `first`; None if none fits.
 
-    The spans are `SPANS`; the counter starts at 0, or at minus half of its span.
-
-    Parameters
-    ----------
-    last, first : int or float
-        Stamps before and after; whole ones give a whole span.
-    step : float
-        Usual step of the stamps.
-    tick : int
-        Nanoseconds per unit of the stamps.
+    The spans are `SPANS`, in units of `tick` ns; the counter starts at 0, or at minus half of its
+    span; `step` is the usual step of the stamps. Whole stamps give a whole span.
     """
     whole = isinstance(last, int) and isinstance(first, int)
     best = None
@@ -92,50 +71,57 @@ def span(last, first, step, tick=1):
     return best
 
 
+def overlap(a, b):
+    """Return how long two ranges (first, last) have in common, negative where they are apart."""
+    return min(a[1], b[1]) - max(a[0], b[0])
+
+
+def turns_apart(a, b, width):
+    """Return what brings range b onto a, whole spans of a counter: one may begin a span later."""
+    middle = round((a[0] + a[1] - b[0] - b[1]) / 2 / width)
+    shifts = [(middle + k) * width for k in (0, -1, 1)]
+    return max(shifts, key=lambda shift: overlap(a, (b[0] + shift, b[1] + shift)))
+
+
 @dataclass
 class Clock:
     """What is known of a clock after some rows, and what was mended in them.
 
     Attributes
     ----------
-    rollovers : int
-        Times that the stamps rolled over; the span of the counter was added.
-    span_s : float or None
-        Span of the counter, s.
+    rollovers, span_s : int, float or None
+        Times that the stamps rolled over, and the span of the counter, s, which was added.
     resets : int
         Times that the stamps started again; they go on `RESET_STEPS` usual steps after the last.
     strays : int
         Stamps ahead of at least two rows that follow in their place; taken as missing.
-    restarts : list of (int, number)
-        Row of its part, and what is added from it on, of each reset.
     """
 
     rollovers: int = 0
     span_s: float | None = None
     resets: int = 0
     strays: int = 0
-    restarts: list = field(default_factory=list)
     _shift: float = 0
     _newest: float | None = None
     _recent: np.ndarray | None = None
     _last: float | None = None
     _falls: int = 0
 
-    def mended(self, x, readable, after, tick=None):
+    def mended(self, x, readable, after=None, tick=None):
         """Return stamps as of a clock that never falls, and which of them can be used.
 
         Single late rows stay as they are: rows that follow leap back to where the stamps were.
 
         Parameters
         ----------
-        x : ndarray, shape (n,)
-            Stamps as logged, of the rows after those of the last call.
-        readable : ndarray of bool, shape (n,)
-        after : (ndarray, ndarray of bool)
-            The next `AHEAD` stamps and which are readable, fewer only at the end of the log.
+        x, readable : ndarray, shape (n,)
+            Stamps as logged, of the rows after those of the last call, and which are readable.
+        after : (ndarray, ndarray of bool), optional
+            The same of the next `AHEAD` rows, fewer only at the end of the log.
         tick : int or None
             Nanoseconds per unit; None for dates, which do not roll over.
         """
+        after = after or (x[:0], readable[:0])
         own = np.flatnonzero(readable)
         if not own.size:
             return x, readable
@@ -166,16 +152,17 @@ class Clock:
                 self.strays += 1
                 begin = i + 1
             elif self._newest is not None and values[i] < self._newest:
-                resets = self.resets
                 shift = self._judged(stamps, len(known[window]) == AHEAD, tick)
                 if shift:
-                    if self.resets > resets:
-                        self.restarts.append((row.item(), shift))
                     self._shift += shift
                     self._newest = None
                     mended[row:] = x[row:] + self._shift
         self._extend(values[begin:])
         return mended, readable
+
+    def span_in(self, tick):
+        """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
+        return self.span_s and round(self.span_s * 1e9) // tick
 
     def _extend(self, values):
         """Take note of stamps as logged."""
@@ -220,33 +207,9 @@ class Clock:
         gap = RESET_STEPS * step
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
-    def warnings(self, logged=None, step=None):
-        """Return what was mended, a line each.
-
-        Parameters
-        ----------
-        logged : dict or None
-            Figures of the samples as stamped, where the stamps were rebuilt.
-        step : float or None
-            Seconds from row to row, where they were.
-        """
+    def warnings(self):
+        """Return what was mended, a line each."""
         found = []
-        if logged:
-            median = logged["gaps"]["longer_than_s"] / GAP_STEPS
-            mean = logged["duration_s"] / (logged["rows"] - 1)
-            if median < BURST * step:
-                how = (
-                    f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
-                )
-            else:
-                how = (
-                    f"scatter about a regular clock ({logged['gaps']['count']} steps look like "
-                    "gaps, no sample is lost)"
-                )
-            found.append(
-                f"the stamps {how}: t is rebuilt from the row number at {1 / step:.6g} Hz; where "
-                "the sensor itself pauses, declare its rate"
-            )
         if self.rollovers:
             found.append(
                 f"the stamps roll over after {self.span_s:.10g} s, {_times(self.rollovers)}: "
@@ -269,19 +232,11 @@ def _times(count):
     return "once" if count == 1 else f"{count} times"
 
 
-def figures(clock, measured, rate=None, logged=None):
+def figures(clock, measured, rate=None, logged=None, pps=None):
     """Return what quality.json says of a log's clock.
 
-    Parameters
-    ----------
-    clock : Clock
-        After the last row.
-    measured : dict
-        ``rate_hz`` and ``jitter`` of the samples.
-    rate : float or None
-        Declared rate, Hz, of a log with stamps.
-    logged : dict or None
-        Figures of the samples as stamped, where the stamps were rebuilt.
+    `measured` are the figures of the samples, `logged` those as stamped, where the stamps were
+    rebuilt, `pps` those of 1PPS marks; `rate` is the declared one, Hz, of a log with stamps.
     """
     hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
     return {
@@ -295,4 +250,5 @@ def figures(clock, measured, rate=None, logged=None):
         "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
         # of the stamps' rate from the declared one
         "drift_ppm": None if hertz is None or not rate else (hertz / rate - 1) * 1e6,
+        "pps": pps,
     }

@@ -4,40 +4,38 @@ import re
 from dataclasses import dataclass, field
 from itertools import islice, product
 
-from imuloop.core import units as known_units
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.core.units import INCREMENTS
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATURE, TIME
 
 AXES = ("x", "y", "z")
-# usual names of a sensor's columns without their axis, words joined by "_"
-ACCELERATION_NAMES = (
-    "a acc accel accelero accelerometer acceleration accelerometer_acceleration"
-    " specific_force linear_acceleration a_rs_s"
-).split()
-ANGULAR_RATE_NAMES = (
-    "g gyr gyro gyros gyroscope w omega angular_rate angular_velocity angular_speed rotation_rate"
-    " gyro_rotation gyro_rotation_rate gyroscope_rotation motion_rotation_rate w_rs_s"
-).split()
-# increments over the interval that ends at the stamp
-DELTA_VELOCITY_NAMES = (
-    "dv dvel delta_v delta_vel delta_velocity velocity_increment vel_inc velinc"
-).split()
-DELTA_ANGLE_NAMES = (
-    "da dang dth dtheta delta_a delta_ang delta_angle delta_th delta_theta angle_increment"
-    " angular_increment"
-).split()
-# their interval; that of one sensor alone ends in its name and _dt
-INTERVAL_NAMES = (
-    "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
-    " integration_time integration_interval"
-).split()
-# the first of these that a log has is its time
-TIME_NAMES = (
-    "t time timestamp time_stamp stamp timestamps times sensor_time header_stamp utc time_utc"
-    " timestamp_utc utc_time datetime date_time epoch unix_time unix_timestamp seconds_elapsed"
-    " elapsed elapsed_time"
-).split()
-TEMPERATURE_NAMES = "temperature temp tmp temperature_imu chip_temperature".split()
+# usual names of a sensor's columns without their axis, words joined by "_": of the quantity itself,
+# and of its increments over the interval that ends at the stamp
+_SENSORS = {
+    "acceleration": (
+        "a acc accel accelero accelerometer acceleration accelerometer_acceleration specific_force"
+        " linear_acceleration a_rs_s".split(),
+        "dv dvel delta_v delta_vel delta_velocity velocity_increment vel_inc velinc".split(),
+    ),
+    "angular_rate": (
+        "g gyr gyro gyros gyroscope w omega angular_rate angular_velocity angular_speed"
+        " rotation_rate gyro_rotation gyro_rotation_rate gyroscope_rotation motion_rotation_rate"
+        " w_rs_s".split(),
+        "da dang dth dtheta delta_a delta_ang delta_angle delta_th delta_theta angle_increment"
+        " angular_increment".split(),
+    ),
+}
+_KNOWN = {name for pair in _SENSORS.values() for usual in pair for name in usual}
+# of several the first is taken; the interval is that of increments, that of one sensor alone ends
+# in its name and _dt
+_SINGLE = {
+    "time": "t time timestamp time_stamp stamp timestamps times sensor_time header_stamp utc"
+    " time_utc timestamp_utc utc_time datetime date_time epoch unix_time unix_timestamp"
+    " seconds_elapsed elapsed elapsed_time".split(),
+    "temperature": "temperature temp tmp temperature_imu chip_temperature".split(),
+    "interval": "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
+    " integration_time integration_interval".split(),
+}
+_QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
 # most names in a message
 _SHOWN = 60
 # words that say where, not what
@@ -81,25 +79,19 @@ _SPELLINGS = {
         "degF": "degf f fahrenheit degreesfahrenheit degreefahrenheit",
     },
 }
-# what can be declared where a log states a unit that is not known
-_REMEDIES = {
-    "time": (known_units.TIME, "or columns.time: null and a rate"),
-    "interval": (known_units.TIME, "or columns.interval: null"),
-    "temperature": (known_units.TEMPERATURE, "or columns.temperature: null"),
-    "acceleration": (known_units.ACCELERATION, "or count, with nominal.acceleration.scale"),
-    "angular_rate": (known_units.ANGULAR_RATE, "or count, with nominal.angular_rate.scale"),
-}
 _UNITS = {
     quantity: {word: unit for unit, words in spellings.items() for word in words.split()}
     for quantity, spellings in _SPELLINGS.items()
 }
 _UNITS["interval"] = _UNITS["time"]
-_SENSORS = {
-    "acceleration": (ACCELERATION_NAMES, DELTA_VELOCITY_NAMES),
-    "angular_rate": (ANGULAR_RATE_NAMES, DELTA_ANGLE_NAMES),
+# units that can be declared
+_READ = {
+    "time": TIME,
+    "interval": TIME,
+    "temperature": TEMPERATURE,
+    "acceleration": (*ACCELERATION, "count (with nominal)"),
+    "angular_rate": (*ANGULAR_RATE, "count (with nominal)"),
 }
-_KNOWN = {name for pair in _SENSORS.values() for usual in pair for name in usual}
-_SINGLE = {"time": TIME_NAMES, "temperature": TEMPERATURE_NAMES, "interval": INTERVAL_NAMES}
 
 
 @dataclass(frozen=True)
@@ -130,15 +122,10 @@ class Columns:
 
     def found(self, names):
         """Return quantity -> names of its columns."""
-        given = {
-            "time": self.time,
-            "acceleration": self.acceleration,
-            "angular_rate": self.angular_rate,
-            "temperature": self.temperature,
-        }
-        for name, position in self.others.items():
+        given = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
+        for name, at in self.others.items():
             quantity = name.partition(".")[0]
-            given[quantity] = tuple(dict.fromkeys((*given.get(quantity, ()), position)))
+            given[quantity] = tuple(dict.fromkeys((*given.get(quantity, ()), at)))
         return {
             quantity: [names[i] for i in where] if isinstance(where, tuple) else names[where]
             for quantity, where in given.items()
@@ -160,17 +147,17 @@ def stated_unit(quantity, text, increments=False):
     plain = re.sub(r"[\s^*·._{}\\]", "", str(text).lower().replace("²", "2"))
     plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
     unit = _UNITS[quantity].get(plain)
-    if unit in INCREMENTS.get(quantity, ()) and not increments:
+    summed = unit in INCREMENTS.get(quantity, ())
+    if summed and not increments:
         return f"{unit}/s" if f"{unit}/s" in _UNITS[quantity] else None
-    return unit if increments == (unit in INCREMENTS.get(quantity, ())) else None
+    return unit if increments == summed else None
 
 
 def unknown_unit(quantity, text):
     """Return the error of a log that states a unit that is not known."""
-    units, other = _REMEDIES[quantity]
     return ImuloopError(
         f"units.{quantity}: the log says '{text[:80]}', which is no unit that is read; declare "
-        f"the right one of {', '.join(units)}, {other}"
+        f"the right one of {', '.join(_READ[quantity])}"
     )
 
 
@@ -193,51 +180,59 @@ def resolve(names, declared=None, headed=True):
         If a declared column is not there, or a sensor's three are not found or not unique.
     """
     declared = dict(declared or {})
-    guessed = guess(names) if headed else {}
-    increments = guess(names, increments=True) if headed else {}
+    guessed = guess(names) if headed else dict.fromkeys((*_QUANTITIES, "interval"), ())
+    increments = guess(names, increments=True) if headed else guessed
     units, chosen, summed = {}, {}, {}
-    for quantity in ("time", "acceleration", "angular_rate", "temperature"):
-        if quantity in _SENSORS and not guessed.get(quantity):
-            # who logs the rate too has it from the increments
-            guessed[quantity] = increments.get(quantity, ())
+    for quantity in _QUANTITIES:
+        # who logs the rate too has it from the increments
+        usual = guessed[quantity] or (quantity in _SENSORS and increments[quantity])
         if quantity in declared:
             chosen[quantity] = _declared(quantity, declared[quantity], names, headed)
-        elif len(guessed.get(quantity, ())) > 1 and quantity in ("acceleration", "angular_rate"):
-            both = ["/".join(names[i] for i in t) for t, _ in guessed[quantity][:2]]
-            number = f", by number from 0 to {len(names) - 1}" if both[0] == both[1] else ""
-            raise ImuloopError(
-                f"{' and '.join(both)} both look like {quantity}; name one of them in "
-                f"columns.{quantity}{number}"
-            )
-        elif guessed.get(quantity):
-            chosen[quantity], _ = guessed[quantity][0]
-            if quantity in _SINGLE:
-                _check_single(quantity, chosen[quantity], names)
-        if not headed or chosen.get(quantity) is None:
-            continue
-        if quantity in _SENSORS:
-            for where, stem in increments[quantity]:
-                if where == chosen[quantity]:
-                    summed[quantity] = stem
-        unit = unit_of(quantity, chosen[quantity], names, quantity in summed)
-        if unit or quantity in summed:
-            units[quantity] = unit or next(iter(INCREMENTS[quantity]))
-    for quantity in ("acceleration", "angular_rate"):
-        if chosen.get(quantity) is None:
+        elif usual:
+            chosen[quantity] = _only(quantity, usual, names)
+        where = chosen.get(quantity)
+        if where is None and quantity in _SENSORS:
             how = "by name" if headed else "by number from 0"
             raise ImuloopError(
                 f"no columns of {quantity} found ({listed(names, headed)}); name its x, y, z "
                 f"{how} in columns.{quantity}"
             )
-    intervals = _intervals(declared, names, headed, guessed, summed, chosen.get("time") is None)
+        if not headed or where is None:
+            continue
+        if quantity in _SENSORS:
+            summed |= dict([(quantity, stem) for at, stem in increments[quantity] if at == where])
+        unit = unit_of(quantity, where, names, quantity in summed)
+        if unit or quantity in summed:
+            units[quantity] = unit or next(iter(INCREMENTS[quantity]))
+    intervals = _intervals(declared, names, headed, guessed, summed)
     unit = intervals and headed and unit_of("interval", next(iter(intervals.values())), names)
     if unit:
         units["interval"] = unit
-    others = {f"interval.{quantity}": position for quantity, position in intervals.items()}
+    others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
     for name, value in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
     _check_each_once(chosen, names)
     return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
+
+
+def _only(quantity, found, names):
+    """Return the columns found by their names; raise where others have names as good."""
+    where = found[0][0]
+    if quantity not in _SENSORS:
+        count = [name.lower() for name in names].count(names[where].lower())
+        if count > 1:
+            raise ImuloopError(
+                f"{count} columns are named '{names[where]}'; name one by number, from 0 to "
+                f"{len(names) - 1}, in columns.{quantity}"
+            )
+    elif len(found) > 1:
+        both = ["/".join(names[i] for i in each) for each, _ in found[:2]]
+        number = f", by number from 0 to {len(names) - 1}" if both[0] == both[1] else ""
+        raise ImuloopError(
+            f"{' and '.join(both)} both look like {quantity}; name one of them in "
+            f"columns.{quantity}{number}"
+        )
+    return where
 
 
 def _check_each_once(chosen, names):
@@ -253,31 +248,28 @@ def _check_each_once(chosen, names):
             taken[i] = quantity
 
 
-def _intervals(declared, names, headed, guessed, summed, untimed):
+def _intervals(declared, names, headed, guessed, summed):
     """Return sensor -> position of the interval of its increments."""
     value = declared.get("interval")
     if isinstance(value, dict):
         return {q: position("interval", each, names, headed) for q, each in value.items()}
     if value is not None:
         return dict.fromkeys(_SENSORS, position("interval", value, names, headed))
-    if "interval" in declared or not (summed or untimed):
+    if "interval" in declared or not summed:
         return {}
-    shared = [position for position, _ in guessed.get("interval", ())[:1]]
-    for position_ in shared:
-        _check_single("interval", position_, names)
+    # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
     joined = ["_".join(_words(name)) for name in names]
-    own = {q: joined.index(f"{s}_dt") for q, s in summed.items() if f"{s}_dt" in joined}
+    own = {q: joined.index(f"{stem}_dt") for q, stem in summed.items() if f"{stem}_dt" in joined}
     if own and len(own) == len(summed):
         return dict.fromkeys(_SENSORS, next(iter(own.values()))) | own
-    return dict.fromkeys(_SENSORS, *shared) if shared else {}
+    shared = guessed["interval"]
+    return dict.fromkeys(_SENSORS, _only("interval", shared, names)) if shared else {}
 
 
 def _declared(quantity, value, names, headed):
     """Return the position(s) of a declared column or three of them."""
-    if value is None and quantity in ("time", "temperature"):
-        return None
-    if quantity in ("time", "temperature"):
-        return position(quantity, value, names, headed)
+    if quantity not in _SENSORS:
+        return None if value is None else position(quantity, value, names, headed)
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         raise ImuloopError(f"columns.{quantity}: {value!r} is not a list of three columns x, y, z")
     return tuple(position(quantity, item, names, headed) for item in value)
@@ -286,39 +278,22 @@ def _declared(quantity, value, names, headed):
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith("pps") else f"columns.{quantity}"
+    number = f"from 0 to {len(names) - 1}"
     if isinstance(value, int) and not isinstance(value, bool):
-        if not 0 <= value < len(names):
-            raise ImuloopError(
-                f"{key}: there is no column {value}; the log has {len(names)}, "
-                f"numbered from 0 to {len(names) - 1}"
-            )
-        return value
-    if not headed:
-        raise ImuloopError(
-            f"{key}: the log has no header, so {value!r} cannot be found; "
-            f"name columns by number, from 0 to {len(names) - 1}"
-        )
-    value = str(value)
-    if names.count(value) > 1:
-        raise ImuloopError(
-            f"{key}: {names.count(value)} columns are named '{value}'; name it by number, from 0"
-        )
-    if value not in names:
-        raise ImuloopError(
-            f"{key}: no column '{value}'; there are {listed(names)}"
-            f"{did_you_mean(value, names, 0.5)}"
-        )
-    return names.index(value)
-
-
-def _check_single(quantity, where, names):
-    """Raise where the name of a column that was found by it is another's too."""
-    count = [name.lower() for name in names].count(names[where].lower())
-    if count > 1:
-        raise ImuloopError(
-            f"{count} columns are named '{names[where]}'; name one by number, from 0 to "
-            f"{len(names) - 1}, in columns.{quantity}"
-        )
+        if 0 <= value < len(names):
+            return value
+        fault = f"there is no column {value}; the log has {len(names)}, numbered {number}"
+    elif not headed:
+        fault = f"the log has no header, so {value!r} cannot be found; name columns by number, "
+        fault += number
+    elif names.count(str(value)) == 1:
+        return names.index(str(value))
+    elif count := names.count(str(value)):
+        fault = f"{count} columns are named '{value}'; name it by number, from 0"
+    else:
+        hint = did_you_mean(str(value), names, 0.5)
+        fault = f"no column '{value}'; there are {listed(names)}{hint}"
+    raise ImuloopError(f"{key}: {fault}")
 
 
 def listed(names, headed=True):
@@ -332,41 +307,34 @@ def listed(names, headed=True):
 def guess(names, increments=False):
     """Return quantity -> [(position or three positions, name without axis)], best first.
 
-    Parameters
-    ----------
-    names : list of str
-        Names of all columns.
-    increments : bool
-        Whether to look for increments of velocity and angle in place of rates.
+    With `increments` those of velocity and angle are looked for in place of rates.
     """
     sensors = {quantity: {} for quantity in _SENSORS}
     single = {quantity: [] for quantity in _SINGLE}
-    for position, name in enumerate(names):
+    for at, name in enumerate(names):
         words = _words(name)
         stem, axis = _stem_and_axis(words)
         for quantity, usual in _SENSORS.items():
             if axis and stem in usual[increments]:
                 key = stem, _without_axis(name, words, stem, axis)
                 axes = sensors[quantity].setdefault(key, {a: [] for a in AXES})
-                axes[axis].append(position)
+                axes[axis].append(at)
         for quantity, usual in _SINGLE.items():
             joined, shorter = "_".join(words), "_".join(words[:-1])
             if joined in usual:
-                single[quantity].append((usual.index(joined), position, joined))
+                single[quantity].append((usual.index(joined), at, joined))
             elif shorter in usual and words[-1] in _UNITS[quantity]:
-                single[quantity].append((usual.index(shorter), position, shorter))
-    guess = {
+                single[quantity].append((usual.index(shorter), at, shorter))
+    # of names that repeat two are enough
+    found = {
         quantity: [
-            (positions, stem)
+            (each, stem)
             for (stem, _), axes in stems.items()
-            # of names that repeat two are enough to tell
-            for positions in islice(product(*(axes[axis] for axis in AXES)), 2)
+            for each in islice(product(*(axes[axis] for axis in AXES)), 2)
         ]
         for quantity, stems in sensors.items()
     }
-    for quantity, found in single.items():
-        guess[quantity] = [(position, stem) for _, position, stem in sorted(found)]
-    return guess
+    return found | {q: [(at, stem) for _, at, stem in sorted(each)] for q, each in single.items()}
 
 
 def _split(text):

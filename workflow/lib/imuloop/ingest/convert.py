@@ -32,52 +32,19 @@ BEYOND = 1e10
 class Counts:
     """What became of the rows of a log; each row is counted once.
 
-    Attributes
-    ----------
-    read : int
-        Rows of the log.
-    outside : int
-        Rows outside of the time range.
-    non_finite : int
-        Rows dropped because the stamp or one of the six axes is missing, no finite number or
-        `BEYOND` every sensor.
-    duplicates : int
-        Rows dropped because their stamp repeats the one before.
-    out_of_order : int
-        Rows dropped because their stamp lies before an earlier row's.
-    without_interval : int
-        Rows dropped because they hold increments and none comes before them.
-    by_usual_step : int
-        Rows of increments after a gap, which were divided by the usual step.
-    intervals_ns : int
-        Sum of the intervals of the samples' increments, ns.
-    kept : int
-        Rows that became samples.
-    missing_values : dict
-        Channel to number of values missing or not finite.
-    impossible_values : dict
-        Channel to number of values `BEYOND` every sensor, which count as missing.
-    start_ns : int or None
-        Moment of the first sample, ns since 1970; None where the stamps are no dates.
-    time_unit : str or None
-        Unit of the stamps, as found; None before the first row.
-    clock : Clock
-        What was mended in the stamps.
-    outside_marks : ndarray, shape (2,)
-        Samples before the first and after the last 1PPS mark.
-    points : Points
-        Row number and time as stamped, of some of the samples.
+    `points` are number and time of some rows; `outside_marks` samples before the first and after
+    the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
+    dates.
     """
 
     read: int = 0
+    kept: int = 0
     outside: int = 0
     non_finite: int = 0
     duplicates: int = 0
     out_of_order: int = 0
     without_interval: int = 0
     by_usual_step: int = 0
-    intervals_ns: int = 0
-    kept: int = 0
     missing_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     impossible_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     start_ns: int | None = None
@@ -85,6 +52,11 @@ class Counts:
     clock: Clock = field(default_factory=Clock)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
     points: Points = field(default_factory=Points)
+
+    def add(self, **rows):
+        """Count rows, a mask each."""
+        for name, mask in rows.items():
+            setattr(self, name, getattr(self, name) + int(np.count_nonzero(mask)))
 
 
 def si_batches(
@@ -125,41 +97,35 @@ def si_batches(
         If there are neither stamps nor a rate, or the stamps do not fit what is declared.
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
-    counts.missing_values.update(dict.fromkeys(channels, 0))
-    counts.impossible_values.update(dict.fromkeys(channels, 0))
-    factors = increments.factors(units)
-    for quantity in factors.keys() & log.interpolated:
+    for kind in (counts.missing_values, counts.impossible_values):
+        kind.update(dict.fromkeys(channels, 0))
+    summed = increments.factors(units)
+    for quantity in summed.keys() & log.interpolated:
         raise ImuloopError(
             f"units.{quantity}: {units[quantity]} is a unit of increments, which are not "
             "interpolated onto the clock of another sensor"
         )
-    origin = newest = zero = first = window = dated = stamped = None
+    origin = zero = None
     for (x, readable, absolute, scale, batch), after in ahead(_clocked(log, units, rate)):
         raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
         rows = np.arange(counts.read, counts.read + batch.num_rows)
         counts.read += batch.num_rows
+        stamped = STAMP in batch.schema.names
         if not readable.any() and origin is None:
-            if batch.num_rows and STAMP in batch.schema.names:
-                raise no_stamps(batch.column(STAMP), log.found.get("time"))
             if batch.num_rows:
-                raise RejectedLog("the log has no time column, and no interval that is a number")
+                raise no_stamps(batch.column(STAMP), log.found.get("time"))
             continue
-        if STAMP in batch.schema.names:
+        if stamped:
             tick = None if absolute else NANOSECONDS[units["time"]]
             x, readable = counts.clock.mended(x, readable, after, tick)
             if timeline:
                 x, scale = np.where(readable, timeline.at(x), 0.0), 1.0
-        if not readable.any() and origin is None:
-            counts.non_finite += batch.num_rows
-            continue
         if origin is None:
+            if not readable.any():
+                counts.non_finite += batch.num_rows
+                continue
             origin, dated = x[readable.argmax()].item(), absolute
-            stamped = STAMP in batch.schema.names
-            counts.time_unit = units["time"] if stamped else _unstamped(rate, units)
-            if absolute:
-                counts.time_unit = "ISO 8601"
-            if timeline:
-                counts.time_unit = f"{units['time']}, by 1PPS"
+            counts.time_unit = _time_unit(stamped, absolute, units, rate, timeline)
             # before all stamps, so that the first one counts as later
             newest = origin - 1
             moment = _moment(origin, units, absolute, timeline) if stamped else None
@@ -173,33 +139,32 @@ def si_batches(
         elapsed = (np.where(readable, x, before) - origin) * scale
         inside = (elapsed >= window[0]) & (elapsed < window[1])
         starts = wide = np.zeros(len(x), dtype=bool)
-        if factors:
+        if summed:
             # where intervals are logged, steps are not needed
             constant = 1.0 if "interval" in units else step if stamped else scale
             steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
-            intervals = increments.intervals(batch, units, steps)
-            raw |= increments.rates(raw, units, intervals)
+            raw |= increments.rates(raw, batch, units, steps)
         values = {name: _si(name, raw[name], units, raw_units) for name in channels}
-        beyond = {name: np.abs(values[name]) > BEYOND for name in channels}
-        usable = {name: np.isfinite(raw[name]) & ~beyond[name] for name in channels}
-        finite = readable & np.all([usable[name] for name in CHANNELS], axis=0)
+        missing = {name: ~np.isfinite(raw[name]) for name in channels}
+        beyond = {name: ~missing[name] & (np.abs(values[name]) > BEYOND) for name in channels}
+        finite = readable & ~np.any([missing[n] | beyond[n] for n in CHANNELS], axis=0)
         # a clock that is rebuilt takes the rows as they come, however late their stamps are
         early = (x < before) & (step is None)
-        fits = inside & finite & (x != before) & ~early
+        good = inside & finite
+        fits = good & (x != before) & ~early
         keep = fits & ~starts
-        counts.without_interval += int((fits & starts).sum())
-        counts.by_usual_step += int((keep & wide).sum())
-        if factors:
-            counts.intervals_ns += increments.nanoseconds(intervals, keep)
-        counts.outside += int((~inside).sum())
-        counts.non_finite += int((inside & ~finite).sum())
-        counts.duplicates += int((inside & finite & (x == before)).sum())
-        counts.out_of_order += int((inside & finite & early).sum())
-        counts.kept += int(keep.sum())
+        counts.add(
+            outside=~inside,
+            non_finite=inside & ~finite,
+            duplicates=good & (x == before),
+            out_of_order=good & early,
+            without_interval=fits & starts,
+            by_usual_step=keep & wide,
+            kept=keep,
+        )
         for name in channels:
-            missing = ~np.isfinite(raw[name])
-            counts.missing_values[name] += int((inside & missing).sum())
-            counts.impossible_values[name] += int((inside & beyond[name] & ~missing).sum())
+            counts.missing_values[name] += int((inside & missing[name]).sum())
+            counts.impossible_values[name] += int((inside & beyond[name]).sum())
         if not keep.any():
             continue
         if zero is None:
@@ -213,9 +178,9 @@ def si_batches(
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:
             counts.points.add(rows[keep], samples[TIME])
-        samples |= {name: values[name][keep] for name in CHANNELS}
         if log.temperature:
-            samples[TEMPERATURE] = np.where(usable[TEMPERATURE], values[TEMPERATURE], np.nan)[keep]
+            values[TEMPERATURE][missing[TEMPERATURE] | beyond[TEMPERATURE]] = np.nan
+        samples |= {name: values[name][keep] for name in channels}
         yield pa.RecordBatch.from_pydict(samples)
 
 
@@ -235,66 +200,45 @@ def _moment(stamp, units, absolute, timeline):
     return absolute_nanoseconds(stamp, units["time"], absolute)
 
 
-def survey(log, units, log_marks=None):
-    """Return the span of a log's counter, if it rolls over, its range, and seconds per unit.
+def _time_unit(stamped, absolute, units, rate, timeline):
+    """Return the unit of the stamps, in words."""
+    if timeline:
+        return f"{units['time']}, by 1PPS"
+    if stamped:
+        return "ISO 8601" if absolute else units["time"]
+    return f"1/({rate:g} Hz)"
 
-    Parameters
-    ----------
-    log : RawLog
-        Log being read.
-    units : dict
-        Unit of ``time``.
-    log_marks : imuloop.ingest.pps.LogMarks, optional
-        Takes the marks in the log.
-    """
+
+def counter_batches(log, units, clock):
+    """Give the counter of a log, mended, which can be used, and the raw batch."""
     if "time" not in log.found:
         raise ImuloopError("pps: the log has no time column, which is to be the local counter")
-    clock, low, high, width = Clock(), np.inf, -np.inf, None
     for (x, readable, absolute, _, batch), after in ahead(_clocked(log, units, None)):
         if absolute:
             raise ImuloopError("pps: the log's stamps are dates, not a local counter")
-        tick = NANOSECONDS[units["time"]]
-        mended, usable = clock.mended(x, readable, after, tick)
-        width = clock.span_s and round(clock.span_s * 1e9) // tick
-        if usable.any():
-            low = min(low, mended[usable].min().item())
-            high = max(high, mended[usable].max().item())
-        if log_marks is not None:
-            log_marks.add(batch, x, mended, usable, width)
-    if clock.resets:
-        raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
-    return width, (low, high), tick
-
-
-def _unstamped(rate, units):
-    return f"1/({rate:g} Hz)" if rate else f"sum of intervals, {units['interval']}"
+        yield *clock.mended(x, readable, after, NANOSECONDS[units["time"]]), batch
 
 
 def _clocked(log, units, rate):
     """Give stamps, which are readable, whether they are dates, seconds per unit, and the batch."""
-    row, past = 0, (0, 0)
+    row = 0
     for batch in log.batches:
-        if STAMP not in batch.schema.names and not rate and "interval" in units:
-            x, readable, past = increments.summed_intervals(batch, past)
-            yield x, readable, False, TIME_SCALES[units["interval"]], batch
+        if STAMP in batch.schema.names:
+            x, readable, absolute = stamp_values(batch.column(STAMP))
+            yield x, readable, absolute, 1e-9 if absolute else _scale(log, units), batch
+        elif rate:
+            rows = np.arange(row, row + batch.num_rows, dtype=np.int64)
+            yield rows, np.ones(len(rows), dtype=bool), False, 1 / rate, batch
         else:
-            yield *_clock(batch, log, units, rate, row), batch
-        row += batch.num_rows
-
-
-def _clock(batch, log, units, rate, row):
-    """Return stamps, which are readable, whether they are dates, and seconds per unit."""
-    if STAMP not in batch.schema.names:
-        if not rate:
             raise ImuloopError(
                 f"the log has no time column that can be told by its name ({log.columns}); "
                 "name it in columns.time, or give rate in Hz"
             )
-        stamps = np.arange(row, row + batch.num_rows, dtype=np.int64)
-        return stamps, np.ones(batch.num_rows, dtype=bool), False, 1 / rate
-    x, readable, absolute = stamp_values(batch.column(STAMP))
-    if absolute:
-        return x, readable, True, 1e-9
+        row += batch.num_rows
+
+
+def _scale(log, units):
+    """Return seconds per unit of stamps that are numbers."""
     if is_iso(units["time"]):
         raise ImuloopError(
             f"units.time is ISO 8601, but column '{log.found.get('time')}' holds numbers; "
@@ -302,7 +246,7 @@ def _clock(batch, log, units, rate, row):
         )
     if units["time"] not in TIME_SCALES:
         raise unknown_unit("time", units["time"])
-    return x, readable, False, TIME_SCALES[units["time"]]
+    return TIME_SCALES[units["time"]]
 
 
 def _newest_before(x, readable, newest):

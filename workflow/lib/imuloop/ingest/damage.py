@@ -8,13 +8,7 @@ from imuloop.core.errors import Lacking, RejectedLog
 
 @contextmanager
 def blamed_for_loss(damage):
-    """Reject a log that lacks what is looked for in the block, where it is damaged.
-
-    Parameters
-    ----------
-    damage : list of str
-        What a reader found damaged or cut off; a log without damage raises as it does.
-    """
+    """Reject a log that lacks what is looked for in the block, where `damage` (texts) was found."""
     try:
         yield
     except Lacking as error:

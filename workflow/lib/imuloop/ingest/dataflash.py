@@ -10,6 +10,7 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
 from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
+from imuloop.ingest.guarded import guarded
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
 # text logs end in .log as other tables do: format: dataflash tells them
@@ -28,6 +29,7 @@ _HEAD, _FORMAT, _FORMAT_LENGTH = b"\xa3\x95", 0x80, 89
 _LEAST_SHARE = 0.01
 
 
+@guarded
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a DataFlash log.
 
@@ -36,22 +38,9 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
     Parameters
     ----------
-    paths : dict
-        ``{"log": path}``.
-    columns : dict, optional
-        Quantity to stream or ``STREAM.FIELD``; messages other than IMU, ACC, GYR and IMT are read
-        where they are named.
-    batch_rows : int
-        Rows given at once.
-    most : int
-        Bytes read of the log's head, where only its names count; -1 is all.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there, or a quantity is in no stream or in several.
-    RejectedLog
-        If the file is no DataFlash log, or holds no inertial message.
+    paths, columns, batch_rows, most
+        As of `imuloop.ingest.formats.Format`; `columns` names streams, or ``STREAM.FIELD``, of
+        messages other than IMU, ACC, GYR and IMT too.
     """
     library = needed("pymavlink.DFReader", "dataflash")
     with open(paths["log"], "rb") as file:
@@ -65,9 +54,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     if _HEAD not in head and b"FMT," not in head:
         raise RejectedLog("the file is no DataFlash log")
     messages, bad, damage = (_binary if _HEAD in head else _text)(library, data, wanted)
-    streams, messages, others = [], *_defined_once(messages)
-    bad += others
-    for name, fields in messages:
+    streams = []
+    for name, fields in messages.items():
         parts = _streams(name, fields)
         rows = sum(len(part.stamps) for part in parts)
         for part in parts:
@@ -77,8 +65,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
                 bad += len(part.stamps)
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
-    lost = [f"{bad} rows cannot be read"] if bad and not damage else damage
-    with blamed_for_loss(lost):
+    with blamed_for_loss(damage or ([f"{bad} rows cannot be read"] if bad else [])):
         raw = raw_log(streams, columns, batch_rows)
     raw.notes[:0] = [
         *damage,
@@ -88,36 +75,22 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     return raw
 
 
-def _defined_once(messages):
-    """Return the messages, of each name the definition of most rows, and the rows of the others.
-
-    Few rows of another definition are damage.
-    """
-    found, others = {}, 0
-    for name, fields in sorted(messages, key=lambda message: -_rows(message[1])):
-        if name not in found:
-            found[name] = fields
-            continue
-        if _rows(fields) >= _LEAST_SHARE * (_rows(found[name]) + _rows(fields)) > 0:
-            raise RejectedLog(
-                f"{name} is defined twice, with other fields: the log is of two kinds"
-            )
-        others += _rows(fields)
-    # in the order of the log
-    return [(name, found[name]) for name in dict.fromkeys(n for n, _ in messages)], others
-
-
-def _rows(fields):
-    return len(next(iter(fields.values()), ()))
+def _rows(messages, definition, kind="q"):
+    """Return where the rows of a message go; one that is defined twice, otherwise, is refused."""
+    name = definition[0]
+    known, rows = messages.setdefault(name, (definition, array(kind)))
+    if known != definition:
+        raise RejectedLog(f"{name} is defined twice, with other fields: the log is of two kinds")
+    return rows
 
 
 def _binary(library, data, wanted):
-    """Return (name, fields) of the wanted messages, the rows that cannot be read, and the damage.
+    """Return the wanted messages' fields by name, the rows that cannot be read, and the damage.
 
     A message counts where the next one or the end of the file follows it. (The library's own
     index ends at the first message that it does not know, as damage makes them.)
     """
-    kinds, places = {_FORMAT: (_FORMAT_LENGTH, None)}, {}
+    kinds, messages = {_FORMAT: (_FORMAT_LENGTH, None)}, {}
     at = known = 0
     while (at := data.find(_HEAD, at)) >= 0 and at + 3 <= len(data):
         length, rows = kinds.get(data[at + 2], (0, None))
@@ -131,17 +104,16 @@ def _binary(library, data, wanted):
             kind, size, *texts = struct.unpack("<BB4s16s64s", data[at + 3 : end])
             definition = (*(library.null_term(text) for text in texts), size)
             if kind != _FORMAT:
-                rows = places.setdefault(definition, array("q")) if wanted(definition[0]) else None
+                rows = _rows(messages, definition) if wanted(definition[0]) else None
                 kinds[kind] = size, rows
         known += length
         at = end
-    messages, bad = [], 0
-    for (name, codes, names, size), rows in places.items():
-        fields = _fields(library, data, np.asarray(rows), codes, names.split(","), size)
-        messages.append((name, fields))
-        bad += 0 if fields else len(rows)
+    read, bad = {}, 0
+    for name, ((_, codes, names, size), rows) in messages.items():
+        read[name] = _fields(library, data, np.asarray(rows), codes, names.split(","), size)
+        bad += 0 if read[name] else len(rows)
     unknown = len(data) - known
-    return messages, bad, [f"{unknown} of {len(data)} bytes are no message"] if unknown else []
+    return read, bad, [f"{unknown} of {len(data)} bytes are no message"] if unknown else []
 
 
 def _fields(library, data, rows, codes, names, size):
@@ -162,17 +134,17 @@ def _fields(library, data, rows, codes, names, size):
 
 
 def _text(library, data, wanted):
-    """Return (name, fields) of the wanted messages, the rows not read, and the damage."""
-    formats, rows = {}, {}
+    """Return the wanted messages' fields by name, the rows that cannot be read, and no damage."""
+    formats, messages = {}, {}
     *lines, rest = data.split(b"\n")
     # where the log was cut off, nobody knows whether its last number is whole
     bad = int(bool(rest.strip()))
     for line in lines:
         name, *values = (value.strip() for value in line.decode(errors="replace").split(","))
-        if name == "FMT" and len(values) > 4:
-            formats[values[2]] = values[3], tuple(values[4:])
-        elif name in formats and wanted(name):
-            codes, names = formats[name]
+        if name == "FMT" and len(values) > 4 and wanted(values[2]):
+            formats[values[2]] = values[3], values[4:], _rows(messages, (*values[2:],), "d")
+        elif name in formats:
+            codes, names, rows = formats[name]
             try:
                 numbers = [
                     np.nan if library.FORMAT_TO_STRUCT[code][2] is str else float(value)
@@ -181,12 +153,12 @@ def _text(library, data, wanted):
             except (ValueError, KeyError):
                 bad += 1
             else:
-                rows.setdefault((name, names), array("d")).extend(numbers)
-    messages = [
-        (name, dict(zip(names, np.asarray(numbers).reshape(-1, len(names)).T, strict=True)))
-        for (name, names), numbers in rows.items()
-    ]
-    return messages, bad, []
+                rows.extend(numbers)
+    read = {}
+    for name, (_, names, rows) in formats.items():
+        columns = np.asarray(rows).reshape(-1, len(names)).T
+        read[name] = dict(zip(names, columns, strict=True))
+    return read, bad, []
 
 
 # damaged numbers can be any, a signalling one too

@@ -9,27 +9,17 @@ TABLE = "data.csv"
 
 
 def read(paths, columns=None, batch_rows=1 << 16):
-    """Read the table in the folder; its header gives names and units.
+    """Read the table in the folder, or the table alone, as `imuloop.ingest.delimited.read` does.
 
-    Parameters
-    ----------
-    paths : dict
-        ``{"log": path}``, the folder or its table.
-    columns : dict, optional
-        Quantity to columns, as of any text table.
-    batch_rows : int
-        Rows given at once.
+    Its header gives names and units.
 
     Raises
     ------
-    ImuloopError
-        If a declared column is not there.
     RejectedLog
         If the folder holds no table.
     """
     path = Path(paths["log"])
-    if path.is_dir():
-        path = path / TABLE
+    path = path / TABLE if path.is_dir() else path
     if not path.is_file():
         raise RejectedLog(f"the folder holds no {TABLE}")
     return delimited.read({"log": path}, columns, batch_rows)

@@ -6,14 +6,7 @@ from imuloop.core.errors import ImuloopError
 
 
 def needed(module, extra):
-    """Return a library's module.
-
-    Parameters
-    ----------
-    module : str
-        Name of the module.
-    extra : str
-        Name of the project's extra that brings it.
+    """Return a library's module by its name; the error says which extra of the project brings it.
 
     Raises
     ------
@@ -23,8 +16,7 @@ def needed(module, extra):
     try:
         return import_module(module)
     except ImportError as error:
-        package = module.partition(".")[0]
         raise ImuloopError(
-            f"this format needs the package {package}, which is not installed: "
+            f"this format needs the package {module.partition('.')[0]}, which is not installed: "
             f"pip install '.[{extra}]'"
         ) from error

@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
-from imuloop.ingest.faults import SENSORS
+from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.rest_means import EARTH_PART
 from imuloop.ingest.rests import HIGH, LACKING_SHARE
 
@@ -13,91 +13,87 @@ from imuloop.ingest.rests import HIGH, LACKING_SHARE
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
 # a temperature may well stay the same for so long, s
 CONSTANT_TEMPERATURE = 60.0
-# rates that an IMU's log has, Hz; others are read but told
+# rates that an IMU's log has, Hz; others are read with a warning
 USUAL_RATE = (0.5, 4e4)
 
 
 def warnings(figures):
-    """Return one line for each kind of fault found: where, how much, and what to do.
-
-    Parameters
-    ----------
-    figures : dict
-        Quality figures, `faults` among them.
-    """
+    """Return one line for each kind of fault found, from quality figures with `faults`."""
     found, rate = figures["faults"], figures["rate_hz"]
     if not found:
         return []
     lines = []
-    zero = {sensor: n for sensor, n in found["zero_rows"].items() if n}
-    if zero:
-        listed = ", ".join(f"{sensor} in {n} rows" for sensor, n in zero.items())
-        lines.append(
-            f"exactly zero on all axes: {listed}; padding or failed reads, no motion: crop them "
-            "with time_range or take them out of the log"
-        )
-    stuck = {name: f for name, f in found["stuck"].items() if f["stretches"]}
-    if stuck:
-        listed = ", ".join(
+
+    def tell(what, items, advice):
+        if items:
+            lines.append(f"{what}: {', '.join(items)}{advice}")
+
+    tell(
+        "exactly zero on all axes",
+        [f"{sensor} in {n} rows" for sensor, n in found["zero_rows"].items() if n],
+        "; padding or failed reads, no motion: crop them with time_range or take them out of the "
+        "log",
+    )
+    tell(
+        "stuck at one value",
+        [
             f"{name} {f['rows']} samples, {f['stretches']} times, first at {f['first_s']:.6g} s"
-            for name, f in stuck.items()
-        )
-        lines.append(f"stuck at one value: {listed}; crop them with time_range")
-    if found["silent_at_rest"]:
-        lines.append(
-            f"no noise at rest: {', '.join(found['silent_at_rest'])}; a step too coarse, or "
-            "firmware that holds the value: noise and bias cannot be told from this log"
-        )
-    spikes = {name: n for name, n in found["spikes"].items() if n}
-    if spikes:
-        listed = ", ".join(f"{name} {n}" for name, n in spikes.items())
-        lines.append(f"spikes of a single sample: {listed}; check the wiring and the logger")
-    full = figures["clipped"]
-    clipped = {n: f for n, f in found["clipped_at"].items() if f["values"] and not full.get(n)}
-    if clipped:
-        listed = ", ".join(
+            for name, f in found["stuck"].items()
+            if f["stretches"]
+        ],
+        "; crop them with time_range",
+    )
+    tell(
+        "no noise at rest",
+        found["silent_at_rest"],
+        "; a step too coarse, or firmware that holds the value: noise and bias cannot be told from "
+        "this log",
+    )
+    tell(
+        "spikes of a single sample",
+        [f"{name} {n}" for name, n in found["spikes"].items() if n],
+        "; check the wiring and the logger",
+    )
+    tell(
+        "clipped at a repeated extreme value",
+        [
             f"{name} {f['rows']} samples at {' and '.join(f'{v:.6g}' for v in f['values'])} "
             f"{'m/s²' if name in ACCELERATION else 'rad/s'}"
-            for name, f in clipped.items()
-        )
-        lines.append(
-            f"clipped at a repeated extreme value: {listed}; choose a wider range or move more "
-            "gently, and declare full_scale"
-        )
+            for name, f in found["clipped_at"].items()
+            if f["values"] and not figures["clipped"].get(name)
+        ],
+        "; choose a wider range or move more gently, and declare full_scale",
+    )
     held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
-    if held:
-        listed = ", ".join(
+    tell(
+        "a value is held",
+        [
             f"{sensor} for {n:.3g} rows ({rate / n:.4g} Hz of new values in {rate:.4g} Hz)"
             for sensor, n in held.items()
-        )
-        lines.append(
-            f"a value is held: {listed}; log each new value once, else noise comes out wrong"
-        )
-    for one, other in found["copies"]:
-        lines.append(f"{other} is a copy of {one}: see columns")
-    lacking = {
-        name: share
-        for name, share in found["noise_near_nyquist"].items()
-        if share is not None
-        and share < LACKING_SHARE
-        # what is held, or a copy, is told above
-        and not (set(held) & {s for s, axes in SENSORS.items() if name in axes})
-    }
-    if lacking:
-        listed = ", ".join(f"{name} {share:.2%}" for name, share in lacking.items())
-        lines.append(
-            f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
-            f"resampled): {listed} of the noise below; log the sensor's own output"
-        )
+        ],
+        "; log each new value once, else noise comes out wrong",
+    )
+    lines += [f"{other} is a copy of {one}: see columns" for one, other in found["copies"]]
+    # what is held lacks power too
+    unheld = {name for sensor, axes in SENSORS.items() if sensor not in held for name in axes}
+    tell(
+        f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
+        "resampled)",
+        [
+            f"{name} {share:.2%}"
+            for name, share in found["noise_near_nyquist"].items()
+            if name in unheld and share is not None and share < LACKING_SHARE
+        ],
+        " of the noise below; log the sensor's own output",
+    )
     lines += _temperature(figures)
     if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
         lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
-    lines += _axes(found)
-    return lines + _mean_at_rest(found["mean_at_rest"])
+    return lines + _axes(found) + _mean_at_rest(found["mean_at_rest"])
 
 
 def _temperature(figures):
-    """Tell a temperature that is none."""
+    """Return what is wrong with a temperature that is none."""
     limits = figures["temperature_range"]
     if not limits or not np.isfinite(limits).all():
         return []
@@ -119,7 +115,7 @@ def _temperature(figures):
 
 
 def _mean_at_rest(found):
-    """Tell a bias that firmware or the logger takes away at rest."""
+    """Return how a bias shows that firmware or the logger takes away at rest."""
     if not found or not found["tracked"]:
         return []
     if found["upper"] is not None and found["upper"] < EARTH_PART * EARTH_RATE:
@@ -142,21 +138,19 @@ def _mean_at_rest(found):
 
 
 def _axes(found):
-    """Tell axes of the two sensors that do not fit, and what would mend them."""
+    """Return how the axes of the two sensors do not fit, and what would mend them."""
     mapping = found["axes"] and found["axes"]["mapping"]
-    # one axis in two places fits nowhere, and is told above
+    # one axis in two places fits nowhere, and has a line of its own
     if not mapping or found["copies"]:
         return []
-    fits = ", ".join(
-        f"{axis} as {_signed(ANGULAR_RATE, number)}"
-        for axis, number in zip("xyz", mapping, strict=True)
-        if number
-    )
-    line = f"the angular rate fits the turns of gravity with {fits}: "
+    fits = [f"{axis} as {_signed(ANGULAR_RATE, n)}" for axis, n in zip("xyz", mapping, strict=True)]
+    fits = ", ".join(text for text, number in zip(fits, mapping, strict=True) if number)
+    # the signed permutation that takes each axis from the one given by number and sign
+    matrix = np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
     if not all(mapping):
-        line += "swapped or mirrored axes (the turns of this log leave the others open)"
-    elif np.linalg.det(matrix := _matrix(mapping)) < 0:
-        line += (
+        fault = "swapped or mirrored axes (the turns of this log leave the others open)"
+    elif np.linalg.det(matrix) < 0:
+        fault = (
             "swapped or mirrored axes, a left-handed frame that no change of the acceleration "
             "alone would mend"
         )
@@ -164,16 +158,11 @@ def _axes(found):
         # -u turns as u does: of the two that mend it, the one with fewer signs
         other = max(matrix.T, -matrix.T, key=np.sum) @ [1, 2, 3]
         other = ", ".join(_signed(ACCELERATION, int(number)) for number in other)
-        line += f"turned axes; as well with an acceleration of {other}"
+        fault = f"turned axes; as well with an acceleration of {other}"
     return [
-        f"{line}; gravity does not tell which sensor is at fault; columns puts axes in order, "
-        "a sign has to be turned in the log"
+        f"the angular rate fits the turns of gravity with {fits}: {fault}; gravity does not tell "
+        "which sensor is at fault; columns puts axes in order, a sign has to be turned in the log"
     ]
-
-
-def _matrix(mapping):
-    """Return the signed permutation that takes each axis from the one given by number and sign."""
-    return np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
 
 
 def _signed(names, number):

@@ -21,11 +21,11 @@ from imuloop.core.samples import (
 from imuloop.ingest import rests
 from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.in_order import in_order
+from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.rest_means import RestMeans
-from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
+from imuloop.ingest.runs import Runs, held_lengths, rows_a_value
 from imuloop.ingest.stops import Stops
 
-SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 # Hz; no sensor is as fast
 MOST_RATE = 1e9
 
@@ -47,41 +47,25 @@ WRAPPED, FLAT = 0.9, 0.05
 
 # a damaged file may hold 1e306, which a sum of squares does not
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def measure(file, figures, threads=1, progress=None):
-    """Return the faults of a samples file, read row group by row group.
+def measure(file, figures, threads=1, progress=lambda share: None):
+    """Return the faults of a samples file, row group by row group; empty for an empty file.
 
-    Parameters
-    ----------
-    file : pyarrow.parquet.ParquetFile
-        Samples as in `imuloop.core.samples`.
-    figures : dict
-        Quality figures with ``rate_hz``, ``quantisation_step`` and ``range`` of every channel.
-    threads : int
-        How many may work at once.
-    progress : callable, optional
-        Called often with the share that is done.
-
-    Returns
-    -------
-    dict
-        As `faults` in quality.json; empty for an empty file.
+    `figures` are quality figures with ``rate_hz``, ``quantisation_step`` and ``range`` of every
+    channel; `progress` is called often with the share that is done.
     """
+    rate, steps = figures["rate_hz"], figures["quantisation_step"]
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
-    if not file.metadata.num_rows or not 0 < (figures["rate_hz"] or 0) < MOST_RATE:
+    if not file.metadata.num_rows or not 0 < (rate or 0) < MOST_RATE:
         return {}
     names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
-    steps = figures["quantisation_step"]
+    pairs = list(combinations(names, 2))
     units = _units(file)
-    zeros = _zeros(units)
+    zeros = {
+        n: (0.0 - units[n]["offset"]) * units[n]["scale"] if n in units else 0 for n in CHANNELS
+    }
     runs = {name: Runs(steps[name]) for name in CHANNELS}
-    held = {sensor: np.zeros(LENGTHS + 1, dtype=int) for sensor in SENSORS}
     zero_rows = dict.fromkeys(SENSORS, 0)
-    spikes, wraps = dict.fromkeys(names, 0), dict.fromkeys(CHANNELS, 0)
-    limits = {name: np.zeros((2, LEVELS + 1), dtype=int) for name in CHANNELS}
-    pairs = {pair: np.zeros(2, dtype=int) for pair in combinations(names, 2)}
-    spectra = {name: [] for name in CHANNELS}
-    rate = figures["rate_hz"]
-    quiet, means, still, way = [], RestMeans(rate), Stops(rate), Axes(rate)
+    means, still, way = RestMeans(rate), Stops(rate), Axes(rate)
 
     def groups():
         """Give the rows of each group, less padding, and the last ones before them."""
@@ -90,7 +74,7 @@ def measure(file, figures, threads=1, progress=None):
             table = file.read_row_group(group, columns=names)
             x = {name: table[name].to_numpy() for name in names}
             way.add(x)
-            padded = {sensor: _all_at(x, SENSORS[sensor], zeros[sensor]) for sensor in SENSORS}
+            padded = {s: np.all([x[n] == zeros[n] for n in SENSORS[s]], axis=0) for s in SENSORS}
             # a gyroscope at rest may well show three zeros; an accelerometer never does
             padded["angular_rate"] &= padded["acceleration"]
             for sensor, axes in SENSORS.items():
@@ -102,92 +86,78 @@ def measure(file, figures, threads=1, progress=None):
             for name in CHANNELS:
                 runs[name].add(x[name], row)
             yield x, before
-            last = {name: (before[name], x[name][-2 * REACH :]) for name in names}
-            before = {name: np.concatenate(both)[-2 * REACH :] for name, both in last.items()}
+            before = {n: np.concatenate((before[n], x[n][-2 * REACH :]))[-2 * REACH :] for n in x}
             row += table.num_rows
-            if progress:
-                progress((group + 1) / file.num_row_groups)
+            progress((group + 1) / file.num_row_groups)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def counted(part):
-        """Return what the rows of a group alone tell."""
+        """Return counts, spectra and the quiet of the rows of a group."""
         x, before = part
         changes = {name: np.flatnonzero(x[name][1:] != x[name][:-1]) for name in names}
-        common = [_common_changes(x[a], x[b], changes[a], changes[b]) for a, b in pairs]
-        lengths = [
-            held_lengths([changes[name] for name in axes], len(x[axes[0]]))
-            for axes in SENSORS.values()
-        ]
-        ends = [_at_limits(x[name], figures["range"][name], steps[name]) for name in CHANNELS]
-        alone = [_spikes(np.concatenate((before[n], x[n])), steps[n] or 0.0) for n in names]
-        # the last three rows before make windows of four that end in these rows
-        jumps = [
-            _wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n]) for n in CHANNELS
-        ]
+        counts = [
+            np.array([_common_changes(x[a], x[b], changes[a], changes[b]) for a, b in pairs]),
+            np.array([held_lengths([changes[n] for n in axes], len(x["ax"]))
+                      for axes in SENSORS.values()]),
+            np.array([_at_limits(x[n], figures["range"][n], steps[n]) for n in CHANNELS]),
+            np.array([_spikes(np.concatenate((before[n], x[n])), steps[n] or 0.0) for n in names]),
+            # the last three rows before make windows of four that end in these rows
+            np.array([_wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n])
+                      for n in CHANNELS]),
+        ]  # fmt: skip
         blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
-        bands = [rests.bands(blocks[name]) for name in CHANNELS]
-        rates = np.array([blocks[name].mean(axis=1) for name in ANGULAR_RATE])
-        spread = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        rest = np.array([spread, np.sqrt((rates**2).sum(axis=0))])
-        return common, lengths, ends, alone, jumps, bands, rest
+        quiet = sum(blocks[name].var(axis=1) for name in ACCELERATION)
+        return counts, np.array([rests.bands(blocks[name]) for name in CHANNELS]), quiet
 
-    for common, lengths, ends, alone, jumps, bands, rest in in_order(counted, groups(), threads):
-        pairs |= {pair: pairs[pair] + n for pair, n in zip(pairs, common, strict=True)}
-        held |= {sensor: held[sensor] + n for sensor, n in zip(held, lengths, strict=True)}
-        limits |= {name: limits[name] + n for name, n in zip(limits, ends, strict=True)}
-        spikes |= {name: spikes[name] + n for name, n in zip(spikes, alone, strict=True)}
-        wraps |= {name: wraps[name] + n for name, n in zip(wraps, jumps, strict=True)}
-        for name, found in zip(CHANNELS, bands, strict=True):
-            spectra[name].append(found)
-        quiet.append(rest)
+    counts, spectra, quiet = zip(*in_order(counted, groups(), threads), strict=True)
+    common, lengths, limits, spikes, wraps = (sum(each) for each in zip(*counts, strict=True))
+    quiet, spectra = np.concatenate(quiet), np.concatenate(spectra, axis=2)
+    spectra = dict(zip(CHANNELS, spectra, strict=True))
+    spikes = dict(zip(names, spikes.tolist(), strict=True))
     stuck = {name: runs[name].stuck() for name in CHANNELS}
-    quiet, spectra = np.hstack(quiet), {name: np.hstack(spectra[name]) for name in CHANNELS}
     silent = [
         name
         for name in CHANNELS
         # once or twice is a fault of a moment
         if len(stuck[name]) not in (1, 2)
         and name not in figures["constant"]
-        and rests.silent(spectra[name][0], quiet[0])
+        and rests.silent(spectra[name][0], quiet)
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
-    zeroed = [{(n, at) for n, at, value in stuck[name] if value == zeros["angular_rate"][i]}
-              for i, name in enumerate(ANGULAR_RATE)]  # fmt: skip
+    padding = set.intersection(
+        *({run[:2] for run in stuck[name] if run[2] == zeros[name]} for name in ANGULAR_RATE)
+    )
+    zero_rows["angular_rate"] += sum(length for length, _ in padding)
     clipped = {}
-    for name in CHANNELS:
-        ends = figures["range"][name]
-        railed = [_at_rail(value, units.get(name), steps[name]) for value in ends]
-        clipped[name] = _clipped(
-            limits[name], ends, railed, stuck[name], spikes[name], runs[name], rate
-        )
-        if name in silent:
-            clipped[name] = {"values": [], "rows": 0}
-        stuck[name] = [run for run in stuck[name] if run[2] not in clipped[name]["values"]]
-    for length, start in set.intersection(*zeroed):
-        zero_rows["angular_rate"] += length
-        for name in ANGULAR_RATE:
-            stuck[name] = [run for run in stuck[name] if run[:2] != (length, start)]
-    held = {sensor: rows_a_value(lengths) for sensor, lengths in held.items()}
+    for name, counts in zip(CHANNELS, limits, strict=True):
+        ends, unit = figures["range"][name], units.get(name)
+        railed = [_at_rail(value, unit, steps[name]) for value in ends]
+        values, rows = _clipped(
+            counts, ends, railed, stuck[name], spikes[name], runs[name], rate
+        ) if name not in silent else ([], 0)  # fmt: skip
+        clipped[name] = {"values": values, "rows": rows}
+        stuck[name] = [run for run in stuck[name] if run[2] not in values]
+        if name in ANGULAR_RATE:
+            stuck[name] = [run for run in stuck[name] if run[:2] not in padding]
     axes = way.fit()
     fits = axes and axes["best"] > AGREEMENT
     return {
         "zero_rows": zero_rows,
         "stuck": {name: _stuck_figures(stuck[name], rate, file) for name in CHANNELS},
         "spikes": spikes,
-        "wraps": wraps,
+        "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
         "clipped_at": clipped,
-        "rows_a_value": held,
+        "rows_a_value": {s: rows_a_value(each) for s, each in zip(SENSORS, lengths, strict=True)},
         "copies": [
             list(pair)
-            for pair, (changed, common) in pairs.items()
-            if changed >= LEAST_CHANGES and common >= COPIED_SHARE * changed
+            for pair, (changed, alike) in zip(pairs, common, strict=True)
+            if changed >= LEAST_CHANGES and alike >= COPIED_SHARE * changed
         ],
         "silent_at_rest": silent,
         "noise_near_nyquist": {
             name: None if name in silent else rests.lacking(spectra[name]) for name in CHANNELS
         },
-        "rate_at_rest": rests.rate_at_rest(quiet),
         "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
         "axes": axes,
         "rests": _rests(still.figures(fits and axes["ratio"]), file),
@@ -198,8 +168,6 @@ def _rests(found, file):
     """Return what the stops tell, with times in place of rows."""
     if found:
         found["jump_s"] = _time_of(file, found.pop("jump_row"))
-        if found["levels"]:
-            found["levels"]["from_s"] = _time_of(file, found["levels"].pop("row"))
     return found
 
 
@@ -208,19 +176,6 @@ def _units(file):
     metadata = json.loads((file.schema_arrow.metadata or {}).get(METADATA_KEY, b"{}"))
     units = metadata.get("raw_units", {})
     return {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}
-
-
-def _zeros(units):
-    """Return what a logged zero is in SI, a value an axis."""
-    return {
-        sensor: [(0.0 - units[n]["offset"]) * units[n]["scale"] if n in units else 0 for n in axes]
-        for sensor, axes in SENSORS.items()
-    }
-
-
-def _all_at(x, axes, values):
-    """Return the rows in which all axes have the values given."""
-    return np.all([x[name] == value for name, value in zip(axes, values, strict=True)], axis=0)
 
 
 def _stuck_figures(found, rate, file):
@@ -306,7 +261,7 @@ def _clipped(counts, limits, railed, stuck, spikes, runs, rate):
         if limits[0] < limits[1] and (cut or (rail and at >= LEAST_RAIL)):
             values.append(value)
             rows += int(at)
-    return {"values": values, "rows": rows}
+    return values, rows
 
 
 def _spikes(x, step):

@@ -1,4 +1,4 @@
-"""The log formats: a name, a reader, and what tells them: first bytes, else the file's name."""
+"""The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,12 +24,15 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
 @dataclass(frozen=True)
 class Format:
-    """A log format.
+    """A log format: its reader, and what its files are called.
 
     Attributes
     ----------
     read : callable
-        ``read(paths, columns, batch_rows) -> RawLog``; with `most` too where `whole`.
+        ``read(paths, columns, batch_rows) -> RawLog``: role of each file (``log``) to its path,
+        what the config says of columns, rows given at once, about. With `most`, bytes to be read,
+        about, where `whole`. Raises ImuloopError where a declaration does not fit, RejectedLog for
+        a file that is broken.
     endings : tuple of str
         Endings of the file names that stand for the format, lower case.
     files : tuple of str
@@ -37,7 +40,7 @@ class Format:
     folder : bool
         Whether it may be a folder with files of these endings.
     whole : bool
-        Whether `read` takes in the whole log unless `most` says how many bytes of it, about.
+        Whether `read` takes in the whole log unless `most` says how many bytes of it.
     """
 
     read: Callable
@@ -60,7 +63,7 @@ FORMATS = {
     "matlab": Format(matlab.read, matlab.ENDINGS),
     "ros": Format(ros.read, ros.ENDINGS, folder=True, whole=True),
     "phone": Format(phone.read, phone.ENDINGS, whole=True),
-    # a .csv as others; told by its name here or by what it holds
+    # a .csv as others, known by its header
     "sensorlog": Format(sensorlog.read, sensorlog.ENDINGS, whole=True),
     "ulog": Format(ulog.read, ulog.ENDINGS, whole=True),
     "dataflash": Format(dataflash.read, dataflash.ENDINGS, whole=True),
@@ -85,14 +88,7 @@ _HEAD = 1 << 14
 
 
 def find_format(name, paths):
-    """Return the name of a format and the Format: that declared, else that its files tell.
-
-    Parameters
-    ----------
-    name : str or None
-        Declared name.
-    paths : dict
-        Role of the file to path.
+    """Return the name of a format and the Format: that declared, else that its files show.
 
     Raises
     ------
@@ -103,45 +99,43 @@ def find_format(name, paths):
     if name not in FORMATS:
         hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
         raise ImuloopError(f"'{name}' is not a format{hint}")
-    if set(paths) != set(FORMATS[name].files):
+    form = FORMATS[name]
+    if set(paths) != set(form.files):
         raise ImuloopError(
-            f"format {name} is read from {' and '.join(FORMATS[name].files)}, "
-            f"given {' and '.join(paths)}"
+            f"format {name} is read from {' and '.join(form.files)}, given {' and '.join(paths)}"
         )
     for path in paths.values():
-        if Path(path).is_dir() and not FORMATS[name].folder:
+        if Path(path).is_dir() and not form.folder:
             raise ImuloopError(f"{path} is a folder, not a file")
-    return name, FORMATS[name]
+    return name, form
 
 
 def guess_format(paths):
-    """Return the name of the format that the files' keys, first bytes or names stand for."""
-    for name, form in FORMATS.items():
-        if len(form.files) > 1 and set(form.files) == set(paths):
-            return name
-    path = PurePath(next(iter(paths.values())))
-    if Path(path).is_dir():
-        inside = {PurePath(p.name.removesuffix(".zstd")).suffix for p in Path(path).iterdir()}
+    """Return the name of the format that the files' roles, first bytes or names stand for."""
+    if set(paths) == set(imu_tk.FILES):
+        return "imu_tk"
+    path = Path(next(iter(paths.values())))
+    if path.is_dir():
+        inside = {PurePath(p.name.removesuffix(".zstd")).suffix for p in path.iterdir()}
         for name, form in FORMATS.items():
             if form.folder and inside & {*form.endings}:
                 return name
-        if Path(path, euroc.TABLE).is_file():
+        if (path / euroc.TABLE).is_file():
             return "euroc"
         raise ImuloopError(f"{path} is a folder, not a file")
-    if told := _told(Path(path)):
-        return told
-    if path.suffix.lower() in _PACKED:
-        path = path.with_suffix("")
+    if name := _by_first_bytes(path):
+        return name
+    bare = path.with_suffix("") if path.suffix.lower() in _PACKED else path
     for name, form in FORMATS.items():
-        if path.suffix.lower() in form.endings and len(form.files) == len(paths):
+        if bare.suffix.lower() in form.endings:
             return name
     raise ImuloopError(
-        f"the name {path.name} does not say its format; add format: {' | '.join(FORMATS)}"
+        f"the name {bare.name} does not say its format; add format: {' | '.join(FORMATS)}"
     )
 
 
-def _told(path):
-    """Return the format that a file's first bytes tell, or None."""
+def _by_first_bytes(path):
+    """Return the format that a file's first bytes show, or None."""
     if not path.is_file():
         return None
     try:

@@ -20,19 +20,10 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
     Parameters
     ----------
-    paths : dict
-        ``{"acceleration": path, "angular_rate": path}``.
+    paths, batch_rows
+        As of `imuloop.ingest.formats.Format`.
     columns : None
         The format has fixed columns, time and three axes; a header can only state their units.
-    batch_rows : int
-        Rows held at once, about.
-
-    Raises
-    ------
-    ImuloopError
-        If columns are declared, or a file does not have four columns.
-    RejectedLog
-        If the two files do not have the same rows and stamps.
     """
     if columns:
         raise ImuloopError("imu_tk files have fixed columns t x y z; leave columns out")

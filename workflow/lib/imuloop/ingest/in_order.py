@@ -5,16 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 
 def in_order(function, items, threads=1):
-    """Give `function` of each item, in order, whatever the number of threads.
+    """Give `function` of each item in order; with several threads few items are taken ahead.
 
-    Parameters
-    ----------
-    function : callable
-        Of one item; with several threads it must leave what others see alone.
-    items : iterable
-        Taken in the caller's thread, few more than results were given.
-    threads : int
-        How many items are worked on at once; none but the caller's thread if 1.
+    `ThreadPoolExecutor.map` would take in all items, a whole log, at once.
     """
     if threads == 1:
         yield from map(function, items)

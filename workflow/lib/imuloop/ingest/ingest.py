@@ -3,7 +3,6 @@
 import os
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -34,20 +33,15 @@ from imuloop.ingest.stamps import is_iso, iso_text
 
 # rows a row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
-# a block of memory of so many bytes that is freed once makes the C library keep what is freed of
-# smaller ones, instead of fetching every page of every column anew: half the time of a large log
-_KEPT = 31 << 20
-# units that are read
-_KNOWN = {
+_SENSORS = ("acceleration", "angular_rate")
+# units that are read, the first where neither the config nor the log says
+_UNITS = {
     "time": (*TIME,),
-    "interval": (*TIME,),
     "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
     "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
     "temperature": (*TEMPERATURE,),
+    "interval": (*TIME,),
 }
-# units where neither the config nor the log says
-_SI = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
-_SI["interval"] = "s"
 
 
 def ingest(
@@ -88,12 +82,12 @@ def ingest(
     samples_path, quality_path : path-like
         Files to write, each in one step.
     format : str, optional
-        Name in `imuloop.ingest.formats.FORMATS`; told from the files' names if None.
+        Name in `imuloop.ingest.formats.FORMATS`; found from the files if None.
     sources : dict, optional
         Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source, for
-        the record; told from the number of paths if None.
+        the record; found from the number of paths if None.
     columns, units : dict, optional
-        As in the config; what is not declared is told from the log, units else SI.
+        As in the config; what is not declared is found from the log, units else SI.
     rate : float, optional
         Hz, where the log has no time column.
     time_range : (start, end), optional
@@ -106,10 +100,8 @@ def ingest(
         ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
     gravity : float
         Local gravity, m/s^2.
-    batch_rows : int
-        Rows read at once, about; changes nothing in the result.
-    threads : int
-        How many may work at once; changes nothing in the result.
+    batch_rows, threads : int
+        Rows read at once, about, and how many may work at once; neither changes the result.
     progress : callable, optional
         ``progress(what, done, total)``, called often while a text table is ``"read"``, and then
         ``"measured"``: bytes of its files.
@@ -119,99 +111,74 @@ def ingest(
     ImuloopError
         If what is declared does not fit the log; one line with device, session and file.
     """
-    np.empty(_KEPT, dtype=np.uint8)
     paths = [Path(path) for path in paths]
-    roles = sources or (["log"] if len(paths) == 1 else ["acceleration", "angular_rate"])
+    roles = sources or (["log"] if len(paths) == 1 else _SENSORS)
     files = dict(zip(roles, paths, strict=True))
     marks_file = files.pop("pps", None)
     columns = dict(columns or {})
     if pps and not marks_file:
         columns["pps"] = pps
-    counts, reasons, logged, step, usual = Counts(), [], None, None, None
-    timeline = None
+    rejected = timeline = logged = step = usual = None
+    reasons, counts = [], Counts()
+
+    def opened():
+        log = form.read(files, columns or None, batch_rows)
+        log.threads = threads
+        return log
+
+    def teller(what):
+        return lambda done: progress and done and progress(what, done, total)
+
+    def written(log, counts, batches, rebuilt=False):
+        _write(temporary, batches, log, counts, origin, hashes, teller("read"), rebuilt)
+        measured = teller("measured")
+        return quality.measure(temporary, full_scale, threads, lambda x: measured(x * total))
+
     try:
-        for path in paths:
-            if any("\ud800" <= c <= "\udfff" for c in str(path)):
-                raise ImuloopError("its name is no UTF-8: rename it")
-            if not (path.is_file() or path.is_dir()):
-                raise ImuloopError("there is no such file; see file: in the config")
+        _check_paths(paths)
         before = _state(paths)
         total = sum(size for _, _, size, _ in before)
-        name, form = find_format(format, files)
+        log_format, form = find_format(format, files)
         try:
-            log = form.read(files, columns or None, batch_rows)
+            log = opened()
         except RejectedLog as error:
-            log, reasons = RawLog(batches=iter(()), temperature=False, found={}), [str(error)]
+            log, rejected = RawLog(batches=iter(()), temperature=False, found={}), error
         units, doubts = used_units(log, units or {})
-        raw_units = {
-            quantity: raw_unit(quantity, units[quantity], (nominal or {}).get(quantity))
-            for quantity in ("acceleration", "angular_rate")
-        }
-        origin = {
-            "device": device,
-            "session": session,
-            "kind": kind,
-            "log_format": name,
-            "source": dict(sources or {role: {"path": str(p)} for role, p in files.items()}),
-            "sha256": None,
-            "units": units,
-            "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
-            "simulated": log.simulated,
-            "start": None,
-        }
+        raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in _SENSORS}
+        source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
+        origin = _origin(device, session, kind, units, raw_units, log_format, source, log.simulated)
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
-        if not reasons and (pps or marks_file):
-            log.threads = threads
-            try:
-                timeline = marks.find_timeline(log, units, pps or {}, marks_file)
-            except RejectedLog as error:
-                reasons = [str(error)]
-            log = form.read(files, columns or None, batch_rows)
-        declared["timeline"] = timeline
-
-        def read(position):
-            if progress and position:
-                progress("read", position, total)
-
-        def measured(share):
-            if progress:
-                progress("measured", share * total, total)
-
-        log.threads = threads
-        samples = si_batches(log, **declared, counts=counts)
         with ThreadPoolExecutor(1) as pool, replaced(samples_path) as temporary:
-            own = (origin, pool.submit(_hashes, paths), read)
-            measure = partial(quality.measure, temporary, full_scale, threads, measured)
+            hashes = pool.submit(_hashes, paths)
             try:
-                if not reasons and increments.by_stamps(log, units):
+                if rejected:
+                    raise rejected
+                if pps or marks_file:
+                    timeline = marks.find_timeline(log, units, pps or {}, marks_file)
+                    declared["timeline"], log = timeline, opened()
+                if increments.by_stamps(log, units):
                     # the usual step has to be known before gaps are
                     usual = increments.usual_step(si_batches(log, **declared, counts=Counts()))
-                    log = form.read(files, columns or None, batch_rows)
-                    log.threads = threads
-                    samples = si_batches(log, **declared, counts=counts, usual=usual)
-                _write(temporary, samples if not reasons else (), log, counts, *own)
-                figures = measure()
+                    declared["usual"], log = usual, opened()
+                figures = written(log, counts, si_batches(log, **declared, counts=counts))
                 step = bursts.line_step(counts, figures, rate, bool(increments.factors(units)))
                 if step and bursts.follows_stamps(temporary, step):
                     step = None
                 if step:
                     # once more from the start, now that the line is known
-                    counts, logged = Counts(), figures
-                    log = form.read(files, columns or None, batch_rows)
-                    log.threads = threads
-                    samples = si_batches(log, **declared, counts=counts, step=step)
-                    _write(temporary, samples, log, counts, *own, rebuilt=True)
-                    figures = measure()
+                    counts, logged, log = Counts(), figures, opened()
+                    declared |= {"step": step, "usual": None}
+                    batches = si_batches(log, **declared, counts=counts)
+                    figures = written(log, counts, batches, rebuilt=True)
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
-                _write(temporary, (), log, counts, *own)
-                figures = measure()
+                figures = written(log, counts, ())
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)
             fault = bursts.broken(figures, rate)
             if fault:
-                # the rate is wrong, and what was told by it
+                # the rate is wrong, and what was found by it
                 many = figures["gaps"]["count"] > bursts.MOST_BURSTS
                 wrong, doubted = ([fault], []) if many else ([], [fault])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
@@ -219,36 +186,58 @@ def ingest(
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
             if reasons:
-                _write(temporary, (), log, counts, *own)
+                _write(temporary, (), log, counts, origin, hashes, teller("read"))
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
-        fault, said = type(error), error
+        kind_of_error, text = type(error), error
         if isinstance(error, PermissionError):
-            fault, said = MachineFault, error.strerror
-        raise fault(f"{device}/{session}: {names}: {said}") from error
-    notes = quality.warnings(figures, counts, log, rate=rate) + doubted
+            kind_of_error, text = MachineFault, error.strerror
+        raise kind_of_error(f"{device}/{session}: {names}: {text}") from error
     if timeline:
-        before, after = counts.outside_marks.tolist()
-        timeline.told.update(before=before, after=after)
-        doubts += marks.warnings(timeline.told)
+        early, late = counts.outside_marks.tolist()
+        timeline.figures.update(before=early, after=late)
+        doubts += marks.warnings(timeline.figures)
     summed = increments.figures(log, units, counts, usual, step, rate)
-    doubts += increments.warnings(summed, figures, counts)
-    clock = clocks.figures(counts.clock, figures, "time" in log.found and rate, logged)
-    write_json(
-        quality_path,
-        {
-            **_quality(reasons, figures, counts, log),
-            "misdeclared": misdeclared,
-            "warnings": doubts + counts.clock.warnings(logged, step) + notes,
-            "clock": {**clock, "pps": timeline and timeline.told},
-            "increments": summed,
-            **origin,
-        },
+    doubts += increments.warnings(summed, figures)
+    if logged:
+        doubts.append(bursts.rebuilt(logged, step))
+    doubts += counts.clock.warnings()
+    found = _quality(reasons, figures, counts, log) | origin
+    found["misdeclared"] = misdeclared
+    found["warnings"] = doubts + quality.warnings(figures, counts, log, rate=rate) + doubted
+    found["clock"] = clocks.figures(
+        counts.clock, figures, "time" in log.found and rate, logged, timeline and timeline.figures
     )
+    found["increments"] = summed
+    write_json(quality_path, found)
+
+
+def _check_paths(paths):
+    for path in paths:
+        if any("\ud800" <= c <= "\udfff" for c in str(path)):
+            raise ImuloopError("its name is no UTF-8: rename it")
+        if not (path.is_file() or path.is_dir()):
+            raise ImuloopError("there is no such file; see file: in the config")
+
+
+def _origin(device, session, kind, units, raw_units, log_format, source, simulated):
+    """Return where samples come from; hashes and start are known once they are read."""
+    return {
+        "device": device,
+        "session": session,
+        "kind": kind,
+        "log_format": log_format,
+        "source": source,
+        "sha256": None,
+        "units": units,
+        "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
+        "simulated": simulated,
+        "start": None,
+    }
 
 
 def _quality(reasons, figures, counts, log):
-    """Return the content of quality.json but for what is told of clock, units and source."""
+    """Return the content of quality.json but for clock, increments, warnings and source."""
     return {
         "format": 1,
         "status": "rejected" if reasons else "ok",
@@ -284,25 +273,14 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     """
     reason, failed = why
     log = RawLog(batches=iter(()), temperature=False, found={})
-    si = {quantity: _SI[quantity] for quantity in ("acceleration", "angular_rate")}
-    origin = {
-        "device": device,
-        "session": session,
-        "kind": kind,
-        "log_format": None,
-        "source": {},
-        "sha256": {},
-        "units": dict(_SI),
-        "raw_units": {quantity: vars(raw_unit(quantity, unit)) for quantity, unit in si.items()},
-        "simulated": False,
-        "start": None,
-    }
-    empty = schema(False, origin).empty_table()
+    units = {quantity: known[0] for quantity, known in _UNITS.items()}
+    raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
+    origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
     with replaced(samples_path) as temporary:
-        pq.write_table(empty, temporary)
+        pq.write_table(schema(False, origin).empty_table(), temporary)
         figures = quality.measure(temporary)
-    content = _quality([reason], figures, Counts(), log)
-    write_json(quality_path, {**content, **origin, "failed": failed})
+    found = _quality([reason], figures, Counts(), log) | origin
+    write_json(quality_path, found | {"failed": failed})
 
 
 def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
@@ -332,7 +310,7 @@ def _encodings(table):
 
 
 def used_units(log, declared):
-    """Return the unit of each quantity, and where the log itself says otherwise.
+    """Return the unit of each quantity, and where the log itself says otherwise (texts).
 
     Parameters
     ----------
@@ -344,25 +322,25 @@ def used_units(log, declared):
     Raises
     ------
     ImuloopError
-        If one is no unit of time or temperature.
+        If one is no unit.
     """
-    used, doubts, stated = {}, [], log.units
-    for quantity, si in _SI.items():
-        used[quantity] = declared.get(quantity) or stated.get(quantity) or si
-        # of time only where stamps are numbers: in ISO 8601 they need no unit
-        known = declared.get(quantity) or quantity == "time" or used[quantity] in _KNOWN[quantity]
-        if not known:
-            raise unknown_unit(quantity, used[quantity])
-        if stated.get(quantity, used[quantity]) != used[quantity]:
-            doubts.append(
-                f"units.{quantity} is {used[quantity]}, the log says {stated[quantity]}; "
-                f"{used[quantity]} used"
-            )
-    for quantity, known in (("time", TIME), ("temperature", TEMPERATURE), ("interval", TIME)):
-        if quantity in declared and used[quantity] not in known and not is_iso(used[quantity]):
-            near = stated_unit(quantity, used[quantity])
+    used, doubts = {}, []
+    for quantity, known in _UNITS.items():
+        unit = used[quantity] = declared.get(quantity) or log.units.get(quantity) or known[0]
+        if log.units.get(quantity, unit) != unit:
+            stated = log.units[quantity]
+            doubts.append(f"units.{quantity} is {unit}, the log says {stated}; {unit} used")
+        # that of sensors is checked with their scale; ISO 8601 stamps need no unit
+        if unit in known or (quantity == "time" and is_iso(unit)):
+            continue
+        if quantity not in declared:
+            # of time only where stamps are numbers
+            if quantity != "time":
+                raise unknown_unit(quantity, unit)
+        elif quantity not in _SENSORS:
+            near = stated_unit(quantity, unit)
             hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(known)}"
-            raise ImuloopError(f"units.{quantity}: '{used[quantity]}' is not a unit; {hint}")
+            raise ImuloopError(f"units.{quantity}: '{unit}' is not a unit; {hint}")
     if not log.temperature:
         del used["temperature"]
     if "interval" not in log.found:
@@ -391,12 +369,11 @@ def _state(paths):
 
 def _hashes(paths):
     """Return file name (path, where names repeat) -> SHA-256; of a folder, its files."""
-    files = _files(paths)
+    files, found = _files(paths), {}
     distinct = len({path.name for path in files}) == len(files)
-    return {path.name if distinct else str(path): _hash(path) for path in files}
-
-
-def _hash(path):
-    # one that is gone meanwhile has changed
-    with suppress(FileNotFoundError):
-        return sha256(path)
+    for path in files:
+        found[path.name if distinct else str(path)] = None
+        # one that is gone meanwhile has changed
+        with suppress(FileNotFoundError):
+            found[path.name if distinct else str(path)] = sha256(path)
+    return found

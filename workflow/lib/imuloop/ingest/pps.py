@@ -12,19 +12,17 @@ of the marks: the local clock's error over the interval is spread evenly over it
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
+from scipy.ndimage import median_filter
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.ingest.clocks import Clock
+from imuloop.ingest.clocks import Clock, overlap, turns_apart
 from imuloop.ingest.columns import position
-from imuloop.ingest.convert import survey
+from imuloop.ingest.convert import counter_batches
 from imuloop.ingest.delimited import text_batches
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.stamps import parse_stamps, stamp_values
+from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 from imuloop.ingest.text_layout import find_layout
 
-# names of the marks in raw batches
-COUNTER, TIME = "pps.counter", "pps.time"
 # a local clock that is further off is none; a mark that is, against its neighbours, is no mark
 MOST_OFF = 500e-6
 # neighbours on each side
@@ -37,35 +35,23 @@ _MARK_ROWS = 1 << 16
 
 @dataclass(frozen=True)
 class Timeline:
-    """GNSS time over a local counter.
+    """GNSS time `seconds` from the first mark over the local counter at marks, `counters`, rising.
 
-    Attributes
-    ----------
-    counters : ndarray, shape (n,)
-        Local counter at each mark, rising.
-    seconds : ndarray, shape (n,)
-        GNSS time of each mark from the first, s.
-    scale : float
-        Nominal seconds per tick.
-    start_ns : int or None
-        Moment of the first mark, ns since 1970, where marks are dates.
-    told : dict
-        What quality.json says of the marks.
+    `start_ns` is the moment of the first mark, ns since 1970, where marks are dates, `figures` what
+    quality.json says of the marks.
     """
 
     counters: np.ndarray
     seconds: np.ndarray
-    scale: float
     start_ns: int | None
-    told: dict
+    figures: dict
 
     def at(self, x):
         """Return GNSS time from the first mark, s, at counters of shape (n,)."""
         i = np.clip(np.searchsorted(self.counters, x, side="right") - 1, 0, len(self.counters) - 2)
-        since = x - self.counters[i]
-        whole = self.counters[i + 1] - self.counters[i]
-        bias = (self.seconds[i + 1] - self.seconds[i]) - whole * self.scale
-        return self.seconds[i] + since * self.scale + bias * since / whole
+        # s + b/(C3 - C1) is the slope from mark to mark
+        slope = np.diff(self.seconds) / np.diff(self.counters)
+        return self.seconds[i] + (x - self.counters[i]) * slope[i]
 
     def moment(self, seconds):
         """Return the moment of GNSS time from the first mark, ns since 1970; None without dates."""
@@ -77,90 +63,11 @@ class Timeline:
         return np.array([np.count_nonzero(seconds < 0), np.count_nonzero(after)])
 
 
-def read_marks(path, columns):
-    """Return local counters and GNSS times of a text table of marks, as pyarrow arrays.
-
-    Parameters
-    ----------
-    path : path-like
-        Table; its first two columns if they are not named.
-    columns : dict
-        Names or numbers of ``counter`` and ``time``.
-    """
-    layout = find_layout(path, least=2)
-    where = [
-        position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
-        for i, key in enumerate(("counter", "time"))
-    ]
-    log = RawLog(batches=iter(()), temperature=False, found={})
-    parts = list(text_batches(path, layout, where, _MARK_ROWS, log))
-    if not parts:
-        raise RejectedLog(f"{path} holds no marks")
-    table = pa.Table.from_batches(parts).combine_chunks()
-    return tuple(parse_stamps(table.column(i).combine_chunks()) for i in (0, 1))
-
-
-class LogMarks:
-    """Marks that a log repeats in each row until the next one, gathered part by part."""
-
-    def __init__(self):
-        self._last, self._counters, self._times = None, [], []
-
-    def add(self, batch, logged, mended, readable, width):
-        """Take further rows.
-
-        Parameters
-        ----------
-        batch : pyarrow.RecordBatch
-            With `COUNTER` and `TIME`.
-        logged, mended : ndarray, shape (n,)
-            Counter of the rows as logged and without roll-over.
-        readable : ndarray of bool, shape (n,)
-        width : number or None
-            Span of the counter, once it is known.
-        """
-        counter, fine, _ = stamp_values(batch.column(COUNTER))
-        time, known, dated = stamp_values(batch.column(TIME))
-        rows = np.flatnonzero(readable & fine & known)
-        if not rows.size:
-            return
-        pairs = np.array([counter[rows], time[rows]])
-        last = pairs[:, :1] + 1 if self._last is None else self._last
-        new = (np.diff(np.concatenate((last, pairs), axis=1)) != 0).any(axis=0)
-        self._last = pairs[:, -1:]
-        rows = rows[new]
-        since = logged[rows] - counter[rows]
-        if width:
-            since = (since + width // 2) % width - width // 2
-        self._counters.append(mended[rows] - since)
-        self._times.append(_seconds(time[rows], dated))
-
-    def marks(self):
-        """Return counters and GNSS times, and whether these are dates."""
-        if not self._counters:
-            raise RejectedLog("1PPS: the log holds no marks")
-        times = [time for time, _ in self._times]
-        return np.concatenate(self._counters), np.concatenate(times), self._times[0][1]
-
-
-def _seconds(values, dated):
-    """Return GNSS times as whole ns where they are dates, else as s."""
-    return (values, True) if dated else (values.astype(float), False)
-
-
 def find_timeline(log, units, columns, path=None):
-    """Return GNSS time over the counter of a log, which is read to its end.
+    """Return GNSS time over the counter of a log, its time column; the log is read to its end.
 
-    Parameters
-    ----------
-    log : RawLog
-        The log; its time column is the local counter.
-    units : dict
-        Unit of ``time``.
-    columns : dict
-        ``counter`` and ``time`` of the marks, columns of the log, or of the file.
-    path : path-like, optional
-        Text table of the marks.
+    Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
+    `path`.
 
     Raises
     ------
@@ -169,73 +76,92 @@ def find_timeline(log, units, columns, path=None):
     RejectedLog
         If the marks do not fit the log.
     """
-    if path is None:
-        check(columns, log)
-    marks = LogMarks() if path is None else read_marks(path, columns)
-    width, span, tick = survey(log, units, marks if path is None else None)
-    found = marks.marks() if path is None else file_marks(marks, width, span, tick)
-    return timeline(*found, span, tick * 1e-9)
+    if path is None and not log.found.get("pps"):
+        raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
+    marks = None if path is None else read_marks(path, columns)
+    clock, limits, found = Clock(), [], []
+    tick = NANOSECONDS.get(units["time"])
+    for mended, usable, batch in counter_batches(log, units, clock):
+        if usable.any():
+            limits += [mended[usable].min().item(), mended[usable].max().item()]
+            limits = [min(limits), max(limits)]
+        if marks is None:
+            counter, time, known, dated = _pairs(batch["pps.counter"], batch["pps.time"])
+            known &= usable
+            found.append((*_changes(counter[known], time[known]), dated))
+    if clock.resets:
+        raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
+    if marks is None:
+        found = [each for each in found if len(each[0])]
+        if not found:
+            raise RejectedLog("1PPS: the log holds no marks")
+        counters, times = (np.concatenate([each[i] for each in found]) for i in (0, 1))
+        marks = *_changes(counters, times), found[0][2]
+    counters, times, dated = _beside(*marks, clock.span_in(tick), limits, tick)
+    return timeline(counters, times, dated, limits, tick * 1e-9)
 
 
-def file_marks(marks, width, span, tick):
-    """Return counters in line with those of a log, GNSS times, and whether these are dates.
+def read_marks(path, columns):
+    """Return local counters and GNSS times of a text table of marks, and whether these are dates.
 
-    Parameters
-    ----------
-    marks : tuple of pyarrow.Array
-        From `read_marks`.
-    width : number or None
-        Span of the log's counter, if it rolled over.
-    span : (number, number)
-        Range of the log's counter.
-    tick : int
-        Nanoseconds per unit of the counter.
+    `columns` names ``counter`` and ``time``, else they are the first two.
     """
-    counter, fine, _ = stamp_values(marks[0])
-    time, known, dated = stamp_values(marks[1])
-    counter, time = counter[fine & known], time[fine & known]
+    layout = find_layout(path, least=2)
+    where = [
+        position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
+        for i, key in enumerate(("counter", "time"))
+    ]
+    log = RawLog(batches=iter(()), temperature=False, found={})
+    parts = [_pairs(*each) for each in text_batches(path, layout, where, _MARK_ROWS, log, stamps=2)]
+    if not parts:
+        raise RejectedLog(f"{path} holds no marks")
+    counters, times = (np.concatenate([part[i][part[2]] for part in parts]) for i in (0, 1))
+    return counters, times, parts[0][3]
+
+
+def _pairs(counters, times):
+    """Return two columns as numbers, which rows have both, and whether the times are dates."""
+    counters, fine, _ = stamp_values(counters)
+    times, known, dated = stamp_values(times)
+    return counters, times, fine & known, dated
+
+
+def _changes(counters, times):
+    """Return the marks that differ from the one before: a log repeats the last one in each row."""
+    new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))[: len(times)]
+    return counters[new], times[new]
+
+
+def _beside(counter, time, dated, width, limits, tick):
+    """Return counters of a table of marks in line with those of a log, times, and if dated.
+
+    `width` is the span of the log's counter, if it rolled over, `limits` its range.
+    """
     if width:
         counter = counter + width * np.cumsum(np.diff(counter, prepend=counter[:1]) < -width / 2)
     else:
-        clock, every = Clock(), np.ones(len(counter), dtype=bool)
-        counter, usable = clock.mended(counter, every, (counter[:0], every[:0]), tick)
+        clock = Clock()
+        counter, usable = clock.mended(counter, np.ones(len(counter), dtype=bool), tick=tick)
         if clock.resets:
             raise RejectedLog("1PPS: the counter of the marks starts again")
-        counter, time = counter[usable], time[usable]
-        width = clock.span_s and round(clock.span_s * 1e9) // tick
-    if width and len(counter):
-        # one of the two may have begun before the counter rolled over
-        middle = round((sum(span) - counter[0] - counter[-1]) / 2 / width)
-        shifts = [(middle + k) * width for k in (0, -1, 1)]
-        counter = counter + max(shifts, key=lambda s: _overlap(span, counter[[0, -1]] + s))
-    return counter, *_seconds(time, dated)
-
-
-def _overlap(a, b):
-    return min(a[1], b[1]) - max(a[0], b[0])
+        counter, time, width = counter[usable], time[usable], clock.span_in(tick)
+    if width and limits and len(counter):
+        counter = counter + turns_apart(limits, counter[[0, -1]].tolist(), width)
+    return counter, time, dated
 
 
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def timeline(counters, times, dated, span, scale):
+def timeline(counters, times, dated, limits, scale):
     """Return GNSS time over the counter, through the marks that can be used.
 
-    Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away
-    from where their neighbours put them, and all but the longest run of marks between which the
-    local clock is no further off than `MOST_OFF`.
-
-    Parameters
-    ----------
-    counters, times : ndarray, shape (n,)
-        Counter without roll-over, and GNSS time in s, or in ns where `dated`.
-    dated : bool
-        Whether times are dates.
-    span : (number, number)
-        Range of the log's counter.
-    scale : float
-        Seconds per tick.
+    Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
+    where their neighbours put them, and all but the longest run of marks between which the local
+    clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or ns
+    where `dated`; `limits` are the range of the log's counter, `scale` are seconds per tick.
     """
     given = len(counters)
+    times = times if dated else times.astype(float)
     t = (times - times[:1]) * 1e-9 if dated else times - times[:1]
     whole = np.abs(t - np.rint(t)) <= _WHOLE
     if not dated:
@@ -247,18 +173,22 @@ def timeline(counters, times, dated, span, scale):
     local = (counters - counters[:1]) * scale
     rate = np.diff(local) / np.diff(t)
     usual = np.median(rate[np.isfinite(rate)]) if np.isfinite(rate).any() else 1.0
-    fits = np.abs(_from_neighbours(local - usual * t)) <= MOST_OFF
+    away = local - usual * t
+    if len(away) > _NEIGHBOURS:
+        middle = median_filter(away, 2 * _NEIGHBOURS + 1, mode="mirror")
+    else:
+        middle = np.median(away) if len(away) else 0.0
+    fits = np.abs(away - middle) <= MOST_OFF
     counters, times, t, local = counters[fits], times[fits], t[fits], local[fits]
     off = np.diff(local) / np.diff(t) - 1
-    sound = (np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)
-    begin, end = _longest_run(sound)
+    begin, end = _longest_run((np.diff(t) > 0) & (np.abs(off) <= MOST_OFF))
     if end - begin < 1:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
     counters, t = counters[begin : end + 1], t[begin : end + 1]
-    if _overlap(span, (counters[0], counters[-1])) <= 0:
+    if not limits or overlap(limits, (counters[0], counters[-1])) <= 0:
         raise RejectedLog("1PPS: the marks and the log share no time")
     steps, off = np.diff(t), off[begin:end] * 1e6
-    told = {
+    figures = {
         "marks": len(t),
         "rejected": given - len(t),
         "missed": int((steps - 1).sum()),
@@ -266,17 +196,7 @@ def timeline(counters, times, dated, span, scale):
         "drift_ppm": float(((counters[-1] - counters[0]) * scale / (t[-1] - t[0]) - 1) * 1e6),
         "drift_range_ppm": [float(off.min()), float(off.max())],
     }
-    start = int(times[begin]) if dated else None
-    return Timeline(counters, t - t[0], scale, start, told)
-
-
-def _from_neighbours(residuals):
-    """Return how far each value is from the median of those around it."""
-    sides = np.pad(residuals, _NEIGHBOURS, mode="reflect") if len(residuals) > _NEIGHBOURS else None
-    if sides is None:
-        return residuals - np.median(residuals) if len(residuals) else residuals
-    windows = np.lib.stride_tricks.sliding_window_view(sides, 2 * _NEIGHBOURS + 1)
-    return residuals - np.median(windows, axis=1)
+    return Timeline(counters, t - t[0], int(times[begin]) if dated else None, figures)
 
 
 def _longest_run(sound):
@@ -286,27 +206,19 @@ def _longest_run(sound):
     return runs[np.argmax(runs[:, 1] - runs[:, 0])] if len(runs) else (0, 0)
 
 
-def warnings(told):
-    """Return what was done by marks, a line each; `told` is None where there were none."""
-    if not told:
-        return []
+def warnings(done):
+    """Return what was done by marks, from their figures, a line each."""
     line = (
-        f"t is GNSS time through {told['marks']} 1PPS marks: the local clock runs "
-        f"{abs(told['drift_ppm']):.3f} ppm {'slow' if told['drift_ppm'] < 0 else 'fast'}"
+        f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
+        f"{abs(done['drift_ppm']):.3f} ppm {'slow' if done['drift_ppm'] < 0 else 'fast'}"
     )
-    if told["missed"]:
-        line += f"; {told['missed']} marks missed, the longest way {told['longest_step_s']:g} s"
-    if told["rejected"]:
-        line += f"; {told['rejected']} marks rejected"
-    if told["before"] or told["after"]:
+    if done["missed"]:
+        line += f"; {done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"
+    if done["rejected"]:
+        line += f"; {done['rejected']} marks rejected"
+    if done["before"] or done["after"]:
         line += (
-            f"; {told['before']} rows before the first mark and {told['after']} after the last go "
+            f"; {done['before']} rows before the first mark and {done['after']} after the last go "
             "by the rate of the nearest interval"
         )
     return [line]
-
-
-def check(pps, log):
-    """Raise where columns of marks are declared that a log does not hold."""
-    if pps and not log.found.get("pps"):
-        raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")

@@ -15,6 +15,7 @@ from imuloop.core.samples import (
 from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.in_order import in_order
+from imuloop.ingest.increments import SENSORS, median_of_parts
 
 # at most so many gaps are listed; all are counted
 LISTED_GAPS = 50
@@ -44,81 +45,59 @@ TREATMENT = (
 
 
 def measure(path, full_scale=None, threads=1, progress=None):
-    """Return the quality figures of a samples file, read row group by row group.
+    """Return the quality figures of a samples file, as in quality.json, row group by row group.
 
-    Parameters
-    ----------
-    path : path-like
-        Samples as in `imuloop.core.samples`, `t` strictly increasing.
-    full_scale : dict, optional
-        ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s); for clipping.
-    threads : int
-        How many may work at once.
-    progress : callable, optional
-        Called often with the share that is done.
-
-    Returns
-    -------
-    dict
-        As in quality.json; figures that the rows cannot give are None.
+    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping;
+    `progress` is called often with the share that is done. What the rows cannot give is None.
     """
+    progress = progress or (lambda share: None)
     with pq.ParquetFile(path) as file:
-        groups = range(file.num_row_groups)
+        names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
+        scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
 
         def tables():
-            for group in groups:
-                yield file.read_row_group(group)
-                if progress:
-                    progress(0.5 * (group + 1) / len(groups))
+            last = np.empty(0)
+            for group in range(file.num_row_groups):
+                table = file.read_row_group(group)
+                yield np.concatenate((last, table[TIME].to_numpy())), table
+                last = table[TIME].to_numpy()[-1:]
+                progress(0.5 * (group + 1) / file.num_row_groups)
 
-        figures = _time_figures(file, threads)
-        figures |= _channel_figures(file, tables(), full_scale or {}, threads)
-        told = progress and (lambda share: progress(0.5 + 0.5 * share))
-        return {**figures, "faults": faults.measure(file, figures, threads, told)}
-
-
-def _steps(file):
-    """Give (first stamp, steps) of each row group, the step to the next group's first included."""
-    last = None
-    for group in range(file.num_row_groups):
-        t = file.read_row_group(group, columns=[TIME])[TIME].to_numpy()
-        if last is not None:
-            t = np.concatenate(([last], t))
-        if len(t):
-            last = t[-1]
-            yield t[:-1], np.diff(t)
+        parts = in_order(lambda part: _part(*part, names, scales), tables(), threads)
+        parts = list(zip(*parts, strict=True)) or [[]] * 4
+        figures = _time_figures(file, median_of_parts(parts[0]))
+        figures |= _channel_figures(file.metadata.num_rows, names, scales, *parts[1:])
+        found = faults.measure(file, figures, threads, lambda share: progress(0.5 + 0.5 * share))
+    return {**figures, "faults": found}
 
 
-def _time_figures(file, threads):
+def _time_figures(file, median):
+    """Return the figures of the steps of time, whose usual one is given."""
+    gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     figures = {
         "rows": file.metadata.num_rows,
         "duration_s": 0.0,
         "rate_hz": None,
         "jitter": {"std_s": None, "max_s": None},
-        "gaps": {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []},
+        "gaps": gaps,
     }
-    found = in_order(_median, _steps(file), threads)
-    medians = [(float(median), n) for median, n in found if n]
-    if not medians:
+    if median is None:
         return figures
-    # median of the row groups' medians: bounded memory, and exact for one group
-    values, weights = np.array(sorted(medians)).T
-    median = values[np.searchsorted(np.cumsum(weights), weights.sum() / 2)]
-    limit = GAP_STEPS * median
+    limit = gaps["longer_than_s"] = GAP_STEPS * median
     regular = total = squares = largest = 0.0
-    gaps = figures["gaps"]
-    gaps["longer_than_s"] = limit
-    for starts, steps in _steps(file):
+    last = np.empty(0)
+    for group in range(file.num_row_groups):
+        t = np.concatenate((last, file.read_row_group(group, columns=[TIME])[TIME].to_numpy()))
+        steps, last = np.diff(t), t[-1:]
         figures["duration_s"] += float(steps.sum())
-        wide = steps > limit
-        gaps["count"] += int(wide.sum())
+        wide = np.flatnonzero(steps > limit)
+        gaps["count"] += len(wide)
         gaps["total_s"] += float(steps[wide].sum())
-        room = LISTED_GAPS - len(gaps["list"])
         gaps["list"] += [
-            {"start_s": float(start), "duration_s": float(step)}
-            for start, step in zip(starts[wide][:room], steps[wide][:room], strict=True)
+            {"start_s": float(t[i]), "duration_s": float(steps[i])}
+            for i in wide[: LISTED_GAPS - len(gaps["list"])]
         ]
-        away = steps[~wide] - median
+        away = np.delete(steps, wide) - median
         regular += away.size
         total += away.sum()
         squares += (away**2).sum()
@@ -134,80 +113,58 @@ def _time_figures(file, threads):
     return figures
 
 
-def _median(part):
-    _, steps = part
-    return np.median(steps) if len(steps) else None, len(steps)
+# a damaged file may hold 1e306
+@np.errstate(over="ignore", invalid="ignore")
+def _part(t, table, names, scales):
+    """Return what a row group alone shows.
 
-
-def _channel_figures(file, tables, full_scale, threads):
-    names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
-    low, high = dict.fromkeys(names, np.inf), dict.fromkeys(names, -np.inf)
-    step = dict.fromkeys(names, np.inf)
-    sensors = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
-    limits = {name: full_scale.get(sensor) for sensor, axes in sensors.items() for name in axes}
-    clipped = {name: None if limit is None else 0 for name, limit in limits.items()}
-    magnitude = dict.fromkeys(sensors, 0.0)
-    # rows, mean and sum of squares about it of the force's magnitude, so far
-    force = (0, 0.0, 0.0)
-
-    # a damaged file may hold 1e306
-    @np.errstate(over="ignore", invalid="ignore")
-    def figures(table):
-        x = {name: table[name].to_numpy() for name in names}
-        finite = {name: np.sort(x[name][np.isfinite(x[name])]) for name in names}
-        ends = {name: (each[0], each[-1]) for name, each in finite.items() if each.size}
-        steps = {name: _smallest_step(finite[name]) for name in ends}
-        at_limit = {
-            name: int((np.abs(finite[name]) >= CLIPPED_SHARE * limit).sum())
-            for name, limit in limits.items()
-            if limit is not None
-        }
-        sizes = {
-            sensor: np.sqrt(sum(x[name] ** 2 for name in axes)) for sensor, axes in sensors.items()
-        }
-        size = sizes["acceleration"]
-        varied = len(size), size.mean(), size.var() * len(size)
-        return (
-            ends,
-            steps,
-            at_limit,
-            {sensor: float(s.sum()) for sensor, s in sizes.items()},
-            varied,
-        )
-
-    for ends, steps, at_limit, sizes, varied in in_order(figures, tables, threads):
-        for name, (least, most) in ends.items():
-            low[name], high[name] = min(low[name], least), max(high[name], most)
-            step[name] = min(step[name], steps[name])
-        clipped |= {name: clipped[name] + n for name, n in at_limit.items()}
-        magnitude |= {sensor: magnitude[sensor] + size for sensor, size in sizes.items()}
-        force = _pooled(force, varied)
-    rows = file.metadata.num_rows
-    # without a value there is none
-    ranges = {
-        name: [float(low[name]), float(high[name])] if low[name] <= high[name] else None
-        for name in names
-    }
-    return {
-        "clipped": clipped,
-        "constant": [name for name in names if low[name] == high[name]],
-        "range": ranges,
-        "quantisation_step": {name: step[name] if step[name] < np.inf else None for name in names},
-        "mean_specific_force": magnitude["acceleration"] / rows if rows else None,
-        "specific_force_std": float(np.sqrt(force[2] / rows))
-        if rows and np.isfinite(force[2])
-        else None,
-        "mean_angular_rate": magnitude["angular_rate"] / rows if rows else None,
-        "temperature_range": ranges.get(TEMPERATURE),
-    }
+    Median and number of steps; ends and smallest step of each channel; samples at each full scale;
+    sums of both magnitudes.
+    """
+    x = {name: table[name].to_numpy() for name in names}
+    finite = {name: np.sort(x[name][np.isfinite(x[name])]) for name in names}
+    ends = [
+        (each[0], each[-1], _smallest_step(each)) if each.size else (np.nan, np.nan, np.inf)
+        for each in finite.values()
+    ]
+    clipped = [
+        0 if scale is None else np.count_nonzero(np.abs(finite[name]) >= CLIPPED_SHARE * scale)
+        for name, scale in scales.items()
+    ]
+    force, rate = (np.sqrt(sum(x[name] ** 2 for name in axes)) for axes in SENSORS.values())
+    steps = np.diff(t)
+    median = (np.median(steps) if len(steps) else None, len(steps))
+    return median, ends, clipped, (force.sum(), rate.sum())
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _pooled(one, other):
-    """Return number, mean and sum of squares about it of two parts together (Chan's update)."""
-    n = one[0] + other[0]
-    away = other[1] - one[1]
-    return n, one[1] + away * other[0] / n, one[2] + other[2] + away**2 * one[0] * other[0] / n
+def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
+    """Return the figures of the channels, of those of the row groups."""
+    # without a value there is neither an end nor a step
+    ends = np.transpose([[(np.nan, np.nan, np.inf)] * len(names), *ends], (2, 0, 1))
+    low, high, step = np.fmin.reduce(ends[0]), np.fmax.reduce(ends[1]), ends[2].min(axis=0)
+    ranges = {
+        name: [a, b] if a <= b else None
+        for name, a, b in zip(names, low.tolist(), high.tolist(), strict=True)
+    }
+    clipped = np.sum([[0] * len(scales), *clipped], axis=0)
+    if rows:
+        magnitudes = np.sum(magnitudes, axis=0) / rows
+    return {
+        "clipped": {
+            name: None if scale is None else int(count)
+            for (name, scale), count in zip(scales.items(), clipped, strict=True)
+        },
+        "constant": [name for name, ends in ranges.items() if ends and ends[0] == ends[1]],
+        "range": ranges,
+        "quantisation_step": {
+            name: float(each) if each < np.inf else None
+            for name, each in zip(names, step, strict=True)
+        },
+        "mean_specific_force": float(magnitudes[0]) if rows else None,
+        "mean_angular_rate": float(magnitudes[1]) if rows else None,
+        "temperature_range": ranges.get(TEMPERATURE),
+    }
 
 
 def _smallest_step(x):
@@ -221,18 +178,10 @@ def _smallest_step(x):
 
 
 def reasons(figures, counts, bad_lines, lost_share=0.0):
-    """Return why a log cannot be used, one text a reason; empty if it can.
+    """Return why a log cannot be used, one text per reason; empty if it can.
 
-    Parameters
-    ----------
-    figures : dict
-        From `measure`.
-    counts : Counts
-        What became of the rows.
-    bad_lines : int
-        Lines that are no row.
-    lost_share : float
-        Share of a text's bytes that is in such lines: one can hold half of a log.
+    `lost_share` is the share of a text's bytes that is in lines that are no row: one can hold half
+    of a log.
     """
     found = []
     lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines
@@ -297,19 +246,7 @@ def _time_hint(rate):
 
 
 def warnings(figures, counts, log, *, rate):
-    """Return what a user should look at, though the log can be used.
-
-    Parameters
-    ----------
-    figures : dict
-        From `measure`.
-    counts : Counts
-        What became of the rows.
-    log : RawLog
-        The log, read to its end.
-    rate : float or None
-        Declared rate, Hz.
-    """
+    """Return what a user should look at, though the log, read to its end, can be used."""
     found = list(log.notes)
     if not figures["rows"]:
         return found

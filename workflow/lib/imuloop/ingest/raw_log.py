@@ -5,6 +5,13 @@ from dataclasses import dataclass, field
 
 import pyarrow as pa
 
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.ingest.columns import AXES, listed
+from imuloop.ingest.stamps import stamp_array
+
+# more columns than a matrix of samples has
+WIDEST = 64
 # name of the stamps in raw batches; absent where the log has no time column
 STAMP = "stamp"
 
@@ -61,6 +68,74 @@ class RawLog:
         self.bad_lines += count.bad_lines
         self.lost_bytes += count.lost_bytes
         self.text_bytes += count.text_bytes
+
+
+def table_log(names, chosen, batches, **known):
+    """Return the RawLog of a table.
+
+    Parameters
+    ----------
+    names : list of str
+        Names of all columns.
+    chosen : imuloop.ingest.columns.Columns
+        Those that are read.
+    batches : iterable of list of pyarrow.Array
+        The columns at ``chosen.positions()``, in their order, a part of the rows at once.
+    **known
+        Attributes of the log that it states itself, beside its units.
+    """
+    stamps = [STAMP] * (chosen.time is not None)
+    temperature = [TEMPERATURE] * (chosen.temperature is not None)
+    keys = [*CHANNELS, *stamps, *temperature, *chosen.others]
+    known["units"] = {**chosen.units, **known.get("units", {})}
+
+    def converted(key, position, column):
+        number = key in CHANNELS or key == TEMPERATURE
+        try:
+            return doubles(column) if number else stamp_array(column)
+        except pa.ArrowException as error:
+            what = "numbers" if number else "stamps"
+            raise ImuloopError(
+                f"column '{names[position]}' holds {column.type}, not {what}"
+            ) from error
+
+    def raw_batches():
+        for columns in batches:
+            parts = zip(keys, chosen.positions(), columns, strict=True)
+            yield pa.RecordBatch.from_pydict({part[0]: converted(*part) for part in parts})
+
+    return RawLog(
+        batches=raw_batches(),
+        temperature=chosen.temperature is not None,
+        found=chosen.found(names),
+        **{"columns": listed(names), **known},
+    )
+
+
+def doubles(column):
+    """Return a column as float64; what is missing becomes NaN."""
+    if column.type != pa.float64():
+        # whole numbers of more than 53 bits are rounded
+        column = column.cast(pa.float64(), safe=False)
+    return column.fill_null(float("nan")) if column.null_count else column
+
+
+def column_names(name, width):
+    """Return the names of the columns of a matrix: none of one wider than `WIDEST`."""
+    if width == 1:
+        return [name]
+    labels = AXES if width == len(AXES) else range(width if width <= WIDEST else 0)
+    return [f"{name}.{label}" for label in labels]
+
+
+def by_axis(columns):
+    """Return declared columns with each matrix of a sensor as its three columns."""
+    return {
+        quantity: [f"{value}.{axis}" for axis in AXES]
+        if isinstance(value, str) and quantity in ("acceleration", "angular_rate")
+        else value
+        for quantity, value in (columns or {}).items()
+    }
 
 
 def rechunked(batches, rows):

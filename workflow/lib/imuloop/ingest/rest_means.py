@@ -7,6 +7,7 @@ smaller than Earth's rate. A bias makes both only larger, flicker and drift as w
 """
 
 import numpy as np
+from scipy.special import chdtr, chdtri
 
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, CHANNELS
@@ -26,7 +27,7 @@ LEAST_NOISE = 0.5
 # error of the noise level, and it is below this share
 LEAST_CHANCE, ROOM, MOST_SHARE = 1e-5, 1.25, 0.5
 # median of the square of a normal number
-MEDIAN = 0.454936423119572
+MEDIAN = chdtri(1, 0.5)
 # means and pairs of them needed; for Earth's rate, standard errors below a part of it
 LEAST_MEANS, LEAST_PAIRS, SIGMAS, EARTH_PART = 24, 32, 6.0, 0.5
 
@@ -65,10 +66,7 @@ class RestMeans:
     def figures(self, steps):
         """Return the mean rate at rest beside what noise and Earth make of it.
 
-        Parameters
-        ----------
-        steps : sequence of 3 floats or None
-            Quantisation step of each axis, rad/s.
+        `steps` are the quantisation steps of the three axes, rad/s, or None.
 
         Returns
         -------
@@ -101,19 +99,23 @@ class RestMeans:
         found = {"rate": None, "upper": None, "window_s": None, "noise_share": None}
         tracked, blocks = False, 1
         while any(len(run) >= blocks for run in runs):
-            means = [_windows(run, blocks) for run in runs]
+            means = [
+                run[: len(run) // blocks * blocks].reshape(-1, blocks, 3).mean(axis=1)
+                for run in runs
+            ]
             every = np.concatenate(means)
             window = blocks * self.block_s
             power, n = (every**2 / noise).sum() * window, every.size
             if n >= LEAST_MEANS:
                 found["noise_share"] = min(found["noise_share"] or np.inf, float(power / n))
-                tracked |= power < MOST_SHARE * n and _chance(ROOM * power, n) < LEAST_CHANCE
+                tracked |= power < MOST_SHARE * n and chdtr(n, ROOM * power) < LEAST_CHANCE
             # noise of neighbours is not the same, bias and Earth's rate are
             pairs = [m[: len(m) // 2 * 2].reshape(-1, 2, 3) for m in means]
             power = np.concatenate(pairs).prod(axis=1).sum(axis=1)
             if len(power) >= LEAST_PAIRS:
                 upper = power.mean() + SIGMAS * power.std(ddof=1) / np.sqrt(len(power))
-                found |= {"rate": _root(power.mean()), "upper": _root(upper), "window_s": window}
+                rates = np.sqrt(np.maximum([power.mean(), upper], 0.0)).tolist()
+                found |= {"rate": rates[0], "upper": rates[1], "window_s": window}
             blocks *= 2
         if found["upper"] is not None:
             tracked |= found["upper"] < EARTH_PART * EARTH_RATE
@@ -132,20 +134,3 @@ def _white(parts, block_s):
         for means in (parts, halves)
     ]  # fmt: skip
     return np.min(found, axis=0)
-
-
-def _chance(power, n):
-    """Return the probability that the squares of n normal numbers add up to less."""
-    # takes as long to import as all the rest, and few logs need it
-    from scipy.special import chdtr
-
-    return chdtr(n, power)
-
-
-def _windows(run, blocks):
-    """Return the means of windows of so many blocks, shape (n, 3)."""
-    return run[: len(run) // blocks * blocks].reshape(-1, blocks, 3).mean(axis=1)
-
-
-def _root(power):
-    return float(np.sqrt(max(power, 0.0)))

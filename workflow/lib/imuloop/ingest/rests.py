@@ -1,4 +1,4 @@
-"""Blocks of rows at rest: the noise of an axis in bands, an axis without, the rate."""
+"""Blocks of rows at rest: the noise of an axis in bands, an axis without."""
 
 import numpy as np
 
@@ -42,12 +42,3 @@ def silent(variance, spread):
     """Tell whether an axis hardly ever changes while the force does not move."""
     quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
     return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())
-
-
-def rate_at_rest(found):
-    """Return the mean angular rate of the quietest blocks, rad/s."""
-    spread, rate = found[:, np.isfinite(found).all(axis=0)]
-    if len(spread) < LEAST_BLOCKS:
-        return None
-    quiet = np.argsort(spread)[: max(len(spread) // 4, LEAST_BLOCKS)]
-    return float(np.median(rate[quiet]))

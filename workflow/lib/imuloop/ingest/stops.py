@@ -42,10 +42,6 @@ APART = 0.17
 # windows between two stops at most, and how much farther the force moves, of gravity, than what
 # the angular rate turns it, to be a jump
 NEXT, UNTURNED = 3, 5.0
-# a level of rest, of two: stops of each; of one sphere the residual, of gravity, and its share left
-LEAST_STOPS, ONE_LEVEL, TWO_LEVELS = 4, 0.05, 1 / 3
-# the bias of an accelerometer, of gravity, as its standard deviation over all devices
-BIAS = 0.2
 
 
 class Stops:
@@ -58,7 +54,7 @@ class Stops:
         # per stop: first row, windows, force, rate; per window: change of the mean rate to the next
         # one and of the fine means, squared
         self.stops, self.changes = Thinned(KEPT_STOPS), Thinned(KEPT_WINDOWS)
-        self.moves = Kept(KEPT_MOVES)
+        self.moves = Thinned(KEPT_MOVES)
         # largest change of the force without a turn, m/s^2, its row, and the angle that the rate
         # turns meanwhile, rad
         self.jump = (0.0, 0, 0.0)
@@ -112,7 +108,7 @@ class Stops:
             if angle > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
                 bias = (turning[:, a - 1] + turning[:, b]) / 2
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
-                self.moves.add((before, after, (steps.T - bias) * self.dt))
+                self.moves.add([(before, after, (steps.T - bias) * self.dt)])
 
     def _jumps(self, stops, centre, turning, first, width):
         """Keep the largest change of the force from a stop to the next that nothing turned."""
@@ -129,12 +125,9 @@ class Stops:
                 self.jump = (float(change), first + int(j) * width, float(angle))
 
     def figures(self, guess=None):
-        """Return what the stops tell, None without any.
+        """Return what the stops show, None without any.
 
-        Parameters
-        ----------
-        guess : float or None
-            Scale of the angular rate, as turns inside the moves have it; one if None.
+        `guess` is the scale of the angular rate, as turns inside the moves have it; one if None.
 
         Returns
         -------
@@ -143,9 +136,9 @@ class Stops:
             specific force, m/s^2; `attitudes`, their number, and how far gravity `turned` from
             where it is most of the time, at most, and from a stop to the `next`, at most, rad;
             `turn_ratio`, see `scale`; `jump_m_s2`, the largest change of the force that no turn
-            goes with, at `jump_row`, 0 where there is none; `levels`, see `_levels`; `change`, the
-            median change of the angular rate from window to window, rad/s, and `change_share`, its
-            square beside that which white noise alone gives it.
+            goes with, at `jump_row`, 0 where there is none; `change`, the median change of the
+            angular rate from window to window, rad/s, and `change_share`, its square beside that
+            which white noise alone gives it.
         """
         stops = self.stops.rows()
         if not len(stops):
@@ -159,7 +152,7 @@ class Stops:
         usual = u[np.argmin(((u - usual) ** 2).sum(axis=1))]
         apart = 2 * np.arcsin(np.minimum(np.sqrt(((u - usual) ** 2).sum(axis=1)) / 2, 1))
         steps = np.sqrt((np.diff(u, axis=0) ** 2).sum(axis=1))
-        changes = np.median(self.changes.rows(), axis=0) if self.changes.held else [0.0, 0.0]
+        changes = np.median(self.changes.rows(), axis=0) if self.changes.items else [0.0, 0.0]
         turn_ratio = self.scale(guess)
         jump, row, angle = self.jump
         # a scale that is too small makes turns look as if there were none
@@ -174,7 +167,6 @@ class Stops:
             "turn_ratio": turn_ratio,
             "jump_m_s2": jump,
             "jump_row": row,
-            "levels": _levels(stops),
             "change": float(np.sqrt(changes[0])),
             "change_share": float(changes[0] / changes[1]) if changes[1] > 0 else None,
         }
@@ -182,16 +174,8 @@ class Stops:
     def scale(self, guess=None):
         """Return how far the angular rate turns the device over the moves, beside gravity.
 
-        Parameters
-        ----------
-        guess : float or None
-            The scale to look near to; one if None.
-
-        Returns
-        -------
-        dict or None
-            `value`, the median of the moves, its standard error `std`, and `moves`, their number.
-            None where too few moves can be explained by any scale.
+        Near to `guess`: `value`, the median of the moves, its standard error `std`, and `moves`,
+        their number. None where too few moves can be explained by any scale.
         """
         near = NEAR * (guess or 1.0)
         found = [_scale(*move, near) for move in self.moves.items]
@@ -238,66 +222,3 @@ def _attitudes(u):
         if (held @ each).max() < np.cos(APART):
             held = np.concatenate([held, each[None]])
     return len(held)
-
-
-def _levels(stops):
-    """Return where the specific force at rest goes from one level to another.
-
-    All forces at rest lie on a sphere about the bias, |f|² = 2 b·f + c, with radius
-    √(c + b²): scale and misalignment of the axes make a few per cent of it an ellipsoid. Two
-    spheres, one before and one after a row, have to leave a third of what one leaves.
-
-    Returns
-    -------
-    dict or None
-        `row` of the first stop of the second level, `before` and `after`, the radii, m/s^2. None
-        where one sphere is as good.
-    """
-    n, force = len(stops), stops[:, 2:5]
-    if n < 2 * LEAST_STOPS:
-        return None
-    unit = np.median(np.sqrt((force**2).sum(axis=1)))
-    f = force / unit
-    design = np.column_stack([2 * f, np.ones(n)])
-    square = (f**2).sum(axis=1)
-    # normal equations of the first stops, and of the last ones
-    normal = np.cumsum(design[:, :, None] * design[:, None, :], axis=0)
-    right = np.cumsum(design * square[:, None], axis=0)
-    power = np.cumsum(square**2)
-    # the bias is about zero: a norm that differs by a hundredth weighs as one of the stops
-    prior = np.diag([(0.02 / BIAS) ** 2] * 3 + [0.0])
-
-    def fit(normal, right, power):
-        solution = np.linalg.solve(normal + prior + 1e-9 * np.eye(4), right[..., None])[..., 0]
-        fitted = 2 * right - np.einsum("nij,nj->ni", normal, solution)
-        return solution, np.maximum(power - (fitted * solution).sum(axis=1), 0.0)
-
-    one = fit(normal[-1:], right[-1:], power[-1:])[1][0]
-    # the square of a norm differs twice as much as the norm
-    if np.sqrt(one / n) / 2 < ONE_LEVEL:
-        return None
-    at = np.arange(LEAST_STOPS - 1, n - LEAST_STOPS)
-    first, before = fit(normal[at], right[at], power[at])
-    second, after = fit(normal[-1] - normal[at], right[-1] - right[at], power[-1] - power[at])
-    best = int(np.argmin(before + after))
-    if before[best] + after[best] > TWO_LEVELS**2 * one:
-        return None
-    radii = [
-        float(unit * np.sqrt(max(s[3] + s[:3] @ s[:3], 0.0))) for s in (first[best], second[best])
-    ]
-    return {"row": int(stops[at[best] + 1, 0]), "before": radii[0], "after": radii[1]}
-
-
-class Kept:
-    """Things evenly spread over all that were added, at most twice `kept`."""
-
-    def __init__(self, kept):
-        self.kept, self.stride, self.seen, self.items = kept, 1, 0, []
-
-    def add(self, item):
-        """Take in one."""
-        if self.seen % self.stride == 0:
-            self.items.append(item)
-        self.seen += 1
-        if len(self.items) > 2 * self.kept:
-            self.items, self.stride = self.items[::2], 2 * self.stride

@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
-from imuloop.ingest.clocks import Clock
+from imuloop.ingest.clocks import Clock, turns_apart
 from imuloop.ingest.columns import AXES, guess, listed
 from imuloop.ingest.raw_log import STAMP, RawLog
 from imuloop.ingest.stamps import NANOSECONDS
@@ -22,16 +22,8 @@ _MOST_TURNS = 1000
 class Stream:
     """Numbers that a log keeps together, on one clock.
 
-    Attributes
-    ----------
-    name : str
-        Topic, message or file.
-    stamps : ndarray, shape (n,)
-        Whole or decimal numbers, the same unit in all streams of a log.
-    fields : dict of str to ndarray, shape (n,)
-        Field names as the log has them.
-    units : dict of str to str
-        Unit of each quantity, where the format says it.
+    `stamps` are whole or decimal numbers, shape (n,), of one unit in all streams of a log; `fields`
+    name to values, shape (n,); `units` quantity to unit, where the format says it.
     """
 
     name: str
@@ -72,45 +64,30 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
     streams = [_signed(stream) for stream in streams]
     if not any(len(stream.stamps) for stream in streams):
         raise RejectedLog("the log has no rows")
-    chosen = {quantity: _declared(quantity, columns, streams) for quantity in _SENSORS}
-    candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in _SENSORS}
-    shared = {c[0].name for c in candidates["acceleration"]} & {
-        c[0].name for c in candidates["angular_rate"]
-    }
-    for quantity, found in candidates.items():
-        # one that holds both sensors goes before those of one alone
-        together = [c for c in found if c[0].name in shared]
-        chosen[quantity] = _only(quantity, together or found, streams)
-    taken = [f"{stream.name}.{field}" for stream, fields in chosen.values() for field in fields]
-    if twice := [name for name in taken if taken.count(name) > 1]:
-        raise ImuloopError(f"columns: {twice[0]} is named twice; each axis is a column of its own")
-    for stream, _ in chosen.values():
-        if not len(stream.stamps):
-            raise RejectedLog(f"{stream.name} has no rows")
+    chosen = _chosen(columns, streams)
     clock = chosen["acceleration"][0]
-    stamps, units = clock.stamps, _stated("time", clock)
+    wanted = {quantity: (names, *chosen[quantity]) for quantity, names in _SENSORS.items()}
+    stream, name, notes = _temperature(columns, streams, clock)
+    if stream:
+        wanted[TEMPERATURE] = (TEMPERATURE,), stream, [name]
+    arrays, interpolated, found = {}, set(), {}
+    stamps, units = clock.stamps, {q: unit for q, unit in clock.units.items() if q == "time"}
     if columns.get("time") is not None:
-        stream, name = _locate("time", columns["time"], streams)
-        if stream is not clock:
+        own, name = _locate("time", columns["time"], streams)
+        if own is not clock:
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
         # in a unit of its own
-        stamps, units = stream.fields[name], {}
-    notes, arrays, interpolated = [], {}, set()
-    for quantity, names in _SENSORS.items():
-        stream, fields = chosen[quantity]
-        own = len(notes)
-        values = _onto(clock, stream, [stream.fields[f] for f in fields], quantity, notes)
-        if len(notes) > own:
+        stamps, units = own.fields[name], {}
+    for quantity, (names, stream, fields) in wanted.items():
+        values, merged = _onto(clock, stream, fields, quantity)
+        notes += merged
+        if merged:
             interpolated.add(quantity)
         arrays |= dict(zip(names, values, strict=True))
-        units |= _stated(quantity, stream)
-    found = {q: [f"{s.name}.{f}" for f in fields] for q, (s, fields) in chosen.items()}
-    warmth = _temperature(columns, streams, clock, notes)
-    if warmth:
-        stream, name = warmth
-        (arrays[TEMPERATURE],) = _onto(clock, stream, [stream.fields[name]], TEMPERATURE, notes)
-        found["temperature"] = f"{stream.name}.{name}"
-        units |= _stated("temperature", stream)
+        units |= {q: unit for q, unit in stream.units.items() if q == quantity}
+        found[quantity] = [f"{stream.name}.{field}" for field in fields]
+    if TEMPERATURE in found:
+        [found[TEMPERATURE]] = found[TEMPERATURE]
     if columns.get("time", True) is not None:
         found["time"] = columns.get("time") or f"{clock.name} stamps"
         arrays[STAMP] = stamps
@@ -143,22 +120,37 @@ def stream_names(columns):
     return {".".join(words[: i + 1]) for words in parts for i in range(len(words))}
 
 
-def _signed(stream):
-    """Return the stream with stamps that can be subtracted, and names that fit in a line."""
-    fields = {printable(name): x for name, x in stream.fields.items()}
-    stream = replace(stream, name=printable(stream.name), fields=fields)
-    if np.asarray(stream.stamps).dtype.kind in "iu":
-        return replace(stream, stamps=np.asarray(stream.stamps).astype(np.int64))
-    return replace(stream, stamps=np.asarray(stream.stamps, dtype=float))
-
-
 def printable(text):
     """Return a name of a file without what a terminal would obey."""
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def _stated(quantity, stream):
-    return {q: unit for q, unit in stream.units.items() if q == quantity}
+def _signed(stream):
+    """Return the stream with stamps that can be subtracted, and names that fit in a line."""
+    fields = {printable(name): x for name, x in stream.fields.items()}
+    whole = np.asarray(stream.stamps).dtype.kind in "iu"
+    stamps = np.asarray(stream.stamps).astype(np.int64 if whole else float)
+    return replace(stream, name=printable(stream.name), fields=fields, stamps=stamps)
+
+
+def _chosen(columns, streams):
+    """Return sensor -> (stream, its three fields)."""
+    chosen = {quantity: _declared(quantity, columns, streams) for quantity in _SENSORS}
+    candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in _SENSORS}
+    shared = {c[0].name for c in candidates["acceleration"]} & {
+        c[0].name for c in candidates["angular_rate"]
+    }
+    for quantity, found in candidates.items():
+        # one that holds both sensors goes before those of one alone
+        together = [c for c in found if c[0].name in shared]
+        chosen[quantity] = _only(quantity, together or found, streams)
+    taken = [f"{stream.name}.{field}" for stream, fields in chosen.values() for field in fields]
+    if twice := [name for name in taken if taken.count(name) > 1]:
+        raise ImuloopError(f"columns: {twice[0]} is named twice; each axis is a column of its own")
+    for stream, _ in chosen.values():
+        if not len(stream.stamps):
+            raise RejectedLog(f"{stream.name} has no rows")
+    return chosen
 
 
 def _declared(quantity, columns, streams):
@@ -167,7 +159,13 @@ def _declared(quantity, columns, streams):
     if declared is None:
         return None
     if isinstance(declared, str):
-        stream = _named(quantity, declared, streams)
+        known = [stream.name for stream in streams]
+        if declared not in known:
+            raise Lacking(
+                f"columns.{quantity}: no stream '{declared}'; there are {', '.join(known)}"
+                f"{did_you_mean(declared, known, 0.5)}"
+            )
+        stream = streams[known.index(declared)]
         # what is declared needs no usual name
         found = _guessed(quantity, [stream]) or _triples(stream)
         if len(found) != 1:
@@ -184,28 +182,17 @@ def _declared(quantity, columns, streams):
     return located[0][0], [name for _, name in located]
 
 
-def _named(quantity, name, streams):
-    for stream in streams:
-        if stream.name == name:
-            return stream
-    known = [stream.name for stream in streams]
-    raise Lacking(
-        f"columns.{quantity}: no stream '{name}'; there are {', '.join(known)}"
-        f"{did_you_mean(name, known, 0.5)}"
-    )
-
-
 def _locate(quantity, column, streams):
     """Return the stream and the field of ``STREAM.FIELD``."""
-    known = [f"{stream.name}.{name}" for stream in streams for name in stream.fields]
-    for stream in streams:
-        for name in stream.fields:
-            if column == f"{stream.name}.{name}":
-                return stream, name
-    raise Lacking(
-        f"columns.{quantity}: no column '{column}'{did_you_mean(str(column), known, 0.5)}; "
-        f"the log's streams are {', '.join(stream.name for stream in streams)}"
-    )
+    known = {
+        f"{stream.name}.{name}": (stream, name) for stream in streams for name in stream.fields
+    }
+    if not isinstance(column, str) or column not in known:
+        raise Lacking(
+            f"columns.{quantity}: no column '{column}'{did_you_mean(str(column), known, 0.5)}; "
+            f"the log's streams are {', '.join(stream.name for stream in streams)}"
+        )
+    return known[column]
 
 
 def _guessed(quantity, streams):
@@ -213,8 +200,8 @@ def _guessed(quantity, streams):
     found = []
     for stream in streams:
         names = list(stream.fields)
-        for positions, _ in guess(names).get(quantity, ()):
-            found.append((stream, [names[i] for i in positions]))
+        for where, _ in guess(names)[quantity]:
+            found.append((stream, [names[i] for i in where]))
     # a stream that holds nothing is no choice where another does
     return [each for each in found if len(each[0].stamps)] or found
 
@@ -230,89 +217,73 @@ def _only(quantity, found, streams):
     if len(found) == 1:
         return found[0]
     if not found:
-        listed = ", ".join(f"{s.name} ({', '.join(s.fields)})" for s in streams) or "nothing"
-        raise Lacking(f"no {quantity} found; the log holds {listed}; name it in columns.{quantity}")
-    listed = " and ".join(f"{s.name} ({', '.join(fields)})" for s, fields in found)
-    raise ImuloopError(f"{listed} all look like {quantity}; name one of them in columns.{quantity}")
+        held = ", ".join(f"{s.name} ({', '.join(s.fields)})" for s in streams) or "nothing"
+        raise Lacking(f"no {quantity} found; the log holds {held}; name it in columns.{quantity}")
+    alike = " and ".join(f"{s.name} ({', '.join(fields)})" for s, fields in found)
+    raise ImuloopError(f"{alike} all look like {quantity}; name one of them in columns.{quantity}")
 
 
-def _temperature(columns, streams, clock, notes):
-    """Return the stream and field of the temperature; None without, or where it is not told."""
+def _temperature(columns, streams, clock):
+    """Return stream and field of the temperature, None where it is not clear, and why (texts)."""
     if "temperature" in columns:
         declared = columns["temperature"]
-        return _locate("temperature", declared, streams) if declared is not None else None
-    own, others = [], []
+        found = (None, None) if declared is None else _locate("temperature", declared, streams)
+        return *found, []
+    found = []
     for stream in streams:
         names = list(stream.fields)
-        found = [(stream, names[i]) for i, _ in guess(names).get("temperature", ())]
-        if len(stream.stamps):
-            (own if stream is clock else others).extend(found[:1])
-    if not own and len(others) > 1:
-        listed = ", ".join(f"{stream.name}.{name}" for stream, name in others)
-        notes.append(f"temperature not read: {listed}; name one of them in columns.temperature")
-        return None
-    return (own or others or [None])[0]
+        usual = guess(names)["temperature"]
+        if usual and len(stream.stamps):
+            found.append((stream, names[usual[0][0]]))
+    found = [each for each in found if each[0] is clock] or found
+    if len(found) > 1:
+        several = ", ".join(f"{stream.name}.{name}" for stream, name in found)
+        doubt = f"temperature not read: {several}; name one of them in columns.temperature"
+        return None, None, [doubt]
+    return *(found or [(None, None)])[0], []
 
 
-def _one_time(clock, stream, notes):
-    """Return the stamps of both from one moment on; not-a-number where there are none.
+def _one_time(clock, stream):
+    """Return the stamps of both from one moment on, not-a-number where there are none, and notes.
 
-    Each is mended by itself: counters roll over at moments of their own. Where both start again
-    equally often, they count from one moment on again.
+    Each is mended by itself: counters roll over at moments of their own.
     """
-    (at, usable, first), (known, readable, second) = (_mended(each) for each in (clock, stream))
-    notes += [f"{stream.name}: {line}" for line in second.warnings()]
-    if len(first.restarts) == len(second.restarts):
-        for (_, common), (row, own) in zip(first.restarts, second.restarts, strict=True):
-            known = known + np.where(np.arange(len(known)) < row, 0, common - own)
-    else:
-        notes.append(
-            f"{clock.name} and {stream.name} start again {first.resets} and {second.resets} times: "
-            "from there on their clocks may be apart"
+    tick = NANOSECONDS[clock.units.get("time", "s")]
+    found, clocks = [], (Clock(), Clock())
+    for own, each in zip(clocks, (clock, stream), strict=True):
+        ticks = NANOSECONDS[each.units.get("time", "s")]
+        stamps, usable = own.mended(each.stamps, np.isfinite(each.stamps), tick=ticks)
+        found.append((stamps, usable, stamps[usable][[0, -1]].tolist() if usable.any() else None))
+    (at, _, first), (known, readable, second) = found
+    if any(own.resets for own in clocks):
+        raise RejectedLog(
+            f"the clocks of {clock.name} and {stream.name} start again within the log, from where "
+            "they may be apart: make a log of each part"
         )
-    span_s = first.span_s or second.span_s
-    if span_s and usable.any() and readable.any():
+    span_s = clocks[0].span_s or clocks[1].span_s
+    if span_s and first and second:
         # one of the two may begin before the counter rolls over, and one after
-        width = _ticks(span_s, clock, at.dtype)
-        limits = [x[ok][[0, -1]] for x, ok in ((at, usable), (known, readable))]
-        turns = (limits[0].mean() - limits[1].mean()) / width
-        if abs(turns) < _MOST_TURNS:
-            shifts = [(round(turns) + k) * width for k in (0, -1, 1)]
-            known = known + max(shifts, key=lambda shift: _overlap(limits[0], limits[1] + shift))
+        width = span_s * 1e9 / tick
+        width = round(width) if at.dtype.kind == "i" else width
+        if abs(sum(first) - sum(second)) / 2 < _MOST_TURNS * width:
+            known = known + turns_apart(first, second, width)
     # from a stamp on, so that none loses digits
-    origin = at[usable.argmax()] if usable.any() else 0
-    return (
+    origin = first[0] if first else 0
+    at, known = (
         np.where(ok, np.asarray(x - origin, dtype=float), np.nan)
-        for x, ok in ((at, usable), (known, readable))
+        for x, ok in ((at, found[0][1]), (known, readable))
     )
-
-
-def _mended(stream):
-    """Return the stamps of a stream as of a clock that never falls, which are usable, the Clock."""
-    own, none = Clock(), (stream.stamps[:0], np.zeros(0, dtype=bool))
-    tick = NANOSECONDS[stream.units.get("time", "s")]
-    stamps, usable = own.mended(stream.stamps, np.isfinite(stream.stamps), none, tick)
-    return stamps, usable, own
-
-
-def _ticks(seconds, stream, dtype):
-    """Return seconds in the unit of a stream's stamps, whole where they are."""
-    ticks = seconds * 1e9 / NANOSECONDS[stream.units.get("time", "s")]
-    return round(ticks) if dtype.kind == "i" else ticks
-
-
-def _overlap(a, b):
-    return min(a[1], b[1]) - max(a[0], b[0])
+    return at, known, [f"{stream.name}: {line}" for line in clocks[1].warnings()]
 
 
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def _onto(clock, stream, values, quantity, notes):
-    """Return fields of a stream at the stamps of the clock; not-a-number where there are none."""
-    values = [np.asarray(x, dtype=float) for x in values]
+def _onto(clock, stream, fields, quantity):
+    """Return fields of a stream at the stamps of the clock, not-a-number elsewhere, and notes."""
+    values = [np.asarray(stream.fields[name], dtype=float) for name in fields]
     if stream is clock or np.array_equal(stream.stamps, clock.stamps):
-        return values
-    at, known = _one_time(clock, stream, notes)
+        return values, []
+    at, known, notes = _one_time(clock, stream)
     finite = np.isfinite(known) & np.all(np.isfinite(values), axis=0)
     later = np.maximum.accumulate(np.where(finite, known, -np.inf))
     used = finite & np.r_[True, known[1:] > later[:-1]]
@@ -327,7 +298,7 @@ def _onto(clock, stream, values, quantity, notes):
         between = (near & (at >= known[0]) & (at <= known[-1])) | np.isin(at, known)
     if not between.any():
         if quantity == TEMPERATURE:
-            return [np.full(len(at), np.nan)]
+            return [np.full(len(at), np.nan)], notes
         raise RejectedLog(f"{stream.name} and {clock.name} share no time: their clocks differ")
     note = f"{quantity} of {stream.name} interpolated linearly onto the stamps of {clock.name}"
     if quantity != TEMPERATURE:
@@ -336,5 +307,4 @@ def _onto(clock, stream, values, quantity, notes):
         note += f": white noise keeps {kept:.0%} of its variance"
     if left_out:
         note += f"; {left_out} of its rows missing, repeated or out of order are left out"
-    notes.append(note)
-    return [np.where(between, np.interp(at, known, x), np.nan) for x in values]
+    return [np.where(between, np.interp(at, known, x), np.nan) for x in values], [*notes, note]

@@ -12,6 +12,8 @@ from imuloop.ingest.columns import stated_unit
 
 # how much of a file is looked at to find its layout, bytes
 _HEAD = 1 << 16
+# a longer line is no row, bytes; what has none in its head is no table
+LONGEST_LINE = _HEAD
 BLANKS = " "
 _SEPARATORS = (",", "\t", ";", BLANKS)
 _COMMENT = re.compile(r"\s*(#|%|//)")
@@ -28,37 +30,18 @@ _BINARY = {
     b"\x28\xb5\x2f\xfd": "packed by zstd: name it .csv.zst",
     b"PK\x03\x04": "a zip or a spreadsheet: save its table as CSV",
     b"\xd0\xcf\x11\xe0": "a spreadsheet: save its table as CSV",
-    b"\x93NUMPY": "an array of NumPy: save it as CSV, Parquet or NetCDF",
-    b"ARROW1": "an Arrow file: save it as Parquet",
 }
-# what the csv module takes otherwise than as a part of a field
-_QUOTED = re.compile(r'["\r\n\0]')
 # rows by which a separator is judged, at least
 _JUDGED = 64
-# a longer line is no row, bytes; what has none in its head is no table
-LONGEST_LINE = _HEAD
 
 
 @dataclass(frozen=True)
 class Layout:
     """How a text table is written.
 
-    Attributes
-    ----------
-    separator : str
-        One of comma, tab, semicolon, or a blank that stands for any run of blanks.
-    names : list of str
-        Names of the columns; their numbers where there is no header.
-    headed : bool
-        Whether the names are the file's own.
-    start : int
-        Byte at which the rows begin.
-    decimal_comma : bool
-        Whether numbers have a decimal comma.
-    preamble : int
-        Lines before the header or the first row.
-    units : list of str
-        Units of the columns where a row below the header names them, else empty.
+    `separator` is a comma, tab, semicolon, or a blank that stands for any run of blanks; `names`
+    are numbers where the file has none (`headed`); rows begin at the byte `start`, `preamble` lines
+    come before header or rows; `units` are those of a row below the header, else empty.
     """
 
     separator: str
@@ -70,11 +53,8 @@ class Layout:
     units: list[str] = field(default_factory=list)
 
 
-def find_layout(path, least=3):
-    """Return the layout of a text table (path or file object), from its first lines.
-
-    Three axes are the `least` columns that a file of one sensor holds.
-    """
+def find_layout(path, least=AXES):
+    """Return the layout of a text table of `least` columns or more (path or file object)."""
     try:
         with pa.input_stream(path, compression="detect") as stream:
             head = stream.read(_HEAD)
@@ -89,42 +69,57 @@ def find_layout(path, least=3):
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
+    separator, width = _separator([texts[i] for i in rows], least)
+
+    def fields(i):
+        return fields_of(texts[i], separator)
+
+    first = next(i for i in rows if len(fields(i)) == width)
+    preamble = sum(1 for i in rows if i < first)
+    names, units = None, []
+    if not any(map(is_number, fields(first))):
+        names, first = fields(first), first + 1
+    elif comments := [t for t in texts[:first] if _COMMENT.match(t)]:
+        # a header written as a comment, right before the rows
+        header = fields_of(COMMENTED.sub("", comments[-1]), separator)
+        if len(header) == width and not any(map(is_number, header)):
+            names = header
+    below = [i for i in rows if i >= first]
+    if names and below and len(fields(below[0])) == width and _are_units(fields(below[0])):
+        units, first = fields(below[0]), below[0] + 1
+    sample = [i for i in rows if i >= first]
+    decimal_comma = not any("." in texts[i] for i in sample) and any(
+        "," in text for i in sample for text in fields(i)
+    )
+    return Layout(
+        separator=separator,
+        names=[name.strip() for name in names] if names else [str(i) for i in range(width)],
+        headed=names is not None,
+        start=sum(len(line) + 1 for line in lines[:first]),
+        decimal_comma=decimal_comma,
+        preamble=preamble,
+        units=units,
+    )
+
+
+def _separator(rows, least):
+    """Return the separator by which the most fields are numbers, and the fields in a row."""
     # an odd step: rows of two kinds in turn both count
-    table = [texts[i] for i in rows[:: len(rows) // _JUDGED | 1]]
-    tried = {s: _split(table, s) for s in _SEPARATORS}
-    shares = {s: _numeric_share(*tried[s], least) for s in _SEPARATORS}
+    rows = rows[:: len(rows) // _JUDGED | 1]
+    shares, widths = {}, {}
+    for separator in _SEPARATORS:
+        table = [fields_of(row, separator) for row in rows]
+        width = widths[separator] = Counter(map(len, table)).most_common(1)[0][0]
+        table = [row for row in table if len(row) == width]
+        numeric = sum(is_number(text) for row in table for text in row)
+        shares[separator] = numeric / (len(table) * width) if width >= least else 0.0
     best = max(_SEPARATORS, key=shares.get)
-    width = tried[best][1]
     if shares[best] < 0.5:
         raise RejectedLog("the file is not a table of numbers in rows and columns")
     # as many tabs as blanks: the blanks are inside of the header's names
-    if best == BLANKS and tried["\t"][1] == width:
+    if best == BLANKS and widths["\t"] == widths[best]:
         best = "\t"
-    first = next(i for i in rows if len(fields_of(texts[i], best)) == width)
-    fields = fields_of(texts[first], best)
-    names, headed = [str(i) for i in range(width)], False
-    preamble = sum(1 for i in rows if i < first)
-    if not any(is_number(text) for text in fields):
-        names, headed, first = fields, True, first + 1
-    else:
-        # a header written as a comment, right before the rows
-        comments = [t for t in texts[:first] if _COMMENT.match(t)]
-        if comments:
-            header = fields_of(COMMENTED.sub("", comments[-1]), best)
-            if len(header) == width and not any(is_number(text) for text in header):
-                names, headed = header, True
-    units = []
-    if headed and (below := [i for i in rows if i >= first]):
-        fields = fields_of(texts[below[0]], best)
-        if len(fields) == width and _are_units(fields):
-            units, first = fields, below[0] + 1
-    start = sum(len(line) + 1 for line in lines[:first])
-    sample = [texts[i] for i in rows if i >= first]
-    decimal_comma = not any("." in text for text in sample) and any(
-        "," in field for text in sample for field in fields_of(text, best)
-    )
-    names = [name.strip() for name in names]
-    return Layout(best, names, headed, start, decimal_comma, preamble, units)
+    return best, widths[best]
 
 
 def decoded(line):
@@ -137,8 +132,8 @@ def decoded(line):
 
 def _are_units(fields):
     """Tell whether a row below a header names units."""
-    told = [field.strip("[](){} ") for field in fields]
-    known = any(stated_unit(q, text) for q in ("acceleration", "angular_rate") for text in told)
+    texts = [field.strip("[](){} ") for field in fields]
+    known = any(stated_unit(q, text) for q in ("acceleration", "angular_rate") for text in texts)
     return known and not any(map(is_number, fields))
 
 
@@ -172,10 +167,10 @@ def fields_of(line, separator):
     """Return the fields of a line, none where its quotes do not fit."""
     if separator == BLANKS:
         return line.split()
-    if not _QUOTED.search(line):
-        return [field.strip() for field in line.split(separator)]
     try:
-        return [field.strip() for field in next(csv.reader([line], delimiter=separator), [])]
+        # the csv module takes a line end or a zero otherwise than as a part of a field
+        rows = csv.reader([line], delimiter=separator) if '"' in line else [line.split(separator)]
+        return [field.strip() for field in next(iter(rows), [])]
     except csv.Error:
         return []
 
@@ -189,28 +184,3 @@ def is_number(text):
     except ValueError:
         return False
     return True
-
-
-def _split(lines, separator):
-    """Return the fields of each line, and how many the most lines have."""
-    if separator != BLANKS and not any(separator in line for line in lines):
-        return [[line] for line in lines], 1
-    fields = [fields_of(line, separator) for line in lines]
-    return fields, Counter(map(len, fields)).most_common(1)[0][0]
-
-
-def _numeric_share(fields, width, least):
-    """Return the share of fields that are numbers, 0 of fewer than the `least` columns."""
-    if width < least:
-        return 0.0
-    rows = [row for row in fields if len(row) == width]
-    return sum(map(_numeric, rows)) / (len(rows) * width)
-
-
-def _numeric(row):
-    """Return how many fields of a row are numbers."""
-    try:
-        # nearly every row, and much faster
-        return len([float(text) for text in row])
-    except ValueError:
-        return sum(map(is_number, row))

@@ -1,6 +1,5 @@
 """PX4 ULog files: the topics of the inertial sensors, each instance a stream."""
 
-import contextlib
 import io
 import re
 
@@ -10,6 +9,7 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
 from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
+from imuloop.ingest.guarded import guarded
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
 ENDINGS = (".ulg", ".ulog")
@@ -42,10 +42,9 @@ _INTERVALS = {"delta_velocity": "delta_velocity_dt", "delta_angle": "delta_angle
 _CORRECTED = ("sensor_combined", "vehicle_imu")
 # accelerometer_timestamp_relative of a row without acceleration
 _NO_ACCELERATION = 0x7FFFFFFF
-# fields that all topics of a log may have together; PX4 logs some thousands
-_MOST_FIELDS = 1_000_000
 
 
+@guarded
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a ULog file.
 
@@ -54,25 +53,20 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
     Parameters
     ----------
-    paths : dict
-        ``{"log": path}``.
-    columns : dict, optional
-        Quantity to stream or ``STREAM.FIELD``; topics other than the inertial sensors' are read
-        where they are named.
-    batch_rows : int
-        Rows given at once.
-    most : int
-        Bytes read of the log's head, where only its names count; -1 is all.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there, or a quantity is in no stream or in several.
-    RejectedLog
-        If the file is no ULog file, or holds no inertial sensor.
+    paths, columns, batch_rows, most
+        As of `imuloop.ingest.formats.Format`; `columns` names streams, or ``STREAM.FIELD``, of
+        topics other than the inertial sensors' too.
     """
+    library = needed("pyulog", "ulog")
     topics = {*_SENSORS, *(re.sub(r"_\d+\Z", "", name) for name in stream_names(columns))}
-    log, damage = _parsed(paths["log"], sorted(topics), most)
+    with open(paths["log"], "rb") as file:
+        tape = _Tape(file.read(most))
+    log = library.ULog(tape, sorted(topics))
+    damage = []
+    if tape.cut:
+        damage.append("the file ends inside a message: the log was cut off")
+    if log.file_corruption:
+        damage.append("parts of the file are damaged; the rows in them are lost")
     streams = []
     for topic in log.data_list:
         streams += _streams(topic.name, topic.multi_id, topic.data)
@@ -95,68 +89,15 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
 
 class _Tape(io.BytesIO):
-    """A file in memory that tells afterwards where reading ended; reading it for ever fails."""
+    """A file in memory that tells whether reading ended inside a message."""
 
-    def __init__(self, data):
-        super().__init__(data)
-        self.size, self.cut, self.cost = len(data), False, 0
+    cut = False
 
     def read(self, size=-1):
         got = super().read(size)
         # the next header's three bytes may be missing, nothing else
         self.cut |= len(got) < size and (size != 3 or bool(got))
-        self.cost += 32 + len(got)
-        if self.cost > 1e6 + 50 * self.size:
-            raise RejectedLog("the ULog file is too damaged to find its messages")
         return got
-
-    def close(self):
-        pass
-
-
-def _parsed(path, topics, most):
-    """Return the log as the library reads it, and what of it is damaged or cut off."""
-    ulog = needed("pyulog", "ulog").ULog
-    sizes, described = {}, 0
-
-    class Bounded(ulog):
-        # a few bytes of nested arrays would describe more fields than fit into memory
-        class _MessageAddLogged(ulog._MessageAddLogged):
-            def _parse_format(self, formats):
-                nonlocal described
-                described += _field_count(self.message_name, formats, sizes, ulog._UNPACK_TYPES)
-                if described > _MOST_FIELDS:
-                    raise RejectedLog(f"the ULog file describes more than {_MOST_FIELDS} fields")
-                super()._parse_format(formats)
-
-    with open(path, "rb") as file:
-        tape = _Tape(file.read(most))
-    try:
-        # the library prints its warnings
-        with contextlib.redirect_stdout(None):
-            log = Bounded(tape, topics)
-    except RejectedLog:
-        raise
-    except Exception as error:
-        raise RejectedLog("the file is not a whole ULog file; copy it again") from error
-    damage, left = [], tape.size - tape.tell()
-    if tape.cut:
-        damage.append("the file ends inside a message: the log was cut off")
-    if log.file_corruption:
-        damage.append("parts of the file are damaged; the rows in them are lost")
-    if left > 0:
-        damage.append(f"the last {left} of {tape.size} bytes cannot be read")
-    return log, damage
-
-
-def _field_count(name, formats, known, basic):
-    """Return how many fields a topic has, those of nested topics counted."""
-    if name not in known:
-        known[name] = sum(
-            max(1, size) * (1 if kind in basic else 1 + _field_count(kind, formats, known, basic))
-            for kind, size, _ in formats[name].fields
-        )
-    return known[name]
 
 
 # damaged numbers can be any, a signalling one too

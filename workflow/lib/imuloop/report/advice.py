@@ -1,21 +1,24 @@
 """What to do next with a device, as it follows from its numbers."""
 
+import numpy as np
+
 from imuloop.core.gravity import EARTH_RATE
-from imuloop.report.heat_and_cool import heat_and_cool
-from imuloop.report.numbers import joined, missing
-from imuloop.report.record_length import initial_rest, static_record
-from imuloop.report.recording_gain import (
+from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.report.numbers import joined, missing, number
+from imuloop.report.recording import (
     best_recording,
     enough,
     first_session,
     hole,
+    initial_rest,
+    static_record,
     turns_needed,
 )
-from imuloop.report.results import SENSORS
 from imuloop.report.verdict import (
     ABOVE,
     PARTS,
     block_of,
+    blocks,
     leading,
     misfit,
     quoted,
@@ -23,8 +26,15 @@ from imuloop.report.verdict import (
     verdict_of,
 )
 
-# sentences a device
+# the most sentences per device
 MOST = 5
+# span of a temperature that says anything, K, and the correlation with time from which on it and
+# time are the same to a fit
+SPAN_K, MONOTONE = 2.0, 0.9
+# σ so many times larger is as good as none
+HOPELESS = 20.0
+# effects that follow time
+_WITH_TIME = {"bias_drift", "warm_up", "ramp"}
 _EARTH = (
     " The horizontal rate of the Earth, up to 15 °/h by latitude, turns with the heading and is in "
     "no model here: it may be all of this."
@@ -67,11 +77,6 @@ def next_steps(device):
 
     The gain is a share: of a standard error, of a residual above its floor, of an upper limit.
     What is not known at all, for want of a recording, gains all of it.
-
-    Parameters
-    ----------
-    device : Device
-        Its results.
     """
     sources = (
         _rejected,
@@ -84,7 +89,7 @@ def next_steps(device):
         turns_needed,
         initial_rest,
         static_record,
-        heat_and_cool,
+        _heat_and_cool,
     )
     # what is wrong with a log or its entry makes every other number doubtful
     mend = device.failures or any(s.quality.get("misdeclared") for s in device.sessions)
@@ -144,30 +149,30 @@ def _short_rests(device):
 
 def _unexplained(device):
     """Yield what to do about residuals above their floor."""
-    for sensor in SENSORS:
-        for part, words in PARTS.items():
-            block = block_of(device.diagnosis, sensor, part)
-            if verdict_of(block) not in ABOVE:
-                continue
-            _, residual = quoted(sensor, block)
-            after, floor = residual.get("after"), residual.get("floor")
-            gain = 0.0 if missing(after) or missing(floor) or not after else 1 - floor / after
-            size = misfit(block)
-            if gain > 0:
-                held, least = (shown(residual, key, 2) for key in ("after", "floor"))
-                size = f" Held-out error {held}, floor {least}."
-            lacks = f"{sensor.capitalize()}, {words}: something that the model lacks is in the data"
-            force = block_of(device.diagnosis, "accelerometer")
-            if sensor == "gyroscope" and part == "poses" and verdict_of(force) in ABOVE:
-                yield (
-                    0.0,
-                    f"{lacks}, or in the accelerometer's, which is above its floor too and gives "
-                    "the direction of gravity: mend that first.",
-                )
-                continue
-            earth = sensor == "gyroscope" and residual.get("unit") == "rad/s" and gain > 0
-            words = _EARTH if earth and after**2 - floor**2 < EARTH_RATE**2 else ""
-            yield max(gain, 0.0), f"{lacks}.{size}{words} {what_next(block)}"
+    for sensor, part, block in blocks(device.diagnosis):
+        if verdict_of(block) not in ABOVE:
+            continue
+        _, residual = quoted(sensor, block)
+        after, floor = residual.get("after"), residual.get("floor")
+        gain = 0.0 if missing(after) or missing(floor) or not after else 1 - floor / after
+        lacks = (
+            f"{sensor.capitalize()}, {PARTS[part]}: something that the model lacks is in the data"
+        )
+        force = block_of(device.diagnosis, "accelerometer")
+        if sensor == "gyroscope" and part == "poses" and verdict_of(force) in ABOVE:
+            yield (
+                0.0,
+                f"{lacks}, or in the accelerometer's, which is above its floor too and gives "
+                "the direction of gravity: mend that first.",
+            )
+            continue
+        size, earth = misfit(block), ""
+        if gain > 0:
+            held, least = (shown(residual, key, 2) for key in ("after", "floor"))
+            size = f" Held-out error {held}, floor {least}."
+            if sensor == "gyroscope" and residual.get("unit") == "rad/s":
+                earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
+        yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
 
 
 def _clipped(device):
@@ -183,3 +188,42 @@ def _clipped(device):
                 f"Session {s.name}: {listed} lie at the end of the range. Every figure that they "
                 "enter is wrong; choose a wider range or move more gently, and record it again.",
             )
+
+
+def _heat_and_cool(device):
+    """Yield that temperature and time cannot be told apart, and how to heat and cool."""
+    found = []
+    for session in device.used:
+        if TEMPERATURE not in session.samples:
+            continue
+        warmth = session.samples[TEMPERATURE]
+        known = np.flatnonzero(np.isfinite(warmth))
+        few = known[:: max(1, len(known) // 2000)]
+        if len(few) < 3 or np.ptp(warmth[few]) < SPAN_K:
+            continue
+        r = float(np.corrcoef(session.samples[TIME][few], warmth[few])[0, 1])
+        if abs(r) < MONOTONE:
+            # one record in which each temperature came twice is enough
+            return
+        found.append((np.ptp(warmth[few]), r, session.name, warmth[few]))
+    if not found:
+        return
+    _, r, name, warmth = max(found, key=lambda f: f[0])
+    low, high = np.quantile(warmth, [0.005, 0.995])
+    factor = 1 / np.sqrt(max(1 - r**2, 1e-6))
+    pairs = {
+        " and ".join(sorted((p["effect"], p["with"])))
+        for _, _, block in blocks(device.diagnosis)
+        for p in block.get("confounded") or []
+        if "temperature" in p["effect"] + p["with"] and {p["effect"], p["with"]} & _WITH_TIME
+    }
+    also = f" These data cannot tell apart {joined(sorted(pairs))}." if pairs else ""
+    course, span = "rose" if r > 0 else "fell", f"{number(low, 3)} to {number(high, 3)}\u202f°C"
+    times = f"more than {HOPELESS:g}" if factor > HOPELESS else number(factor, 2)
+    yield (
+        1 - 1 / factor,
+        f"Heat and cool: in session {name} the temperature only {course} ({span}, correlation with "
+        f"time {number(r, 2)}), so that a temperature coefficient beside a drift has "
+        f"{times} times the σ that it could have.{also} Go from {span} and back, "
+        "twice, within one record.",
+    )

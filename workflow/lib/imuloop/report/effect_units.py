@@ -47,18 +47,7 @@ def data_sheet(unit):
 
 
 def spans(values, units):
-    """Return the least and greatest of values that share a unit, two digits of each.
-
-    Parameters
-    ----------
-    values, units : dict
-        Value, SI, and SI unit of each parameter.
-
-    Returns
-    -------
-    list of str
-        An entry a unit.
-    """
+    """Return the least and greatest of values (SI, by name) that share a unit, two digits each."""
     found = {}
     for name, value in values.items():
         if not missing(value):

@@ -14,7 +14,7 @@ _WHITE = {"accelerometer": "velocity random walk", "gyroscope": "angle random wa
 
 @dataclass(frozen=True)
 class Quantity:
-    """A coefficient: how it is called and which units it is shown in.
+    """A coefficient: how it is called, and the units it is shown in.
 
     Attributes
     ----------
@@ -35,60 +35,34 @@ class Quantity:
 
 
 def quantities(sensor, rate=None):
-    r"""Return the coefficients of a sensor by their names in noise.json.
+    r"""Return the `Quantity` of each coefficient of a sensor by its name in noise.json.
 
-    Per sample, with r the rate: white noise has the standard deviation :math:`N \sqrt{r}`, where
-    the sensor passes the whole band up to r/2; quantisation :math:`\sqrt{2} Q r`, because sample k
-    is :math:`(q_{k+1} - q_k) r` with errors q of standard deviation Q; a walk steps by
-    :math:`K/\sqrt{r}`, a ramp by R/r. B is no density and stays.
-
-    Parameters
-    ----------
-    sensor : str
-        ``accelerometer`` or ``gyroscope``.
-    rate : float, optional
-        Rate of the log, Hz.
-
-    Returns
-    -------
-    dict of str to Quantity
-        Q, N, B, K, R; q and tc of a Gauss-Markov process; amplitude and frequency of a line.
+    Per sample, with r the rate of the log, Hz: white noise has the standard deviation
+    :math:`N \sqrt{r}`, where the sensor passes the whole band up to r/2; quantisation
+    :math:`\sqrt{2} Q r`, because sample k is :math:`(q_{k+1} - q_k) r` with errors q of standard
+    deviation Q; a walk steps by :math:`K/\sqrt{r}`, a ramp by R/r. B is no density and stays.
     """
-    si = UNITS[sensor]
-    names = {
-        "Q": "Q, quantisation",
-        "N": f"N, white noise ({_WHITE[sensor]})",
-        "B": "B, bias instability",
-        "K": f"K, {_WALK[sensor]}",
-        "R": "R, ramp",
-        "q": "q, drive of a Gauss–Markov process",
-        "tc": "T, its correlation time",
-        "amplitude": "Ω, amplitude of a line",
-        "frequency": "f, its frequency",
-    }
-    units = NOISE_UNITS[sensor]
+    si, units = UNITS[sensor], NOISE_UNITS[sensor]
     level = units["B"] if sensor == "gyroscope" else (units["B"][0], MILLI_G)
     second, hertz = Display("s", 1.0), Display("Hz", 1.0)
-    units = {
-        **units,
-        **{"q": units["K"], "tc": (second, second)},
-        **{"amplitude": level, "frequency": (hertz, hertz)},
+    r = rate or 1.0
+    step, same = Display(f"{si}, σ of a step", 1 / sqrt(r)), Display(f"{si}, as in SI", 1.0)
+    found = {
+        "Q": ("Q, quantisation", units["Q"], Display(f"{si}, σ of a sample", sqrt(2) * r)),
+        "N": (
+            f"N, white noise ({_WHITE[sensor]})",
+            units["N"],
+            Display(f"{si}, σ of a sample", sqrt(r)),
+        ),
+        "B": ("B, bias instability", units["B"], same),
+        "K": (f"K, {_WALK[sensor]}", units["K"], step),
+        "R": ("R, ramp", units["R"], Display(f"{si} per sample", 1 / r)),
+        "q": ("q, drive of a Gauss–Markov process", units["K"], step),
+        "tc": ("T, its correlation time", (second, second), Display("samples", r)),
+        "amplitude": ("Ω, amplitude of a line", level, same),
+        "frequency": ("f, its frequency", (hertz, hertz), Display("periods per sample", 1 / r)),
     }
-    sample = {}
-    if rate:
-        step = Display(f"{si}, σ of a step", 1 / sqrt(rate))
-        sample = {
-            "Q": Display(f"{si}, σ of a sample", sqrt(2) * rate),
-            "N": Display(f"{si}, σ of a sample", sqrt(rate)),
-            "B": Display(f"{si}, as in SI", 1.0),
-            "K": step,
-            "R": Display(f"{si} a sample", 1 / rate),
-            "q": step,
-            "tc": Display("samples", rate),
-            "amplitude": Display(f"{si}, as in SI", 1.0),
-            "frequency": Display("periods a sample", 1 / rate),
-        }
     return {
-        key: Quantity(words, units[key][0], units[key][1:], sample.get(key))
-        for key, words in names.items()
+        key: Quantity(words, unit[0], unit[1:], sample if rate else None)
+        for key, (words, unit, sample) in found.items()
     }

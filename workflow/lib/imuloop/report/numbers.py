@@ -11,15 +11,7 @@ NO_NUMBER = "—"
 
 @dataclass(frozen=True)
 class Display:
-    """A unit to show a quantity in: ``shown = SI * factor``.
-
-    Attributes
-    ----------
-    unit : str
-        The unit as printed.
-    factor : float
-        Units per SI unit.
-    """
+    """A unit as printed, and how many of it an SI unit is: ``shown = SI * factor``."""
 
     unit: str
     factor: float
@@ -109,13 +101,7 @@ def number(value, digits=3):
 
 
 def with_sigma(value, sigma):
-    """Return ``value ± σ``: σ to two digits, the value to the same place.
-
-    Parameters
-    ----------
-    value, sigma : float or None
-        In the unit shown; without a sigma the value alone is given.
-    """
+    """Return ``value ± σ``: σ to two digits, the value to the same place; the value without a σ."""
     if missing(value):
         return NO_NUMBER
     if missing(sigma) or sigma <= 0:
@@ -199,3 +185,19 @@ def joined(words):
 def plural(count, noun, ending="s"):
     """Return a count with its noun."""
     return f"{count} {noun}{'' if count == 1 else ending}"
+
+
+def text_of(value):
+    """Return a figure of a result file in a few words, whatever its form."""
+    if value is None:
+        return NO_NUMBER
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float)):
+        return number(value) if isinstance(value, float) else f"{value:,}".replace(",", "\u202f")
+    if isinstance(value, dict):
+        kept = {k: v for k, v in value.items() if v not in (0, None, [], {})}
+        return ", ".join(f"{k} {text_of(v)}" for k, v in kept.items()) or "0"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(text_of(v) for v in value) or "none"
+    return str(value)

@@ -9,7 +9,7 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets", "
 
 
 def provenance(repository, command, config):
-    """Return what is needed to make a report again.
+    """Return what is needed to make a report again: commit, command, versions and config.
 
     Parameters
     ----------
@@ -19,43 +19,25 @@ def provenance(repository, command, config):
         Command that was run.
     config : dict
         Resolved config of all devices.
-
-    Returns
-    -------
-    dict
-        ``commit``, ``command``, ``versions`` and ``config``.
     """
-    return {
-        "commit": commit(repository),
-        "command": command,
-        "versions": {"python": platform.python_version(), **versions(PACKAGES)},
-        "config": config,
-    }
-
-
-def commit(repository):
-    """Return the commit of a checkout, marked if files differ from it."""
-    try:
-        found = _git(repository, "rev-parse", "HEAD")
-        changed = _git(repository, "status", "--porcelain", "--untracked-files=no")
-    except (OSError, subprocess.CalledProcessError):
-        return "not known: no git checkout"
-    return f"{found} with local changes" if changed else found
-
-
-def _git(repository, *arguments):
-    # a checkout of another user's is read all the same
-    trust = ["-c", f"safe.directory={repository}"]
-    command = ["git", *trust, "-C", str(repository), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-
-
-def versions(packages):
-    """Return the version of each package that is installed."""
-    found = {}
-    for name in packages:
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return {"commit": commit(repository), "command": command, "versions": found, "config": config}
+
+
+def commit(repository):
+    """Return the commit of a checkout, marked if files differ from it."""
+    # a checkout of another user's is read all the same
+    git = ["git", "-c", f"safe.directory={repository}", "-C", str(repository)]
+    try:
+        found, changed = (
+            subprocess.run([*git, *rest], check=True, capture_output=True, text=True).stdout.strip()
+            for rest in (["rev-parse", "HEAD"], ["status", "--porcelain", "--untracked-files=no"])
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "not known: no git checkout"
+    return f"{found} with local changes" if changed else found

@@ -8,86 +8,66 @@ from markupsafe import Markup
 
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
-from imuloop.report.answer import best_words, grouped
-from imuloop.report.comparison import (
+from imuloop.report.figures.comparison import (
+    allan_comparison,
+    line_style,
+    parameter_comparison,
+)
+from imuloop.report.page import write_page
+from imuloop.report.tables.comparison import (
     COLUMNS,
+    best_words,
     cells,
     filter_cells,
-    rate_cell,
     verdict_parts,
     verdict_rank,
     write_comparison,
 )
-from imuloop.report.comparison_plot import allan_comparison, interval_comparison, line_style
-from imuloop.report.page import write_page
-from imuloop.report.spread_plot import allan_spread, parameter_spread
-from imuloop.report.verdict import WORDS
+from imuloop.report.verdict import WORDS, grouped
 
 # the most devices whose parts are in the report itself; of more each has a page of its own
 TOGETHER = 10
 
 
-def write_report(
-    *,
-    sections,
-    summaries,
-    exports,
-    template,
-    style,
-    script,
-    provenance,
-    report_path,
-    comparison_path,
-):
+def write_report(folders, provenance, report_path, comparison_path):
     """Write the report and the comparison of all devices.
 
     Parameters
     ----------
-    sections, summaries : sequence of path-like
-        Section and summary of each device, in the order to show them; devices in which a stage
-        failed come first.
-    exports : sequence of path-like
-        ``exports.json`` of each device, the list of other tools' files.
-    template, style, script : path-like
-        ``report.html.j2``, ``style.css`` and ``sorting.js``.
+    folders : sequence of Path
+        Results of each device, in the order to show them; devices in which a stage failed come
+        first.
     provenance : dict
         What made the report: `commit`, `command`, `versions`, `config` (resolved), …; single
         values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
         HTML and CSV file to write.
     """
-    # what failed comes first, the rest in the order given
-    given = sorted(
-        zip(map(read_json, summaries), sections, exports, strict=True),
-        key=lambda each: each[0]["status"] != "failed",
-    )
-    devices, sections, exports = zip(*given, strict=True)
-    rows = zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)
-    many, comparison = len(devices) > TOGETHER, Path(comparison_path).name
+    given = [(read_json(folder / "summary.json"), Path(folder)) for folder in folders]
+    given.sort(key=lambda each: each[0]["status"] != "failed")
+    devices, folders = zip(*given, strict=True)
+    together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:
         write_comparison(temporary, devices)
     write_page(
         report_path,
-        template,
-        style,
-        script,
-        many=many,
+        "report.html.j2",
+        many=not together,
         groups=grouped(devices),
-        # written by this stage from escaped text
-        sections=[Markup(Path(p).read_text(encoding="utf-8")) for p in sections if not many],
+        # escaped when they were written
+        sections=[Markup((f / "section.html").read_text("utf-8")) for f in folders if together],
         devices=devices,
-        rows=list(rows),
+        rows=list(zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)),
         columns=COLUMNS,
-        best=best_words(devices, COLUMNS),
+        best=best_words(devices),
         rank=verdict_rank,
         verdict_parts=verdict_parts,
-        rates=[rate_cell(d) for d in devices],
         filters=[filter_cells(d) for d in devices],
         bounded=RANGE,
-        exports=[sorted(read_json(path)["sha256"]) for path in exports],
+        exports=[sorted(read_json(folder / "exports.json")["sha256"]) for folder in folders],
         verdict_words=WORDS,
-        allan=allan_spread(devices) if many else allan_comparison(devices),
-        intervals=(parameter_spread if many else interval_comparison)(devices, comparison),
+        allan=allan_comparison(devices, together),
+        intervals=parameter_comparison(devices, comparison, together),
         styles=[line_style(i) for i in range(len(devices))],
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},

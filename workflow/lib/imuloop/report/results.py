@@ -5,49 +5,31 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    Samples,
-    read_columns,
-    read_metadata,
-)
-from imuloop.core.tables import read_session
-from imuloop.report.columns import groups
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, Samples, read_metadata
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 XYZ = ("x", "y", "z")
 # unit of what each sensor gives, as printed and as in files
 UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
 FILE_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+CALIBRATIONS = {
+    "six_position": "six_position.json",
+    "multi_position": "multi_position.json",
+    "final": "calibration.json",
+}
 
 
 @dataclass(frozen=True)
 class Session:
-    """One session of a device.
+    """One session of a device, its name and kind as in the config.
 
-    Attributes
-    ----------
-    name, kind : str
-        As in the config.
-    quality : dict
-        Content of quality.json.
-    source : dict
-        Metadata of the samples: source, hashes, units.
-    samples_path : Path
-        The samples.
-    segments : dict of str to ndarray
-        Segments, a column each; without rows for a rejected session.
-    segmentation : dict
-        What the segmentation chose.
-    allan : dict of str to ndarray, or None
-        Allan deviation, where it was computed.
-    views : dict of str to ndarray, or None
-        Power spectral density, autocorrelation and other deviations, where they were computed.
+    `quality`, content of quality.json; `source`, metadata of the samples; `segmentation`, what was
+    chosen for the segments; `allan` and `views` where they were computed.
     """
 
     name: str
@@ -55,10 +37,10 @@ class Session:
     quality: dict
     source: dict
     samples_path: Path
-    segments: dict
+    segments: pd.DataFrame
     segmentation: dict
-    allan: dict | None
-    views: dict | None = None
+    allan: pd.DataFrame | None = None
+    views: pd.DataFrame | None = None
 
     @property
     def rejected(self):
@@ -72,19 +54,19 @@ class Session:
         return (self.quality.get("reasons") or []) + ([str(Failure(**failed))] if failed else [])
 
     @property
-    def rests(self):
-        """Which segments are rests of each pose, by its number."""
-        return {pose: at for pose, at in groups(self.segments["pose"]).items() if pose >= 0}
+    def poses(self):
+        """How many attitudes were held."""
+        return self.segments["pose"][self.segments["pose"] >= 0].nunique()
 
     @property
     def has_allan(self):
         """Whether there is an Allan deviation."""
-        return self.allan is not None and len(self.allan["axis"]) > 0
+        return self.allan is not None and len(self.allan) > 0
 
     def seconds(self, kind):
         """Return how long all segments of a kind are, s."""
-        s = self.segments
-        return float((s["end_s"] - s["start_s"])[s["kind"] == kind].sum())
+        s = self.segments[self.segments["kind"] == kind]
+        return float((s["end_s"] - s["start_s"]).sum())
 
     @cached_property
     def samples(self):
@@ -94,36 +76,23 @@ class Session:
 
 @dataclass(frozen=True)
 class Device:
-    """All results of one device.
+    """All results of one device, its name, label and order of sessions as in the config.
 
-    Attributes
-    ----------
-    name, label : str
-        As in the config.
-    folder : Path
-        Its results.
-    sessions : tuple of Session
-        In the config's order.
-    calibrations : dict of str to Calibration
-        By method: ``six_position``, ``multi_position``, ``final``; only those that exist.
-    noise, diagnosis : dict
-        Content of noise.json and diagnosis.json; empty where there is none.
-    failures : tuple of (str or None, Failure)
-        What went wrong in its stages, and in which session.
-    poses, moves : dict of str to ndarray
-        Columns of poses.parquet and moves.parquet; empty where there is none.
+    `calibrations` by method, as in `CALIBRATIONS`, only those that exist; `noise` and `diagnosis`,
+    content of noise.json and diagnosis.json, empty where there is none; `failures`, pairs of a
+    session's name or None and a `Failure`.
     """
 
     name: str
     label: str
     folder: Path
-    sessions: tuple[Session, ...]
-    calibrations: dict[str, Calibration]
-    noise: dict
-    diagnosis: dict
+    sessions: tuple[Session, ...] = ()
+    calibrations: dict[str, Calibration] = field(default_factory=dict)
+    noise: dict = field(default_factory=dict)
+    diagnosis: dict = field(default_factory=dict)
     failures: tuple = ()
-    poses: dict = field(default_factory=dict)
-    moves: dict = field(default_factory=dict)
+    poses: pd.DataFrame = field(default_factory=pd.DataFrame)
+    moves: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def simulated(self):
@@ -133,32 +102,23 @@ class Device:
     @property
     def title(self):
         """The label, which says of a simulated device that it is one."""
-        told = not self.simulated or "simulated" in self.label.lower()
-        return self.label if told else f"{self.label} (simulated)"
+        plain = not self.simulated or "simulated" in self.label.lower()
+        return self.label if plain else f"{self.label} (simulated)"
 
     @property
     def used(self):
         """The sessions that were not rejected."""
         return tuple(s for s in self.sessions if not s.rejected)
 
+    @property
+    def axes(self):
+        """Noise of each axis, as in noise.json."""
+        return self.noise.get("axes") or {}
 
-def _session(folder, name, kind):
-    path = folder / name
-    samples, segments, allan = (
-        path / f"{stem}.parquet" for stem in ("samples", "segments", "allan")
-    )
-    views = folder / "views.parquet"
-    return Session(
-        name,
-        kind,
-        read_json(path / "quality.json"),
-        read_metadata(samples),
-        samples,
-        read_columns(segments),
-        read_metadata(segments),
-        read_columns(allan) if allan.exists() else None,
-        read_session(views, name) if views.exists() else None,
-    )
+    @property
+    def figures(self):
+        """Folder of the numbers behind the figures."""
+        return self.folder / "figures"
 
 
 def read_device(name, label, folder, sessions):
@@ -174,30 +134,40 @@ def read_device(name, label, folder, sessions):
         Kind of each session by its name.
     """
     folder = Path(folder)
-    files = {
-        "six_position": "six_position.json",
-        "multi_position": "multi_position.json",
-        "final": "calibration.json",
-    }
-    content = {
-        stem: read_json(folder / f"{stem}.json") if (folder / f"{stem}.json").exists() else {}
-        for stem in ("noise", "diagnosis")
-    }
     return Device(
         name,
         label,
         folder,
-        tuple(_session(folder, session, kind) for session, kind in sessions.items()),
+        tuple(_session(folder / session, kind) for session, kind in sessions.items()),
         {
             method: Calibration.from_json(folder / file)
-            for method, file in files.items()
+            for method, file in CALIBRATIONS.items()
             if (folder / file).exists()
         },
-        content["noise"],
-        content["diagnosis"],
+        *(_read(read_json, folder / f"{stem}.json") or {} for stem in ("noise", "diagnosis")),
         tuple(read_failures(folder, sessions)),
-        *(read_columns(folder / f"{name}.parquet") for name in ("poses", "moves")),
+        *(pd.read_parquet(folder / f"{table}.parquet") for table in ("poses", "moves")),
     )
+
+
+def _session(folder, kind):
+    samples, segments = folder / "samples.parquet", folder / "segments.parquet"
+    views = _read(pd.read_parquet, folder.parent / "views.parquet")
+    return Session(
+        folder.name,
+        kind,
+        read_json(folder / "quality.json"),
+        read_metadata(samples),
+        samples,
+        pd.read_parquet(segments),
+        read_metadata(segments),
+        _read(pd.read_parquet, folder / "allan.parquet"),
+        None if views is None else views[views["session"] == folder.name].reset_index(drop=True),
+    )
+
+
+def _read(read, path):
+    return read(path) if path.exists() else None
 
 
 def base_parameters(sensor):

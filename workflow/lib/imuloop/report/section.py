@@ -1,138 +1,168 @@
-"""A device's part of the report: its section, its row of the comparison, its figures' numbers."""
+"""A device's part of the report: its section and page, its row of the comparison, its figures."""
 
 import shutil
 from pathlib import Path
 
+from markupsafe import Markup
+
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
 from imuloop.core.failure import Failure, read_failures
-from imuloop.core.files import replaced, write_json
+from imuloop.core.files import write_json
 from imuloop.export.export import listed
-from imuloop.report.advice import next_steps
-from imuloop.report.allan_plot import allan_pictures
-from imuloop.report.attitude_plot import attitude_part
-from imuloop.report.calibration_tables import (
-    METHOD_WORDS,
-    model_table,
-    parameter_table,
-    reasons,
+from imuloop.report.advice import next_steps, what_next
+from imuloop.report.figures.allan import (
+    allan_pictures,
+    corrected_pictures,
+    definitions,
+    deviation_pictures,
 )
-from imuloop.report.data_tables import data_table, segment_table, source_table, warnings
-from imuloop.report.deviation_plot import deviation_pictures
-from imuloop.report.diagnosis_parts import diagnosis_parts
-from imuloop.report.diagnosis_tables import heldout_table
-from imuloop.report.noise_statistics import stability_table, statistics_tables
-from imuloop.report.noise_tables import coefficient_note, coefficient_table, uncut_table
-from imuloop.report.page import render
-from imuloop.report.parameter_plot import correlation_matrices
-from imuloop.report.pose_plot import pose_picture
+from imuloop.report.figures.attitude import attitude_part
+from imuloop.report.figures.bias import bias_pictures
+from imuloop.report.figures.correlates import correlate_pictures
+from imuloop.report.figures.correlations import correlation_matrices
+from imuloop.report.figures.drawing import write_svg
+from imuloop.report.figures.poses import pose_picture
+from imuloop.report.figures.residuals import residual_pictures
+from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
+from imuloop.report.figures.time_series import session_pictures
+from imuloop.report.page import write, write_page
 from imuloop.report.results import SENSORS, Device, read_device
-from imuloop.report.spectrum_plot import correlation_pictures, density_pictures
 from imuloop.report.summary import summarise
-from imuloop.report.svg import write_svg
-from imuloop.report.time_series import session_pictures
+from imuloop.report.tables.calibration import METHOD_WORDS, model_table, parameter_table, reasons
+from imuloop.report.tables.candidates import ranking_table, twin_table
+from imuloop.report.tables.data import data_table, segment_table, source_table, warnings
+from imuloop.report.tables.diagnosis import (
+    effect_tables,
+    heldout_by_session,
+    heldout_table,
+    session_tables,
+    steps_table,
+)
+from imuloop.report.tables.noise import (
+    coefficient_note,
+    coefficient_table,
+    noise_change_table,
+    stability_table,
+    statistics_tables,
+    uncut_table,
+)
+from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence, verdict_of
 
 
-def write_section(
-    *, device, label, folder, sessions, template, section_path, summary_path, figures_folder
-):
-    """Write a device's section, its row of the comparison and the numbers behind its figures.
+def write_section(name, label, folder, sessions):
+    """Write a device's section, its page, its row of the comparison and its figures.
 
     Parameters
     ----------
-    device, label : str
-        Name and label, as in the config; the label is shown as it is, never as markup.
+    name, label : str
+        As in the config; the label is shown as it is, never as markup.
     folder : path-like
-        ``results/<device>``.
+        ``results/<device>``, to read and to write.
     sessions : dict of str to str
         Kind of each session by its name.
-    template : path-like
-        ``section.html.j2``.
-    section_path, summary_path : path-like
-        HTML and JSON file to write.
-    figures_folder : path-like
-        Where a CSV file for each figure goes; emptied first.
     """
-    found = read_device(device, label, folder, sessions)
-    figures = emptied(figures_folder)
-    values = content(found, figures)
-    html = render(template, device=found, sensors=tuple(SENSORS), **values)
+    device = read_device(name, label, folder, sessions)
+    _empty(device.figures)
+    values = content(device)
     # for snakemake --report
     for picture in (*values["allan"], *filter(None, [values["poses"]])):
-        name = picture.name.removeprefix(f"{found.name}.").replace(".", "_")
-        write_svg(figures, name, picture)
-    write_json(summary_path, summarise(found, values["steps"]))
-    with replaced(section_path) as temporary:
-        temporary.write_text(html, encoding="utf-8", newline="\n")
+        write_svg(device.figures, picture.name.removeprefix(f"{name}.").replace(".", "_"), picture)
+    _write(device, "section.html.j2", **values)
 
 
-def write_failed(
-    *, device, label, folder, sessions, template, section_path, summary_path, figures_folder, failed
-):
+def write_failed(name, label, folder, sessions, failed):
     """Write what `write_section` does, of a device whose part could not be made: why.
 
     Parameters are those of `write_section`, and ``failed``, the content of a `Failure`.
     """
     failures = (*read_failures(folder, sessions), (None, Failure(**failed)))
-    found = Device(device, label, Path(folder), (), {}, {}, {}, failures)
-    emptied(figures_folder)
-    write_json(summary_path, summarise(found, next_steps(found)))
-    html = render(Path(template).with_name("failed.html.j2"), device=found)
-    with replaced(section_path) as temporary:
-        temporary.write_text(html, encoding="utf-8", newline="\n")
+    device = Device(name, label, Path(folder), failures=failures)
+    _empty(device.figures)
+    _write(device, "failed.html.j2", steps=next_steps(device))
 
 
-def emptied(folder):
-    """Return a folder that is there and empty."""
-    folder = Path(folder)
+def _write(device, template, **values):
+    section = device.folder / "section.html"
+    write(section, template, device=device, **values)
+    write_json(device.folder / "summary.json", summarise(device, values["steps"]))
+    # text was escaped when it was written; links are those of a page in the folder above
+    text = section.read_text("utf-8").replace(f'href="{device.name}/', 'href="')
+    looks = {"device": device.name, "label": device.title, "section": Markup(text)}
+    write_page(device.folder / "report.html", "device.html.j2", **looks)
+
+
+def _empty(folder):
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
-    return folder
 
 
-def content(device, figures):
-    """Return what the section's template lays out.
-
-    Parameters
-    ----------
-    device : Device
-        Its results.
-    figures : Path
-        Where the CSV files go.
-    """
-    final = device.calibrations.get("final")
-    poses = pose_picture(device, figures)
+def content(device):
+    """Return what the section's template lays out, and write the figures' numbers."""
+    final, noise, used = device.calibrations.get("final"), bool(device.noise), device.used
+    poses = pose_picture(device)
     return {
-        "parts": diagnosis_parts(device, figures),
+        "parts": diagnosis_parts(device),
         "steps": next_steps(device),
         "exports": listed(device.folder / "exports.json"),
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data_table(device), source_table(device)],
         "warnings": warnings(device),
-        "series": [p for s in device.used for p in session_pictures(device, s, figures)],
+        "series": [p for s in used for p in session_pictures(device, s)],
         "segments": segment_table(device),
         "poses": poses,
-        "basis": [
-            (sensor, METHOD_WORDS[getattr(final, sensor).method]) for sensor in SENSORS if final
-        ],
+        "basis": [(s, METHOD_WORDS[getattr(final, s).method]) for s in SENSORS if final],
         "reasons": reasons(device),
         "parameters": [t for s in SENSORS if (t := parameter_table(device, s))],
-        "matrices": correlation_matrices(device, figures),
+        "matrices": correlation_matrices(device),
         "model": [model_table(device, s) for s in SENSORS if final],
-        "allan": [
-            p for s in device.used if s.has_allan for p in allan_pictures(device, s, figures)
-        ],
-        "spectra": [p for s in device.used for p in density_pictures(device, s, figures)],
-        "autocorrelations": [
-            p for s in device.used for p in correlation_pictures(device, s, figures)
-        ],
-        "deviations": [p for s in device.used for p in deviation_pictures(device, s, figures)],
-        "coefficients": [coefficient_table(device, s) for s in SENSORS if device.noise],
+        "allan": [p for s in used for p in allan_pictures(device, s)],
+        "spectra": [p for s in used for p in density_pictures(device, s)],
+        "autocorrelations": [p for s in used for p in correlation_pictures(device, s)],
+        "definitions": definitions(device),
+        "deviations": [p for s in used for p in deviation_pictures(device, s)],
+        "coefficients": [coefficient_table(device, s) for s in SENSORS if noise],
         "coefficient_note": coefficient_note(device),
         "uncut": [t for s in SENSORS if (t := uncut_table(device, s))],
-        "stability": [stability_table(device, s) for s in SENSORS if device.noise],
+        "stability": [stability_table(device, s) for s in SENSORS if noise],
         "statistics": statistics_tables(device),
         "heldout": heldout_table(device),
-        "attitude": attitude_part(device, figures),
+        "attitude": attitude_part(device),
+    }
+
+
+def diagnosis_parts(device):
+    """Return what is laid out of each sensor and kind of data, in the order of reading."""
+    return [_part(device, *each) for each in blocks(device.diagnosis)]
+
+
+def _part(device, sensor, part, block):
+    verdict = verdict_of(block)
+    above = verdict in ABOVE
+    tables = [steps_table(sensor, part, block), *effect_tables(sensor, part, block)]
+    allan = []
+    if part == "static_record":
+        allan = corrected_pictures(device, sensor) if block.get("effects") else []
+        tables += [
+            heldout_by_session(device, sensor, block),
+            *session_tables(device, sensor, block),
+            noise_change_table(sensor, block),
+        ]
+    return {
+        # where links lead
+        "identity": f"{device.name}.{sensor}.{part}",
+        "title": f"{sensor.capitalize()}, {PARTS[part]}",
+        "verdict": verdict,
+        # with which the sentence begins
+        "words": WORDS[verdict],
+        "sentence": sentence(sensor, block),
+        "poses": residual_pictures(device, sensor, block) if part == "poses" else [],
+        "bias": bias_pictures(device, sensor, block),
+        "effects": [t for t in tables if t],
+        "allan": allan,
+        "ranking": ranking_table(sensor, part, block),
+        "twins": twin_table(sensor, part, block),
+        "left": correlate_pictures(device, sensor, part, block) if above else [],
+        "next_step": what_next(block) if above else "",
     }

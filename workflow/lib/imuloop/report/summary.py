@@ -6,11 +6,10 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.export.exported import for_filter
-from imuloop.report.allan_plot import curve
-from imuloop.report.answer import answers
+from imuloop.report.figures.allan import curve
 from imuloop.report.numbers import missing, sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters
-from imuloop.report.verdict import PARTS, block_of, brief, quoted, sentence, verdict_of
+from imuloop.report.verdict import PARTS, answers, block_of, quoted, sentence, verdict_of
 
 # version of the JSON file
 FORMAT = 1
@@ -40,7 +39,12 @@ FIGURE_UNITS = {
 
 
 def summarise(device, steps=()):
-    """Return what the comparison needs of a device.
+    """Return what the comparison needs of a device, the content of summary.json.
+
+    ``figures`` {name: {value, std, unit, axis, upper95}}, the largest of three axes; ``axes``
+    {name: {unit, value, std}} for all three, or for the six pairs of a misalignment; ``filter``
+    {name: {value, axis, limit, raised_from}}, noise as a filter takes it; ``allan`` {channel:
+    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``verdicts``, ``rejected``, ``logs``.
 
     Parameters
     ----------
@@ -48,23 +52,17 @@ def summarise(device, steps=()):
         Its results.
     steps : sequence of str
         What would help most, from `next_steps`.
-
-    Returns
-    -------
-    dict
-        Content of summary.json: ``figures`` {name: {value, std, unit, axis, upper95}}, the
-        largest of three axes; ``axes`` {name: {unit, value, std}} for all three, or for the six
-        pairs of a misalignment; ``filter`` {name: {value, axis, limit, raised_from}}, noise as a
-        filter takes it; ``allan`` {channel: {tau_s, adev}}; ``status``, ``failed``, ``answers``,
-        ``verdicts``, ``rejected``, ``logs``.
     """
     axes = _axes(device)
+    records = [s for s in device.used if s.has_allan]
+    # the curve that reaches farthest
+    record = max(records, key=lambda s: s.allan["tau_s"].max(), default=None)
     return {
         "format": FORMAT,
         "device": device.name,
         "label": device.title,
         "simulated": device.simulated,
-        "status": status(device),
+        "status": "failed" if device.failures else "ok" if device.used else "rejected",
         "failed": [{"session": name, **asdict(failure)} for name, failure in device.failures],
         "rejected": [
             {"session": s.name, "kind": s.kind, "reasons": s.reasons}
@@ -80,7 +78,6 @@ def summarise(device, steps=()):
                 part: {
                     "verdict": verdict_of(block),
                     "sentence": sentence(sensor, block),
-                    "brief": brief(sensor, block),
                 }
                 for part in PARTS
                 for block in [block_of(device.diagnosis, sensor, part)]
@@ -92,8 +89,14 @@ def summarise(device, steps=()):
         "figures": _figures(device, axes),
         "filter": _filter(device),
         "axes": axes,
-        "allan": _allan(device),
-        "allan_csv": _allan_csv(device),
+        "allan": {
+            c: curve(record.allan, c)[["tau_s", "adev"]].to_dict("list")
+            for channels in SENSORS.values()
+            for c in channels
+        }
+        if record
+        else {},
+        "allan_csv": record and f"{device.name}/figures/{record.name}_allan.csv",
         "logs": [
             {"session": s.name, "file": file, "sha256": digest}
             for s in device.sessions
@@ -102,20 +105,10 @@ def summarise(device, steps=()):
     }
 
 
-def status(device):
-    """Return ``failed`` where a stage did, ``rejected`` where no session is used, else ``ok``."""
-    if device.failures:
-        return "failed"
-    return "ok" if device.used else "rejected"
-
-
 def _axes(device):
     """Return bias, scale factor error and misalignment of the final calibration, SI."""
-    calibration = device.calibrations.get("final")
-    if calibration is None:
-        return {}
-    found = {}
-    for sensor in SENSORS:
+    calibration, found = device.calibrations.get("final"), {}
+    for sensor in SENSORS if calibration else ():
         content = getattr(calibration, sensor)
         base = base_parameters(content)
         for key, letter in (("bias", "b"), ("scale", "K")):
@@ -123,13 +116,12 @@ def _axes(device):
                 value, std = base[key]
                 unit = FIGURE_UNITS[sensor][key]
                 found[f"{sensor}_{key}"] = {"unit": unit, "value": value, "std": std}
-        places = [(XYZ.index(i), XYZ.index(j)) for i, j in PAIRS]
         pairs = [
             base["misalignment"][i, j] if f"T{i}{j}" in content.names else (None, None)
-            for i, j in places
+            for i, j in (map(XYZ.index, pair) for pair in PAIRS)
         ]
-        if any(value is not None for value, _ in pairs):
-            value, std = zip(*pairs, strict=True)
+        value, std = zip(*pairs, strict=True)
+        if any(v is not None for v in value):
             found[f"{sensor}_misalignment"] = {"unit": "rad", "value": value, "std": std}
     return found
 
@@ -147,22 +139,18 @@ def _figures(device, axes):
                 "unit": residual["unit"],
                 "floor": residual.get("floor"),
             }
+        # what the added effects explain is no noise
+        change = block_of(device.diagnosis, sensor, "static_record").get("noise") or {}
+        logged = {c: device.axes.get(c) or {} for c in channels}
+        cleaned = {c: (change.get(c) or {}).get("after") or logged[c] for c in channels}
         for key in "NBK":
-            logged = device.noise.get("axes", {})
-            # what the added effects explain is no noise
-            change = block_of(device.diagnosis, sensor, "static_record").get("noise") or {}
-            cleaned = {
-                c: (change.get(c) or {}).get("after") or logged.get(c) or {} for c in channels
-            }
-            figure = _largest_noise(cleaned, channels, key)
-            if figure:
-                before = _largest_noise(logged, channels, key) if change else None
+            if figure := _largest_noise(cleaned, key):
+                before = _largest_noise(logged, key) if change else None
                 if before and before["value"] not in (None, figure["value"]):
                     figure["as_logged"] = before["value"]
                 figures[f"{sensor}_{key}"] = {**figure, "unit": FIGURE_UNITS[sensor][key]}
         for key, names in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
-            content = axes.get(f"{sensor}_{key}")
-            if content:
+            if content := axes.get(f"{sensor}_{key}"):
                 i = int(np.nanargmax(np.abs(np.array(content["value"], float))))
                 figures[f"{sensor}_{key}"] = {
                     "value": content["value"][i],
@@ -176,25 +164,28 @@ def _figures(device, axes):
 def _filter(device):
     """Return white noise and random walk as a filter takes them, SI; rate_hz where it is known.
 
-    One number a sensor, that of the worst axis as logged; of a term that was not seen the 95 %
+    One number per sensor, that of the worst axis as logged; of a term that was not seen the 95 %
     upper limit; raised where N and K would not bound the Allan curve. The exports give the same.
     """
     rates = [s.quality.get("rate_hz") for s in device.used]
-    axes = {c: AxisNoise.from_dict(each) for c, each in device.noise.get("axes", {}).items()}
-    known = {c for c, noise in axes.items() if None not in (noise.N.size, noise.K.size)}
     found = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
     for sensor, channels in SENSORS.items():
-        named = [(axes[c], a) for c, a in zip(channels, XYZ, strict=True) if c in known]
-        for key in ("N", "K"):
-            densities = [for_filter(noise, axis, key) for noise, axis in named]
-            if densities:
-                found[f"{sensor}_{key}"] = asdict(max(densities, key=lambda d: d.value))
+        known = [
+            (noise, axis)
+            for axis, channel in zip(XYZ, channels, strict=True)
+            if channel in device.axes
+            for noise in [AxisNoise.from_dict(device.axes[channel])]
+            if None not in (noise.N.size, noise.K.size)
+        ]
+        for key in "NK" if known else "":
+            densities = (for_filter(noise, axis, key) for noise, axis in known)
+            found[f"{sensor}_{key}"] = asdict(max(densities, key=lambda d: d.value))
     return found
 
 
-def _largest_noise(axes, channels, key):
+def _largest_noise(axes, key):
     """Return the largest of three axes, and the limit of another if that is larger."""
-    found = [(axes.get(c, {}).get(key) or {}, a) for c, a in zip(channels, XYZ, strict=True)]
+    found = [(content.get(key) or {}, a) for content, a in zip(axes.values(), XYZ, strict=True)]
     values = [(c["value"], sigma_of(c), a) for c, a in found if not missing(c.get("value"))]
     limits = [
         (c["upper95"], a)
@@ -208,31 +199,4 @@ def _largest_noise(axes, channels, key):
     # an axis that is only limited may still be the worst
     if value is not None and upper is not None and upper <= value:
         upper = upper_axis = None
-    return {
-        "value": value,
-        "std": std,
-        "axis": axis,
-        "upper95": upper,
-        "upper95_axis": upper_axis,
-    }
-
-
-def _longest_record(device):
-    """Return the session whose Allan curve reaches farthest, None without any."""
-    records = [s for s in device.used if s.has_allan]
-    return max(records, key=lambda s: s.allan["tau_s"].max(), default=None)
-
-
-def _allan_csv(device):
-    """Return the file of the numbers behind the device's curve in the comparison."""
-    record = _longest_record(device)
-    return record and f"{device.name}/figures/{record.name}_allan.csv"
-
-
-def _allan(device):
-    """Return the Allan deviation of each channel, of the longest record."""
-    record = _longest_record(device)
-    if record is None:
-        return {}
-    curves = {c: curve(record.allan, c) for channels in SENSORS.values() for c in channels}
-    return {c: {name: rows[name] for name in ("tau_s", "adev")} for c, rows in curves.items()}
+    return {"value": value, "std": std, "axis": axis, "upper95": upper, "upper95_axis": upper_axis}

@@ -1,7 +1,9 @@
 """What the diagnosis says about a sensor, in sentences made of its numbers."""
 
+import numpy as np
+from scipy.special import chdtr
+
 from imuloop.report.numbers import (
-    NO_NUMBER,
     RESIDUAL,
     joined,
     missing,
@@ -11,6 +13,7 @@ from imuloop.report.numbers import (
     with_unit,
 )
 
+# verdicts from the best news to none
 WORDS = {
     "consistent": "consistent",
     "explained": "explained",
@@ -53,8 +56,8 @@ BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
 # verdicts on a residual above its floor
 ABOVE = ("partly_explained", "unexplained")
-# held-out error that a candidate leaves, as a share of that without it, that is worth telling
-WORTH_TELLING = 0.75
+# held-out error that a candidate leaves, as a share of that without it, that is worth a word
+WORTH_A_WORD = 0.75
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
@@ -62,6 +65,16 @@ QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_ra
 def block_of(diagnosis, sensor, part="poses"):
     """Return the diagnosis of a sensor's poses or static record; empty where there is none."""
     return diagnosis.get("sensors", {}).get(sensor, {}).get(part) or {}
+
+
+def blocks(diagnosis):
+    """Return every part of a diagnosis that there is: (sensor, part, content)."""
+    return [
+        (sensor, part, block)
+        for sensor in QUOTED
+        for part in PARTS
+        if (block := block_of(diagnosis, sensor, part))
+    ]
 
 
 def quoted(sensor, block):
@@ -72,14 +85,8 @@ def quoted(sensor, block):
     residuals = block.get("residuals") or {}
     names = [*(n for n in QUOTED[sensor] if n in residuals), *residuals]
     if verdict_of(block) in ABOVE:
-        names = sorted(names, key=lambda n: -_times_floor(residuals[n]))
+        names.sort(key=lambda n: -(residuals[n]["after"] or 0) / (residuals[n]["floor"] or np.inf))
     return (names[0], residuals[names[0]]) if names else (None, {})
-
-
-def _times_floor(residual):
-    """Return the held-out error in floors; zero where one is not known."""
-    after, floor = residual.get("after"), residual.get("floor")
-    return after / floor if after and floor else 0.0
 
 
 def shown(residual, key, digits=3):
@@ -93,9 +100,13 @@ def shown(residual, key, digits=3):
 
 def change(residual, changed):
     """Return how the held-out residual moved, and its floor."""
-    if not residual:
-        return "no held-out number"
-    floor = f"floor from noise alone {shown(residual, 'floor')}{allowed(residual)}"
+    floor = f"floor from noise alone {shown(residual, 'floor')}"
+    low, high = residual.get("floor_range") or (0.0, 0.0)
+    # where what is known of the noise leaves it wide
+    if high - low > WIDE * residual["floor"]:
+        display = RESIDUAL[residual["unit"]]
+        low, high = (number(v * display.factor, 2) for v in (low, high))
+        floor += f" ({low} to {with_unit(high, display.unit)} by the intervals of the noise)"
     if not changed:
         return f"held-out root mean square {shown(residual, 'after')}, {floor}"
     before, after = (shown(residual, when) for when in ("before", "after"))
@@ -104,16 +115,6 @@ def change(residual, changed):
     known = not missing(residual.get("before")) and not missing(residual.get("after"))
     verb = "falls" if known and residual["after"] < residual["before"] else "goes"
     return f"held-out root mean square {verb} from {before} to {after}, {floor}"
-
-
-def allowed(residual):
-    """Return the range of a floor in words, where what is known of the noise leaves it wide."""
-    low, high = residual.get("floor_range") or (0.0, 0.0)
-    if high - low <= WIDE * residual["floor"]:
-        return ""
-    display = RESIDUAL[residual["unit"]]
-    low, high = (number(v * display.factor, 2) for v in (low, high))
-    return f" ({low} to {with_unit(high, display.unit)} by the intervals of the noise)"
 
 
 def verdict_of(block):
@@ -171,9 +172,6 @@ def too_quiet(block):
         chi2 = r.get("chi2_before")
         if missing(chi2) or chi2 >= FAR_BELOW:
             continue
-        # loads for half a second, and few residuals are as small
-        from scipy.special import chdtr
-
         dof = max((r.get("n") or 0) - MOST_PARAMETERS, 1)
         p = float(chdtr(dof, dof * chi2))
         if p < UNLIKELY:
@@ -181,110 +179,123 @@ def too_quiet(block):
     return None
 
 
-def quiet_text(block):
-    """Return that a residual is far below its noise, as a sentence; empty where none is."""
-    found = too_quiet(block)
-    if not found:
-        return ""
-    name, chi2, p = found
-    return (
-        f" Reduced χ² of the {RESIDUAL_WORDS.get(name, name)} is {number(chi2)}, far below 1, "
-        f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected or "
-        "filtered before they were logged, and say little of the sensor."
-    )
-
-
-def effects_text(block):
-    """Return the names of the effects that were added, as in a sentence."""
-    return joined([e["name"] for e in block.get("effects") or []])
-
-
-def brief(sensor, block):
-    """Return what stands below the verdict in the comparison: effects and how the error fell."""
-    _, residual = quoted(sensor, block)
-    effects = effects_text(block)
-    if not residual:
-        return ""
-    if effects:
-        factor = RESIDUAL[residual["unit"]].factor
-        before = residual.get("before")
-        before = NO_NUMBER if missing(before) else number(before * factor, 2)
-        return f"{effects}: {before}\u00a0→\u00a0{shown(residual, 'after', 2)}"
-    if verdict_of(block) == "unexplained":
-        return f"{shown(residual, 'after', 2)}, floor {shown(residual, 'floor', 2)}"
-    return ""
-
-
-def known_text(block):
+def _known_text(block):
     """Return the effects that came from the other kind of data, as a sentence's end."""
     added = {e["name"] for e in block.get("effects") or []}
-    known = [
-        c
+    known = {
+        c["name"]: c.get("why") or "found elsewhere"
         for c in block.get("candidates") or []
         if c["status"] == "added" and c["name"] not in added
-    ]
+    }
     if not known:
         return ""
     verb = "is" if len(known) == 1 else "are"
-    return (
-        f"; {joined([c['name'] for c in known])}, {known[0].get('why') or 'found elsewhere'}, "
-        f"{verb} part of the model"
-    )
+    return f"; {joined(list(known))}, {next(iter(known.values()))}, {verb} part of the model"
 
 
-def _nearest(block):
-    """Return how far the best of those that were rejected lowers the held-out error, in words."""
+def _tried(block):
+    """Return what the effects that were rejected do to the held-out error, in words."""
     residuals, found = block.get("residuals") or {}, []
-    for c in block.get("candidates") or []:
+    rejected = [c for c in block.get("candidates") or [] if c["status"] == "rejected"]
+    if not rejected:
+        return "and no effect of the library can be told from these data"
+    for c in rejected:
         before = (residuals.get(c.get("residual")) or {}).get("before")
-        if c["status"] == "rejected" and before and not missing(c.get("heldout_after")):
+        if before and not missing(c.get("heldout_after")):
             found.append((c["heldout_after"] / before, c))
     share, best = min(found, key=lambda f: f[0], default=(1.0, None))
-    if share > WORTH_TELLING:
-        return ""
+    if share > WORTH_A_WORD:
+        return "no effect that was tried helps"
     left = shown(residuals[best["residual"]] | {"after": best["heldout_after"]}, "after")
     return f"no effect that was tried is certain, though {best['name']} alone would leave {left}"
 
 
 def sentence(sensor, block):
-    """Return the verdict on a sensor in a sentence.
-
-    Parameters
-    ----------
-    sensor : {'accelerometer', 'gyroscope'}
-        Which sensor.
-    block : dict
-        Its diagnosis: `poses` or `static_record`.
-    """
+    """Return the verdict on a sensor's poses or static record in a sentence."""
     verdict = verdict_of(block)
     if verdict == "not_testable":
         return f"not testable: {reason_of(block)}."
     name, residual = quoted(sensor, block)
-    effects = effects_text(block)
     if not residual:
-        return f"{WORDS.get(verdict, verdict)}; no residual was given."
-    status = {c["status"] for c in block.get("candidates") or []}
-    tried = (
-        _nearest(block) or "no effect that was tried helps"
-        if "rejected" in status
-        else "and no effect of the library can be told from these data"
-    )
+        return f"{WORDS[verdict]}; no residual was given."
+    effects = joined([e["name"] for e in block.get("effects") or []])
+    words = {
+        "consistent": "consistent with its model and noise",
+        "explained": f"explained by {effects}",
+        "partly_explained": f"partly explained by {effects}, "
+        + ("something is still missing" if lacking(block) else "not in every part of the data"),
+        "unexplained": f"unexplained, {_tried(block)}",
+    }[verdict]
     moved = f"{RESIDUAL_WORDS.get(name, name)}, {change(residual, bool(effects))}"
-    moved += known_text(block)
-    probe = leading(block)
-    slow = SLOW_NOISE if block.get("slow_noise") else ""
-    left = f".{misfit(block)}" + (
-        f" What is left goes most with {'' if probe['name'] in CHANNELS else 'the '}"
-        f"{correlate_words(probe['name'])}, which "
-        f"explains {percent(probe['share'])} of it."
-        if probe
-        else ""
-    )
-    rest = "something is still missing" if lacking(block) else "not in every part of the data"
-    said = {
-        "consistent": f"consistent with its model and noise: {moved}.{slow}",
-        "explained": f"explained by {effects}: {moved}.{slow}",
-        "partly_explained": f"partly explained by {effects}, {rest}: {moved}{left}",
-        "unexplained": f"unexplained, {tried}: {moved}{left}",
-    }.get(verdict, f"{verdict}: {moved}.")
-    return said + quiet_text(block)
+    text = f"{words}: {moved}{_known_text(block)}."
+    if verdict in ABOVE:
+        text += misfit(block)
+        if probe := leading(block):
+            article = "" if probe["name"] in CHANNELS else "the "
+            text += (
+                f" What is left goes most with {article}{correlate_words(probe['name'])}, which "
+                f"explains {percent(probe['share'])} of it."
+            )
+    elif block.get("slow_noise"):
+        text += SLOW_NOISE
+    if found := too_quiet(block):
+        name, chi2, p = found
+        text += (
+            f" Reduced χ² of the {RESIDUAL_WORDS.get(name, name)} is {number(chi2)}, far below 1, "
+            f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected "
+            "or filtered before they were logged, and say little of the sensor."
+        )
+    return text
+
+
+def rank(verdict):
+    """Return the place of a verdict from the best news to none."""
+    return list(WORDS).index(verdict)
+
+
+def answers(diagnosis):
+    """Return what to say of a device first: each sensor, its worst verdict, words on it.
+
+    Poses come first: they test the calibration. A static record is named where it says more, or
+    where there are no poses.
+    """
+    said = []
+    for sensor in QUOTED:
+        poses, still = (block_of(diagnosis, sensor, part) for part in PARTS)
+        tested = [v for v in map(verdict_of, (poses, still)) if v != "not_testable"]
+        if not tested:
+            words = f"not testable: {reason_of(poses)}"
+        elif verdict_of(poses) == "not_testable":
+            words = f"at rest {_words(still)}; no poses to test it"
+        else:
+            words = _words(poses)
+            if verdict_of(still) not in ("consistent", "not_testable"):
+                words += f"; at rest {_words(still)}"
+        said.append((sensor, max(tested, key=rank, default="not_testable"), words))
+    return said
+
+
+def _words(block):
+    """Return what a tested block says."""
+    if too_quiet(block):
+        return "far quieter than its own noise allows: corrected or filtered before it was logged"
+    effects = joined([e["name"].replace("_", " ") for e in block.get("effects") or []])
+    return {
+        "consistent": "as good as its noise allows",
+        "explained": f"as good as its noise allows with {effects} corrected",
+        "partly_explained": f"better with {effects} corrected, but something is still missing",
+        "unexplained": "something is missing that no known effect explains",
+    }.get(verdict_of(block), verdict_of(block))
+
+
+def grouped(summaries):
+    """Return what is said of the devices, the worst news first, each with those it is said of."""
+    groups = {}
+    for s in summaries:
+        groups.setdefault(tuple(map(tuple, s["answers"])), []).append(s)
+
+    def worst(group):
+        said, found = group
+        return [-max((rank(verdict) for _, verdict, _ in said), default=0), len(found)]
+
+    return sorted(groups.items(), key=worst)

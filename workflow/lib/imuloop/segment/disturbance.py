@@ -7,20 +7,13 @@ from scipy.special import betaincinv, chdtr, chdtri
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.ingest.in_order import in_order
-from imuloop.segment.stretches import merged, without
-from imuloop.segment.wavelets import (
-    DENSE,
-    FINE,
-    coarse_details,
-    fine_details,
-    pieces,
-    whole,
-)
+from imuloop.segment.stretches import lengths, merged, without
+from imuloop.segment.wavelets import DENSE, FINE, coarse_details, fine_details, pieces, whole
 from imuloop.segment.windows import DECIDING, rounding_variance
 
 # specific force and angular rate are judged together
 K = len(CHANNELS)
-# fewest coefficients on a scale from which their covariance can be told
+# fewest coefficients on a scale that determine their covariance
 FEWEST = 60
 # most coefficients that the covariance of a scale is taken from
 MOST = 20_000
@@ -40,28 +33,17 @@ TOGETHER = 1 << 18
 
 
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
-    """Return the covariance of vectors about zero, as if a part of them were not there.
+    """Return the covariance of vectors about zero, as if a part of them were not there, (k, k).
 
     Starting from a covariance that is the same in every direction of a sensor, the half of the
     vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
     from the median of the squared distance, χ² with k degrees of freedom; all vectors within the
     97.5 % quantile then give the final covariance. Where tails are heavier than normal, as of a
     noise that swells with temperature, the 99 % quantile sets the scale, up to `tail_limit` times.
-    Neither the start nor a step prefers an axis: turning the sensor's frame turns the covariance
-    with it.
+    No step prefers an axis: turning the sensor's frame turns the covariance with it.
 
-    Parameters
-    ----------
-    x : array_like, shape (n, k)
-        Vectors of one or more sensors, three axes each.
-    floor : array_like, shape (k,)
-        Variance added to each channel, that of rounding.
-    tail_limit : float
-        How far the tail may raise the scale.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
+    Takes vectors of one or more sensors, three axes each, (n, k), and the variance of rounding,
+    (k,), which is added to each channel.
 
     References
     ----------
@@ -74,7 +56,6 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     middle = (len(x) - 1) // 2
     for _ in range(10):
         distance = squared_distance(x, covariance)
-        # as far as the median, which numpy takes longer for
         nearest = distance <= np.partition(distance, middle)[middle]
         half = x.T.compress(nearest, axis=1)
         last, covariance = covariance, half @ half.T / half.shape[1] + np.diag(floor)
@@ -120,7 +101,7 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     random walk and a drift of any length only widen what counts as normal on the scales they
     live on. A coefficient is a disturbance if its squared distance would occur in an undisturbed
     session of Gaussian noise with the probability `false_alarm`, divided by the number of samples.
-    All scales together hold 1.3 coefficients a sample (Bonferroni, so right for any correlation).
+    All scales together hold 1.3 coefficients per sample (Bonferroni, so right for any correlation).
     Hotelling's T² replaces χ², as scales with few coefficients know their covariance badly.
     Sensors at rest throw out single samples of 7 to 12 standard deviations (an ADIS16405 some
     fifty in a million); below eight samples a disturbance has to have twice the amplitude.
@@ -130,25 +111,8 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     lasting tilt costs its transition only: before and after are separate stretches, never
     compared again.
 
-    Parameters
-    ----------
-    rows : imuloop.core.samples.Samples
-        Samples.
-    stretches : array_like of int, shape (k, 2)
-        Stretches without a gap.
-    step : float
-        Median step of time, s.
-    settings : SegmentSettings
-        False alarms, longest scale, guard, shortest static stretch.
-    threads : int
-        How many may work at once; changes nothing in the result.
-
-    Returns
-    -------
-    ranges : ndarray of int, shape (m, 2)
-        Half-open ranges of samples, in order of time.
-    metadata : dict
-        Longest scale judged, s, and the number of coefficients that placed a cut, by scale.
+    Takes Samples, their stretches without a gap, the median step of time, s, and how many threads
+    may work at once, which changes nothing in the result.
 
     References
     ----------
@@ -157,33 +121,27 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     section 2.4 (threshold over all coefficients).
     """
     levels = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
+    deciding = [
+        rows.read(axes, 0, min(DECIDING, len(rows))) for axes in (ACCELERATION, ANGULAR_RATE)
+    ]
     search = _Search(
         rows=rows,
         widths=[2**level for level in range(1, levels + 1)],
-        floor=np.repeat(
-            [
-                rounding_variance(rows.read(axes, 0, min(DECIDING, len(rows))).T)
-                for axes in (ACCELERATION, ANGULAR_RATE)
-            ],
-            3,
-        ),
+        floor=np.repeat([rounding_variance(x.T) for x in deciding], 3),
         false_alarm=settings.false_alarm / max(len(rows), 1),
         guard=round(settings.guard_s / step),
         threads=threads,
     )
     shortest = round(settings.shortest_static_s / step)
-    left, flagged, longest = np.asarray(stretches), {}, 0
+    left = stretches
     for _ in range(ROUNDS):
-        cuts, judged, counts = search.cuts(left)
-        longest = max(longest, judged)
-        flagged = {w: flagged.get(w, 0) + counts.get(w, 0) for w in search.widths}
+        cuts = search.cuts(left)
         if not len(cuts):
             break
         left = without(left, cuts)
-        i, j = stretches[np.searchsorted(stretches[:, 0], left[:, 0], side="right") - 1].T
-        left = left[np.diff(left, axis=1).ravel() >= np.minimum(shortest, j - i)]
-    counts = [{"scale_s": w * step, "count": n} for w, n in sorted(flagged.items()) if n]
-    return left, {"longest_scale_s": longest * step, "flagged": counts}
+        of_stretch = np.searchsorted(stretches[:, 0], left[:, 0], side="right") - 1
+        left = left[lengths(left) >= np.minimum(shortest, lengths(stretches)[of_stretch])]
+    return left
 
 
 @dataclass(frozen=True)
@@ -198,40 +156,33 @@ class _Search:
     threads: int
 
     def cuts(self, ranges):
-        """Return what is to be cut from ranges, the longest scale judged, and counts by scale."""
-        cuts, judged, counts = np.empty((0, 2), dtype=int), 0, {}
+        """Return what is to be cut from ranges."""
+        cuts = np.empty((0, 2), dtype=int)
         for width, covariance, found in self._found(ranges):
-            judged = width
             found = np.sort(found)
+            # a finer scale has placed a cut already in what this one reaches
             k = np.searchsorted(cuts[:, 1], found, side="right")
             reached = np.append(cuts[:, 0], len(self.rows) + 1)[k]
             found = found[found + 3 * width - 2 <= reached]
             if len(found):
-                counts[width] = len(found)
                 cuts = merged(np.concatenate([cuts, self._marks(found, width, covariance)]))
-        return cuts, judged, counts
+        return cuts
 
     def _found(self, ranges):
         """Yield scale, covariance and first samples of what is too large, fine to coarse."""
-        spans = {w: [whole(piece, w) for piece in pieces(ranges)] for w in FINE}
-        counts = {w: [last - first for first, last in spans[w]] for w in FINE}
+        counts = {w: [np.ptp(whole(piece, w)) for piece in pieces(ranges)] for w in FINE}
         widths = [w for w in self.widths if w <= DENSE]
         few = [w for w in widths if sum(counts[w]) < FEWEST]
         widths = [w for w in widths if not few or w < few[0]]
         ahead = {w: np.cumsum([0, *counts[w]]) for w in widths}
-        stride = {w: ahead[w][-1] // MOST + 1 for w in widths}
 
-        def sampled(item):
-            n, piece, x = item
-            details, smooth = fine_details(x, piece, widths)
-            samples = [
-                detail[:, -ahead[w][n] % stride[w] :: stride[w]].copy()
-                for w, (detail, _) in zip(widths, details, strict=True)
-            ]
-            return samples, piece, None if smooth is None else smooth.copy()
+        def sampled(n, piece, details, smooth):
+            parts = zip(widths, details, strict=True)
+            samples = [_sampled(detail, ahead[w][n], ahead[w][-1]) for w, (detail, _) in parts]
+            return piece, samples, None if smooth is None else smooth.copy()
 
         samples, sequences = [[] for _ in widths], []
-        for part, (i, j, a, *_), smooth in in_order(sampled, self._read(ranges), self.threads):
+        for (i, j, a, *_), part, smooth in self._each(ranges, widths, sampled):
             for each, sample in zip(samples, part, strict=True):
                 each.append(sample)
             if smooth is not None:
@@ -243,38 +194,40 @@ class _Search:
             for w, each in zip(widths, samples, strict=True)
         }
 
-        def too_large(item):
-            _, piece, x = item
-            details, _ = fine_details(x, piece, widths)
-            return [
-                _beyond(detail, first, w, *judged[w])
-                for w, (detail, first) in zip(widths, details, strict=True)
-            ]
+        def too_large(n, piece, details, smooth):
+            parts = zip(widths, details, strict=True)
+            return [_beyond(detail, first, w, *judged[w]) for w, (detail, first) in parts]
 
-        found = list(in_order(too_large, self._read(ranges), self.threads)) if widths else []
-        for n, w in enumerate(widths):
-            yield w, judged[w][0], np.concatenate([each[n] for each in found])
+        found = list(self._each(ranges, widths, too_large)) if widths else []
+        for w, parts in zip(widths, zip(*found, strict=True), strict=True):
+            yield w, judged[w][0], np.concatenate(parts)
         if few:
             return
         sequences = [(i, j, shift, np.hstack(parts)) for i, j, shift, parts in sequences]
         for width in [w for w in self.widths if w > DENSE]:
             details, sequences = coarse_details(sequences, width)
-            n = sum(detail.shape[1] for detail, _ in details)
+            ahead = np.cumsum([0, *(detail.shape[1] for detail, _ in details)])
             # shifted transforms overlap: only so many coefficients are independent
-            if n // (width // DENSE) < FEWEST:
+            if ahead[-1] // (width // DENSE) < FEWEST:
                 return
-            stride, ahead, sample = n // MOST + 1, 0, []
-            for detail, _ in details:
-                sample.append(detail[:, -ahead % stride :: stride])
-                ahead += detail.shape[1]
-            covariance, bound = self._judged(np.hstack(sample), n, width)
+            parts = zip(details, ahead, strict=False)
+            sample = np.hstack([_sampled(detail, at, ahead[-1]) for (detail, _), at in parts])
+            covariance, bound = self._judged(sample, ahead[-1], width)
             found = [_beyond(d, first, width, covariance, bound) for d, first in details]
             yield width, covariance, np.concatenate(found)
 
-    def _read(self, ranges):
-        """Give number, piece and samples of the pieces of ranges."""
-        for n, piece in enumerate(pieces(ranges)):
-            yield n, piece, self.rows.read(CHANNELS, piece[4], piece[3])
+    def _each(self, ranges, widths, work):
+        """Return what work makes of number, piece, details and smooth sequence of each piece."""
+
+        def worked(item):
+            n, piece, x = item
+            return work(n, piece, *fine_details(x, piece, widths))
+
+        read = (
+            (n, piece, self.rows.read(CHANNELS, piece[4], piece[3]))
+            for n, piece in enumerate(pieces(ranges))
+        )
+        return in_order(worked, read, self.threads)
 
     def _judged(self, sample, n, width):
         """Return covariance of a scale's n coefficients and the bound of their squared distance."""
@@ -292,6 +245,12 @@ class _Search:
         return np.column_stack([np.maximum(found - self.guard, 0), found + length + self.guard])
 
 
+def _sampled(detail, ahead, count):
+    """Return coefficients so that those of all pieces, `ahead` before this, are `MOST` or fewer."""
+    stride = count // MOST + 1
+    return detail[:, -ahead % stride :: stride].copy()
+
+
 def _beyond(detail, first, width, covariance, bound):
     """Return the first samples of the coefficients whose squared distance is beyond a bound."""
     return first + width * np.flatnonzero(squared_distance(detail.T, covariance) > bound)
@@ -300,16 +259,8 @@ def _beyond(detail, first, width, covariance, bound):
 def steepest(rows, found, width, covariance):
     """Return where, in the support of each coefficient, the means of two halves differ most.
 
-    Parameters
-    ----------
-    rows : imuloop.core.samples.Samples
-        Samples.
-    found : ndarray of int, shape (n,)
-        First samples of the supports, in order.
-    width : int
-        Scale; the halves are of half a scale each.
-    covariance : ndarray, shape (6, 6)
-        Of the coefficients.
+    Takes the first samples of the supports, in order, and the covariance of the coefficients,
+    (6, 6); the halves are of half a scale each.
     """
     half, length = width // 2, 3 * width - 2
     best, n = np.empty_like(found), 0
@@ -318,8 +269,7 @@ def steepest(rows, found, width, covariance):
         end = np.searchsorted(found, found[n] + max(length, TOGETHER), side="right")
         low, high = found[n], found[end - 1] + length
         total = np.zeros((K, high - low + 1))
-        for each, name in zip(total, CHANNELS, strict=True):
-            np.cumsum(rows.read((name,), low, high)[0], out=each[1:])
+        np.cumsum(rows.read(CHANNELS, low, high), axis=1, out=total[:, 1:])
         places = high - low - width + 1
         change = np.empty(places)
         for a in range(0, places, TOGETHER):
@@ -327,14 +277,14 @@ def steepest(rows, found, width, covariance):
             second = total[:, a + half : b + half]
             difference = total[:, a + width : b + width] - 2 * second + total[:, a:b]
             change[a:b] = squared_distance(difference.T, covariance)
-        place = -1
+        place = reached = -1
         for k in range(n, end):
             a, b = found[k] - low, found[k] - low + length - width + 1
             # what was the largest still is, but for what came in
-            new = a if place < a else found[k - 1] - low + length - width + 1
+            new = a if place < a else reached
             top = new + int(np.argmax(change[new:b])) if new < b else place
             if place < a or change[top] > change[place]:
                 place = top
-            best[k] = low + place
+            best[k], reached = low + place, b
         n = end
     return best

@@ -35,21 +35,12 @@ def expected_error(f):
     y is the relative error of the norm, to first order. With independent errors of standard
     deviation σ and a weak Gaussian prior on B (0.05) and c (0.1), the same in every direction, β
     has the covariance C = (XᵀX/σ² + P⁻¹)⁻¹. The figure is the root of the mean of xᵀ C x over
-    all directions, with the upper 95 % limit of σ² from the residual sum S and its n − tr H
-    degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1).
+    all directions, relative to g, with the upper 95 % limit of σ² from the residual sum S and its
+    n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1).
 
     More poses lower C, worse poses raise σ. Poses that do not determine the model leave the
     prior, far above any residual; few poses with a small residual by luck are not believed.
-
-    Parameters
-    ----------
-    f : array_like, shape (n, 3)
-        Mean specific force of each attitude, m/s².
-
-    Returns
-    -------
-    float
-        Root mean square error of the norm, relative to g.
+    Takes the mean specific force of each attitude, m/s², shape (n, 3).
 
     References
     ----------
@@ -63,7 +54,7 @@ def expected_error(f):
     design = np.hstack([PRIOR_SCALE * quadratic, PRIOR_BIAS * u])
     error = (np.sum(u * u, axis=1) - 1) / 2
     normal = design.T @ design
-    # H y and tr H without H, which has a row and a column an attitude
+    # H y and tr H without H, which has a row and a column per attitude
     solution = np.linalg.solve(
         normal + POSE_NORM**2 * np.eye(9), np.column_stack([design.T @ error, normal])
     )
@@ -73,25 +64,25 @@ def expected_error(f):
     return float(np.sqrt(np.sum(covariance * _moments())))
 
 
-def attitudes(f, rests, same_attitude):
+def attitudes(total, rests, same_attitude):
     """Return the mean specific force of each attitude: neighbouring rests that agree are one.
 
-    Parameters
-    ----------
-    f : array_like, shape (3, n + 1)
-        Cumulative sum of specific force, from zero, m/s².
-    rests : array_like of int, shape (m, 2)
-        Ranges of samples.
-    same_attitude : float
-        Angle, rad.
+    Takes the cumulative sum of specific force, from zero, m/s², shape (3, n + 1), ranges of
+    samples, and the angle within which two agree, rad.
     """
-    total = (f[:, rests[:, 1]] - f[:, rests[:, 0]]).T
-    u = total / np.linalg.norm(total, axis=1, keepdims=True)
+    if not len(rests):
+        return np.empty((0, 3))
+    sums = (total[:, rests[:, 1]] - total[:, rests[:, 0]]).T
+    u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
     group = np.concatenate([[0], np.cumsum(angle > same_attitude)])
-    n = np.diff(rests, axis=1).ravel()
-    sums = np.array([np.bincount(group, total[:, k]) for k in range(3)])
-    return (sums / np.bincount(group, n)).T
+    n = np.bincount(group, np.diff(rests, axis=1).ravel())
+    return np.column_stack([np.bincount(group, x) for x in sums.T]) / n[:, None]
+
+
+def cumulative(force):
+    """Return the cumulative sum of specific force, (3, n), from zero, shape (3, n + 1)."""
+    return np.concatenate([np.zeros((3, 1)), np.cumsum(force, axis=1)], axis=1)
 
 
 def choose_multiples(specific_force, detect, settings):
@@ -104,44 +95,27 @@ def choose_multiples(specific_force, detect, settings):
     poses that show what the model lacks would be left out first. Of these the most attitudes win,
     then the fewest pieces that they fall into, then the lowest error, then the widest pair.
 
-    Parameters
-    ----------
-    specific_force : array_like, shape (3, n)
-        m/s².
-    detect : callable
-        Takes a pair of multiples, returns the rests, shape (m, 2).
-    settings : SegmentSettings
-        Multiples and the angle that tells two attitudes.
-
-    Returns
-    -------
-    best : pair of float or None
-        None where no pair finds a rest.
-    table : list of dict
-        For each pair that found one: multiples, rests, attitudes, expected error (of g).
+    Takes specific force, m/s², (3, n), and a function from a pair of multiples to the rests,
+    (m, 2). The pair is None where none finds a rest; the table has a row for each that does.
     """
-    total = np.concatenate([np.zeros((3, 1)), np.cumsum(specific_force, axis=1)], axis=1)
-    table = []
+    total, table = cumulative(specific_force), []
     pairs = itertools.product(settings.accelerometer_multiples, settings.gyroscope_multiples)
-    for accelerometer, gyroscope in pairs:
-        rests = detect((accelerometer, gyroscope))
+    for pair in pairs:
+        rests = detect(pair)
         if len(rests):
             f = attitudes(total, rests, settings.same_attitude)
-            table.append(
-                {
-                    "accelerometer": accelerometer,
-                    "gyroscope": gyroscope,
-                    "rests": len(rests),
-                    "attitudes": len(f),
-                    "expected_error": expected_error(f),
-                }
-            )
+            row = {"accelerometer": pair[0], "gyroscope": pair[1], "rests": len(rests)}
+            table.append({**row, "attitudes": len(f), "expected_error": expected_error(f)})
     if not table:
         return None, []
-    bound = (1 + EQUAL) * min(row["expected_error"] for row in table)
-    equal = [row for row in table if row["expected_error"] <= bound]
+    equal = _lowest(table, EQUAL)
     most = min((-row["attitudes"], row["rests"]) for row in equal)
     alike = [row for row in equal if (-row["attitudes"], row["rests"]) == most]
-    bound = (1 + ROUNDING) * min(row["expected_error"] for row in alike)
-    best = [row for row in alike if row["expected_error"] <= bound][-1]
+    best = _lowest(alike, ROUNDING)[-1]
     return (best["accelerometer"], best["gyroscope"]), table
+
+
+def _lowest(table, tolerance):
+    """Return the rows whose expected error is the lowest to a relative tolerance."""
+    bound = (1 + tolerance) * min(row["expected_error"] for row in table)
+    return [row for row in table if row["expected_error"] <= bound]

@@ -4,22 +4,11 @@ import numpy as np
 
 from imuloop.core.rotation import exponential, multiply, prefix_product, step_vectors
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, ROWS, TIME
+from imuloop.segment.stretches import lengths
 
 
-def turned_by(rows, first, last, bias, limit):
-    """Tell whether a device turned away from its first attitude by more than an angle.
-
-    Parameters
-    ----------
-    rows : imuloop.core.samples.Samples
-        Samples.
-    first, last : int
-        Range of samples.
-    bias : array_like, shape (3,)
-        Rate at rest, rad/s.
-    limit : float
-        Angle, rad.
-    """
+def _turned(rows, first, last, bias, limit):
+    """Return whether a device turned away from its first attitude by more than an angle, rad."""
     attitude = np.array([1.0, 0.0, 0.0, 0.0])
     for begin in range(first, last - 1, ROWS):
         # a piece begins with the sample that the one before ends with
@@ -40,31 +29,15 @@ def number_poses(rows, rests, means, spreads, stretches, settings):
     `same_attitude` (or four standard errors of the two means, where the noise is larger) and the
     gyroscope, its bias taken from both rests, never turned by more than `turned` in between. So a
     full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
-    happened in a gap is not known: the rest after it is a new pose.
-
-    Parameters
-    ----------
-    rows : imuloop.core.samples.Samples
-        Samples.
-    rests : array_like of int, shape (m, 2)
-        Ranges of samples, in order of time.
-    means, spreads : dict of str to ndarray, shape (m,)
-        Mean and standard deviation of each channel in each rest, SI.
-    stretches : array_like of int, shape (k, 2)
-        Stretches without a gap.
-    settings : SegmentSettings
-        The two angles.
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
+    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, stretches without
+    a gap, and mean and standard deviation of each channel in each rest, SI.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (
         np.column_stack([means[name] for name in axes]) for axes in (ACCELERATION, ANGULAR_RATE)
     )
     spread = np.column_stack([spreads[name] for name in ACCELERATION])
-    errors = np.linalg.norm(spread, axis=1) / np.sqrt(np.diff(rests, axis=1).ravel())
+    errors = np.linalg.norm(spread, axis=1) / np.sqrt(lengths(rests))
     stretch = np.searchsorted(np.asarray(stretches)[:, 0], rests[:, 0], side="right")
     first = 0
     for k in range(1, len(rests)):
@@ -75,7 +48,7 @@ def number_poses(rows, rests, means, spreads, stretches, settings):
         if same:
             between = rests[k - 1, 1] - 1, rests[k, 0] + 1
             bias = (rate[k - 1] + rate[k]) / 2
-            same = not turned_by(rows, *between, bias, settings.turned)
+            same = not _turned(rows, *between, bias, settings.turned)
         numbers[k] = numbers[k - 1] + (not same)
         first = first if same else k
     return numbers

@@ -1,6 +1,6 @@
 """Segment: the one entry of the stage, from samples to segments."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,12 +8,12 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
 from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.multiples import attitudes, choose_multiples
+from imuloop.segment.multiples import attitudes, choose_multiples, cumulative
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import activity, detect_rests, rest_level, slow
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.stretches import unbroken, without
+from imuloop.segment.stretches import lengths, unbroken, without
 from imuloop.segment.tilt import tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
@@ -27,13 +27,22 @@ DEAREST = 2.0
 
 
 def segment_session(samples, kind, settings):
+    """Return the segments of a session as a DataFrame, and the metadata: see `session_columns`."""
+    import pandas as pd
+
+    columns, metadata = session_columns(samples, kind, settings)
+    return pd.DataFrame(columns), metadata
+
+
+def session_columns(samples, kind, settings, threads=1):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
     Rests of a six-position or multi-position session come from the static detector with the
     multiples whose poses calibrate best, less what turns slowly or trembles in the hand; those of
     a static session are what the disturbance detector and slow tilts leave. A gap lasts from one
-    step after the last sample before it to the next sample.
+    step after the last sample before it to the next sample. Of a file few row groups are held at
+    once where the session is static, else six columns.
 
     Parameters
     ----------
@@ -43,53 +52,31 @@ def segment_session(samples, kind, settings):
         "static", "six_position" or "multi_position".
     settings : SegmentSettings
         What is asked of a rest.
+    threads : int
+        How many may work at once; changes nothing in the result.
 
     Returns
     -------
-    segments : DataFrame
-        As `imuloop.core.segments.segment_table` gives it.
+    columns : dict of ndarray
+        As `imuloop.core.segments.segment_columns` gives them.
     metadata : dict
         Level of rest and how it was found, the multiples and the table they were chosen from,
-        number of rests dropped as too short, what `shorter` settings would bring, `unsteady`: what
-        turned or trembled (`_losses`), gaps and, of a static session, the scales searched and the
-        number of slow tilts.
-    """
-    # takes as long to import as the work on a short session
-    import pandas as pd
-
-    columns, metadata = session_columns(samples, kind, settings)
-    return pd.DataFrame(columns), metadata
-
-
-def session_columns(samples, kind, settings, threads=1):
-    """Return the segments of a session as columns by name, and the metadata.
-
-    Of a file few row groups are held at once where the session is static, else six columns.
-
-    Parameters
-    ----------
-    samples : Samples or DataFrame
-        Samples of the session, SI.
-    kind, settings
-        As of `segment_session`.
-    threads : int
-        How many may work at once; changes nothing in the result.
+        number of rests dropped as too short, what `shorter` settings would bring, gaps and, of a
+        static session, the number of slow tilts.
     """
     rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
-        rests, metadata = undisturbed(rows, stretches, step, settings, threads)
+        rests = undisturbed(rows, stretches, step, settings, threads)
         tilted = tilts(rows, rests, step)
-        metadata["slow_tilts"] = len(tilted)
+        metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
             rests = without(rests, tilted)
-            shortest = settings.shortest_static_s - step / 2
-            rests = rests[np.diff(rests, axis=1).ravel() * step >= shortest]
-        between = DISTURBED
+            rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
     else:
         rests, metadata = _find_rests(rows, stretches, step, settings)
-        between = MOTION
 
+    between = DISTURBED if kind == "static" else MOTION
     ranges, kinds = [], []
     stretch_of = np.searchsorted(stretches[:, 0], rests[:, 0], side="right") - 1
     for n, (i, j) in enumerate(stretches):
@@ -102,7 +89,7 @@ def session_columns(samples, kind, settings, threads=1):
             ranges.append((j, j))
             kinds.append(GAP)
     ranges = np.array(ranges, dtype=int).reshape(-1, 2)
-    is_rest, is_gap = (np.array(kinds, dtype=object) == kind for kind in (STATIC, GAP))
+    is_rest, is_gap = (np.array(kinds, dtype=object) == each for each in (STATIC, GAP))
     # a stretch ends one step after its last sample, and a gap with the next one
     ends = dict(zip(stretches[:, 1], rows.at(TIME, stretches[:, 1] - 1) + step, strict=True))
     start = rows.at(TIME, np.where(is_gap, 0, ranges[:, 0]))
@@ -129,117 +116,64 @@ def no_segments(kind):
 
 def _find_rests(rows, stretches, step, settings):
     """Return the rests of a session, the metadata, and what shorter settings would bring."""
-    rests, metadata = _detected(rows, stretches, step, settings)
+    f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
+    rests, metadata = _detected(f, w, stretches, step, settings)
     metadata["shorter"] = None
     short = metadata["short_rests"]
-    if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
-        metadata["shorter"] = _shorter(rows, stretches, step, settings, rests)
+    if short < LEAST_SHORT or short <= SHORT_SHARE * len(rests):
+        return rests, metadata
+    total, tried = cumulative(f), []
+    now = len(attitudes(total, rests, settings.same_attitude))
+    for window, shortest in SHORTER:
+        each = {
+            "window_s": window * settings.window_s,
+            "shortest_rest_s": shortest * settings.shortest_rest_s,
+        }
+        found, _ = _detected(f, w, stretches, step, replace(settings, **each))
+        found = len(attitudes(total, found, settings.same_attitude))
+        tried.append({**each, "attitudes": found, "now": now})
+    most = max(each["attitudes"] for each in tried)
+    if most >= WORTHWHILE * max(now, 1):
+        # the longest that find nearly as many
+        good = (each for each in tried if each["attitudes"] >= ALMOST * most)
+        metadata["shorter"] = next(good)
     return rests, metadata
 
 
-def _shorter(rows, stretches, step, settings, rests):
-    """Return the settings that find most attitudes in short rests, the longest that do.
-
-    Returns
-    -------
-    dict or None
-        `window_s` and `shortest_rest_s`, the number of `attitudes` with them and `now`; None where
-        none brings a fifth more.
-    """
-    f = rows.read(ACCELERATION, 0, len(rows))
-    total = np.concatenate([np.zeros((3, 1)), np.cumsum(f, axis=1)], axis=1)
-
-    def count(rests):
-        return len(attitudes(total, rests, settings.same_attitude)) if len(rests) else 0
-
-    tried = []
-    for window, shortest in SHORTER:
-        window, shortest = window * settings.window_s, shortest * settings.shortest_rest_s
-        other = replace(settings, window_s=window, shortest_rest_s=shortest)
-        found = count(_detected(rows, stretches, step, other)[0])
-        tried.append({"window_s": window, "shortest_rest_s": shortest, "attitudes": found})
-    now, most = count(rests), max(each["attitudes"] for each in tried)
-    if most < WORTHWHILE * max(now, 1):
-        return None
-    best = next(each for each in tried if each["attitudes"] >= ALMOST * most)
-    return best | {"now": now}
-
-
-def _detected(rows, stretches, step, settings):
-    window = max(2, round(settings.window_s / step))
-    f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
-    moving = activity(f, w, stretches, window)
+def _detected(f, w, stretches, step, settings):
+    """Return the rests of a session by its specific force and angular rate, and the metadata."""
+    moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
     level = rest_level(f, w, moving, step, settings)
     if level is None:
-        return np.empty((0, 2), dtype=int), {
-            "level": None,
-            "multiples": None,
-            "choice": [],
-            "short_rests": 0,
-            "unsteady": None,
-        }
-    is_slow = slow(moving, level, settings)
+        nothing = {"level": None, "multiples": None, "choice": [], "short_rests": 0}
+        return np.empty((0, 2), dtype=int), nothing
+    variances = level.accelerometer_variance, level.gyroscope_variance
 
-    def found(moving, pair):
-        return detect_rests(moving, level, is_slow, pair, stretches, step, settings)
+    def found(may_rest, multiples):
+        still = moving.within(multiples, variances) & may_rest
+        return detect_rests(still, stretches, step, settings)
 
-    def choose(moving):
-        return choose_multiples(f, lambda pair: found(moving, pair)[0], settings)
+    def choose(may_rest):
+        return choose_multiples(f, lambda pair: found(may_rest, pair)[0], settings)
 
+    may_rest = slow(moving, level, settings)
     # where no pair finds a rest long enough, the widest says how many were too short
     widest = (max(settings.accelerometer_multiples), max(settings.gyroscope_multiples))
-    rests, _ = found(moving, widest)
-    unsteady = unsteady_samples(w, rests, step, settings)
-    steady = replace(moving, accelerometer=np.where(unsteady.either, np.inf, moving.accelerometer))
-    multiples, choice = choose(moving)
-    rests, short = found(moving, multiples or widest)
-    every = rests
+    steady = may_rest & ~unsteady_samples(w, found(may_rest, widest)[0], step, settings)
+    multiples, choice = choose(may_rest)
+    rests, short = found(may_rest, multiples or widest)
     steady_multiples, steady_choice = choose(steady)
     # without its unsteady rests a session may no longer determine a calibration
-    applied = steady_multiples and _lowest(steady_choice) <= DEAREST * _lowest(choice)
-    if applied:
+    if steady_multiples and _lowest(steady_choice) <= DEAREST * _lowest(choice):
         multiples, choice = steady_multiples, steady_choice
         rests, _ = found(steady, multiples)
     return rests, {
-        "level": {
-            "source": level.source,
-            "duration_s": level.duration_s,
-            "accelerometer_variance": level.accelerometer,
-            "gyroscope_variance": level.gyroscope,
-            "rate": level.rate.tolist(),
-        },
+        "level": asdict(level),
         "multiples": None if multiples is None else list(multiples),
         "choice": choice,
         "short_rests": short,
-        "unsteady": {"applied": bool(applied), **_losses(unsteady, every, rests, step)},
     }
 
 
 def _lowest(choice):
     return min((row["expected_error"] for row in choice), default=np.inf)
-
-
-def _losses(unsteady, every, left, step):
-    """Return what turned or trembled in all rests of the detector, and what it cost.
-
-    Number of rests `dropped_turning`, `dropped_trembling` (by which of the two lasted longer) and
-    `cut`, shortened or split; `turning_s` and `trembling_s` of all rests, s, which may overlap; the
-    bounds of `Unsteady`. Where `applied` is false, nothing was dropped: see `DEAREST`.
-    """
-    counts = dict.fromkeys(("dropped_turning", "dropped_trembling", "cut"), 0)
-    turning = trembling = 0
-    for i, j in every:
-        turns, trembles = unsteady.turning[i:j].sum(), unsteady.trembling[i:j].sum()
-        turning += int(turns)
-        trembling += int(trembles)
-        if turns or trembles:
-            kept = np.any((left[:, 0] < j) & (left[:, 1] > i))
-            cause = "turning" if turns >= trembles else "trembling"
-            counts["cut" if kept else f"dropped_{cause}"] += 1
-    return {
-        **counts,
-        "turning_s": turning * step,
-        "trembling_s": trembling * step,
-        "turning_bounds": unsteady.turning_bounds,
-        "trembling_bound": unsteady.trembling_bound,
-    }

@@ -1,10 +1,16 @@
-"""Static detector: rests by windowed variance and mean rate of both sensors."""
+"""Static detector: rests by windowed variance and mean rate of both sensors.
+
+Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration without
+external equipments", ICRA 2014, section IV-A. The paper takes the root of the sum of the squared
+variances of the axes, which depends on how the sensor's frame lies; their sum, taken here, does
+not, and a multiple of it means the same.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.segment.stretches import runs
+from imuloop.segment.stretches import lengths, runs
 from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
 # samples of a rest: the variance of fewer says nothing of its mean's error
@@ -15,59 +21,43 @@ FEWEST_SAMPLES = 4
 class Activity:
     """How much moves about each sample.
 
-    Attributes
-    ----------
-    accelerometer, gyroscope : ndarray, shape (n,)
-        Sum of the three windowed variances, (m/s²)² and (rad/s)²; infinite where no whole window
-        fits between two gaps, the accelerometer's also where it reads zero on all axes. The paper
-        takes the root of the sum of their squares, which depends on how the sensor's frame lies;
-        the sum does not, and a multiple of it means the same.
-    rate : tuple of 3 ndarray, shape (n,)
-        Windowed mean angular rate about each axis, rad/s.
-    window : int
-        Samples in a window.
+    Variances, (2, n), are the sums of the three windowed ones of accelerometer and gyroscope,
+    (m/s²)² and (rad/s)²; infinite where no whole window fits between two gaps, the accelerometer's
+    also where it reads zero on all axes. The rate, rad/s, (3, n), is the windowed mean.
     """
 
-    accelerometer: np.ndarray
-    gyroscope: np.ndarray
-    rate: tuple
+    variances: np.ndarray
+    rate: np.ndarray
     window: int
+
+    def within(self, multiples, variances):
+        """Return whether both variances are within multiples of a level, shape (n,)."""
+        accelerometer, gyroscope = (
+            own <= multiple * level
+            for own, multiple, level in zip(self.variances, multiples, variances, strict=True)
+        )
+        return accelerometer & gyroscope
 
 
 @dataclass(frozen=True)
 class RestLevel:
-    """What the windows show when the device rests.
+    """What the windows show when the device rests: sums of variances, SI², and the bias, rad/s.
 
-    Attributes
-    ----------
-    accelerometer, gyroscope : float
-        Sum of the three variances, (m/s²)² and (rad/s)².
-    rate : ndarray, shape (3,)
-        Mean angular rate, rad/s: the bias.
-    source : str
-        "initial rest" or "quietest windows".
-    duration_s : float
-        Length of the initial rest used, s; 0 where there is none.
+    The source is "initial rest", with its duration, or "quietest windows".
     """
 
-    accelerometer: float
-    gyroscope: float
-    rate: np.ndarray
     source: str
     duration_s: float
+    accelerometer_variance: float
+    gyroscope_variance: float
+    rate: list
 
 
 def activity(force, rate, stretches, window):
-    """Return the activity of a session; no window reaches across a gap.
+    """Return the Activity of a session; no window reaches across a gap.
 
-    Parameters
-    ----------
-    force, rate : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
-    stretches : array_like of int, shape (k, 2)
-        Stretches without a gap.
-    window : int
-        Window length, samples.
+    Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches without a gap
+    and the window's length, samples.
     """
     variances = np.full((2, force.shape[1]), np.inf)
     means = np.zeros_like(rate)
@@ -82,11 +72,11 @@ def activity(force, rate, stretches, window):
             variances[1, i:j] += variance
     # one that reads zero was not read: at rest it feels gravity
     variances[0, ~force.any(axis=0)] = np.inf
-    return Activity(*variances, means, window)
+    return Activity(variances, means, window)
 
 
 def rest_level(force, rate, moving, step, settings):
-    """Return the level of rest of a session.
+    """Return the RestLevel of a session, None where no whole window fits into the log.
 
     The quiet level of a sensor is the 5 % quantile of its windowed variance, the median of the
     quietest tenth: right as long as a tenth of the log is at rest. If the log's windows stay
@@ -94,102 +84,41 @@ def rest_level(force, rate, moving, step, settings):
     windows from its first sample, it begins with a rest; that rest, up to where it ends or to
     `initial_rest_s`, then sets the level as in the paper. If not, the quiet level is the level.
     No level is below the variance of rounding. The bias is the median over all windows that are
-    at rest by this level, whatever their attitude.
-
-    Parameters
-    ----------
-    force, rate : ndarray, shape (3, n)
-        Specific force, m/s², and angular rate, rad/s.
-    moving : Activity
-        Its activity.
-    step : float
-        Median step of time, s.
-    settings : SegmentSettings
-        Window, longest initial rest, multiples.
-
-    Returns
-    -------
-    RestLevel or None
-        None where no whole window fits into the log.
-
-    References
-    ----------
-    Tedaldi, Pretto, Menegatti, "A robust and easy to implement method for IMU calibration
-    without external equipments", ICRA 2014, section IV-A.
+    at rest by this level, whatever their attitude. Arguments as of `activity`, its result, and the
+    median step of time, s.
     """
-    whole = np.isfinite(moving.accelerometer)
+    whole = np.isfinite(moving.variances[0])
     if not whole.any():
         return None
-    sensors = (moving.accelerometer, force), (moving.gyroscope, rate)
-    floors = [3 * rounding_variance(x[:, :DECIDING].T) for _, x in sensors]
-    levels = [
-        max(np.quantile(v[whole], 0.05), floor)
-        for (v, _), floor in zip(sensors, floors, strict=True)
-    ]
-
-    factor = max(settings.accelerometer_multiples)
-    quiet = (moving.accelerometer <= factor * levels[0]) & (moving.gyroscope <= factor * levels[1])
-    length = int(np.argmin(quiet)) if not quiet.all() else len(quiet)
+    floors = [3 * rounding_variance(x[:, :DECIDING].T) for x in (force, rate)]
+    levels = np.maximum([np.quantile(v[whole], 0.05) for v in moving.variances], floors)
+    factors = [max(settings.accelerometer_multiples)] * 2
+    quiet = moving.within(factors, levels)
+    length = len(quiet) if quiet.all() else int(np.argmin(quiet))
     length = min(length, round(settings.initial_rest_s / step))
-    source = "quietest windows"
-    if length >= 10 * moving.window:
-        source = "initial rest"
-        levels = [
-            max(x[:, :length].var(axis=1).sum(), floor)
-            for (_, x), floor in zip(sensors, floors, strict=True)
-        ]
-        quiet = (moving.accelerometer <= factor * levels[0]) & (
-            moving.gyroscope <= factor * levels[1]
-        )
-    return RestLevel(
-        accelerometer=float(levels[0]),
-        gyroscope=float(levels[1]),
-        rate=np.array([np.median(r[quiet]) for r in moving.rate]) if quiet.any() else np.zeros(3),
-        source=source,
-        duration_s=length * step if source == "initial rest" else 0.0,
-    )
+    begins = length >= 10 * moving.window
+    if begins:
+        initial = [x[:, :length].var(axis=1).sum() for x in (force, rate)]
+        levels = np.maximum(initial, floors)
+        quiet = moving.within(factors, levels)
+    bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
+    source, seconds = ("initial rest", length * step) if begins else ("quietest windows", 0.0)
+    return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
 
 
 def slow(moving, level, settings):
-    """Tell whether the windowed mean rate about each sample is that of rest, shape (n,)."""
+    """Return whether the windowed mean rate about each sample is that of rest, shape (n,)."""
     away = sum((r - bias) ** 2 for r, bias in zip(moving.rate, level.rate, strict=True))
     return np.sqrt(away) <= settings.rate_tolerance
 
 
-def detect_rests(moving, level, is_slow, multiples, stretches, step, settings):
-    """Return the rests of a session for a pair of multiples.
+def detect_rests(still, stretches, step, settings):
+    """Return the rests of a session, and the number of those dropped as too short.
 
-    A sample is at rest if the windowed variances of both sensors are within
-    their multiples of the level, and the windowed mean rate is within `rate_tolerance` of the
-    bias: a slow turn about the vertical shows in nothing else. Edges that touch motion are
-    trimmed.
-
-    Parameters
-    ----------
-    moving, level : Activity, RestLevel
-        Of the session.
-    is_slow : ndarray of bool, shape (n,)
-        Of the session, from `slow`.
-    multiples : pair of float
-        Of the accelerometer's and the gyroscope's variance at rest.
-    stretches : array_like of int, shape (k, 2)
-        Stretches without a gap.
-    step : float
-        Median step of time, s.
-    settings : SegmentSettings
-        Tolerance, trim, shortest rest.
-
-    Returns
-    -------
-    rests : ndarray of int, shape (m, 2)
-        Half-open ranges of samples, in order of time.
-    short : int
-        Number of rests dropped because they are shorter than asked.
+    Edges that touch motion are trimmed. Takes whether each sample is still: the windowed variances
+    of both sensors within their multiples of the level, and the windowed mean rate within
+    `rate_tolerance` of the bias, as a slow turn about the vertical shows in nothing else.
     """
-    still = (moving.accelerometer <= multiples[0] * level.accelerometer) & (
-        moving.gyroscope <= multiples[1] * level.gyroscope
-    )
-    still &= is_slow
     trim = round(settings.trim_s / step)
     rests = [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
@@ -198,7 +127,7 @@ def detect_rests(moving, level, is_slow, multiples, stretches, step, settings):
         found[found[:, 1] < j, 1] -= trim
         rests.append(found)
     rests = np.concatenate(rests)
-    samples = np.diff(rests, axis=1).ravel()
+    samples = lengths(rests)
     long_enough = samples * step >= settings.shortest_rest_s - step / 2
     long_enough &= samples >= FEWEST_SAMPLES
     return rests[long_enough], int(np.sum(~long_enough))

@@ -1,7 +1,5 @@
 """Steadiness: slow turns and tremor inside rests, against the device's own rests."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
@@ -10,7 +8,7 @@ from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statist
 
 # longer rests are judged in parts of this length, s: over more, a bias that warms up moves
 PART = 10.0
-# fewest windows free to vary from which the level of rest can be told
+# fewest windows free to vary that determine the level of rest
 FEWEST = 20
 # quartile of the normal distribution, standard deviations
 QUARTILE = ndtri(0.75)
@@ -18,39 +16,8 @@ QUARTILE = ndtri(0.75)
 HELD = 3
 
 
-@dataclass(frozen=True)
-class Unsteady:
-    """Samples of rests during which the device moved.
-
-    Attributes
-    ----------
-    turning, trembling : ndarray of bool, shape (n,)
-        By the windowed mean and by the windowed variance of the angular rate.
-    turning_bounds : list of dict
-        For each length of window, `scale_s` in s, the largest departure of its mean rate from that
-        of the rest that still is rest, `rate` in rad/s, root mean square over directions.
-    trembling_bound : float or None
-        Root of the largest sum of the three windowed variances that still is rest, rad/s.
-    """
-
-    turning: np.ndarray
-    trembling: np.ndarray
-    turning_bounds: list
-    trembling_bound: float | None
-
-    @property
-    def either(self):
-        """Samples that turn or tremble, shape (n,)."""
-        return self.turning | self.trembling
-
-
 def shortest_half(x):
     """Return centre and standard deviation of the values as the densest half of them has it.
-
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-        Values; up to a half may be anything larger or smaller.
 
     References
     ----------
@@ -68,8 +35,8 @@ def unsteady_samples(w, rests, step, settings):
     """Return the samples of rests that turn slowly or tremble.
 
     A slow turn about the vertical leaves specific force where it was, and in the mean over a rest
-    it cannot be told from a bias, or from a g-sensitivity. So only what changes **inside** a rest
-    counts, in two statistics of the angular rate:
+    it is the same as a bias, or a g-sensitivity. So only what changes **inside** a rest counts, in
+    two statistics of the angular rate:
 
     - turning: the mean over a window, less the median of all such means in the rest. Windows of
       `window_s`/2, twice that and so on up to a third of a rest are compared with their own
@@ -80,25 +47,10 @@ def unsteady_samples(w, rests, step, settings):
       below the √(2/3n) of white noise.
 
     Both levels are robust: they are those of the device's own rests as long as more than half of
-    the time at rest is spent out of the hand. Where tables shake, or the noise differs from one
-    rest to another, the spread grows and less is cut. In an undisturbed session of Gaussian noise
-    anything at all is cut with the probability `false_alarm`, shared among the statistics and all
-    samples (Bonferroni, so right for any correlation).
-
-    Parameters
-    ----------
-    w : ndarray, shape (3, n)
-        Angular rate, rad/s.
-    rests : array_like of int, shape (m, 2)
-        Ranges of samples.
-    step : float
-        Median step of time, s.
-    settings : SegmentSettings
-        Window, false alarms.
-
-    Returns
-    -------
-    Unsteady
+    the time at rest is spent out of the hand. In an undisturbed session of Gaussian noise anything
+    at all is cut with the probability `false_alarm`, shared among the statistics and all samples
+    (Bonferroni, so right for any correlation). Takes angular rate, rad/s, (3, n), ranges of samples
+    at rest and the median step of time, s; gives a mask, (n,).
     """
     parts = [part for i, j in rests for part in _parts(i, j, step)]
     window = max(2, round(settings.window_s / 2 / step))
@@ -106,36 +58,30 @@ def unsteady_samples(w, rests, step, settings):
     while _freedom(parts, window) >= FEWEST:
         scales.append(window)
         window *= 2
-    turning, trembling = np.zeros((2, w.shape[1]), dtype=bool)
+    unsteady = np.zeros(w.shape[1], dtype=bool)
     if not scales:
-        return Unsteady(turning, trembling, [], None)
+        return unsteady
     probability = settings.false_alarm / (len(scales) + 1)
     rounding = rounding_variance(w[:, :DECIDING].T)
 
-    bounds = []
     for window in scales:
-        long = [(i, j) for i, j in parts if j - i >= HELD * window]
-        means = [sliding_statistics(w[:, i:j].T, window)[0] for i, j in long]
+        long = [slice(i, j) for i, j in parts if j - i >= HELD * window]
+        means = [sliding_statistics(w[:, each].T, window)[0] for each in long]
         x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
         covariance = robust_covariance(x, np.full(3, 3 * rounding / window), tail_limit=1.0)
-        m = _freedom(parts, window)
-        bound = distance_beyond(probability / len(x), 3, m)
-        turning[_samples(long)] |= squared_distance(x, covariance) > bound
-        rate = np.sqrt(bound * np.trace(covariance) / 3)
-        bounds.append({"scale_s": window * step, "rate": float(rate)})
+        bound = distance_beyond(probability / len(x), 3, _freedom(parts, window))
+        unsteady[np.r_[*long]] |= squared_distance(x, covariance) > bound
 
     window = scales[0]
-    long = [(i, j) for i, j in parts if j - i >= window]
-    variances = [sliding_statistics(w[:, i:j].T, window)[1].sum(axis=1) for i, j in long]
-    floor = 9 * rounding
-    x = np.log(np.concatenate(variances) + floor)
+    long = [slice(i, j) for i, j in parts if j - i >= window]
+    variances = [sliding_statistics(w[:, each].T, window)[1].sum(axis=1) for each in long]
+    x = np.log(np.concatenate(variances) + 9 * rounding)
     centre, spread = shortest_half(x)
-    m = sum((j - i) // window for i, j in long)
+    m = sum((each.stop - each.start) // window for each in long)
     bound = max(spread, np.sqrt(2 / (3 * window))) * -stdtrit(m - 1, probability / len(x))
-    trembling[_samples(long)] = x > centre + bound
-    largest = np.sqrt(max(np.exp(centre + bound) - floor, 0.0))
-    return Unsteady(turning, trembling, bounds, float(largest))
+    unsteady[np.r_[*long]] |= x > centre + bound
+    return unsteady
 
 
 def _freedom(parts, window):
@@ -148,8 +94,3 @@ def _parts(i, j, step):
     n, count = j - i, max(1, int(np.ceil((j - i) * step / PART)))
     edges = i + np.arange(count + 1) * (n // count) + np.minimum(np.arange(count + 1), n % count)
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-
-
-def _samples(ranges):
-    """Return the numbers of all samples in ranges."""
-    return np.concatenate([np.arange(i, j) for i, j in ranges])

@@ -1,4 +1,4 @@
-"""Stretches: runs of samples, as half-open ranges of indices."""
+"""Stretches: runs of samples, as half-open ranges of indices, shape (k, 2)."""
 
 import numpy as np
 
@@ -6,25 +6,16 @@ from imuloop.core.samples import TIME
 
 
 def runs(mask):
-    """Return the runs of true values of a mask as index pairs, shape (k, 2), half-open."""
-    mask = np.asarray(mask, dtype=bool)
-    edges = np.flatnonzero(mask[1:] != mask[:-1]) + 1
-    first, last = np.flatnonzero(mask[:1]), len(mask) * np.ones(np.sum(mask[-1:]), dtype=int)
-    return np.concatenate([first, edges, last]).reshape(-1, 2)
+    """Return the runs of true values of a mask."""
+    edges = np.flatnonzero(np.diff(np.asarray(mask, dtype=int), prepend=0, append=0))
+    return edges.reshape(-1, 2)
 
 
 def unbroken(rows, gap_factor):
-    """Return the stretches without a gap, index pairs of shape (k, 2), and the median step, s.
+    """Return the stretches of `Samples` without a gap, and the median step, s.
 
     A gap is a step of time longer than `gap_factor` times the median step. A log of fewer than
     two samples has no step; one second stands in.
-
-    Parameters
-    ----------
-    rows : imuloop.core.samples.Samples
-        Samples.
-    gap_factor : float
-        Multiple of the median step.
     """
     step = rows.interval
     if step is None:
@@ -34,8 +25,13 @@ def unbroken(rows, gap_factor):
     return np.column_stack([edges[:-1], edges[1:]]), step
 
 
+def lengths(ranges):
+    """Return the number of samples in each range."""
+    return np.diff(ranges, axis=1).ravel()
+
+
 def merged(ranges):
-    """Return ranges, at least one, in order, those that overlap or touch as one, shape (k, 2)."""
+    """Return ranges, at least one, in order, those that overlap or touch as one."""
     first, last = ranges[np.argsort(ranges[:, 0])].T
     reached = np.maximum.accumulate(last)
     apart = first[1:] > reached[:-1]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import CHANNELS
-from imuloop.segment.stretches import merged, without
+from imuloop.segment.stretches import lengths, merged, without
 
 # blocks that are averaged, s, and at most so many in a session
 BLOCK, BLOCKS = 2.0, 1 << 14
@@ -16,7 +16,7 @@ MOST_LEFT = 1 / 3
 
 
 def tilts(rows, ranges, step):
-    """Return the parts of the ranges during which the device tilted slowly.
+    """Return the parts of ranges at rest, (m, 2), in which the device tilted slowly, (k, 2).
 
     A bias that drifts moves the specific force, u in units of its magnitude, and no gyroscope
     follows; a tilt turns u as it turns the gyroscope, du/dt = u × (r - b). Over windows of every
@@ -27,23 +27,9 @@ def tilts(rows, ranges, step):
     First a line is taken from both courses of a window, so that no bias enters: this shows a tilt
     that begins or ends. In what is left b is the median, and a steady tilt shows by its slope.
     Slower than b wanders none is seen. Of a tilt that shows in windows of several lengths the
-    shortest is taken, and in it the part in which u moves.
-
-    Parameters
-    ----------
-    rows : imuloop.core.samples.Samples
-        Samples.
-    ranges : ndarray of int, shape (m, 2)
-        Half-open ranges of samples at rest, in order of time.
-    step : float
-        Median step of time, s.
-
-    Returns
-    -------
-    ndarray of int, shape (k, 2)
-        Half-open ranges of samples, in order of time.
+    shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
     """
-    width = max(round(BLOCK / step), int(np.diff(ranges, axis=1).sum()) // BLOCKS, 1)
+    width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
     means = [_block_means(rows, i, j, width) for i, j in ranges]
     # of all blocks, one range after the other
     edges = np.cumsum([0, *map(len, means)])

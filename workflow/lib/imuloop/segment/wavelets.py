@@ -1,7 +1,9 @@
 """Wavelet coefficients of long logs, piece by piece on the fine scales.
 
 Coefficient k of level j depends on 3·2ʲ − 2 samples, from 2ʲk − 2(2ʲ − 1) of its range on, and
-ends with sample 2ʲ(k + 1). Those that reach beyond an end of the range are left out.
+ends with sample 2ʲ(k + 1). Those that reach beyond an end of the range are left out. Details are
+pairs of coefficients, (channels, m), and the first sample that the first one depends on; the next
+one's is a scale later.
 """
 
 import pywt
@@ -26,39 +28,22 @@ def pieces(ranges):
 
 
 def whole(piece, width):
-    """Return first and one after the last coefficient of a scale that ends in a piece.
+    """Return the first and one after the last coefficient of a scale that ends in a piece.
 
     Counted from the first sample that is read.
     """
     i, _, a, b, begin = piece
-    first = _BEFORE // width if a > i else _first(width)
+    # the first of a range does not reach before it
+    at_start = 1 if width == 2 else 2
+    first = _BEFORE // width if a > i else at_start
     return first, max((b - begin) // width, first)
 
 
-def _first(width):
-    """Return the first coefficient that does not reach before its range."""
-    return 1 if width == 2 else 2
-
-
 def fine_details(x, piece, widths):
-    """Return coefficients and first samples of each scale of a piece, and its smooth sequence.
+    """Return the details of a piece on each of the first scales of `FINE`, and its smooth sequence.
 
-    Parameters
-    ----------
-    x : array_like, shape (k, n)
-        Samples of the piece, with those before it.
-    piece : tuple
-        From `pieces`.
-    widths : list of int
-        Scales, the first ones of `FINE`.
-
-    Returns
-    -------
-    details : list of (ndarray, shape (k, m), int)
-        Coefficients, and the first sample that the first one depends on; the next one's is a
-        scale later.
-    smooth : ndarray or None
-        What the piece adds to the smooth sequence of its range; None where that is too short.
+    Takes the samples of the piece, with those before it, (channels, n). The smooth sequence is what
+    the piece adds to that of its range; None where it is too short.
     """
     i, j, a, b, begin = piece
     smooth, details = x, []
@@ -76,20 +61,10 @@ def fine_details(x, piece, widths):
 
 
 def coarse_details(sequences, width):
-    """Return coefficients and first samples of a scale, and the sequences of the next one.
+    """Return the details of a scale above `DENSE`, and the smooth sequences of the next one.
 
-    Parameters
-    ----------
-    sequences : list of (int, int, int, ndarray of shape (k, n))
-        Range, shift and smooth sequence of the scale below; emptied, as it is no longer needed.
-    width : int
-        The scale, more than `DENSE`.
-
-    Returns
-    -------
-    details : list of (ndarray, shape (k, m), int)
-        As of `fine_details`.
-    sequences : list
+    Sequences are lists of range, shift and smooth sequence of the scale below; the list is emptied,
+    as it is no longer needed.
     """
     details, halved = [], []
     sequences.reverse()

@@ -7,22 +7,10 @@ DECIDING = 1_000_000
 
 
 def sliding_statistics(x, n):
-    """Return mean and variance of the window of `n` samples centred on each sample.
+    """Return mean and variance of the window of `n` samples centred on each sample of x, (m, …).
 
     Sums of x and x², the median removed so that little is lost in their difference. Within half a
-    window of an end the first or last whole window counts.
-
-    Parameters
-    ----------
-    x : array_like, shape (m,) or (m, k)
-        Samples, m >= n.
-    n : int
-        Window length, samples.
-
-    Returns
-    -------
-    mean, variance : ndarray, shape of x
-        Unit of x, and its square.
+    window of an end the first or last whole window counts; m is at least n.
     """
     offset = np.median(x, axis=0)
     x = x - offset
@@ -31,7 +19,7 @@ def sliding_statistics(x, n):
     first = n // 2
     for statistic, y in zip(out, (x, x * x), strict=True):
         windows = statistic[first : first + len(x) - n + 1]
-        np.divide(window_sums(y, n), n, out=windows)
+        np.divide(_window_sums(y, n), n, out=windows)
         statistic[:first], statistic[first + len(windows) :] = windows[0], windows[-1]
     mean, variance = out
     variance -= mean * mean
@@ -40,18 +28,11 @@ def sliding_statistics(x, n):
     return mean, variance
 
 
-def window_sums(y, n):
+def _window_sums(y, n):
     """Return the sum of each window of `n` values, shape (m - n + 1, …), from those within alone.
 
     A difference of cumulative sums would lose its digits after one value that is far too large.
     Here a window, which lies in two blocks of n, is the end of one and the begin of the next.
-
-    Parameters
-    ----------
-    y : array_like, shape (m, …)
-        Values, m >= n.
-    n : int
-        Window length.
     """
     count = len(y) - n + 1
     blocks = np.zeros((len(y) // n + 1, n, *y.shape[1:]))
@@ -65,15 +46,10 @@ def window_sums(y, n):
 
 
 def rounding_variance(x):
-    """Return the variance that rounding to the sensor's resolution adds to one axis.
+    """Return the variance that rounding to the sensor's resolution adds to one axis of x, (m, 3).
 
-    The resolution is the smallest step between samples that is no rounding of their number format;
-    one that never moves has none, and any positive variance then serves as a floor.
-
-    Parameters
-    ----------
-    x : array_like, shape (m, 3)
-        Samples of one sensor; the first million decide.
+    The resolution is the smallest step between the first million samples that is no rounding of
+    their number format; one that never moves has none, and any positive variance then serves.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)

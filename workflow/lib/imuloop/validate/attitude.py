@@ -86,7 +86,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
             recording,
             block,
             effects,
-            diagnosed.told,
+            diagnosed.shown,
             gravity,
             settings,
             diagnosed.tests,

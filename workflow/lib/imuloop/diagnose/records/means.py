@@ -15,8 +15,6 @@ from imuloop.core.segments import STATIC
 LEAST_MEANS, MOST_MEANS = 64, 2000
 # samples that a mean needs at least
 LEAST_SAMPLES = 10
-# s; a rest of another session stands in for a static one from this length on
-INITIAL_REST = 30.0
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,12 @@ class StaticRecord:
 
     @property
     def length(self):
-        """Return the length of each window, s."""
+        """Length of each window, s."""
         return np.diff(self.windows, axis=1)[:, 0]
+
+    def part(self, rows):
+        """Return some windows of the record, rows of them as a mask."""
+        return self._changed(self.windows[rows], self.stretch[rows], lambda v: v[rows])
 
     def merged(self, most):
         """Return the record with so many neighbours in one window that at most `most` remain.
@@ -67,38 +69,26 @@ class StaticRecord:
             return np.add.reduceat(values, first, axis=0) / counts.reshape(shape)
 
         windows = np.column_stack([self.windows[first, 0], self.windows[last, 1]])
-        return _changed(self, windows, self.stretch[first], mean)
+        return self._changed(windows, self.stretch[first], mean)
 
-
-def _changed(record, windows, stretch, change):
-    """Return a record with other windows, what is in them by a function of arrays."""
-    c = record.channels
-    channels = Channels(
-        change(c.t),
-        change(c.output),
-        change(c.other),
-        None if c.temperature is None else change(c.temperature),
-        lambda function, *constants: change(c.history(function, *constants)),
-    )
-    return StaticRecord(record.session, windows, stretch, change(record.values), channels)
-
-
-def part_of(record, rows):
-    """Return some windows of a record, rows of them as a mask."""
-    return _changed(record, record.windows[rows], record.stretch[rows], lambda v: v[rows])
+    def _changed(self, windows, stretch, change):
+        """Return the record with other windows, what is in them by a function of arrays."""
+        c = self.channels
+        channels = Channels(
+            change(c.t),
+            change(c.output),
+            change(c.other),
+            None if c.temperature is None else change(c.temperature),
+            lambda function, *constants: change(c.history(function, *constants)),
+        )
+        return StaticRecord(self.session, windows, stretch, change(self.values), channels)
 
 
 def window_length(seconds, interval, mean_time):
-    """Return the length of the windows of a record, s.
+    """Return the length of the windows of a record of so many seconds at rest, s.
 
-    Parameters
-    ----------
-    seconds : float
-        Time at rest.
-    interval : float
-        Sampling interval, s.
-    mean_time : float
-        Length if the record is neither too short nor too long for it, s.
+    `mean_time` where the record is neither too short nor too long for it; `interval` is that of
+    the samples, s.
     """
     length = min(mean_time, seconds / LEAST_MEANS)
     return max(length, LEAST_SAMPLES * interval, seconds / MOST_MEANS)
@@ -138,14 +128,12 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     t = log.t
     interval = log.interval if len(t) > 1 else mean_time
     length = window_length(np.diff(seconds).sum(), interval, mean_time)
-    windows, stretch = [np.zeros((0, 2))], []
-    for number, (start, end) in enumerate(seconds):
-        # the end of a stretch of whole windows is not lost to rounding
-        count = int((end - start) / length + 1e-6)
-        starts = start + length * np.arange(count)
-        windows.append(np.column_stack([starts, starts + length]))
-        stretch += [number] * count
-    windows, stretch = np.concatenate(windows), np.array(stretch, dtype=int)
+    # the end of a stretch of whole windows is not lost to rounding
+    counts = (np.diff(seconds)[:, 0] / length + 1e-6).astype(int)
+    stretch = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
+    starts = seconds[stretch, 0] + length * place
+    windows = np.column_stack([starts, starts + length])
     at = np.searchsorted(t, windows)
     keep = at[:, 0] < at[:, 1]
     windows, stretch, at = windows[keep], stretch[keep], at[keep]
@@ -174,42 +162,3 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         history,
     )
     return StaticRecord(session, windows, stretch, values, channels)
-
-
-def rests_to_use(kinds, segments):
-    """Return which stretches of which sessions are the static record of a device.
-
-    All static sessions; where there is none, the longest rest of all others if it lasts.
-
-    Parameters
-    ----------
-    kinds : dict of str to str
-        Kind of each session.
-    segments : dict of str to (DataFrame or dict)
-        Segments of each session.
-
-    Returns
-    -------
-    dict of str to dict
-        ``start_s``, ``end_s`` and ``kind`` of the segments of the sessions to use: of a static one
-        all, what lies between its rests included, else that rest.
-    """
-    still = {n: np.flatnonzero(np.asarray(t["kind"]) == STATIC) for n, t in segments.items()}
-    static = [name for name, index in still.items() if kinds[name] == "static" and len(index)]
-    if static:
-        return {name: rows(segments[name], slice(None)) for name in static}
-    rests = {name: rows(table, still[name]) for name, table in segments.items()}
-    longest = {}
-    for name, r in rests.items():
-        seconds = r["end_s"] - r["start_s"]
-        if len(seconds) and seconds.max() >= INITIAL_REST:
-            longest[name] = (seconds.max(), rows(r, [int(seconds.argmax())]))
-    if not longest:
-        return {}
-    name = max(longest, key=lambda n: longest[n][0])
-    return {name: longest[name][1]}
-
-
-def rows(segments, index):
-    """Return some segments, their columns as arrays."""
-    return {name: np.asarray(segments[name])[index] for name in ("start_s", "end_s", "kind")}

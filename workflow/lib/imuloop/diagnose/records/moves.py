@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from imuloop.diagnose.records.means import part_of
 from imuloop.diagnose.records.scan import BESIDE
-from imuloop.diagnose.records.static import StaticProblem, fitted
+from imuloop.diagnose.records.static import StaticProblem, fitted_effects
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
@@ -27,38 +26,31 @@ def separated(records, least):
         One a session.
     least : int
         Means that a part needs; what is shorter is left out.
-
-    Returns
-    -------
-    list of StaticRecord
-        The same records where nothing was moved.
     """
     edges = [(r, float(t)) for r in records for t in _edges(r)]
     if not edges:
         return list(records)
     settings = DiagnoseSettings(significance=MOVED)
     search = Search(StaticProblem(records, {}, settings, len(edges)), frozenset())
-    steps = [Steps((t,), (r.session,)) for r, t in edges]
-    base = ()
+    steps, base = [Steps((t,), (r.session,)) for r, t in edges], ()
     while True:
         trials = search.tests(base, [s for s in steps if s not in base])
         best = min((t for t in trials if t), key=lambda t: t.log_p, default=None)
         if best is None or best.log_p >= search.threshold(len(base)):
             break
         base = (*base, best.effect)
-    jumps = dict(zip(base, fitted(search, base), strict=True))
-    found = []
+    jumps, found = fitted_effects(search, base), []
     for record in records:
-        own = sorted(s.times[0] for s in jumps if s.sessions == (record.session,))
-        times = []
-        for t in own:
-            before = record.windows[:, 0] < t
-            before &= record.windows[:, 0] >= max((e for e in own if e < t), default=-np.inf)
-            jump = jumps[Steps((t,), (record.session,))]
+        starts, times, last = record.windows[:, 0], [], -np.inf
+        own = [jump for jump in jumps if jump.effect.sessions == (record.session,)]
+        for jump in sorted(own, key=lambda jump: jump.effect.times):
+            (t,) = jump.effect.times
+            before = (starts >= last) & (starts < t)
             if is_tilt(jump, record.values[before].mean(axis=0)):
                 times.append(t)
-        number = np.searchsorted(np.sort(times), record.windows[:, 0], side="right")
-        parts = [part_of(record, number == k) for k in np.unique(number)]
+            last = t
+        number = np.searchsorted(times, starts, side="right")
+        parts = [record.part(number == k) for k in np.unique(number)]
         found += [p for p in parts if len(p.windows) >= least]
     return found
 

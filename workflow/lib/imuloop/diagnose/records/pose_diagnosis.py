@@ -4,30 +4,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.special import softmax
+from scipy.special import sph_harm_y
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import Solution, fitted_calibration
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.content import (
-    candidate_entries,
-    effect_entries,
-    residual_entry,
-    size_of,
-    untried,
-)
-from imuloop.diagnose.correlates import correlates
-from imuloop.diagnose.likeness import imitated
+from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
-from imuloop.diagnose.records.probes import pose_probes
-from imuloop.diagnose.residuals import chance, chi_square, floor_range, held_out_covariance
-from imuloop.diagnose.verdict import NOTHING, Judged, verdict
+from imuloop.diagnose.residuals import floor_range, held_out_covariance
+from imuloop.diagnose.verdict import judge, not_testable, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
 # rate, rotation
 KINDS = 3
+# attitude patterns below degree 3 are those of bias, scale factor and misalignment
+DEGREES = (3, 4, 5)
 
 
 @dataclass(frozen=True)
@@ -67,20 +60,21 @@ def pose_candidates(sensor, recording):
 
 
 def pose_problem(
-    sensor, recording, settings, tests, fold=None, found=(), told=None, directions=None
+    sensor, recording, settings, tests, fold=None, found=(), information=None, directions=None
 ):
     """Return the PoseProblem of a sensor; parts are interleaved without others."""
     available, _ = pose_candidates(sensor.sensor, recording)
-    known = set(map(type, found))
-    shapes = {cls: own for cls, own in available.items() if cls not in known}
+    shapes = {cls: s for cls, s in available.items() if cls not in set(map(type, found))}
     if fold is None:
         fold = interleaved(len(recording.poses), settings.folds)
     return PoseProblem(
-        sensor, recording, shapes, settings, tests, fold, tuple(found), told, directions
+        sensor, recording, shapes, settings, tests, fold, tuple(found), information, directions
     )
 
 
-def diagnose_poses(sensor, recording, settings, tests=None, found=(), told=None, directions=None):
+def diagnose_poses(
+    sensor, recording, settings, tests=None, found=(), information=None, directions=None
+):
     """Diagnose one sensor at the poses.
 
     Parameters
@@ -93,31 +87,27 @@ def diagnose_poses(sensor, recording, settings, tests=None, found=(), told=None,
         Settings.
     tests : int, optional
         Number of tests that share the significance; this sensor's own by default.
-    found : sequence of Effect
-        Effects that other records show.
-    told, directions : callable, optional
+    found, information, directions : optional
         As of PoseProblem.
 
     Returns
     -------
     PoseResult
-        What was found.
     """
     if reason := sensor.untestable(recording):
-        return PoseResult({"verdict": "not_testable", "why": reason, **NOTHING})
+        return PoseResult(not_testable(reason))
     tests = tests or len(pose_candidates(sensor.sensor, recording)[0])
-    problem = pose_problem(sensor, recording, settings, tests, None, found, told, directions)
+    problem = pose_problem(sensor, recording, settings, tests, None, found, information, directions)
     try:
         if reason := problem.lost(()):
-            return PoseResult({"verdict": "not_testable", "why": reason, **NOTHING})
+            return PoseResult(not_testable(reason))
         keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
         if any(sensor.undetermined(recording, keeps)):
             reason = f"{len(keeps[0])} poses do not determine the model with a part held out"
-            solution = final_solution(problem, ())
-            return PoseResult({"verdict": "not_testable", "why": reason, **NOTHING}, solution)
+            return PoseResult(not_testable(reason), _final_solution(problem, ()))
         return _diagnosed(Choices(problem))
     except LinAlgError:
-        return PoseResult({"verdict": "not_testable", "why": SINGULAR, **NOTHING})
+        return PoseResult(not_testable(SINGULAR))
 
 
 def directions_without(choices, out, searched):
@@ -139,27 +129,29 @@ def directions_without(choices, out, searched):
 
 def _diagnosed(choices):
     """Return the PoseResult of poses whose fit without effects is one."""
-    problem, choice = choices.problem, choices.choice()
+    problem, added = choices.problem, choices.choice().base
     sensor, settings = problem.sensor, problem.settings
     errors = choices.following(()), choices.errors(choices.nested)
-    base, final = problem.about(), problem.about(choice.base)
-    sides = zip((base, final), errors, strict=True)
-    judged = [_judged(problem, about, own) for about, own in sides]
-    weights = judged[1][0]
+    base, final = problem.linearized(), problem.linearized(added)
+    # the noise is as likely as the fit with the effects has it
+    (_, judged_base), (weights, judged_final) = (
+        _judged(problem, *side) for side in zip((base, final), errors, strict=True)
+    )
     floors = [
         np.diag(held_out_covariance(c, base.jacobian, problem.ends))[:, None]
         for _, c in final.alternatives
     ]
     floor = np.tensordot(weights, floors, 1)
-    solution = final_solution(problem, choice.base)
-    share, chosen = settings.significance / KINDS / settings.family, bool(choice.base)
+    solution = _final_solution(problem, added)
+    share = settings.significance / KINDS / settings.family
     residuals, above, slow = {}, (False, False), False
-    for kind, (unit, _) in sensor.kinds.items():
-        rows = problem.of_kind(kind)
-        own = [side[kind] for _, side in judged]
-        entry, found = residual_entry(problem, kind, unit, rows, own, errors, floor, share, chosen)
+    for k, (kind, (unit, _)) in enumerate(sensor.kinds.items()):
+        rows, judged = problem.of_kind(kind), (judged_base[k], judged_final[k])
+        entry, found = residual_entry(
+            problem, kind, unit, rows, judged, errors, floor, share, bool(added)
+        )
         above = np.logical_or(above, found)
-        slow |= own[1].estimated < share
+        slow |= judged[1].estimated < share
         each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
         residuals[kind] = entry | {
             "floor_range": floor_range(weights, each, entry["floor"]),
@@ -170,51 +162,69 @@ def _diagnosed(choices):
     others = {cls: why for cls, why in others.items() if cls not in set(map(type, problem.found))}
     fitted = solution.calibration.effects[len(problem.found) :]
     content = {
-        "verdict": verdict(*above, choice.base),
+        "verdict": verdict(*above, added),
         "slow_noise": bool(slow and not above[1]),
         "residuals": residuals,
-        "effects": effect_entries(sensor.sensor, fitted, choices),
-        "candidates": [
-            *candidate_entries(sensor.sensor, choices, others),
-            *(untried(e.name, "added", "found in the static record") for e in problem.found),
-        ],
-        "confounded": imitated(choices.search()),
-        "correlates": correlates(choices.search(), choice.base, _probes(problem)),
+        **search_content(sensor.sensor, choices, fitted, others, _probes(problem)),
     }
+    content["candidates"] += [
+        untried(e.name, "added", "found in the static record") for e in problem.found
+    ]
     # what is left of a residual has its sign
     left = (*(-each[:, 0] for each in errors), base.values, final.values)
     return PoseResult(content, solution, choices, residual_columns(problem, left, floor[:, 0]))
 
 
-def final_solution(problem, base):
+def _final_solution(problem, base):
     """Return the fit with some effects, its covariance that of the noise's uncertainty too."""
-    solution = problem.about(base).solution
+    solution = problem.linearized(base).solution
     calibration = fitted_calibration(problem.sensor, solution, problem.covariance(base))
     return replace(solution, calibration=calibration)
 
 
 def _judged(problem, about, errors):
-    """Return probabilities of the noise's alternatives, and the Judged of each kind of residual."""
-    groups = [problem.of_kind(kind) for kind in problem.sensor.kinds]
-    found, likelihoods, heldout = [], [], []
-    for _, covariance in about.alternatives:
-        left, likelihood = chi_square(about.values, covariance, about.jacobian, groups)
-        spread = held_out_covariance(covariance, about.jacobian, problem.ends)
-        likelihoods.append(likelihood)
-        found.append(left)
-        heldout.append([chance((errors[g] ** 2).sum(), [spread[np.ix_(g, g)]]) for g in groups])
-    weights = softmax(np.add([prior for prior, _ in about.alternatives], likelihoods))
-    return weights, {
-        kind: Judged.of(weights, [each[k] for each in found], [each[k] for each in heldout])
-        for k, kind in enumerate(problem.sensor.kinds)
-    }
+    """Return what `judge` does of the residuals about a fit and of held-out errors."""
+    groups = problem.groups()
+    alternatives = [
+        (prior, [(about.values, covariance, about.jacobian, problem.ends, groups)])
+        for prior, covariance in about.alternatives
+    ]
+    return judge(alternatives, [(errors[rows] ** 2).sum() for rows in groups])
+
+
+def harmonics(directions, degree):
+    """Return the real spherical harmonics of one degree, shape (n, 2 degree + 1)."""
+    x, y, z = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T
+    theta, phi = np.arccos(np.clip(z, -1, 1)), np.arctan2(y, x)
+    values = [sph_harm_y(degree, m, theta, phi) for m in range(degree + 1)]
+    return np.column_stack([v.real for v in values] + [v.imag for v in values[1:]])
 
 
 def _probes(problem):
-    """Return name, kind and columns of what the residual may go with."""
-    probed, found = pose_probes(problem.recording, problem.sensor.sensor), []
+    """Return name, kind and columns of what the residual may go with: no effects, but signposts."""
+    recording, found = problem.recording, []
+    poses, rotations = recording.poses, recording.rotations
+    time = (poses.mid_s / (poses.mid_s.max() - poses.mid_s.min()))[:, None] ** [1, 2]
+    own = slice(0, 3) if problem.sensor.sensor == "accelerometer" else slice(3, 6)
+    previous = np.vstack([np.zeros((1, 3)), poses.f[:-1]])
+    previous[np.diff(poses.session, prepend=-1) != 0] = 0
+    at_pose = {f"harmonics_{d}": harmonics(poses.f, d) for d in DEGREES}
+    at_pose |= {"time": time, "pose_variance": poses.variance[:, own], "previous_pose": previous}
+    # the mean rate over a rotation, with its sign
+    turned = np.einsum("mki,mk->mi", rotations.w[:, 1:], rotations.steps)
+    speed = turned / (rotations.end_s - rotations.start_s)[:, None]
+    in_turn = {
+        "time": time[rotations.first],
+        "previous_pose": poses.f[rotations.first],
+        "rotation_speed": speed,
+    }
+    if poses.temperature is not None:
+        rate = np.gradient(poses.temperature, poses.mid_s) if len(poses) > 1 else time[:, 0]
+        for name, values in (("temperature", poses.temperature), ("temperature_rate", rate)):
+            at_pose[name] = values[:, None]
+            in_turn[name] = values[rotations.first, None]
     for kind, (_, k) in problem.sensor.kinds.items():
-        for name, values in probed["rotation" if kind == "rotation" else "pose"].items():
+        for name, values in (in_turn if kind == "rotation" else at_pose).items():
             columns = np.zeros((len(problem.fold), 1, k * values.shape[1]))
             columns[problem.of_kind(kind), 0] = np.kron(values - values.mean(axis=0), np.eye(k))
             found.append((name, kind, columns))

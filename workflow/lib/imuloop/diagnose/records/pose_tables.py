@@ -26,7 +26,7 @@ MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 
 def residual_columns(problem, errors, floor):
-    """Return the columns of a sensor's residuals, a row a pose or move, SI.
+    """Return the columns of a sensor's residuals, a row per pose or move, SI.
 
     Parameters
     ----------
@@ -53,14 +53,8 @@ def residual_columns(problem, errors, floor):
 def poses_table(poses, names, residuals):
     """Return the columns of poses.parquet: the mean of each channel at each pose, and residuals.
 
-    Parameters
-    ----------
-    poses : Poses
-        The poses.
-    names : sequence of str
-        Names of their sessions.
-    residuals : dict of str to ndarray
-        As of `residual_columns`; what is not there is not a number.
+    `names` are those of the sessions, `residuals` as of `residual_columns`; what is not there is
+    not a number.
     """
     found = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
     if poses.temperature is not None:

@@ -13,7 +13,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.search import moved
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.sight import ABSORBED
+from imuloop.diagnose.training import ABSORBED
 from imuloop.diagnose.variance import Part, likely_sizes, total
 
 # from the noise as estimated to what the residuals make of it
@@ -23,7 +23,7 @@ HALF_A_PARAMETER = 0.1
 
 
 @dataclass(frozen=True)
-class About:
+class Linearized:
     """The residuals about the fit of all poses with some effects.
 
     Attributes
@@ -74,7 +74,7 @@ class PoseProblem:
         The part that each pose is held out with.
     found : tuple of Effect
         Effects that other records show, which every fit estimates.
-    told : callable, optional
+    information : callable, optional
         Takes effects, gives `static.information` of other records.
     directions : callable, optional
         Of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses
@@ -88,9 +88,9 @@ class PoseProblem:
     tests: int
     fold_of_pose: np.ndarray
     found: tuple = ()
-    told: object = None
+    information: object = None
     directions: object = None
-    _about: dict = field(default_factory=dict, repr=False)
+    _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
     scans: ClassVar = {}
 
@@ -100,24 +100,22 @@ class PoseProblem:
         return int(self.fold_of_pose.max()) + 1
 
     @cached_property
-    def told_rows(self):
-        """What other records tell of effects: rows ``R θ - z``, variance one, by effect, and z."""
-        if self.told is None:
+    def prior_rows(self):
+        """What other records say of effects: rows ``R θ - z``, variance one, by effect, and z."""
+        if self.information is None:
             return {}, np.zeros(0)
         shapes = (s for own in self.shapes.values() for s in own)
         effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
         if not effects:
             return {}, np.zeros(0)
-        information, moment = self.told(effects)
+        information, moment = self.information(effects)
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         size[size == 0] = 1.0
         values, axes = np.linalg.eigh(information / np.outer(size, size))
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
-        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-        rows = roots[:, None] * axes * size
-        each = zip(effects, pairwise(ends), strict=True)
-        return {e: rows[:, i:j] for e, (i, j) in each}, axes @ (moment / size) / roots
+        rows = _by_effect(roots[:, None] * axes * size, effects)
+        return rows, axes @ (moment / size) / roots
 
     @cached_property
     def rows(self):
@@ -126,13 +124,13 @@ class PoseProblem:
         Rows of other records come last, of no kind.
         """
         ends, kind = self.sensor.rows(self.recording)
-        return ends, np.append(kind, np.full(len(self.told_rows[1]), -1))
+        return ends, np.append(kind, np.full(len(self.prior_rows[1]), -1))
 
     @cached_property
     def ends(self):
         """The parts that each row touches, the one that it is held out with first, (N, 2)."""
         own = self.fold_of_pose[self.rows[0]]
-        return np.concatenate([own, np.full((len(self.told_rows[1]), 2), -1)])
+        return np.concatenate([own, np.full((len(self.prior_rows[1]), 2), -1)])
 
     @property
     def fold(self):
@@ -141,40 +139,44 @@ class PoseProblem:
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1)."""
-        return search.sight(base).left(search.columns(base, 0), 0)[0][:, None]
+        return search.training(base).left(search.columns(base, 0), 0)[0][:, None]
 
     def of_kind(self, kind):
         """Return the rows, shape (N,), of one kind of residual."""
         return self.rows[1] == list(self.sensor.kinds).index(kind)
 
-    def about(self, base=()):
+    def groups(self):
+        """Return the rows of each kind of residual."""
+        return [self.of_kind(kind) for kind in self.sensor.kinds]
+
+    def components(self, kind):
+        """Return how many rows make one residual."""
+        return self.sensor.kinds[kind][1]
+
+    def linearized(self, base=()):
         """Return the residuals about the fit with some effects."""
-        if base not in self._about:
-            self._about[base] = self._made(base)
-        return self._about[base]
+        if base not in self._linearized:
+            self._linearized[base] = self._made(base)
+        return self._linearized[base]
 
     def _made(self, base):
-        effects = (*self.found, *base)
-        start = self.about(base[:-1]).solution.fit.x if base else None
-        (_, z), known = self.told_rows, self._told((*self.found, *base))
-        known = np.hstack([np.zeros((len(z), len(self.sensor.names))), known])
+        effects, count = (*self.found, *base), len(self.sensor.names)
+        start = self.linearized(base[:-1]).solution.fit.x if base else None
+        _, z = self.prior_rows
+        known = np.hstack([np.zeros((len(z), count)), self._prior(effects)])
         solution = self.sensor.fit(self.recording, effects, start, (known, z) if len(z) else None)
         x = solution.fit.x
-        values, jacobian = residuals(self.sensor.model(solution, self.recording), x)
+        model = self.sensor.model(solution, self.recording)
+        values, jacobian = residuals(model, x)
         values = np.append(values, known @ x - z)
         jacobian = np.concatenate([jacobian, known])
-        nuisances = len(self.sensor.names) + sum(len(e.parameters) for e in self.found)
-        ends = np.cumsum([nuisances, *(len(e.parameters) for e in base)])
-        own = {e: jacobian[:, None, i:j] for e, (i, j) in zip(base, pairwise(ends), strict=True)}
+        nuisances = count + sum(len(e.parameters) for e in self.found)
+        own = _by_effect(jacobian[:, None, nuisances:], base)
         covariance, slow = self._parts(solution)
         estimated = np.array([part.size for part in slow])
         # what is missing in a model need not follow the noise: the residual of a long rest is no
         # smaller than that of a short one
-        missing = [
-            Part(np.diag(at * np.median(np.diag(covariance)[at])))
-            for at in map(self.of_kind, self.sensor.kinds)
-        ]
-        noisy = likely_sizes(values, jacobian, covariance, slow)
+        missing = [Part(np.diag(at * np.median(np.diag(covariance)[at]))) for at in self.groups()]
         parts = [*slow, *missing]
         first = np.array([part.size for part in parts])
 
@@ -185,12 +187,10 @@ class PoseProblem:
             fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
             return Hypotheses.of((total(covariance, parts, each) for each in sizes), fitted)
 
+        noisy = likely_sizes(values, jacobian, covariance, slow)
         off = (noisy - estimated) / [part.deviation for part in slow]
         alternatives = [
-            (
-                -off @ off * s**2 / 2,
-                total(covariance, slow, estimated + s * (noisy - estimated)),
-            )
+            (-off @ off * s**2 / 2, total(covariance, slow, estimated + s * (noisy - estimated)))
             for s in PATH
         ]
         block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses(values), self.ends)
@@ -200,22 +200,21 @@ class PoseProblem:
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
-        model = self.sensor.model(solution, self.recording)
-        return About(solution, model, values, jacobian, alternatives, evidence, hypotheses)
+        return Linearized(solution, model, values, jacobian, alternatives, evidence, hypotheses)
 
-    def _told(self, effects):
+    def _prior(self, effects):
         """Return the rows of other records, shape (k, q), for the parameters of effects."""
-        of_effects, z = self.told_rows
+        of_effects, z = self.prior_rows
         rows = [of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
         return np.hstack([np.zeros((len(z), 0)), *rows])
 
     def _added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
         if effect not in self._columns:
-            solution = self.about(()).solution
+            solution = self.linearized(()).solution
             model = self.sensor.model(solution, self.recording, (effect,))
             own = residuals(model, solution.fit.x)[1][:, -len(effect.parameters) :]
-            self._columns[effect] = np.concatenate([own, self._told((effect,))])[:, None]
+            self._columns[effect] = np.concatenate([own, self._prior((effect,))])[:, None]
         return self._columns[effect]
 
     def _parts(self, solution):
@@ -225,11 +224,11 @@ class PoseProblem:
         limits = {t: sensor.noise.known(*t) for t in terms}
         loose = {t: known for t, known in limits.items() if known[1] > 0}
         without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))
-        told = len(self.told_rows[1])
+        # rows of other records are independent, of variance one
+        others = np.eye(len(self.prior_rows[1]))
 
         def covariance(noise):
-            """Return that of all rows; rows of other records are independent, of variance one."""
-            return block_diag(sensor.covariance(solution, recording, noise), np.eye(told))
+            return block_diag(sensor.covariance(solution, recording, noise), others)
 
         fixed = covariance(without)
         return fixed, [
@@ -237,18 +236,18 @@ class PoseProblem:
             for t, (size, spread) in loose.items()
         ]
 
-    def near(self, base):
+    def nearest(self, base):
         """Return the residuals about the fit with the most of some effects that was asked for.
 
         The evidence holds the others as patterns: what a part chooses is worth no fit of all data.
         """
-        made = [b for b in self._about if set(b) <= set(base)]
-        return self.about(max(made, key=len, default=()))
+        made = [b for b in self._linearized if set(b) <= set(base)]
+        return self.linearized(max(made, key=len, default=()))
 
-    def sight(self, base, out, only=None):
-        """Return what is seen without some parts, about a fit of all with some of the effects."""
-        about = self.near(base)
-        found = about.evidence.sight(out)
+    def training(self, base, out, only=None):
+        """Return the Training rows, about a fit of all poses with some of the effects."""
+        about = self.nearest(base)
+        found = about.evidence.training(out)
         if out and self.directions is not None and found.values == about.evidence.values:
             model = replace(about.model, directions=self.directions(out))
             values = about.values.copy()
@@ -263,24 +262,20 @@ class PoseProblem:
 
     def noise_with(self, base, values):
         """Return what the noise of each block may be, were its residuals these."""
-        return [self.near(base).noise_with(-values[0])]
+        return [self.nearest(base).noise_with(-values[0])]
 
     def lost(self, base):
         """Return why the fit with some effects is none, or None if it is one."""
-        return self.sensor.lost(self.about(base).solution, self.recording)
+        return self.sensor.lost(self.linearized(base).solution, self.recording)
 
     def shows(self, search, base, trial):
-        """Return kind and rows in which a trial shows most."""
-        sight, columns = search.sight(base), search.columns(base, 0)
-        wide = (*columns, *sight.evidence.columns_of(trial.effects, 0))
-        # what it changes in the residual, in standard deviations
-        change = sight.left(columns, 0)[0] - sight.left(wide, 0)[0]
-        variance = np.diag(self.near(base).alternatives[0][1])
-        size = {
-            k: (change[self.of_kind(k)] ** 2 / variance[self.of_kind(k)]).sum()
-            for k in self.sensor.kinds
-        }
-        kind = max(size, key=size.get)
+        """Return kind and rows in which a trial changes most, in standard deviations."""
+        training, columns = search.training(base), search.columns(base, 0)
+        wide = (*columns, *training.evidence.columns_of(trial.effects, 0))
+        change = training.left(columns, 0)[0] - training.left(wide, 0)[0]
+        variance = np.diag(self.nearest(base).alternatives[0][1])
+        size = [(change[rows] ** 2 / variance[rows]).sum() for rows in self.groups()]
+        kind = list(self.sensor.kinds)[int(np.argmax(size))]
         return kind, self.of_kind(kind)
 
     def covariance(self, base):
@@ -290,8 +285,8 @@ class PoseProblem:
         where this is larger, and what the solution under it is off; averaged by the likelihood.
         Fitted constants of the effects are parameters too, known to a factor of e beforehand.
         """
-        about = self.about(base)
-        fit = about.evidence.sight().fit(about.evidence.columns_of(base, 0), 0)
+        about = self.linearized(base)
+        fit = about.evidence.training().fit(about.evidence.columns_of(base, 0), 0)
         count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.fit.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)
@@ -308,25 +303,16 @@ class PoseProblem:
 
     def _by_constants(self, base, x):
         """Return what the logarithm of each fitted constant changes in the residuals, (N,) each."""
-        found, own = [], x[len(self.sensor.names) :]
-        for effect in (*self.found, *base):
-            values, own = np.split(own, [len(effect.parameters)])
+        effects, found = (*self.found, *base), []
+        for effect, values in _by_effect(x[len(self.sensor.names) :], effects).items():
             if moved(effect, 2.0) != effect:
                 up, down = (self._added(moved(effect, f))[:, 0] @ values for f in (1.05, 1 / 1.05))
                 found.append((up - down) / (2 * np.log(1.05)))
         return found
 
-    def groups(self):
-        """Return the rows of each kind of residual."""
-        return [self.of_kind(kind) for kind in self.sensor.kinds]
-
-    def components(self, kind):
-        """Return how many rows make one residual."""
-        return self.sensor.kinds[kind][1]
-
     def unseen(self, search, cls):
         """Return why an effect has no trial."""
-        rows = search.sight(()).rows
+        rows = search.training(()).rows
         least = min(len(shape.parameters) for shape in self.shapes[cls])
         if rows <= least:
             return f"{rows} residuals to spare do not determine {least} more parameters"
@@ -334,23 +320,25 @@ class PoseProblem:
 
     def fitted(self, base, out=frozenset()):
         """Return the Solution with some effects that does not see some parts."""
-        about = self.near(base)
-        nuisance, vectors = self.sight(base, out).parameters(base, 0)
-        count, solution = len(self.sensor.names), about.solution
+        solution, count = self.nearest(base).solution, len(self.sensor.names)
+        nuisance, vectors = self.training(base, out).parameters(base, 0)
         start = solution.fit.x.copy()
         # the nuisances: the base model, and what other records show
         start[: len(nuisance[0])] += nuisance[0]
-        x, at = {None: start[:count]}, count
-        for effect in solution.effects:
-            x[effect] = start[at : at + len(effect.parameters)]
-            at += len(effect.parameters)
+        x = _by_effect(start[count:], solution.effects)
         for effect, vector in vectors.items():
             x[effect] = x.get(effect, 0.0) + vector
         effects = (*self.found, *base)
-        values = np.concatenate([x[e] for e in (None, *effects)])
+        values = np.concatenate([start[:count], *(x[e] for e in effects)])
         # nobody asks how well a part determines them
         fit = replace(solution.fit, x=values, covariance=np.zeros((len(values), len(values))))
         return replace(solution, effects=effects, fit=fit)
+
+
+def _by_effect(values, effects):
+    """Return the last axis of values, one entry a parameter, by effect."""
+    ends = pairwise(np.cumsum([0, *(len(e.parameters) for e in effects)]))
+    return {e: values[..., i:j] for e, (i, j) in zip(effects, ends, strict=True)}
 
 
 def interleaved(count, parts):

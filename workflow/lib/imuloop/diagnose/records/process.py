@@ -63,8 +63,8 @@ def find_process(fine, choices):
     def left(out):
         """Return the coefficients of all runs, and of their parts in each block, effects out."""
         search, base = choices.search(out), choices.nested(out)
-        sight = search.sight(base)
-        each = [sight.parameters(base, axis)[1] for axis in range(3)] if base else []
+        training = search.training(base)
+        each = [training.parameters(base, axis)[1] for axis in range(3)] if base else []
         whole, parts = [], [[] for _ in range(problem.parts)]
         for i, record in enumerate(fine):
             values = record.values.copy()
@@ -104,14 +104,7 @@ def find_process(fine, choices):
 def process_entry(sensor, process, after):
     """Return the entry of the process among the effects that were added.
 
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    process : Process
-        The process.
-    after : ndarray, shape (n, 3)
-        Held-out errors with all other effects.
+    `after`, (n, 3), are the held-out errors with all other effects.
     """
     before, names = size(after), list(GaussMarkov.parameters)
     values, std = (dict(zip(names, v, strict=True)) for v in process.test.drive.tolist())
@@ -152,6 +145,7 @@ def process_candidate(sensor, process, after, power):
         if test.log_p < threshold:
             low, high = process.ratio
             why = f"held-out blocks are not likelier for certain: ratio {low:.3f} to {high:.3f}"
+    each = zip(GaussMarkov.parameters, found, strict=True)
     return {
         "name": name,
         "status": status,
@@ -161,8 +155,6 @@ def process_candidate(sensor, process, after, power):
         "heldout_after": process.share * size(after),
         "constants": {"tc": tc},
         "confounded_with": None,
-        "detection_limit": {
-            p: q for p, q in zip(GaussMarkov.parameters, found, strict=True) if q is not None
-        },
+        "detection_limit": {parameter: q for parameter, q in each if q is not None},
         "units": GaussMarkov().units(sensor),
     }

@@ -7,7 +7,10 @@ import numpy as np
 from imuloop.core.rest_log import RestLog
 from imuloop.core.samples import Samples, read_columns
 from imuloop.core.segments import STATIC, runs
-from imuloop.diagnose.records.means import part_of, rests_to_use, static_record
+from imuloop.diagnose.records.means import static_record
+
+# s; a rest of another session stands in for a static one from this length on
+INITIAL_REST = 30.0
 
 
 @dataclass(frozen=True)
@@ -38,31 +41,18 @@ class StaticData:
     def records(self, sensor, calibration, mean_time):
         """Return the StaticRecord of each run of each session, those without a mean left out.
 
-        Parameters
-        ----------
-        sensor : str
-            The sensor.
-        calibration : Calibration
-            Gives ``K (raw - b)``.
-        mean_time : float
-            Length of a window, s; the shortest that are worth a spectrum for 0.
+        Arguments as of `static_record`; for 0 s windows are the shortest worth a spectrum.
         """
         found = []
         for name, table in self.segments.items():
             record = static_record(name, self.log(name), table, calibration, sensor, mean_time)
             run = runs(table)[np.asarray(table["kind"]) == STATIC][record.stretch]
-            found += [part_of(record, run == k) for k in np.unique(run)]
+            found += [record.part(run == k) for k in np.unique(run)]
         return [r for r in found if len(r.windows)]
 
 
 def read_static(sessions):
-    """Return the StaticData of a device.
-
-    Parameters
-    ----------
-    sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session.
-    """
+    """Return the StaticData of a device from ``kind``, ``samples`` and ``segments`` by session."""
     kinds = {name: s["kind"] for name, s in sessions.items()}
     columns = "start_s", "end_s", "kind"
     segments = {n: read_columns(s["segments"], columns) for n, s in sessions.items()}
@@ -72,3 +62,34 @@ def read_static(sessions):
         {name: Samples(sessions[name]["samples"]) for name in used},
         used,
     )
+
+
+def rests_to_use(kinds, segments):
+    """Return which stretches of which sessions are the static record of a device.
+
+    All static sessions, what lies between their rests included; where there is none, the longest
+    rest of all others if it lasts.
+
+    Parameters
+    ----------
+    kinds : dict of str to str
+        Kind of each session.
+    segments : dict of str to (DataFrame or dict)
+        Segments of each session.
+
+    Returns
+    -------
+    dict of str to dict
+        ``start_s``, ``end_s`` and ``kind`` of the segments of the sessions to use.
+    """
+    static, longest, chosen = {}, INITIAL_REST, {}
+    for name, table in segments.items():
+        columns = {column: np.asarray(table[column]) for column in ("start_s", "end_s", "kind")}
+        still = np.flatnonzero(columns["kind"] == STATIC)
+        seconds = (columns["end_s"] - columns["start_s"])[still]
+        if kinds[name] == "static" and len(still):
+            static[name] = columns
+        if len(still) and seconds.max() >= longest and (not chosen or seconds.max() > longest):
+            at, longest = [still[seconds.argmax()]], seconds.max()
+            chosen = {name: {column: values[at] for column, values in columns.items()}}
+    return static or chosen

@@ -34,21 +34,18 @@ class Whitened:
 
 
 def whitened(search, base, axis):
-    """Return what each record holds for a scan of one axis, None for those not seen, and dof."""
-    sight, columns = search.sight(base), search.columns(base, axis)
-    fit = sight.fit(columns, axis)
+    """Return the Whitened of each record for a scan of one axis, and degrees of freedom."""
+    training, columns = search.training(base), search.columns(base, axis)
+    fit = training.fit(columns, axis)
     point = int(np.argmax(fit.log_weight))
     noise = np.sqrt(fit.scale[point])
     found = []
-    for i, held in enumerate(sight.held):
-        if held is None:
-            found.append(None)
-            continue
-        own = sight.evidence.columns[i]
-        left = own[sight.values[axis]]
+    for i, held in enumerate(training.held):
+        own = training.evidence.columns[i]
+        left = own[training.values[axis]]
         left = left - sum(t * own[c] for t, c in zip(fit.theta[point], columns, strict=True))
         seen = np.delete(np.arange(len(left)), held)
-        found.append(Whitened(seen, sight.precision(i, point), left[seen] / noise))
+        found.append(Whitened(seen, training.precision(i, point), left[seen] / noise))
     return found, fit.dof
 
 
@@ -62,63 +59,46 @@ def frequencies(records):
 
 def line_scan(search, base):
     """Return the most promising line of each axis with its log p, and how many were tried."""
-    records, held = search.problem.fitted, search.sight(base).held
+    records = search.problem.merged
     tried = frequencies(records)
     if not len(tried):
         return (), 0
-    sessions = tuple(dict.fromkeys(r.session for r in records))
-    best, waves = [], [_waves(r, h, tried) for r, h in zip(records, held, strict=True)]
+    sessions, best, waves = tuple(dict.fromkeys(r.session for r in records)), [], []
+    for record, held in zip(records, search.training(base).held, strict=True):
+        phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
+        waves.append(np.stack([np.cos(phase), np.sin(phase)]))
     for axis in range(3):
         parts, dof = whitened(search, base, axis)
-        total, q = np.zeros(len(tried)), 0
+        total, q = np.zeros(len(tried)), 2 * len(parts)
         for part, wave in zip(parts, waves, strict=True):
-            if part is None:
-                continue
             weighted = part.precision @ wave
             score = np.einsum("kmf,m->fk", weighted, part.residual)
             information = np.einsum("kmf,lmf->fkl", wave, weighted)
             total += np.einsum("fk,fk->f", score, _solved(information, score))
-            q += 2
         log_p = log_f_tail(total / q, q, dof - q)
         at = int(np.argmin(log_p))
         best.append((log_p[at], Sinusoid(float(tried[at]), sessions)))
     return _distinct(best), len(tried)
 
 
-def _waves(record, held, tried):
-    """Return cosine and sine of each frequency at the windows that are seen, (2, m, f)."""
-    if held is None:
-        return None
-    phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
-    return np.stack([np.cos(phase), np.sin(phase)])
-
-
 def step_scan(search, base, taken=()):
     """Return the most promising step of each axis with its log p, and how many were tried.
 
-    Parameters
-    ----------
-    search : Search
-        What is seen.
-    base : tuple of Effect
-        Effects beside it.
-    taken : tuple of Steps
-        Steps that are known; a few windows about each are left out.
+    A few windows about each of the steps that are `taken` already are left out.
     """
-    records, best, count = search.problem.fitted, [], 0
+    records, best, count = search.problem.merged, [], 0
     for axis in range(3):
         parts, dof = whitened(search, base, axis)
         count, found = 0, []
         for part, record in zip(parts, records, strict=True):
-            if part is None or len(part.seen) <= 2 * BESIDE:
+            if len(part.seen) <= 2 * BESIDE:
                 continue
             windows, length = record.windows[part.seen], np.median(record.length)
             starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
             for one in taken:
-                apart = np.abs(starts - one.times[0]) - one.spans[0] / 2
-                starts = starts[
-                    (apart > (BESIDE - 0.5) * length) | (one.sessions != (record.session,))
-                ]
+                if one.sessions == (record.session,):
+                    apart = np.abs(starts - one.times[0]) - one.spans[0] / 2
+                    starts = starts[apart > (BESIDE - 0.5) * length]
             if not len(starts):
                 continue
             gain = _gain(part, windows, starts)

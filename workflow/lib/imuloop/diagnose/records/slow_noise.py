@@ -14,14 +14,9 @@ ABSENT = (1 / 2, 1 / 10)
 def ratios(span, length):
     """Return the grid of flicker and walk, relative to white noise, with its prior.
 
-    Over a record of `span` S in windows of `length` τ the slow noise of mode k (half waves) has
+    Over a record of `span` S in windows of `length` τ, s, the slow noise of mode k (half waves) has
     the variance ``B² S/(π k τ)`` and ``K² S²/(π² k² τ)`` where the white noise has ``N²/τ``. The
     grid goes from half the white noise in the slowest mode to thirty times it in the middle one.
-
-    Parameters
-    ----------
-    span, length : float
-        Length of the record and of its windows, s.
 
     Returns
     -------
@@ -38,10 +33,8 @@ def ratios(span, length):
         axes.append(np.concatenate([[0.0], low * STEP ** np.arange(count)]))
         priors.append(np.concatenate([[absent], np.full(count, (1 - absent) / count)]))
     flicker, walk = np.meshgrid(*axes, indexing="ij")
-    return (
-        np.column_stack([flicker.ravel(), walk.ravel()]),
-        np.log(np.outer(*priors)).ravel(),
-    )
+    grid = np.column_stack([flicker.ravel(), walk.ravel()])
+    return grid, np.log(np.outer(*priors)).ravel()
 
 
 def unit_noise(name):

@@ -10,12 +10,12 @@ from imuloop.diagnose.evidence import Block, Evidence
 from imuloop.diagnose.records.scan import line_scan, step_scan
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.sight import ABSORBED
+from imuloop.diagnose.training import ABSORBED
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, joined
 
 # more means than this are merged for the fit; held-out errors are those of all means
-FITTED = 200
+MERGED = 200
 # steps in one record or another; logarithm of a p-value at which a second is not looked for
 MOST_STEPS, HOPELESS = 6, 6.0
 
@@ -65,9 +65,9 @@ class StaticProblem:
         return {Sinusoid: _line, Steps: _steps}
 
     @cached_property
-    def fitted(self):
-        """The records with so few windows that their covariance is handy."""
-        return tuple(r.merged(FITTED) for r in self.records)
+    def merged(self):
+        """The records with so few windows that their covariance is handy, for the fit."""
+        return tuple(r.merged(MERGED) for r in self.records)
 
     @cached_property
     def folds(self):
@@ -77,10 +77,9 @@ class StaticProblem:
         is predicted from the starts of the others.
         """
         n = len(self.records)
-        shift = [i * self.parts // n for i in range(n)]
         return [
-            (block_of(r, self.parts) + s) % self.parts
-            for r, s in zip(self.fitted, shift, strict=True)
+            (block_of(r, self.parts) + i * self.parts // n) % self.parts
+            for i, r in enumerate(self.merged)
         ]
 
     @cached_property
@@ -91,23 +90,18 @@ class StaticProblem:
     @cached_property
     def ends(self):
         """The same, and the other part that it touches: none, (M, 2)."""
-        return np.column_stack([self.fold, np.full(len(self.fold), -1)])
+        return _alone(self.fold)
 
     @cached_property
     def evidence(self):
         """The rows."""
-        span = max(np.ptp(r.windows) for r in self.fitted)
-        length = min(np.median(r.length) for r in self.fitted)
+        span = max(np.ptp(r.windows) for r in self.merged)
+        length = min(np.median(r.length) for r in self.merged)
         grid, prior = ratios(span, length)
-        noise = self.noise or [hypotheses(r.windows, grid) for r in self.fitted]
+        noise = self.noise or [hypotheses(r.windows, grid) for r in self.merged]
         blocks = [
-            Block(
-                r.values - r.values.mean(axis=0),
-                np.ones((len(r.values), 1)),
-                h,
-                np.column_stack([fold, np.full(len(fold), -1)]),
-            )
-            for r, h, fold in zip(self.fitted, noise, self.folds, strict=True)
+            Block(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(fold))
+            for r, h, fold in zip(self.merged, noise, self.folds, strict=True)
         ]
         # what a model lacks is rarely noise: the weights of a walk would take the parameters from
         # the fastest changes alone, where a lag that is not in the model counts most
@@ -116,16 +110,16 @@ class StaticProblem:
 
     def design(self, effect):
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
-        return np.concatenate([derivative(effect, r) for r in self.fitted])
+        return np.concatenate([derivative(effect, r) for r in self.merged])
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
-        sight = search.sight(base)
+        training = search.training(base)
         found = [
-            r.values - f.values.mean(axis=0) for r, f in zip(self.records, self.fitted, strict=True)
+            r.values - f.values.mean(axis=0) for r, f in zip(self.records, self.merged, strict=True)
         ]
         for axis in range(3):
-            levels, vectors = sight.parameters(base, axis)
+            levels, vectors = training.parameters(base, axis)
             for i, values in enumerate(found):
                 values[:, axis] -= levels[i][0]
             for effect, vector in vectors.items():
@@ -139,9 +133,9 @@ class StaticProblem:
             self._derivatives[effect] = [derivative(effect, r) for r in self.records]
         return self._derivatives[effect]
 
-    def sight(self, base, out, only=None):
-        """Return what is seen: means at rest are straight in every effect."""
-        return self.evidence.sight(out, only)
+    def training(self, base, out, only=None):
+        """Return the Training rows: means at rest are straight in every effect."""
+        return self.evidence.training(out, only)
 
     def lost(self, base):
         """Return why a fit with some effects is none: here it always is one."""
@@ -157,7 +151,7 @@ class StaticProblem:
 
     def groups(self):
         """Return the rows of each kind of residual."""
-        return [np.ones(sum(len(f.windows) for f in self.fitted), dtype=bool)]
+        return [np.ones(sum(len(r.windows) for r in self.merged), dtype=bool)]
 
     def components(self, kind):
         """Return how many rows make one residual."""
@@ -166,6 +160,11 @@ class StaticProblem:
     def unseen(self, search, cls):
         """Return why an effect has no trial."""
         return "what it adds in these data is taken up by the bias"
+
+
+def _alone(fold):
+    """Return the part of each row, and that it touches no other, (n, 2)."""
+    return np.column_stack([fold, np.full(len(fold), -1)])
 
 
 def block_of(record, blocks):
@@ -180,7 +179,7 @@ def fold_of(record, problem):
     A part is what its windows cover: what they saw no other window may share.
     """
     found = np.full(len(record.windows), -1)
-    for own, fold in zip(problem.fitted, problem.folds, strict=True):
+    for own, fold in zip(problem.merged, problem.folds, strict=True):
         for k in np.unique(fold) if own.session == record.session else ():
             covered = own.windows[fold == k]
             start, end = covered[0, 0], covered[-1, 1]
@@ -188,45 +187,41 @@ def fold_of(record, problem):
     return found
 
 
-def fitted(search, base, only=None):
+def fitted_effects(search, base, only=None):
     """Return a FittedEffect of each effect; None where an axis does not determine them.
 
-    Parameters
-    ----------
-    search : Search
-        What is seen.
-    base : tuple of Effect
-        Effects.
-    only : frozenset of int, optional
-        Records to see; all by default.
+    From some records alone where `only`, a frozenset of their numbers, is given.
     """
-    names = [list(e.parameters) for e in base]
-    values, std = ([dict.fromkeys(n, 0.0) for n in names] for _ in "vs")
-    sight = search.problem.sight(base, search.out, only)
-    patterns = sight.evidence.patterns(base)
-    for axis in range(sight.evidence.axes):
+    training = search.problem.training(base, search.out, only)
+    patterns = training.evidence.patterns(base)
+    values, std = ([np.zeros(len(e.parameters)) for e in base] for _ in range(2))
+    for axis in range(training.evidence.axes):
         columns = search.columns(base, axis)
         if not columns:
             continue
-        found, covariance = sight.estimate(columns, axis)
+        found, covariance = training.estimate(columns, axis)
         if found is None:
             return None
-        scale = np.concatenate([np.zeros(0), *(p.scale[axis] for p in patterns)])
-        each = zip(found / scale, np.sqrt(np.diag(covariance)) / scale, strict=True)
-        for pattern, own, v, s in zip(patterns, names, values, std, strict=True):
-            for parameter in pattern.parameters[axis]:
-                v[own[parameter]], s[own[parameter]] = map(float, next(each))
-    return tuple(FittedEffect(e, v, s) for e, v, s in zip(base, values, std, strict=True))
+        errors = np.sqrt(np.diag(covariance))
+        ends = np.cumsum([0, *(len(p.columns[axis]) for p in patterns)])
+        for k, pattern in enumerate(patterns):
+            own, at = slice(*ends[k : k + 2]), list(pattern.parameters[axis])
+            values[k][at] = found[own] / pattern.scale[axis]
+            std[k][at] = errors[own] / pattern.scale[axis]
+    return tuple(
+        FittedEffect(e, *(dict(zip(e.parameters, x.tolist(), strict=True)) for x in (v, s)))
+        for e, v, s in zip(base, values, std, strict=True)
+    )
 
 
 def information(search, base, effects):
-    """Return what static records tell of the parameters θ of effects, whichever they are.
+    """Return what static records say of the parameters θ of effects, whichever they are.
 
     As far as it is known there, the logarithm of the likelihood is ``-θᵀ A θ/2 + bᵀ θ``. With the
     precision P̃ that leaves out the levels, ``A₀ = Dᵀ P̃ D`` and the noise Σ, averaged over the
     hypotheses, ``A = A₀/κ``, κ on each axis the most by which the variance of a pattern,
-    ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``: so that errors are those of `fitted`. What else was
-    found is estimated beside them.
+    ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``: so that errors are those of `fitted_effects`. What else
+    was found is estimated beside them.
 
     Parameters
     ----------
@@ -243,22 +238,22 @@ def information(search, base, effects):
         A and b, SI; zero for what these records do not show.
     """
     others = tuple(e for e in base if e not in effects)
-    sight, count = search.sight(base), sum(len(e.parameters) for e in effects)
-    patterns = sight.evidence.patterns((*effects, *others))
-    design = np.concatenate([p.design for p in patterns], axis=2)
+    training, count = search.training(base), sum(len(e.parameters) for e in effects)
+    evidence = training.evidence
+    design = np.concatenate([p.design for p in evidence.patterns((*effects, *others))], axis=2)
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
-    for axis in range(sight.evidence.axes):
-        fit = sight.fit(search.columns(base, axis), axis)
-        point = sight.point(fit)
+    for axis in range(evidence.axes):
+        fit = training.fit(search.columns(base, axis), axis)
+        point = training.point(fit)
         plain, spread, product = 0.0, 0.0, 0.0
-        for i, own in enumerate(sight.evidence.split(design[:, axis] / size)):
-            weighted = sight.precision(i, point) @ own
-            noise = sight.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
+        for i, own in enumerate(evidence.split(design[:, axis] / size)):
+            weighted = training.precision(i, point) @ own
+            noise = evidence.blocks[i].noise.mean(fit.weight * fit.scale)
             plain = plain + own.T @ weighted
             spread = spread + weighted.T @ noise @ weighted
-            product = product + weighted.T @ sight.evidence.blocks[i].values[:, axis]
+            product = product + weighted.T @ evidence.blocks[i].values[:, axis]
         own, seen = np.diag(plain), np.diag(plain) > ABSORBED * np.diag(plain).max()
         if seen.any():
             beyond = np.max(np.diag(spread)[seen] / own[seen])
@@ -282,7 +277,7 @@ def _line(search, base, hopeful):
 def _steps(search, base, hopeful):
     """Return the best trial of one step, or of several, each the best beside those before.
 
-    One step of two may tell nothing: the other looks like a walk. So one more is always tried.
+    One step of two may show nothing: the other looks like a walk. So one more is always tried.
     """
     best, taken, tries, beside = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):

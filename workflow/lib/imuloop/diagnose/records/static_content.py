@@ -1,23 +1,25 @@
 """What diagnosis.json holds of the static records of a sensor."""
 
 import numpy as np
-from scipy.special import softmax
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.content import candidate_entries, effect_entries, residual_entry, untried
-from imuloop.diagnose.correlates import correlates
-from imuloop.diagnose.likeness import imitated
+from imuloop.diagnose.content import residual_entry, search_content, untried
 from imuloop.diagnose.records.process import process_candidate, process_entry
-from imuloop.diagnose.records.static import fitted
-from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
+from imuloop.diagnose.records.static import fitted_effects
+from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.variance import FARTHEST
-from imuloop.diagnose.verdict import Judged, verdict
+from imuloop.diagnose.verdict import judge, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+# why a static record cannot show what the poses can
+UNSEEN = {
+    "bias_drift": "in a static record it is called ramp",
+    "turn_on_bias": ("every static record has a level of its own: see its scatter from run to run"),
+}
 
 
 def static_content(sensor, finding, noise, change):
@@ -34,50 +36,42 @@ def static_content(sensor, finding, noise, change):
     change : dict
         Noise coefficients of each axis before and after; empty where nothing was added.
     """
-    choices, settings = finding.choices, finding.choices.problem.settings
-    problem, base = choices.problem, choices.choice().base
-    share = settings.significance / len(SENSORS) / settings.family
-    axes = SENSORS[sensor]
+    choices, axes = finding.choices, SENSORS[sensor]
+    problem, settings = choices.problem, choices.problem.settings
     kind, errors = problem.residual, (finding.before, finding.after)
     sides = zip(((), finding.effects), errors, strict=True)
     judged = [_judged(problem, *side, noise, axes) for side in sides]
     floor = _floor(problem, noise, axes)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
+    share = settings.significance / len(SENSORS) / settings.family
     residual, above = residual_entry(
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )
-    entries = effect_entries(sensor, finding.effects, choices)
-    for entry, own in zip(entries, choices.choice().added, strict=True):
+    found = search_content(sensor, choices, finding.effects, finding.others, _probes(problem))
+    for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
     if finding.has_process:
-        entries.append(process_entry(sensor, finding.process, finding.after))
-    tried = candidate_entries(sensor, choices, finding.others)
+        found["effects"].append(process_entry(sensor, finding.process, finding.after))
+    tried = found["candidates"]
     tried.append(process_candidate(sensor, finding.process, finding.after, settings.power))
     listed = {c["name"] for c in tried}
+    tried += [
+        untried(
+            name,
+            "not_observable",
+            UNSEEN.get(name, "in one attitude, without a turn, it cannot be told from the bias"),
+        )
+        for name, cls in Effect.library.items()
+        if sensor in cls.sensors and name not in listed
+    ]
     return {
         "verdict": verdict(*above, added),
         "residuals": {kind: residual | {"sessions": _by_axis(axes, finding, floor)}},
-        "effects": entries,
-        "candidates": tried
-        + [
-            untried(name, "not_observable", _unseen(cls))
-            for name, cls in Effect.library.items()
-            if sensor in cls.sensors and name not in listed
-        ],
-        "confounded": imitated(choices.search()),
-        "correlates": correlates(choices.search(), base, _probes(problem)),
+        **found,
         "by_session": _by_session(choices),
         "noise": change,
         "points": _points(finding, floor),
     }
-
-
-def _unseen(cls):
-    if cls.name == "bias_drift":
-        return "in a static record it is called ramp"
-    if cls.name == "turn_on_bias":
-        return "every static record has a level of its own: see its scatter from run to run"
-    return "in one attitude, without a turn, it cannot be told from the bias"
 
 
 def _floor(problem, noise, axes):
@@ -86,22 +80,21 @@ def _floor(problem, noise, axes):
     The slow noise at the windows of the fit, the rest at the means' own.
     """
     found = []
-    parts = zip(problem.records, problem.fitted, problem.evidence.blocks, strict=True)
-    for record, fitted_record, block in parts:
-        windows, length = fitted_record.windows, fitted_record.length
+    parts = zip(problem.records, problem.merged, problem.evidence.blocks, strict=True)
+    for record, merged, block in parts:
+        windows, length = merged.windows, merged.length
         at = np.searchsorted(windows[:, 0], record.windows[:, 0], side="right") - 1
         columns = []
-        for name in axes:
-            process = noise.axes[name]
+        for process in (noise.axes[name] for name in axes):
             # the level is the mean of what is seen
             slow = held_out_covariance(
                 process.mean_covariance(windows), block.nuisance, block.folds, np.diag(length)
             ).diagonal()
-            own, merged = (
+            own, fast = (
                 process.N.square / t + 2 * process.Q.square / t**2
                 for t in (record.length, length[at])
             )
-            columns.append(slow[at] + own - merged)
+            columns.append(slow[at] + own - fast)
         found.append(np.column_stack(columns))
     return np.concatenate(found)
 
@@ -111,39 +104,39 @@ def _judged(problem, effects, errors, noise, axes):
 
     By the noise as estimated, and with flicker and walk at the ends of their intervals.
     """
-    shapes = [e.effect for e in effects]
-    taken = [problem.design(e.effect) @ e.vector for e in effects]
-    left = np.concatenate([r.values for r in problem.fitted]) - sum(taken, np.zeros(()))
     evidence = problem.evidence
-    blocks = list(zip(evidence.split(left), evidence.blocks, problem.fitted, strict=True))
-    fitted = sum(len(c) for p in evidence.patterns(shapes) for c in p.columns)
-    square = sum((e**2).sum() for e in _merged(problem, errors))
+    taken = [problem.design(e.effect) @ e.vector for e in effects]
+    left = np.concatenate([r.values for r in problem.merged]) - sum(taken, np.zeros(()))
+    blocks = list(zip(evidence.split(left), evidence.blocks, problem.merged, strict=True))
+    fitted = sum(len(c) for p in evidence.patterns([e.effect for e in effects]) for c in p.columns)
     known = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
     most = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in known.items()})
-    found, heldout, likelihoods = [], [], []
-    for model in (noise, most):
-        parts, spreads = [], []
-        for values, block, record in blocks:
-            everything = [np.ones(len(values), dtype=bool)]
-            for name, own in zip(axes, values.T, strict=True):
-                covariance = model.axes[name].mean_covariance(record.windows)
-                (chi2,), likelihood = chi_square(own, covariance, block.nuisance, everything)
-                parts.append((*chi2, likelihood))
-                spreads.append(held_out_covariance(covariance, block.nuisance, block.folds))
-        total, dof, likelihood = np.sum(parts, axis=0)
-        found.append((total, dof - fitted))
-        heldout.append(chance(square, spreads))
-        likelihoods.append(likelihood)
-    return Judged.of(softmax(likelihoods), found, heldout)
-
-
-def _merged(problem, errors):
-    """Yield errors of the means of each record, (M, 3), as those of the windows of the fit."""
-    ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
-    each = zip(problem.records, problem.fitted, np.split(errors, ends), strict=True)
-    for record, fitted_record, own in each:
-        first = np.searchsorted(record.windows[:, 0], fitted_record.windows[:, 0])
-        yield np.add.reduceat(own, first) / np.diff(np.append(first, len(own)))[:, None]
+    alternatives = [
+        (
+            0.0,
+            [
+                (
+                    values[:, k],
+                    model.axes[name].mean_covariance(record.windows),
+                    block.nuisance,
+                    block.folds,
+                    [np.ones(len(values), dtype=bool)],
+                )
+                for values, block, record in blocks
+                for k, name in enumerate(axes)
+            ],
+        )
+        for model in (noise, most)
+    ]
+    # errors of all means are those of the windows of the fit
+    square, ends = 0.0, np.cumsum([len(r.windows) for r in problem.records])[:-1]
+    each = zip(problem.records, problem.merged, np.split(errors, ends), strict=True)
+    for record, merged, own in each:
+        first = np.searchsorted(record.windows[:, 0], merged.windows[:, 0])
+        mean = np.add.reduceat(own, first) / np.diff(np.append(first, len(own)))[:, None]
+        square += (mean**2).sum()
+    _, (judged,) = judge(alternatives, [square], fitted)
+    return judged
 
 
 def _by_axis(axes, finding, floor):
@@ -167,9 +160,9 @@ def _by_session(choices):
     found = {e.name: {} for e in base}
     for session in dict.fromkeys(r.session for r in problem.records):
         only = frozenset(i for i, r in enumerate(problem.records) if r.session == session)
-        own = fitted(search, base, only)
+        own = fitted_effects(search, base, only)
         if own is None:
-            own = sum((fitted(search, (e,), only) or () for e in base), ())
+            own = sum((fitted_effects(search, (e,), only) or () for e in base), ())
         for effect in own:
             found[effect.name][session] = {
                 name: {"value": value, "std": effect.std[name]}
@@ -180,7 +173,7 @@ def _by_session(choices):
 
 def _probes(problem):
     """Return name, kind and columns of what the residual may go with."""
-    records, found = problem.fitted, {}
+    records, found = problem.merged, {}
     span = max(np.ptp(r.channels.t) for r in records)
     found["time"] = [on_each_axis(r.channels.t / span, (r.channels.t / span) ** 2) for r in records]
     moments = (np.split(r.channels.remembered(_moments), 2, axis=1) for r in records)
@@ -203,7 +196,7 @@ def _moments(channels):
 
 
 def _points(finding, floor):
-    """Return one entry a mean, for pictures."""
+    """Return one entry per mean, for pictures."""
     points, problem = [], finding.choices.problem
     ends = np.cumsum([len(r.windows) for r in problem.records])[:-1]
     parts = (np.split(v, ends) for v in (finding.before, finding.after, floor))

@@ -14,9 +14,9 @@ from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.process import find_process
-from imuloop.diagnose.records.static import StaticProblem, fitted, information
+from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import static_content
-from imuloop.diagnose.verdict import NOTHING
+from imuloop.diagnose.verdict import not_testable
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.noise.correction import noise_again, with_found_noise
 
@@ -48,15 +48,10 @@ class StaticResult:
     allan: dict = field(default_factory=dict)
     findings: dict = field(default_factory=dict)
 
-    def told(self, sensor, with_temperature):
-        """Return the effects that the poses have too, and what tells of any effect's parameters.
+    def shown(self, sensor, with_temperature):
+        """Return the effects of a sensor that the poses have too, and `information` of any effect.
 
-        Parameters
-        ----------
-        sensor : str
-            The sensor.
-        with_temperature : bool
-            Whether the poses have a temperature.
+        `with_temperature` is whether the poses have a temperature.
         """
         if sensor not in self.findings:
             return (), None
@@ -157,13 +152,13 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
             own = separated(own, 2 * settings.blocks)
         reason = untestable(own, [noise.axes[name] for name in axes], settings)
         if reason:
-            content[sensor] = {"verdict": "not_testable", "why": reason, **NOTHING}
+            content[sensor] = not_testable(reason)
             continue
         fine = data.records(sensor, calibration, 0.0)
         try:
             findings[sensor] = find(sensor, own, fine, settings, tests, shared)
         except LinAlgError:
-            content[sensor] = {"verdict": "not_testable", "why": SINGULAR, **NOTHING}
+            content[sensor] = not_testable(SINGULAR)
             continue
         # both sensors have the same windows, unless the accelerometer was moved: a part of a record
         # that is too short is left out, so as many records may be left
@@ -195,13 +190,9 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     else:
         # a line is noise elsewhere, and the noise as logged has it
         rest = noise if set(names) <= {Sinusoid.name} else whole
-    effects = {
-        sensor: tuple(e for e in fitted_ones if e.effect.lasting)
-        for sensor, fitted_ones in found.items()
-    }
     return StaticResult(
         {sensor: content[sensor] for sensor in SENSORS},
-        {sensor: effects.get(sensor, ()) for sensor in SENSORS},
+        {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS},
         rest,
         allan,
         findings,
@@ -227,20 +218,9 @@ def untestable(records, axes, settings):
 
 
 def find(sensor, records, fine, settings, tests, noise=None):
-    """Search the static records of a sensor.
+    """Return the Finding of a sensor in its means, and those over the shortest windows, `fine`.
 
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    records, fine : sequence of StaticRecord
-        Its means, and those over the shortest windows, for the spectrum.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int
-        Number of tests of the family.
-    noise : sequence of Hypotheses, optional
-        That of the other sensor's problem of the same windows.
+    `noise`, of Hypotheses, is that of the other sensor's problem where it has the same windows.
     """
     available, others = static_candidates(sensor, records)
     shapes = {cls: s for cls, s in available.items() if s}
@@ -250,6 +230,6 @@ def find(sensor, records, fine, settings, tests, noise=None):
     process = find_process(fine, choices)
     unconfirmed = [cls for cls in choice.failed if isinstance(cls, type) and cls.lasting]
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
-    effects = fitted(search, choice.base)
-    doubtful = fitted(search, (*choice.base, *trial.effects)) if trial else effects
+    effects = fitted_effects(search, choice.base)
+    doubtful = fitted_effects(search, (*choice.base, *trial.effects)) if trial else effects
     return Finding(choices, others, effects, doubtful or effects, process, before, after)

@@ -1,0 +1,277 @@
+"""Readers in processes of their own: limits, deaths, and files made to break a library."""
+
+import os
+import re
+import sqlite3
+import struct
+import time
+import zipfile
+
+import h5py
+import netCDF4
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyulog import ULog
+from scipy.io import savemat
+
+from bench.fuzz.seeds import all_seeds
+from imuloop.core.errors import ImuloopError, Lacking, RejectedLog
+from imuloop.core.samples import CHANNELS
+from imuloop.ingest import guarded
+from imuloop.ingest.formats import find_format
+from ingest import broken_readers
+
+ENDINGS = ["ulg", "mat", "zip", "bag", "db3", "mcap", "bin", "nc"]
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory):
+    """Ending -> content of a sound log."""
+    made = all_seeds(tmp_path_factory.mktemp("seeds"))
+    every = [each for kind in made for each in made[kind]]
+    return {end: next(x for name, x in every if name == f"log.{end}") for end in ENDINGS}
+
+
+@pytest.fixture
+def reason(run):
+    """Give the one line for which a file is rejected, within seconds."""
+
+    def call(path, **declared):
+        begin = time.process_time()
+        [line] = run(path, **declared).quality["reasons"]
+        assert line.isprintable() and len(line) < 400
+        assert time.process_time() - begin < 5
+        return line
+
+    return call
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Run the reader that does what the name says."""
+
+    def call(name):
+        path = tmp_path / f"{name}.log"
+        path.write_bytes(bytes(1000))
+        return broken_readers.read({"log": path})
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("act", "line"),
+    [
+        ("raise", r"is no whole file of the format broken_readers \(KeyError: .*\): copy it again"),
+        ("raise_later", r"is no whole file of the format broken_readers \(KeyError: "),
+        ("allocate", "takes more than 512 MB of memory to read"),
+        ("loop_later", "takes more than 1 s of processor time to read"),
+        ("wait", "leads its reader to wait for more than 1 s"),
+        ("abort_later", "ends the process that reads it by signal 6"),
+        ("fault", "ends the process that reads it by signal 11"),
+        ("unpack", "File too large"),
+    ],
+)
+def test_what_goes_wrong_is_one_line_about_the_file(read, monkeypatch, act, line):
+    monkeypatch.setattr(guarded, "SECONDS", 0.5)
+    if act == "wait":
+        monkeypatch.setattr(guarded, "WAITING", 1)
+    with pytest.raises(RejectedLog, match=rf"^{act}\.log .*{line}") as raised:
+        list(read(act).batches)
+    assert str(raised.value).isprintable()
+
+
+def test_what_a_reader_foresees_is_passed_on(read):
+    with pytest.raises(Lacking, match=r"^no stream 'a'$"):
+        read("lack")
+
+
+def test_batches_and_counts_come_back(read, capfd):
+    log = read("print_later")
+    assert log.bad_lines == 0
+    rows = pa.Table.from_batches(log.batches)
+    assert rows.column_names == [*CHANNELS] and rows["az"].to_pylist() == [0, 1]
+    assert log.bad_lines == 7
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("how", ["read", "begun", "dropped", "failed"])
+def test_nothing_is_left_behind(read, tmp_path, monkeypatch, how):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    if how == "failed":
+        with pytest.raises(RejectedLog):
+            read("abort")
+    else:
+        batches = read("print").batches
+        if how != "dropped":
+            next(batches)
+        if how == "read":
+            list(batches)
+        del batches
+    assert not list(tmp_path.glob("imuloop-*"))
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_same_through_a_process(seeds, tmp_path, ending):
+    path = tmp_path / f"log.{ending}"
+    path.write_bytes(seeds[ending])
+    _, form = find_format(None, {"log": path})
+    here, there = (f({"log": path}, None, 7) for f in (form.read.__wrapped__, form.read))
+    assert [b.serialize() for b in here.batches] == [b.serialize() for b in there.batches]
+    assert {**vars(here), "batches": 0} == {**vars(there), "batches": 0}
+
+
+@pytest.mark.parametrize("share", [0, 0.001, 0.3, 0.9])
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_file_cut_off_is_rejected_or_read_up_to_there(seeds, run, tmp_path, ending, share):
+    path = tmp_path / f"log.{ending}"
+    path.write_bytes(seeds[ending][: int(share * len(seeds[ending]))])
+    quality = run(path, format="dataflash" if ending == "bin" else None).quality
+    if ending in ("ulg", "bin") and share == 0.9:
+        assert quality["rows"] > 90
+        assert re.search("was cut off|are no message", " ".join(quality["warnings"]))
+    else:
+        [line] = quality["reasons"]
+        assert line.isprintable()
+
+
+# files made to break their readers, each beside what is said of it
+
+
+def cells_in_cells(path, log):
+    """MATLAB cells in cells, 3000 deep."""
+    cell = b""
+    for _ in range(3000):
+        parts = struct.pack("<IIIIIIiiII", 6, 8, 1, 0, 5, 8, 1, 1, 1, 0) + cell
+        cell = struct.pack("<II", 14, len(parts)) + parts
+    savemat(path, {"t": log.t.to_numpy()})
+    path.write_bytes(path.read_bytes() + cell)
+
+
+def announced_cells(path, log):
+    """A MATLAB cell that announces more cells than memory holds."""
+    parts = struct.pack("<IIIIIIiiIII", 6, 8, 1, 0, 5, 8, 1 << 28, 1, 1, 1, 97) + bytes(4)
+    savemat(path, {"t": log.t.to_numpy()})
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 14, len(parts)) + parts)
+
+
+def never_written(path, log):
+    """An array of 24 TB, none of which is in the file."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("acc", (3, 1 << 40), "f8", chunks=(3, 1 << 10))
+
+
+def group_in_itself(path, log):
+    with h5py.File(path, "w") as file:
+        file.create_group("group")["itself"] = file["/"]
+
+
+def rows_announced(path, log):
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("time", 1 << 40)
+        for name in CHANNELS:
+            data.createVariable(name, "f8", ("time",), chunksizes=(1000,))
+
+
+def heap_without_end(path, log):
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("time", 9)
+        data.createVariable("ax", "f8", ("time",)).units = "m/s^2"
+        data.createVariable("text", str, ("time",))[:] = np.array(["a"] * 9, object)
+    content = path.read_bytes()
+    at = content.index(b"GCOL\1\0\0\0") + 16
+    path.write_bytes(content[:at] + bytes(16) + content[at + 16 :])
+
+
+def pipe_elsewhere(path, log):
+    """A link to another file, which is a pipe that never answers."""
+    os.mkfifo(path.with_name("pipe"))
+    with h5py.File(path, "w") as file:
+        file["ax"] = h5py.ExternalLink(str(path.with_name("pipe")), "/ax")
+
+
+def fields_in_fields(path, log):
+    """A ULog whose few formats describe 60000^8 fields."""
+
+    def message(kind, text):
+        return struct.pack("<HB", len(text), ord(kind)) + text
+
+    formats = [*(f"a{i}:a{i + 1}[60000] x;" for i in range(8)), "a8:bool x;"]
+    data = ULog.HEADER_BYTES + bytes(9) + b"".join(message("F", f.encode()) for f in formats)
+    path.write_bytes(data + message("A", bytes(3) + b"a0"))
+
+
+def back_and_back(path, log):
+    """A ULog whose last message is longer than the rest: the library steps back by its length."""
+    described = struct.pack("<HB", 22, ord("F")) + b"a0:uint64_t timestamp;"
+    data = ULog.HEADER_BYTES + bytes(9) + described * 300
+    path.write_bytes(data + struct.pack("<HB", 10_001, 1) + bytes(5))
+
+
+def endless_table(path, log):
+    """A bag one of whose tables is a query without end."""
+    with sqlite3.connect(path) as base:
+        base.executescript(
+            "DROP TABLE schema; CREATE VIEW schema AS WITH RECURSIVE n(schema_version) AS (SELECT "
+            "1 UNION ALL SELECT 1 FROM n) SELECT max(schema_version) AS schema_version FROM n"
+        )
+    base.close()
+
+
+def zeros_in_a_zip(path, log):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("Accelerometer.csv", "w", force_zip64=True) as file:
+            for _ in range(200):
+                file.write(bytes(1 << 20))
+
+
+TIME, WHOLE = "of processor time", "is no whole file of the format"
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "line"),
+    [
+        ("log.mat", cells_in_cells, f"signal 11|{WHOLE}"),
+        ("log.mat", announced_cells, f"of memory|{WHOLE}"),
+        ("log.mat", never_written, "of memory"),
+        ("log.mat", group_in_itself, "RecursionError"),
+        ("log.nc", rows_announced, "more than 200 times its"),
+        ("log.nc", heap_without_end, TIME),
+        ("log.nc", pipe_elsewhere, "to wait for more than 2 s"),
+        ("log.ulg", fields_in_fields, f"{TIME}|of memory"),
+        ("log.ulg", back_and_back, TIME),
+        ("log.db3", endless_table, f"{TIME}|of memory"),
+        ("log.zip", zeros_in_a_zip, "of memory"),
+    ],
+)
+def test_a_file_made_to_break_its_reader(
+    log, seeds, reason, tmp_path, monkeypatch, name, make, line
+):
+    monkeypatch.setattr(guarded, "MEMORY", 64 << 20)
+    monkeypatch.setattr(guarded, "SECONDS", 0.5)
+    if make is pipe_elsewhere:
+        monkeypatch.setattr(guarded, "WAITING", 2)
+    (tmp_path / name).write_bytes(seeds[name[4:]])
+    make(tmp_path / name, log)
+    assert re.search(line, reason(tmp_path / name))
+
+
+def test_no_other_file_is_read_as_part_of_a_matlab_file(log, run, tmp_path):
+    """Not by a link, not as storage, not as a virtual dataset."""
+    other, path = tmp_path / "other", tmp_path / "log.mat"
+    log.t.to_numpy().tofile(tmp_path / "raw")
+    with h5py.File(other, "w") as file:
+        file["ax"] = np.ones((1, 500))
+    with h5py.File(path, "w") as file:
+        for name in log.columns[1:]:
+            file[name] = log[name].to_numpy()[None]
+        file["t"] = h5py.ExternalLink(str(other), "/ax")
+        outside = [(str(tmp_path / "raw"), 0, 4000)]
+        file.create_dataset("time", (1, 500), "f8", external=outside)
+        layout = h5py.VirtualLayout((1, 500), "f8")
+        layout[:] = h5py.VirtualSource(str(other), "ax", (1, 500))
+        file.create_virtual_dataset("timestamp", layout)
+    with pytest.raises(ImuloopError, match="no time column"):
+        run(path)

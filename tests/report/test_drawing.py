@@ -1,0 +1,113 @@
+"""Pictures: what they carry into the page, and what lines keep of the data."""
+
+import re
+
+import numpy as np
+import pytest
+
+from imuloop.report.figures.drawing import BLUE, entitle, picture, write_csv
+from imuloop.report.figures.time_series import SMOOTH_BUCKETS, extremes, smoothed, trend
+
+
+def one(name="a", label="b", caption="c"):
+    """Return a picture of a line and a mark with a title, the label on it and in the key."""
+
+    def plot(area):
+        handles = area.loglog([1e-3, 1e5], [1, 10], color=BLUE)
+        (marks,) = area.plot([1], [2], "o")
+        entitle(area, marks, [label])
+        area.text(1, 2, label)
+        return handles, [label]
+
+    return picture(name, "Line", caption, plot)
+
+
+def test_a_picture_is_the_same_each_time_and_its_ids_are_its_own():
+    first, again, other = one("a.x"), one("a.x"), one("b.x")
+    assert first.svg == again.svg
+    ids = [set(re.findall(r' id="([^"]+)"', p.svg)) for p in (first, other)]
+    assert ids[0] and not ids[0] & ids[1]
+    for p, known in zip((first, other), ids, strict=True):
+        assert set(re.findall(r'(?:href="|url\()#([^")]+)', p.svg)) == known
+
+
+def test_other_peoples_text_stays_text():
+    label = "_<script>$x_2$ & b</script>"
+    svg = one(label=label, caption='"><script>').inline
+    assert "<script" not in svg
+    # on the picture, in the key and in the title of its mark
+    assert svg.count("_&lt;script&gt;$x_2$ &amp; b&lt;/script&gt;") == 3
+    assert 'aria-label="Line. &quot;&gt;&lt;script&gt;"' in svg
+
+
+def test_a_picture_takes_its_colours_from_the_page_and_names_no_host():
+    svg = one().inline
+    assert "currentColor" in svg and "var(--c0)" in svg and "var(--grid)" in svg
+    assert not re.search(r"#[0-9a-f]{6}\b", svg)
+    assert "http" not in svg and "font-family" not in svg
+    assert ">10⁴</text>" in svg and ">0.01</text>" in svg
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(1, 1.0000001), (1.1, 1.9), (2.1e-6, 4.9e-6), (2e-6, 3e-5), (1e-9, 1e3), (0.01, 1000)],
+)
+def test_a_logarithmic_axis_has_two_numbers_or_more(low, high):
+    def plot(area):
+        area.semilogy([0, 1], [low, high])
+        area.set_xticks([])
+        area.set_ylim(low, high)
+
+    texts = re.findall(r">([^<]+)</text>", picture("a", "b", "c", plot).svg)
+    assert len(set(texts)) == len(texts) >= 2
+
+
+def test_an_area_without_a_finite_value_is_drawn_empty():
+    for values in ([], [np.nan, np.nan]):
+        drawn = picture("a", "b", "c", lambda area, v=values: area.loglog(v, v) and None)
+        assert drawn.svg.startswith("<svg")
+
+
+def test_the_numbers_of_a_picture_with_a_text_that_a_spreadsheet_would_run(tmp_path):
+    columns = {"session": ["-poses", "rest"], "x": [-1.0, np.nan]}
+    assert write_csv(tmp_path, "a", columns).endswith("a.csv")
+    assert (tmp_path / "a.csv").read_text() == '"session","x"\n"\'-poses",-1\n"rest",\n'
+
+
+def test_decimation_keeps_every_peak_and_at_most_2000_points():
+    x = np.random.default_rng(0).normal(size=720_000)
+    x[[17, 400_001, 719_999]] = 50, -60, 70
+    chosen = extremes(x)
+    assert len(chosen) <= 2000
+    assert {17, 400_001, 719_999} <= set(chosen)
+    # the envelope of each stretch is that of the samples themselves
+    for stretch in np.array_split(np.arange(len(x)), 240)[::50]:
+        inside = chosen[(chosen >= stretch[0]) & (chosen <= stretch[-1])]
+        assert x[inside].max() == pytest.approx(x[stretch].max())
+
+
+@pytest.mark.parametrize("n", [0, 1, 480, 481])
+def test_decimation_of_short_series(n):
+    assert len(extremes(np.arange(float(n)))) == min(n, 480)
+
+
+def test_smoothing_takes_noise_away_and_leaves_a_step_and_a_slope():
+    t = np.arange(8192) / 8192
+    true = 3.0 * (t > 0.37) + 2 * t
+    noise = np.random.default_rng(5).normal(size=len(t))
+    away = np.abs(t - 0.37) > 0.02
+    assert np.sqrt(np.mean((smoothed(true + noise) - true)[away][64:-64] ** 2)) < 0.15
+    assert np.ptp(smoothed(noise)) < 0.15 * np.ptp(noise)
+    assert smoothed(true[:20]) == pytest.approx(true[:20])
+
+
+def test_a_trend_is_that_of_each_stretch_and_has_few_points():
+    t = np.arange(200_000.0)
+    x = np.where(t > 1.2e5, 8.0, 0.0) + np.random.default_rng(7).normal(size=len(t))
+    x[100_000:100_200] += 50
+    at, values = trend(t, x, [(0, 100_000), (100_200, 200_000), (5, 20)])
+    assert len(at) <= 2 * SMOOTH_BUCKETS + 4
+    known = values[np.isfinite(values)]
+    # neither the knock, nor anything between the two levels
+    assert known.max() < 9 and np.abs(known - 4).min() > 3
+    assert np.isnan(values[(at > 1e5) & (at < 100_200)]).all()

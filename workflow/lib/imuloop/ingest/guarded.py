@@ -1,0 +1,180 @@
+"""Readers in a process of its own: what a broken file does to a library ends there, in one line."""
+
+import functools
+import json
+import math
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import weakref
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+
+import pyarrow as pa
+
+from imuloop.core import errors
+from imuloop.ingest.raw_log import RawLog
+
+# memory that a reader may take, bytes: a part for each file, and so many times the file, of a
+# small one more: no log packs better
+MEMORY, MOST_TIMES, MOST_HELD, LARGE_TIMES = 512 << 20, 200, 4 << 30, 16
+# processor time that a reader may take, s, and s per byte of the file
+SECONDS, SECONDS_PER_BYTE = 2, 10e-6
+# longest that a reader may wait, as for a pipe that a file leads to, s
+WAITING = 60
+# of a log, what is known when it has been opened and may have grown when it has been read
+_TOLD = "temperature found units simulated notes bad_lines lost_bytes text_bytes columns".split()
+# what may go wrong in a declaration or in the data
+_FORESEEN = {kind.__name__: kind for kind in (errors.Lacking, errors.ImuloopError)}
+
+
+def guarded(read):
+    """Make a reader run in a process of its own, with limits of memory and of time.
+
+    The reader's process ends with the file or with the last reference to the log. Whatever the
+    reader raises that it did not foresee, and its death, become a `RejectedLog`; files that it
+    unpacks into the folder of temporary files are removed.
+
+    Parameters
+    ----------
+    read : callable
+        ``read`` of its module, with ``paths["log"]``.
+    """
+
+    @functools.wraps(read)
+    def apart(paths, columns=None, batch_rows=1 << 16, **options):
+        given = {"paths": paths, "columns": columns, "batch_rows": batch_rows, **options}
+        messages = _messages(read.__module__, given)
+        log = RawLog(iter(()), **next(messages)[0])
+        # a log that is let go lets its reader go
+        log.batches = _batches(weakref.ref(log), messages)
+        return log
+
+    return apart
+
+
+def cause(error):
+    """Return what an error of a library says, short and on one line."""
+    return errors.one_line(f"{type(error).__name__}: {error}")[:150]
+
+
+def _batches(log, messages):
+    """Give the batches of a log, which learns on the way what its reader learned."""
+    for told, table in messages:
+        if log():
+            vars(log()).update(told)
+        yield from table.to_batches()
+
+
+def _messages(module, given):
+    """Give (attributes of the log, table) as the reader's process sends them."""
+    path = Path(given["paths"]["log"])
+    files = path.iterdir() if path.is_dir() else [path]
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    memory = MEMORY + min(MOST_TIMES * size, max(MOST_HELD, LARGE_TIMES * size))
+    seconds = math.ceil(SECONDS + SECONDS_PER_BYTE * size)
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
+        own = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": folder}
+        own |= {"OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system"}
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, **own},
+        )
+        with process:
+            try:
+                with suppress(BrokenPipeError), process.stdin as pipe:
+                    pickle.dump((module, given, memory, seconds, WAITING), pipe)
+                source, told = pa.PythonFile(process.stdout), {}
+                while not told.get("end"):
+                    try:
+                        table = pa.ipc.open_stream(source).read_all()
+                    except (pa.ArrowException, OSError):
+                        raise _death(process.wait(), path.name, memory, seconds) from None
+                    told = json.loads(table.schema.metadata[b"told"])
+                    if "error" in told:
+                        kind, text = told["error"]
+                        raise _FORESEEN.get(kind, errors.RejectedLog)(text)
+                    known = told.get("log", {})
+                    if known:
+                        known["interpolated"] = {*known["interpolated"]}
+                    yield known, table.replace_schema_metadata()
+            finally:
+                process.kill()
+
+
+def _death(status, name, memory, seconds):
+    """Return the error of a reader that ended before its log."""
+    if status > 0:
+        return RuntimeError(f"the reader of {name} did not start: status {status}")
+    why = {
+        -signal.SIGXCPU: f"takes more than {seconds} s of processor time to read",
+        -signal.SIGALRM: f"leads its reader to wait for more than {WAITING} s",
+    }.get(status, f"ends the process that reads it by signal {-status}")
+    return errors.RejectedLog(
+        f"{name} {why}, as no log of its size does: it is damaged; copy it again, or save it anew"
+    )
+
+
+def serve():
+    """Read the log that standard input names, and write it to standard output."""
+    module, given, memory, seconds, waiting = pickle.load(sys.stdin.buffer)
+    out = os.fdopen(os.dup(1), "wb")
+    read = import_module(module).read.__wrapped__
+    # libraries print what they think of a file
+    quiet = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(quiet, 1)
+    os.dup2(quiet, 2)
+    used = math.ceil(time.process_time())
+    with suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        _limit(resource.RLIMIT_AS, memory + pages * resource.getpagesize())
+    _limit(resource.RLIMIT_CPU, used + seconds)
+    _limit(resource.RLIMIT_FSIZE, memory)
+    _limit(resource.RLIMIT_CORE, 0)
+    name = Path(given["paths"]["log"]).name
+    try:
+        signal.alarm(waiting)
+        log = read(**given)
+        _send(out, pa.record_batch({}), log=_told(log))
+        for batch in log.batches:
+            signal.alarm(0)
+            _send(out, batch)
+            signal.alarm(waiting)
+        _send(out, pa.record_batch({}), log=_told(log), end=True)
+    except errors.ImuloopError as error:
+        _send(out, pa.record_batch({}), error=[type(error).__name__, str(error)])
+    except MemoryError:
+        text = f"{name} takes more than {memory >> 20} MB of memory to read, as no log of its size"
+        _send(out, pa.record_batch({}), error=["", f"{text} does: it is damaged, or no log"])
+    except Exception as error:
+        form = module.rpartition(".")[2]
+        why = cause(error).replace(str(given["paths"]["log"]), name)
+        text = f"{name} is no whole file of the format {form} ({why}): copy it again, or "
+        _send(out, pa.record_batch({}), error=["", f"{text}save it anew"])
+
+
+def _limit(kind, most):
+    """Limit what this process may take, as far as it is not limited further."""
+    _, hard = resource.getrlimit(kind)
+    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    with suppress(ValueError, OSError):
+        resource.setrlimit(kind, (most, hard))
+
+
+def _told(log):
+    return {name: getattr(log, name) for name in _TOLD} | {"interpolated": [*log.interpolated]}
+
+
+def _send(out, batch, **told):
+    schema = batch.schema.with_metadata({"told": json.dumps(told)})
+    with pa.ipc.new_stream(out, schema) as writer:
+        writer.write_batch(batch.replace_schema_metadata(schema.metadata))
+    out.flush()

@@ -1,0 +1,262 @@
+"""All devices in one picture: each by itself, or how many spread and who stands out."""
+
+import numpy as np
+
+from imuloop.report.figures.drawing import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PALETTE,
+    PURPLE,
+    VERMILLION,
+    entitle,
+    fill,
+    picture,
+)
+from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT, number
+from imuloop.report.results import SENSORS, UNITS, XYZ
+from imuloop.report.summary import PAIRS
+
+DASHES = ("-", "--", ":")
+# colour and mark of each axis or pair of axes
+MARKS = tuple(zip(PALETTE, "os^Dvp", strict=False))
+INTERVALS = {
+    "accelerometer_bias": ("accelerometer bias", MILLI_G, XYZ),
+    "gyroscope_bias": ("gyroscope bias", DEGREE_PER_SECOND, XYZ),
+    "accelerometer_scale": ("accelerometer scale factor error", PERCENT, XYZ),
+    "gyroscope_scale": ("gyroscope scale factor error", PERCENT, XYZ),
+    "accelerometer_misalignment": ("accelerometer misalignment", MILLIRADIAN, PAIRS),
+    "gyroscope_misalignment": ("gyroscope misalignment", MILLIRADIAN, PAIRS),
+}
+# robust standard deviations from the median from which on a device stands out
+FAR = 5.0
+# the most that are named in a picture
+NAMED = 5
+COLOURS = (VERMILLION, GREEN, PURPLE, ORANGE, INK)
+# averaging times of the band, and the share of the longest up to which a curve is known well
+TIMES, KNOWN = 60, 0.1
+
+
+def line_style(index):
+    """Return colour number and dash number of the device at that place; distinct up to 21."""
+    return index % len(PALETTE), index % len(DASHES)
+
+
+def shortened(label, most):
+    """Return a label of at most so many letters."""
+    return label if len(label) <= most else f"{label[: most - 1]}…"
+
+
+def allan_comparison(summaries, together):
+    """Return six pictures: the Allan deviation of one axis of all devices.
+
+    Parameters
+    ----------
+    summaries : sequence of dict
+        summary.json of each device.
+    together : bool
+        Whether there is a line per device; else the band of all, and who stands out.
+    """
+    pictures = []
+    for sensor, channels in SENSORS.items():
+        for axis, channel in zip(XYZ, channels, strict=True):
+            curves = [
+                (i, s["label"], np.array(c["tau_s"], float), np.array(c["adev"], float))
+                for i, s in enumerate(summaries)
+                if (c := s["allan"].get(channel)) and len(c["tau_s"])
+            ]
+            if curves:
+                one = _allan_lines if together else _allan_band
+                pictures.append(one(f"comparison.allan_{channel}", sensor, axis, curves))
+    return pictures
+
+
+def _label_axes(area, sensor):
+    area.set_xlabel("averaging time τ, s")
+    area.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
+
+
+def _at(grid, tau, adev):
+    """Return an Allan curve at other averaging times, its logarithm, NaN outside of it."""
+    return np.interp(np.log(grid), np.log(tau), np.log(adev), left=np.nan, right=np.nan)
+
+
+def _allan_lines(name, sensor, axis, curves):
+    def plot(area):
+        for i, _, tau, adev in curves:
+            colour, dash = line_style(i)
+            area.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
+        _label_axes(area, sensor)
+
+    unit, caption = UNITS[sensor], f"{sensor.capitalize()} {axis}: "
+    # the ends of the curves differ and are scarcely known: compared at a time that all have
+    low, high = max(c[2][0] for c in curves), min(c[2][-1] for c in curves)
+    common = float(np.clip(1.0, low, high))
+    if low > high:
+        caption += "; ".join(f"{w} down to {number(a.min())} {unit}" for _, w, _, a in curves)
+    else:
+        levels = sorted((np.exp(_at(common, tau, adev)), label) for _, label, tau, adev in curves)
+        least, most = (f"{number(level)} {unit}" for level, _ in (levels[0], levels[-1]))
+        caption += f"over {number(common, 2)} s "
+        caption += (
+            f"{levels[0][1]} is steadiest, {least}; {levels[-1][1]} least, {most}"
+            if len(levels) > 1
+            else least
+        )
+    return picture(name, "Allan deviation", f"{caption}.", plot, (380, 270))
+
+
+def _allan_band(name, sensor, axis, curves):
+    # times that at least half of the devices have
+    ends = [np.median([c[2][k] for c in curves]) for k in (0, -1)]
+    common = float(np.clip(1.0, *ends))
+    grid = np.unique(np.append(np.geomspace(*ends, TIMES), common))
+    levels = np.array([_at(grid, tau, adev) for _, _, tau, adev in curves])
+    seen = np.isfinite(levels).any(axis=0)
+    grid, levels = grid[seen], levels[:, seen]
+    low, middle, high = np.exp(np.nanpercentile(levels, (5, 50, 95), axis=0))
+    distances = far_out(levels)[:, grid <= max(KNOWN * grid[-1], common)].max(axis=1)
+    out = standing_out(distances)
+    at = int(np.abs(grid - common).argmin())
+
+    def plot(area):
+        fill(area, grid, low, high, BLUE)
+        handles = area.loglog(grid, middle, color=BLUE, lw=2)
+        for colour, i in zip(COLOURS, out, strict=False):
+            handles += area.loglog(*curves[i][2:], color=colour)
+        _label_axes(area, sensor)
+        return handles, ["median, 5–95 %", *(shortened(curves[i][1], 14) for i in out)]
+
+    named = [f"{curves[i][1]}, {number(np.exp(levels[i, at]) / middle[at], 2)} ×" for i in out]
+    caption = (
+        f"{sensor.capitalize()} {axis}, {len(curves)} devices: over {number(grid[at], 2)} s the "
+        f"median is {number(middle[at])} {UNITS[sensor]}, nine of ten lie between "
+        f"{number(low[at])} and {number(high[at])}; {_named(distances, named)}"
+    )
+    legend = "outside right upper"
+    return picture(name, "Allan deviation", f"{caption}.", plot, (470, 270), legend=legend)
+
+
+def far_out(values):
+    """Return how far each value is from the median, in robust standard deviations.
+
+    ``|x − median| / (1.4826 median |x − median|)`` along the first axis, 0 for not-a-number.
+
+    References
+    ----------
+    Rousseeuw, Croux, "Alternatives to the median absolute deviation", J. Am. Stat. Assoc. 88
+    (1993), section 1.
+    """
+    distance = np.abs(values - np.nanmedian(values, axis=0))
+    scale = 1.4826 * np.nanmedian(distance, axis=0)
+    return np.nan_to_num(distance / np.where(scale > 0, scale, np.inf))
+
+
+def standing_out(distances):
+    """Return the places of the devices that stand out, the farthest first, at most `NAMED`."""
+    order = np.argsort(-distances, kind="stable")
+    return [int(i) for i in order[:NAMED] if distances[i] > FAR]
+
+
+def _named(distances, named):
+    """Return how many devices stand out and the farthest of them in words."""
+    count = int((distances > FAR).sum())
+    text = f"{count or 'none'} far from the others" + (f": {'; '.join(named)}" if named else "")
+    return text + ("; …" if count > len(named) else "")
+
+
+def parameter_comparison(summaries, csv, together):
+    """Return pictures of bias, scale factor error and misalignment of all devices.
+
+    Parameters
+    ----------
+    summaries, together
+        As for `allan_comparison`.
+    csv : str
+        Path of comparison.csv from the report's folder.
+    """
+    pictures = []
+    for key, (words, display, names) in INTERVALS.items():
+        found = [(s["label"], s["axes"][key]) for s in summaries if key in s["axes"]]
+        if found:
+            labels = [label for label, _ in found]
+            # what was not estimated is not a number
+            value, std = (
+                np.array([r[k] for _, r in found], float) * display.factor for k in ("value", "std")
+            )
+            one = _intervals if together else _spread
+            of = (f"comparison.{key}", words, display.unit, names, labels, value, std, csv)
+            pictures.append(one(*of))
+    return pictures
+
+
+def _intervals(name, words, unit, names, labels, value, std, csv):
+    count, shown = len(labels), np.flatnonzero(np.isfinite(value).any(axis=0))
+
+    def plot(area):
+        area.axvline(0, color=INK, lw=0.8)
+        offsets = np.linspace(-0.3, 0.3, len(shown)) if len(shown) > 3 else 0.2 * (shown - 1)
+        handles = [
+            area.errorbar(
+                value[:, i],
+                np.arange(count) + offset,
+                xerr=1.96 * np.nan_to_num(std[:, i]),
+                fmt=MARKS[i][1],
+                color=MARKS[i][0],
+                ms=5,
+            )
+            for i, offset in zip(shown, offsets, strict=True)
+        ]
+        area.set_yticks(range(count), [shortened(label, 22) for label in labels])
+        area.set_ylim(count - 0.5, -0.5)
+        area.set_xlabel(f"{words}, {unit}")
+        return handles, [names[i] for i in shown]
+
+    size = sorted(zip(np.nanmax(np.abs(value), axis=1), labels, strict=True))
+    largest = "largest axis" if names == XYZ else "largest pair of axes"
+    listed = ", ".join(f"{label} {number(v)} {unit}" for v, label in size)
+    caption = f"{words.capitalize()}, {largest}: {listed}."
+    height = 90 + (34 if len(shown) <= 3 else 52) * count
+    return picture(name, "Intervals", caption, plot, (380, height), csv)
+
+
+def _spread(name, words, unit, names, labels, value, _, csv):
+    shown = np.flatnonzero(np.isfinite(value).any(axis=0))
+    names, value = [names[j] for j in shown], value[:, shown]
+    distances = far_out(value)
+    ends = np.nanpercentile(value, (5, 50, 95), axis=0).T
+    # each axis a strip, the first device on top
+    place = np.linspace(-0.4, 0.4, len(labels))
+    far = [(int(i), int(distances[i].argmax())) for i in standing_out(distances.max(axis=1))]
+
+    def plot(area):
+        area.axvline(0, color=INK, lw=0.8)
+        for k, (low, middle, high) in enumerate(ends):
+            known = np.isfinite(value[:, k])
+            v, y, out = value[known, k], k + place[known], distances[known, k] > FAR
+            (marks,) = area.plot(v, y, "o", color=BLUE, ms=3.4, alpha=0.55)
+            said = zip(np.array(labels)[known], v, strict=True)
+            entitle(area, marks, [f"{label} {number(each)}" for label, each in said])
+            area.plot([low, high], [k, k], color=INK, lw=2)
+            area.plot([middle, middle], [k - 0.4, k + 0.4], color=INK, lw=2)
+            area.plot(v[out], y[out], "o", color=VERMILLION, ms=5)
+        for i, k in far:
+            side = "right" if value[i, k] > ends[k][1] else "left"
+            where = value[i, k], k + place[i] - 0.09
+            area.text(*where, labels[i], ha=side, va="bottom", fontsize=10)
+        area.set_yticks(range(len(names)), names)
+        area.set_ylim(len(names) - 0.5, -0.5)
+        area.set_xlabel(f"{words}, {unit}")
+
+    spans = ", ".join(
+        f"{n} {number(m, 2)} ({number(a, 2)} to {number(b, 2)})"
+        for n, (a, m, b) in zip(names, ends, strict=True)
+    )
+    named = [f"{labels[i]}, {names[k]} {number(value[i, k])}" for i, k in far]
+    caption = (
+        f"{words.capitalize()}, {len(labels)} devices, {unit}, median and the span of nine "
+        f"of ten: {spans}; {_named(distances.max(axis=1), named)}."
+    )
+    size = (440, 60 + 100 * len(shown))
+    return picture(name, "Spread", caption, plot, size, csv)

@@ -1,0 +1,252 @@
+"""Pictures drawn by matplotlib as SVG: same bytes each time, colours that follow the page."""
+
+import io
+import re
+from dataclasses import dataclass
+from html import escape
+
+import matplotlib
+import numpy as np
+import pyarrow as pa
+from cycler import cycler
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
+from pyarrow import csv
+
+from imuloop.core.cells import text_cells
+from imuloop.core.files import replaced
+from imuloop.report.numbers import superscript
+
+INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"
+# colours that are told apart with any colour vision
+PALETTE = ("#0244af", "#b13311", "#048e8b", "#c369cf", "#d87d15", "#4e90ff", "#937851")
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, _, _ = PALETTE
+# colours of the axes x, y, z in every picture
+AXES = (BLUE, VERMILLION, GREEN)
+# what the page has in the place of each colour, light or dark
+THEME = {INK: "currentColor", GRID: "var(--grid)", SHADE: "var(--shade)", PAGE: "var(--page)"}
+THEME |= {colour: f"var(--c{i})" for i, colour in enumerate(PALETTE)}
+STYLE = {
+    "svg.fonttype": "none",
+    # labels are other people's text
+    "text.parse_math": False,
+    "savefig.transparent": True,
+    "font.size": 11,
+    "axes.labelsize": 11,
+    "xtick.labelsize": 11,
+    "ytick.labelsize": 11,
+    "legend.fontsize": 10,
+    "legend.frameon": False,
+    "legend.borderaxespad": 0.2,
+    "legend.handlelength": 1.5,
+    "legend.columnspacing": 1.2,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GRID,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.useoffset": False,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "axes.xmargin": 0.02,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.3,
+    "lines.markeredgewidth": 0,
+    # px
+    "path.simplify_threshold": 0.4,
+    "xtick.major.size": 0,
+    "ytick.major.size": 0,
+    **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
+}
+# powers of ten that are written out
+PLAIN = range(-2, 4)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the report.
+
+    Attributes
+    ----------
+    name : str
+        Name of the picture, unique in the report.
+    svg : str
+        The drawing, in colours that need no page.
+    caption : str
+        What it says, in a sentence made from the data.
+    csv : str
+        Path of the numbers behind it, from the report's folder; empty without any.
+    wide : bool
+        Whether it takes the full width of the page.
+    """
+
+    name: str
+    svg: str
+    caption: str
+    csv: str = ""
+    wide: bool = False
+
+    @property
+    def inline(self):
+        """The drawing as an element of the page, in the page's colours."""
+        svg = re.sub(r' xmlns(:xlink)?="[^"]*"', "", self.svg)
+        for colour, variable in THEME.items():
+            svg = svg.replace(colour, variable)
+        return Markup(svg.replace("xlink:href", "href"))
+
+
+def picture(
+    name,
+    kind,
+    caption,
+    plot,
+    size=(440, 300),
+    csv="",
+    wide=False,
+    legend="outside upper right",
+    columns=(1,),
+    rows=(1,),
+    sharex=False,
+    sharey=False,
+):
+    """Return a picture.
+
+    Parameters
+    ----------
+    name, caption, csv, wide
+        As in `Picture`; the drawing's ids are made from the name.
+    kind : str
+        What is drawn; with the caption it is what readers get who cannot see it.
+    plot : callable
+        Draws on the `Axes`, or on the list of them, row by row, that it is given. What it returns,
+        handles and labels, is the key.
+    size : tuple of float
+        Width and height, px.
+    legend : str
+        Where the key is.
+    columns, rows : tuple of float
+        Relative widths and heights of the areas.
+    sharex, sharey : bool
+        Whether areas below (beside) each other have the same limits.
+    """
+    with matplotlib.rc_context(STYLE | {"svg.hashsalt": name}):
+        # 72 points an inch: a point is a pixel
+        figure = Figure(figsize=(size[0] / 72, size[1] / 72), dpi=72, layout="constrained")
+        areas = figure.subplots(
+            len(rows),
+            len(columns),
+            sharex="col" if sharex else False,
+            sharey="row" if sharey else False,
+            squeeze=False,
+            width_ratios=columns,
+            height_ratios=rows,
+        )
+        areas = areas.ravel().tolist()
+        handles, labels = plot(areas if len(areas) > 1 else areas[0]) or ([], [])
+        for axis in (axis for area in areas for axis in (area.xaxis, area.yaxis)):
+            if axis.get_scale() == "log":
+                _mark_decades(axis)
+        if handles:
+            count = len(labels) if legend.split()[1] == "upper" else 1
+            figure.legend(handles, labels, loc=legend, ncols=count)
+        figure.align_ylabels()
+        file = io.StringIO()
+        figure.savefig(file, format="svg", metadata={"Date": None})
+    svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(figure, "titles", {}))
+    return Picture(name, svg, caption, csv, wide)
+
+
+def fill(area, x, low, high, colour, alpha=0.2):
+    """Fill the area between two curves."""
+    area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
+
+
+def _mark_decades(axis):
+    """Mark powers of ten; 1, 2 and 5 times them, or round numbers, where these are few."""
+    low, high = axis.get_view_interval()
+    if high < 4 * low:
+        axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
+        axis.set_major_formatter(ScalarFormatter())
+    else:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
+        axis.set_major_formatter(FuncFormatter(_decade))
+    axis.set_minor_locator(NullLocator())
+
+
+def _decade(value, _):
+    digits, _, exponent = f"{value:.0e}".partition("e")
+    exponent = int(exponent)
+    if exponent in PLAIN:
+        return f"{value:g}"
+    return f"{digits}·" * (digits != "1") + f"10{superscript(exponent)}"
+
+
+def entitle(area, marks, titles):
+    """Have each mark of a line say what it is when it is pointed at."""
+    titled = area.figure.__dict__.setdefault("titles", {})
+    marks.set_gid(f"titles{len(titled)}")
+    titled[marks.get_gid()] = list(titles)
+
+
+def _clean(svg, alt, titles):
+    """Return a drawing without what a page does not need: ids, fonts, hundredths of a pixel."""
+    svg = re.sub(
+        r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.S
+    )
+    svg = re.sub(
+        r'<g id="(titles\d+)">.*?</g>\s*</g>',
+        lambda m: _titled(m[0], titles[m[1]]),
+        svg,
+        flags=re.S,
+    )
+    svg = re.sub(r'<g id="[^"]*"', "<g", svg[svg.index("<svg") :])
+    svg = re.sub(r"font-family: [^;\"]*; | transform=\"rotate\(-?0 [^\"]*\"", "", svg)
+    svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0]), re.sub(r"\s+", " ", svg))
+    for common in ("font-size: 11px; ", "; stroke-linecap: square", f"; fill: {INK}", "> <"):
+        svg = svg.replace(common, "><" if common == "> <" else "")
+    head = f'<svg role="img" aria-label="{escape(alt)}" fill="{INK}" font-size="11" '
+    return re.sub(r' (width|height)="[\d.]+pt"', "", svg, count=2).replace("<svg ", head, 1)
+
+
+def _rounded(text):
+    """Return an attribute in tenths of a pixel; of a path what follows a place is a line to it."""
+    text = re.sub(r"-?\d+\.\d+", lambda m: f"{float(m[0]):.1f}".removesuffix(".0"), text)
+    return text.replace(" L ", " ").replace(" -", "-").replace("M ", "M")
+
+
+def _titled(group, titles):
+    """Return a group of marks, each with what it says."""
+    said = iter(titles)
+    return re.sub(
+        r"(<(?:use|path) (?!id=)[^>]*)/>",
+        lambda m: f"{m[1]}><title>{escape(next(said))}</title></{m[1][1:].partition(' ')[0]}>",
+        group,
+    )
+
+
+def write_svg(folder, name, picture):
+    """Write a picture as a file of its own, on white."""
+    head = '<svg font-family="sans-serif" style="background:#ffffff" '
+    with replaced(folder / f"{name}.svg") as temporary:
+        text = picture.svg.replace("<svg ", head, 1) + "\n"
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_csv(folder, name, columns):
+    """Write the numbers behind a picture; return the file's path from the report's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to.
+    name : str
+        The file's, without its ending.
+    columns : dict of str to sequence, or DataFrame
+        A column each; what is None or not a number stays empty.
+    """
+    table = pa.table({k: pa.array(np.asarray(v), from_pandas=True) for k, v in columns.items()})
+    with replaced(folder / f"{name}.csv") as temporary:
+        csv.write_csv(text_cells(table), temporary, csv.WriteOptions(quoting_style="needed"))
+    return f"{folder.parent.name}/{folder.name}/{name}.csv"

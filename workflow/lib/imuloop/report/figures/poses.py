@@ -1,0 +1,139 @@
+"""Attitude coverage: where on the sphere specific force pointed while the sensor rested."""
+
+import numpy as np
+
+from imuloop.core.samples import ACCELERATION
+from imuloop.core.sphere import fibonacci_lattice
+from imuloop.report.figures.drawing import (
+    BLUE,
+    GRID,
+    ORANGE,
+    VERMILLION,
+    entitle,
+    picture,
+    write_csv,
+)
+from imuloop.report.numbers import joined, number
+from imuloop.report.results import XYZ
+
+MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}
+# the six faces, and the cosine of the angle within which a pose is on one, 20 degrees
+FACES = {
+    f"{sign}{axis}": np.eye(3)[i] * (1 if sign == "+" else -1)
+    for i, axis in enumerate(XYZ)
+    for sign in "+−"
+}
+NEAR = 0.94
+
+
+def largest_hole(directions):
+    """Return the direction farthest from all poses, and its angle to the nearest, rad.
+
+    Parameters
+    ----------
+    directions : array_like, shape (n, 3)
+        Unit vectors.
+    """
+    # some 4 degrees apart
+    grid = fibonacci_lattice(2000)
+    nearest = (grid @ np.asarray(directions).T).max(axis=1)
+    worst = nearest.argmin()
+    return grid[worst], float(np.arccos(np.clip(nearest[worst], -1, 1)))
+
+
+def direction_words(vector):
+    """Return a direction in words: the axes it leans on, as ``+x −z``."""
+    signs = zip(vector, XYZ, strict=True)
+    return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > 0.35)
+
+
+def pose_directions(device):
+    """Return the direction of each pose that feels any, shape (n, 3), by kind of session."""
+    found = {}
+    for session in device.used:
+        if session.kind in MARKS:
+            force = device.poses[device.poses["session"] == session.name]
+            force = force[list(ACCELERATION)].to_numpy(float)
+            norm = np.linalg.norm(force, axis=1)
+            if (norm > 0).any():
+                found.setdefault(session.kind, []).append((force.T / norm).T[norm > 0])
+    return {kind: np.concatenate(parts) for kind, parts in found.items()}
+
+
+def draw_poses(area, directions, sign, hole=None):
+    """Draw one half of the sphere, seen from outside along z.
+
+    Parameters
+    ----------
+    area : Axes
+    directions : dict of str to ndarray, shape (n, 3)
+        Upward unit vectors by kind of session.
+    sign : {1, -1}
+        Seen from +z or from −z.
+    hole : ndarray, shape (3,), optional
+        Middle of the largest hole.
+    """
+    area.set_axis_off()
+    area.set_aspect("equal")
+    area.set(xlim=(-1.35, 1.35), ylim=(-1.5, 1.25))
+    circle = np.exp(1j * np.linspace(0, 2 * np.pi, 61))
+    # rings at 30, 60 and 90 degrees from the pole
+    for ring in np.sqrt(2) * np.sin(np.radians([15, 30, 45])):
+        area.plot(ring * circle.real, ring * circle.imag, color=GRID, lw=0.8)
+    for kind, u in directions.items():
+        mark, colour = MARKS[kind]
+        u = u[u[:, 2] * sign >= 0]
+        (marks,) = area.plot(*_project(u, sign), mark, color=colour, ms=6)
+        entitle(area, marks, [f"{kind}, “up” {_components(v)}" for v in u])
+    if hole is not None and hole[2] * sign >= 0:
+        x, y = _project(hole[None], sign)
+        area.plot(x + 0.12 * circle.real, y + 0.12 * circle.imag, color=VERMILLION, lw=2.5)
+    plus, minus = ("+x", "−x") if sign > 0 else ("−x", "+x")
+    for text, x, y in ((plus, 1.2, 0), (minus, -1.2, 0), ("+y", 0, 1.14), ("−y", 0, -1.14)):
+        area.text(x, y, text, ha="center", va="center")
+    area.text(0, -1.4, f"seen from {'+' if sign > 0 else '−'}z", ha="center", va="center")
+
+
+def pose_picture(device):
+    """Return the picture of the attitudes covered, or None where there is no pose."""
+    directions = pose_directions(device)
+    if not directions:
+        return None
+    everything = np.concatenate(list(directions.values()))
+    hole, angle = largest_hole(everything)
+    columns = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
+    columns["kind"] = [kind for kind, u in directions.items() for _ in u]
+
+    def plot(areas):
+        for area, sign in zip(areas, (1, -1), strict=True):
+            draw_poses(area, directions, sign, hole)
+
+    counts = " and ".join(f"{len(u)} {kind} poses" for kind, u in directions.items())
+    missing = [words for words, u in FACES.items() if (everything @ u).max() < NEAR]
+    faces = f"no pose within 20° of {joined(missing)}" if missing else "all six faces are covered"
+    caption = (
+        f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
+        f"{number(np.degrees(angle), 2)}° from the nearest pose."
+    )
+    return picture(
+        f"{device.name}.poses",
+        "Attitudes covered",
+        caption,
+        plot,
+        (440, 240),
+        write_csv(device.figures, "poses", columns),
+        columns=(1, 1),
+    )
+
+
+def _components(u):
+    return ", ".join(f"{axis} {v:.2f}".replace("-", "−") for axis, v in zip(XYZ, u, strict=True))
+
+
+def _project(u, sign):
+    """Return directions of one hemisphere in Lambert's equal-area projection of its pole.
+
+    Seen from outside along the axis; the lower half is turned about y, so x runs to the left.
+    """
+    r = np.sqrt(1 + np.abs(u[:, 2]))
+    return sign * u[:, 0] / r, u[:, 1] / r

@@ -1,0 +1,181 @@
+"""Residual of each pose or turn, before and after the added effects, and what it goes with."""
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from imuloop.core.samples import ACCELERATION, TEMPERATURE
+from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, entitle, picture, write_csv
+from imuloop.report.figures.time_series import clock
+from imuloop.report.numbers import DEGREE_PER_SECOND, DEGREES, RESIDUAL, number, with_unit
+from imuloop.report.results import XYZ
+from imuloop.report.verdict import RESIDUAL_WORDS, change
+
+SHORT_WORDS = {
+    "gravity_norm": "magnitude error",
+    "pose_rate": "angular rate",
+    "rotation": "direction error",
+}
+# cosine of the angle within which a turn is about one axis, 30 degrees
+ABOUT = 0.87
+MIXED = "mixed"
+TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), MIXED]
+# standard deviations of a rank correlation that chance does not reach in a dozen panels
+SURE = 3.5
+
+
+def residual_pictures(device, sensor, block):
+    """Return a picture for each kind of residual of a sensor's poses."""
+    found = []
+    for name in block["residuals"]:
+        table = device.moves if name == "rotation" else device.poses
+        # poses on six faces are not diagnosed
+        table = table[np.isfinite(table[f"{name}_after"])]
+        found.append(_picture(device, sensor, name, table, block))
+    return found
+
+
+def elapsed(table):
+    """Return the start of each row with the sessions one after the other, s, and theirs by name."""
+    length = table.groupby("session", sort=False)["end_s"].max()
+    first = length.cumsum() - length
+    return (table["start_s"] + table["session"].map(first)).to_numpy(), dict(first)
+
+
+def against(name, table):
+    """Return what the residuals of one kind are shown against.
+
+    Parameters
+    ----------
+    name : str
+        Kind of residual.
+    table : DataFrame
+        Its poses or moves.
+
+    Returns
+    -------
+    dict of str to (str, ndarray)
+        By the name of a column of the CSV file: words with unit, and values in it.
+    """
+    time, _ = elapsed(table)
+    unit, size = clock(time.max())
+    found = {f"time_{unit}": (f"time, {unit}", time / size)}
+    if name == "rotation":
+        axes = table[["axis_x", "axis_y", "axis_z"]].to_numpy()
+        speed = table["speed_rad_s"].to_numpy() * DEGREE_PER_SECOND.factor
+        return found | {
+            "angle_deg": ("angle turned, °", table["angle_rad"].to_numpy() * DEGREES.factor),
+            "speed_deg_s": ("greatest speed, °/s", speed),
+            "axis": ("about axis", np.array([TURN_AXES.index(turn_axis(u)) for u in axes])),
+        }
+    force = table[list(ACCELERATION)].to_numpy()
+    for axis, values in zip(XYZ, (force / np.linalg.norm(force, axis=1)[:, None]).T, strict=True):
+        found[f"up_{axis}"] = f"{axis} of “up”, 1", values
+    if np.isfinite(table[TEMPERATURE]).any():
+        found["temperature_degC"] = "temperature, °C", table[TEMPERATURE].to_numpy()
+    return found
+
+
+def turn_axis(direction):
+    """Return the axis of a turn, as ``+z``, or `MIXED`."""
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) < ABOUT:
+        return MIXED
+    return f"{'+' if direction[axis] > 0 else '−'}{XYZ[axis]}"
+
+
+def goes_with(panels, error):
+    """Return with which panel's values the errors go most, in words.
+
+    Spearman's rank correlation ρ of the size of the error; its standard deviation is
+    1/√(n − 1) where nothing is there.
+    """
+    size = np.abs(error)
+    shown = {words.partition(",")[0]: v for key, (words, v) in panels.items() if key != "axis"}
+    found = [
+        (spearmanr(size, values).statistic, words)
+        for words, values in shown.items()
+        if np.ptp(values) > 0 and np.ptp(size) > 0
+    ]
+    rho, words = max(found, key=lambda f: abs(f[0]), default=(0.0, ""))
+    if abs(rho) * np.sqrt(max(len(error) - 1, 0)) < SURE:
+        return f"its size goes with none of {', '.join(shown)} beyond chance"
+    verb = "grows" if rho > 0 else "falls"
+    return f"its size {verb} with {words} (rank correlation {number(rho, 2)})"
+
+
+def draw_residuals(area, x, before, after, floor, titles=None):
+    """Draw the residual of each pose or turn over `x`; without `before` the model did not change.
+
+    Returns handles and labels of the key.
+    """
+    order = np.argsort(x, kind="stable")
+    signed = min(np.min(e) for e in (before, after) if e is not None) < 0
+    for sign in (1, -1) if signed else (1,):
+        handles = area.plot(x[order], sign * floor[order], color=INK, ls="--", lw=1)
+    names = ["floor from noise"]
+    if before is not None:
+        handles += area.plot(x, before, "o", color=ORANGE, mfc=PAGE, mew=1.2, ms=4)
+        names.append("before")
+    handles += area.plot(x, after, "o", color=BLUE, ms=4.5)
+    if titles is not None:
+        entitle(area, handles[-1], titles)
+    if not signed:
+        area.set_ylim(0)
+    return handles, [*names, "residual" if before is None else "after"]
+
+
+def _picture(device, sensor, name, table, block):
+    residual, changed = block["residuals"][name], bool(block.get("effects"))
+    display = RESIDUAL[residual["unit"]]
+    errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
+    before, after, floor = (values * display.factor for values in errors.values())
+    panels, (time, sessions) = against(name, table), elapsed(table)
+    columns = {column: table[column] for column in ("session", "pose", "start_s")} | errors
+    for key, (_, x) in panels.items():
+        columns[key] = [TURN_AXES[v] for v in x] if key == "axis" else x
+    several, words = len(sessions) > 1, RESIDUAL_WORDS[name]
+    things = [
+        f"{'turn' if name == 'rotation' else 'pose'} {i}" + f" of {session}" * several
+        for session, i in zip(table["session"], table["pose"], strict=True)
+    ]
+    said = [
+        f"{one}: {f'{number(b)} → ' if changed else ''}{number(a)} {display.unit}"
+        for one, b, a in zip(things, before, after, strict=True)
+    ]
+
+    def plot(areas):
+        for area, (key, (label, x)) in zip(areas, panels.items(), strict=True):
+            # over time the floor of each; elsewhere it would jump from mark to mark
+            first = area is areas[0]
+            level = floor if first else np.full(len(x), np.median(floor))
+            old = before if changed else None
+            found = draw_residuals(area, x, old, after, level, said if first else None)
+            area.set_xlabel(label)
+            if key == "axis":
+                area.set_xlim(-0.6, len(TURN_AXES) - 0.4)
+                area.set_xticks(range(len(TURN_AXES)), [*TURN_AXES[:-1], "mix"])
+        for session, start in sessions.items() if several else ():
+            at = start / clock(time.max())[1]
+            areas[0].axvline(at, color=INK, lw=0.8)
+            where = areas[0].get_xaxis_transform()
+            areas[0].text(at, 0.98, f" {session}", rotation=90, va="top", transform=where)
+        areas[0].set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
+        return found
+
+    worst = np.abs(after).argmax()
+    caption = (
+        f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
+        f"{with_unit(number(abs(after[worst])), display.unit)}, {things[worst]}; "
+        f"{goes_with(panels, after)}."
+    )
+    return picture(
+        f"{device.name}.{sensor}_{name}",
+        f"Residuals of the {sensor}",
+        caption,
+        plot,
+        (1000, 270),
+        write_csv(device.figures, f"{sensor}_{name}", columns),
+        wide=True,
+        columns=(2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:])),
+        sharey=True,
+    )

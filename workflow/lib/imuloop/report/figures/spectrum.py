@@ -1,0 +1,204 @@
+"""Power spectral density with the model over it, and autocorrelation, of a record at rest."""
+
+import numpy as np
+
+from imuloop.core.noise_model import AxisNoise
+from imuloop.report.figures.drawing import AXES, GRID, INK, fill, picture, write_csv
+from imuloop.report.noise_units import quantities
+from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
+from imuloop.report.results import SENSORS, UNITS, XYZ
+
+# departure of the measured density from the model that is worth a word: this factor of power, in
+# so many neighbouring points, and so many standard deviations that hundreds of groups have none
+DEPARTURE, NEIGHBOURS, SURE = 1.1, 10, 5.0
+
+
+def _view(session, name):
+    """Return the rows of one view of a session, sorted; empty where it was not computed."""
+    if session.views is None:
+        return None
+    found = session.views[(session.views["view"] == name) & np.isfinite(session.views["value"])]
+    found = found.astype({"axis": str}).sort_values(["axis", "x"], kind="stable")
+    return None if found.empty else found.drop(columns="view")
+
+
+def _of_axes(found, sensor):
+    return {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[sensor], strict=True)}
+
+
+def density_pictures(device, session):
+    """Return the power spectral density of a session's accelerometer and gyroscope."""
+    found = _view(session, "psd")
+    if found is None:
+        return []
+    rate = device.noise.get("rate_hz") or session.quality["rate_hz"]
+    found["model"] = np.nan
+    for channel, content in device.axes.items():
+        at = found["axis"] == channel
+        if at.any():
+            noise, f = AxisNoise.from_dict(content), found["x"][at].to_numpy()
+            found.loc[at, "model"] = noise.density(f, rate) + noise.R.square * _ramp(f)
+    table = found.rename(columns={"x": "frequency_hz", "value": "psd"})
+    csv = write_csv(device.figures, f"{session.name}_psd", table)
+    return [
+        _density(device, session, sensor, _of_axes(found, sensor), csv)
+        for sensor, channels in SENSORS.items()
+        if found["axis"].isin(channels).any()
+    ]
+
+
+def _ramp(frequency):
+    r"""Return what a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
+
+    Under a Hann window, in segments of T whose mean is off:
+    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T. The lowest frequency is the second of the
+    longest segments; what shorter ones have of it is nothing beside that.
+    """
+    longest = 2 / frequency.min()
+    k = frequency * longest
+    return longest**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
+
+
+def draw_density(area, curves, lines=(), band=None):
+    """Draw the density of each axis with its interval and its model.
+
+    Parameters
+    ----------
+    area : Axes
+    curves : dict of str to DataFrame
+        Rows of views.parquet of each axis, with a column ``model``.
+    lines : sequence of (float, str, str)
+        Frequency, axis and origin of each line of the model.
+    band : float, optional
+        Highest frequency that the fit used, Hz.
+    """
+    handles = []
+    for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
+        handles += area.loglog(r["x"], r["value"], color=colour)
+        fill(area, r["x"], r["ci_low"], r["ci_high"], colour)
+        if (r["model"] > 0).all():
+            area.loglog(r["x"], r["model"], color=colour, ls="--", lw=1)
+        at = [f for f, a, _ in lines if a == axis]
+        area.plot(at, [0.98] * len(at), "v", color=colour, transform=area.get_xaxis_transform())
+    highest = max(r["x"].max() for r in curves.values() if len(r))
+    if band and band < 0.95 * highest:
+        area.axvspan(band, highest, color=GRID, alpha=0.35, lw=0)
+    return handles, XYZ
+
+
+def _density(device, session, sensor, curves, csv):
+    lines = [
+        (line["frequency"]["value"], axis, line.get("origin"))
+        for axis, channel in zip(XYZ, SENSORS[sensor], strict=True)
+        for line in (device.axes.get(channel) or {}).get("sinusoid") or []
+        if line["frequency"].get("value")
+    ]
+    spectrum = device.noise.get("spectrum") or {}
+    bands = [(spectrum.get(c) or {}).get("band_hz") or 0.0 for c in SENSORS[sensor]]
+    band = max(bands) or None
+
+    def plot(area):
+        area.set_xlabel("frequency, Hz")
+        area.set_ylabel(f"power spectral density, ({UNITS[sensor]})²/Hz")
+        return draw_density(area, curves, lines, band)
+
+    unit = quantities(sensor)["N"].sheet[0]
+    white = [
+        coefficient_text((device.axes.get(c) or {}).get("N"), unit.factor) for c in SENSORS[sensor]
+    ]
+    named = [
+        f"{with_unit(number(f), 'Hz')} ({axis}{f': {origin}' if origin else ''})"
+        for f, axis, origin in lines
+    ]
+    caption = (
+        f"{session.name}, {sensor}: N {', '.join(white)} {unit.unit} (x, y, z); "
+        f"{'lines at ' + joined(named) + '; ' if named else ''}"
+        f"{_departure(curves, band or np.inf)}."
+    )
+    name = f"{device.name}.{session.name}.psd_{sensor}"
+    return picture(name, "Power spectral density", caption, plot, csv=csv)
+
+
+def _departure(curves, highest):
+    """Return where the measured density leaves the model most, as far as chance lets one tell."""
+    if not any((r["model"] > 0).any() for r in curves.values()):
+        return "no model to compare it with"
+    size = np.log(DEPARTURE)
+    text = f"the record keeps within {percent(DEPARTURE - 1)} of the model, chance left aside"
+    for axis, r in curves.items():
+        r = r[(r["model"] > 0) & (r["x"] <= highest)]
+        # weights from the variance of the estimate over the truth, by the width of the interval
+        weight = (3.92 / np.log(r["ci_high"] / r["ci_low"])) ** 2
+        # neighbours together: of hundreds of points some leave their intervals by chance
+        group = np.arange(len(r)) // NEIGHBOURS
+        total = weight.groupby(group).sum()
+        ratio = (weight * r["value"] / r["model"]).groupby(group).sum() / total
+        left = np.abs(np.log(ratio)) * (np.abs(ratio - 1) * np.sqrt(total) > SURE)
+        if left.max() > size:
+            size, k = left.max(), left.idxmax()
+            x = r["x"][group == k]
+            ends = with_unit(f"{number(x.iloc[0])} to {number(x.iloc[-1])}", "Hz")
+            text = (
+                f"the record leaves the model most at {ends} ({axis}), with "
+                f"{number(ratio[k], 2)} times its power"
+            )
+    return text
+
+
+def correlation_pictures(device, session):
+    """Return the autocorrelation of a session's accelerometer and gyroscope."""
+    found = _view(session, "autocorrelation")
+    if found is None:
+        return []
+    # it is 1 at lag 0
+    found = found[found["x"] > 0]
+    table = found.rename(columns={"x": "lag_s", "value": "autocorrelation"})
+    csv = write_csv(device.figures, f"{session.name}_autocorrelation", table)
+    return [
+        _correlation(device, session, sensor, _of_axes(found, sensor), csv)
+        for sensor, channels in SENSORS.items()
+        if found["axis"].isin(channels).any()
+    ]
+
+
+def draw_correlation(area, curves):
+    """Draw the autocorrelation of each axis over the band of white noise."""
+    # it depends on the number of samples only
+    band = next(r for r in curves.values() if len(r))
+    area.axhline(0, color=INK, lw=0.8)
+    fill(area, band["x"], band["ci_low"], band["ci_high"], GRID, 0.6)
+    handles = []
+    for colour, r in zip(AXES, curves.values(), strict=True):
+        handles += area.semilogx(r["x"], r["value"], color=colour)
+    return handles, XYZ
+
+
+def _correlation(device, session, sensor, curves, csv):
+    def plot(area):
+        area.set_xlabel("lag, s")
+        area.set_ylabel("autocorrelation, 1")
+        return draw_correlation(area, curves)
+
+    known = {axis: r for axis, r in curves.items() if len(r)}
+    first = ", ".join(number(r["value"].iloc[0], 2) for r in known.values())
+    lag = with_unit(number(next(iter(known.values()))["x"].iloc[0]), "s")
+    farthest = {axis: _farthest(r) for axis, r in known.items()}
+    axis = max(farthest, key=farthest.get)
+    reach = (
+        f"beyond chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
+        if farthest[axis]
+        else "no lag beyond chance"
+    )
+    caption = (
+        f"{session.name}, {sensor}: {first} from a sample to that {lag} later "
+        f"({', '.join(known)}); {reach}."
+    )
+    name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
+    return picture(name, "Autocorrelation", caption, plot, csv=csv)
+
+
+def _farthest(curve):
+    """Return the lag up to which every value leaves the band of white noise, 0 without any."""
+    inside = curve["value"].between(curve["ci_low"], curve["ci_high"]).to_numpy()
+    count = int(inside.argmax()) if inside.any() else len(inside)
+    return curve["x"].iloc[count - 1] if count else 0.0

@@ -1,0 +1,229 @@
+"""A session over time: every channel, with what was found to be rest, motion or disturbance."""
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pywt
+
+from imuloop.core.samples import TIME
+from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
+from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, picture, write_csv
+from imuloop.report.numbers import (
+    DEGREE_PER_SECOND,
+    MILLI_G,
+    NO_NUMBER,
+    Display,
+    duration,
+    number,
+    plural,
+)
+from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
+
+# stretches of equal length that a line is cut into; each gives two points
+BUCKETS = 240
+# means that a stretch is cut into before it is smoothed, and stretches of the smooth line
+MEANS, SMOOTH_BUCKETS = 4096, 120
+# four vanishing moments, nearly symmetric: a bend of third order leaves nothing, a step stays put
+WAVELET = "sym4"
+# fewest coefficients on a scale from which its noise can be told
+FEWEST = 32
+# what moves is shown as it is, what rests as milli-g or degrees per second about its median
+MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
+RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
+QUANTITY = {"accelerometer": "specific force", "gyroscope": "angular rate"}
+# a clock axis in hours where seconds would be long numbers
+_CLOCKS = (("h", 3600.0, 7200.0), ("min", 60.0, 600.0), ("s", 1.0, 0.0))
+
+
+def extremes(x, buckets=BUCKETS):
+    """Return the indices of the least and the greatest value of each stretch of a series.
+
+    A line through these points looks like a line through all of them: no peak is lost.
+    """
+    n = len(x)
+    if n <= 2 * buckets:
+        return np.arange(n)
+    edges = np.linspace(0, n, buckets + 1).astype(int)
+    parts = [(a, x[a:b]) for a, b in pairwise(edges)]
+    return np.unique([a + end for a, part in parts for end in (part.argmin(), part.argmax())])
+
+
+def smoothed(x):
+    """Return a series, evenly spaced, from which the noise of every scale was shrunk away.
+
+    On each scale the noise's standard deviation is that of the median of the wavelet coefficients,
+    ``σ = median |d| / 0.6745``; a coefficient becomes ``sign(d) max(|d| - σ √(2 ln n), 0)``: of n
+    values of noise none is likely to pass.
+
+    References
+    ----------
+    Donoho, Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81 (1994);
+    Johnstone, Silverman, "Wavelet threshold estimators for data with correlated noise", J. R.
+    Statist. Soc. B 59 (1997), for a threshold on each scale.
+    """
+    levels = int(np.log2(max(len(x) / FEWEST, 1)))
+    if not levels:
+        return x
+    rough, *details = pywt.wavedec(x, WAVELET, mode="symmetric", level=levels)
+    bound = np.sqrt(2 * np.log(len(x))) / 0.6745
+    # pywt's own has no value for zeros at a threshold of zero
+    shrunk = [
+        np.sign(d) * np.maximum(np.abs(d) - bound * np.median(np.abs(d)), 0.0) for d in details
+    ]
+    return pywt.waverec([rough, *shrunk], WAVELET, mode="symmetric")[: len(x)]
+
+
+def trend(t, x, stretches):
+    """Return a series without what noise explains, not-a-number between two stretches."""
+    times, values = [np.nan], [np.nan]
+    for start, end in stretches:
+        # among many a short one has no width in the picture
+        if (end - start) * BUCKETS < len(t):
+            continue
+        # means of so many samples that a line is no finer than its picture shows
+        count = min(end - start, MEANS)
+        first = np.linspace(0, end - start, count + 1).astype(int)
+        middle = (t[start + first[:-1]] + t[start + first[1:] - 1]) / 2
+        y = smoothed(np.add.reduceat(x[start:end], first[:-1]) / np.diff(first))
+        chosen = extremes(y, max(SMOOTH_BUCKETS * (end - start) // len(t), 2))
+        times += [*middle[chosen], np.nan]
+        values += [*y[chosen], np.nan]
+    return np.array(times), np.array(values)
+
+
+def clock(end):
+    """Return the unit to show times up to `end` (s) in, and its size in s."""
+    return next((unit, size) for unit, size, least in _CLOCKS if end >= least)
+
+
+def shade(area, segments, size=1.0):
+    """Shade rests, disturbances and gaps; motion stays white."""
+    # a disturbance has an outline, so that a short one still shows in a long record
+    looks = {STATIC: (BLUE, 0.13, 0), DISTURBED: (VERMILLION, 0.35, 2), GAP: (GRID, 0.9, 0)}
+    for kind, (colour, alpha, width) in looks.items():
+        found = segments[segments["kind"] == kind]
+        spans = np.column_stack([found["start_s"], found["end_s"] - found["start_s"]]) / size
+        area.broken_barh(
+            spans,
+            (0, 1),
+            transform=area.get_xaxis_transform(),
+            color=colour,
+            alpha=alpha,
+            lw=width,
+        )
+
+
+def session_pictures(device, session):
+    """Return the pictures of a session's accelerometer and gyroscope over time."""
+    t = session.samples[TIME]
+    return [_picture(device, session, sensor, t) for sensor in SENSORS]
+
+
+def _picture(device, session, sensor, t):
+    segments, resting = session.segments, session.kind == "static"
+    display = (RESTING if resting else MOVING)[sensor]
+    gaps = segments["start_s"][segments["kind"] == GAP]
+    still = segments[segments["kind"] == STATIC]
+    rests = np.searchsorted(t, still[["start_s", "end_s"]].to_numpy()).tolist()
+    raw, smooth, middle, quiet, square = {}, {}, {}, {}, 0.0
+    for axis, channel in zip(XYZ, SENSORS[sensor], strict=True):
+        x = session.samples[channel]
+        chosen = extremes(x)
+        # a line is not drawn across a gap
+        where = np.searchsorted(t[chosen], gaps, side="right")
+        raw[axis] = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
+        if (segments["kind"] == MOTION).any():
+            square = square + x**2
+        if resting:
+            smooth[axis] = trend(t, x, rests)
+            # a knock must not flatten the rest: it is cut off at the frame
+            ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
+            low, high = min(ends, default=x.min()), max(ends, default=x.max())
+            quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
+        # last, as it puts x in another order instead of a copy
+        middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
+    lines = {"raw": raw, "smoothed": smooth}
+    csv = write_csv(device.figures, f"{session.name}_{sensor}", _numbers(sensor, lines))
+    unit, size = clock(t[-1])
+
+    def plot(areas):
+        areas = areas if resting else [areas]
+        for area in areas:
+            shade(area, segments, size)
+        areas[-1].set_xlim(0, t[-1] / size)
+        areas[-1].set_xlabel(f"time, {unit}")
+        areas[0].set_ylabel(f"{QUANTITY[sensor]}, {display.unit}")
+        handles = []
+        for area, colour, axis in zip(areas if resting else areas * 3, AXES, XYZ, strict=True):
+
+            def shown(values, level=middle[axis]):
+                return (np.asarray(values) - level) * display.factor
+
+            x, y = raw[axis]
+            handles += area.plot(x / size, shown(y), color=colour, lw=0.9)
+            if resting:
+                low, high = shown(quiet[axis])
+                area.set_ylim(*((low, high) if low < high else (low - 1, high + 1)))
+                x, y = smooth[axis]
+                smooth_line = area.plot(x / size, shown(y), color=INK, lw=1.6)
+                area.set_ylabel(f"{axis}, {display.unit}")
+        if resting:
+            return [handles[-1], *smooth_line], ["as logged", "without noise (wavelets)"]
+        return handles, XYZ
+
+    caption = _finding(session, sensor, np.sqrt(np.max(square)))
+    if resting:
+        moved = [np.ptp(y[np.isfinite(y)]) for _, y in smooth.values() if np.isfinite(y).any()]
+        moves = ", ".join(number(m * display.factor, 2) for m in moved) or NO_NUMBER
+        levels = ", ".join(number(m * display.factor, 4) for m in middle.values())
+        caption += (
+            f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
+            f"{levels} {display.unit}."
+        )
+    return picture(
+        f"{device.name}.{session.name}.{sensor}",
+        "Samples over time",
+        caption,
+        plot,
+        (900, 310 if resting else 250),
+        csv,
+        wide=True,
+        rows=(1, 1, 1) if resting else (1,),
+        sharex=True,
+    )
+
+
+def _numbers(sensor, lines):
+    """Return the numbers behind a picture's lines, a row per point."""
+    parts = [
+        pd.DataFrame({"channel": channel, "line": line, "t_s": t, f"value_{FILE_UNITS[sensor]}": x})
+        for line, curves in lines.items()
+        for channel, (t, x) in zip(SENSORS[sensor], curves.values(), strict=False)
+    ]
+    return pd.concat(parts).dropna()
+
+
+def _finding(session, sensor, peak):
+    """Return what the picture says: how much of it is rest, and what was cut."""
+    start, kinds = session.segments["start_s"], session.segments["kind"]
+    length = {kind: duration(session.seconds(kind)) for kind in KINDS}
+    text = f"{session.name}, {sensor}: {length[STATIC]} at rest"
+    if session.kind != "static":
+        text += f" in {plural(session.poses, 'pose')}"
+    if (kinds == MOTION).any():
+        display = MOVING[sensor]
+        size = f"{number(peak * display.factor)} {display.unit}"
+        text += f", {length[MOTION]} of motion up to {size}"
+    cut = start[kinds == DISTURBED]
+    if len(cut):
+        text += (
+            f"; {plural(len(cut), 'disturbed stretch', 'es')} cut out, {length[DISTURBED]} in all, "
+            f"the first at {duration(cut.iloc[0])}"
+        )
+    elif session.kind == "static":
+        text += "; no disturbance found"
+    if (kinds == GAP).any():
+        count = int((kinds == GAP).sum())
+        text += f"; {plural(count, 'gap')} without samples, {length[GAP]}"
+    return f"{text}."

@@ -1,0 +1,314 @@
+"""What another recording would gain, in sentences made of the diagnosis' expected σ."""
+
+import numpy as np
+
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import HOUR
+from imuloop.noise.needed import needed_seconds
+from imuloop.plan.session import INITIAL_REST_S, POSES
+from imuloop.report.effect_units import data_sheet
+from imuloop.report.figures.poses import largest_hole, pose_directions
+from imuloop.report.noise_units import quantities
+from imuloop.report.numbers import (
+    MILLIRADIAN,
+    duration,
+    joined,
+    missing,
+    number,
+    percent,
+    with_unit,
+)
+from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.verdict import ABOVE, block_of, verdict_of
+
+# an error matters where it exceeds the noise of a mean of one second so many times
+MATTERS = 2.0
+# a hole in the attitudes covered that is worth another pose, degrees
+WIDE_HOLE = 50.0
+# share of a standard error that has to go before a recording is worth its while
+NOTICEABLE = 0.1
+# the largest rotation about an axis that is not small, degrees, and the least mean rate of
+# rotations that is not slow, deg/s
+SMALL_TURN, SLOW = 90.0, 10.0
+# where an axis stands apart from the vertical by less, degrees, it is simply up or down
+UPRIGHT = 10.0
+# white noise, flicker and walk of a usual MEMS sensor are equal in the Allan curve here, s
+FLICKER_S, WALK_S = 100.0, 1000.0
+# the longest record worth asking for, s, and the share of its upper limit by which one has to fall
+LONGEST_RECORD, WORTH = 24 * HOUR, 0.5
+# share of records in which a term of the size asked for may stay unseen
+MISSED = 0.05
+
+
+def attitude_words(up):
+    """Return an attitude in words, from the upward unit vector on the sensor's axes.
+
+    As ``x axis down, tilted 30° towards +y``: the axis nearest to the vertical, and which other
+    axes rise by the tilt.
+    """
+    up = np.asarray(up, dtype=float)
+    main = int(np.abs(up).argmax())
+    text = f"{XYZ[main]} axis {'up' if up[main] > 0 else 'down'}"
+    tilt = np.degrees(np.arccos(np.clip(abs(up[main]), 0, 1)))
+    if tilt < UPRIGHT:
+        return text
+    rest = [i for i in range(3) if i != main]
+    most = max(abs(up[i]) for i in rest)
+    toward = [f"{'+' if up[i] > 0 else '−'}{XYZ[i]}" for i in rest if abs(up[i]) > most / 2]
+    return f"{text}, tilted {tilt:.0f}° towards {joined(toward)}"
+
+
+def parameter_words(sensor, name):
+    """Return a parameter in words: ``the gyroscope's z scale factor``."""
+    if "." in name:
+        return f"the {sensor}'s {name.replace('.', ' ', 1)}"
+    axes = "".join(XYZ[int(i)] for i in name[1:])
+    if name[0] == "T":
+        return f"the {sensor}'s misalignment {axes}"
+    return f"the {sensor}'s {axes} {'scale factor' if name[0] == 'K' else 'bias'}"
+
+
+def sigma_words(unit, *values):
+    """Return standard errors, SI, one or two, in the data sheets' unit: ``310 to 140 ppm``."""
+    display = MILLIRADIAN if unit == "rad" else data_sheet(unit)
+    return with_unit(" to ".join(number(v * display.factor, 2) for v in values), display.unit)
+
+
+def _candidate_words(entry):
+    """Return what a candidate for the next recording asks to do."""
+    length = duration(entry["duration_s"], 2)
+    if entry["name"] == "again":
+        return f"the same session once more ({length})"
+    if entry["name"] == "static":
+        return f"{length} at rest"
+    first = attitude_words(entry["up"])
+    text = f"{entry['poses']} more poses in the largest holes of the sphere, the first with {first}"
+    if entry["name"] == "turns":
+        axis = entry["axis"]
+        text += f", then {entry['turns']} turns of 360° about {axis}, both ways, with {axis} level"
+    if entry["name"] == "heat_and_cool":
+        span = number(entry["span_K"], 2)
+        text += f", while the device is heated by {span}\u202fK and cooled again"
+    return f"{text} ({length})"
+
+
+def _plans(device, sensor):
+    """Return parameters and candidates of the next recording of a sensor."""
+    content = (device.diagnosis.get("next_recording") or {}).get("sensors") or {}
+    found = content.get(sensor) or {}
+    return found.get("parameters") or {}, found.get("candidates") or []
+
+
+def _drops(device, name=None, least=MATTERS):
+    """Return (share lost, words on it, candidate) of what recordings lower, most first.
+
+    Of those of a name, or of all; of parameters whose weights are above the least.
+    """
+    found = []
+    for sensor in SENSORS:
+        parameters, candidates = _plans(device, sensor)
+        for entry in candidates:
+            for parameter, after in entry["std"].items() if name in (None, entry["name"]) else ():
+                now = parameters.get(parameter) or {}
+                if missing(after) or missing(now.get("weight")) or now["weight"] <= least:
+                    continue
+                fall = sigma_words(now["unit"], now["std"], after)
+                words = f"{parameter_words(sensor, parameter)} from {fall}"
+                found.append((1 - after / now["std"], words, entry))
+    return sorted(found, key=lambda drop: -drop[0])
+
+
+def first_session(device):
+    """Yield that there is no multi_position session, and what one would give."""
+    # a rejected one has its own line, which asks for the same
+    if any(s.kind == "multi_position" for s in device.sessions):
+        return
+    gains = []
+    for sensor in SENSORS:
+        _, candidates = _plans(device, sensor)
+        after = next((c["std"] for c in candidates if c["name"] == "multi_position"), {})
+        for letter, words, unit in (("K", "scale factor", "1"), ("T", "misalignment", "rad")):
+            known = [s for name, s in after.items() if name[0] == letter and not missing(s)]
+            if known:
+                gains.append(f"the {sensor}'s {words} to {sigma_words(unit, max(known))}")
+    expected = f" It would give {joined(gains)} (1 σ, the worst axis)." if gains else ""
+    yield (
+        1.0,
+        f"Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then about "
+        f"{POSES} rests of a few seconds in attitudes spread over the sphere, turned by hand "
+        "between them."
+        f"{expected} Without it misalignment and the gyroscope's scale factor stay unknown.",
+    )
+
+
+def best_recording(device):
+    """Yield the recording that would lower a standard error most, of those that matter."""
+    gain, words, entry = next(iter(_drops(device)), (0.0, "", {}))
+    # some have sentences of their own, which say why
+    own = entry.get("name") in ("multi_position", "turns")
+    if gain < NOTICEABLE or own or (entry["name"] == "poses" and any(hole(device))):
+        return
+    asked = _candidate_words(entry)
+    yield gain, f"The next recording that helps most: {asked} would lower σ of {words}."
+
+
+def hole(device):
+    """Yield the region of the sphere that has no pose, and what poses there would do."""
+    directions = pose_directions(device).get("multi_position")
+    if directions is None:
+        return
+    up, angle = largest_hole(directions)
+    degrees = np.degrees(angle)
+    if degrees < WIDE_HOLE:
+        return
+    text = f"Add poses with {attitude_words(up)}: the nearest is {degrees:.0f}° away."
+    # where nothing matters the gain is that of any parameter: a hole hides what no model has, too
+    drops = _drops(device, "poses") or _drops(device, "poses", least=0.0)
+    gain, words, entry = next(iter(drops), (0.0, "", {}))
+    if gain < NOTICEABLE:
+        yield 0.0, text
+        return
+    more = f"{entry['poses']} poses there and in the next largest holes"
+    yield gain, f"{text} {more} would lower σ of {words}."
+
+
+def turns_needed(device):
+    """Yield how many turns show the gyroscope's scale factor, where it matters."""
+    turns = (device.diagnosis.get("next_recording") or {}).get("turns") or {}
+    now, after, level = (turns.get(k) for k in ("std", "std_after", "level"))
+    if missing(after) or missing(level) or (not missing(now) and now <= MATTERS * level):
+        return
+    # where the fit is bad σ is large for that, and more turns are no answer
+    if verdict_of(block_of(device.diagnosis, "gyroscope")) in ABOVE and not missing(now):
+        return
+    gain = 1.0 if missing(now) else 1 - after / now
+    if gain < NOTICEABLE:
+        return
+    axis = turns["axis"]
+    figures = [turns[k][XYZ.index(axis)] for k in ("turned_deg", "largest_deg", "mean_deg_s")]
+    turned, largest, rate = (number(v, 2) for v in figures)
+    known = "unknown" if missing(now) else f"known to {sigma_words('1', now)}"
+    size = "slow" if figures[2] < SLOW else "few" if figures[1] > SMALL_TURN else "small"
+    yield (
+        gain,
+        f"The rotations about {axis} are too {size} to show the gyroscope's scale factor there "
+        f"({known}): {turned}° in all, {largest}° in the largest, {rate}\u202f°/s in "
+        f"the mean. A session of {turns['poses']} "
+        f"poses in the largest holes of the sphere, then {turns['turns']} turns of 360° about "
+        f"{axis}, both ways, with {axis} level, would bring σ to {sigma_words('1', after)}; "
+        f"{sigma_words('1', level)} are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
+    )
+
+
+def enough(device):
+    """Return that no standard error matters, with the one that comes nearest; empty if one does."""
+    weights = [
+        (now["weight"], f"{parameter_words(sensor, name)}, {sigma_words(now['unit'], now['std'])}")
+        for sensor in SENSORS
+        for name, now in _plans(device, sensor)[0].items()
+        if not missing(now.get("weight"))
+    ]
+    scales = sum("scale factor" in known for _, known in weights)
+    gain, *_ = next(iter(_drops(device)), (0.0,))
+    if scales < 2 * len(XYZ) or gain >= NOTICEABLE:
+        return ""
+    weight, known = max(weights)
+    if weight <= MATTERS:
+        return (
+            "Enough poses and turns: at 1\u202fg and 100\u202f°/s no σ of the calibration makes an "
+            f"error above {MATTERS:g} times the noise of a mean of 1\u202fs; the largest, of "
+            f"{known}, makes {number(weight, 2)} times that noise."
+        )
+    return (
+        "No recording that was tried lowers a σ that matters by as much as "
+        f"{percent(NOTICEABLE)}; the largest is that of {known}."
+    )
+
+
+def initial_rest(device):
+    """Yield how long the first rest has to be until flicker limits the gyroscope's mean rate."""
+    parameters, _ = _plans(device, "gyroscope")
+    if not any(((parameters.get(f"b{i}") or {}).get("weight") or 0.0) > MATTERS for i in range(3)):
+        return
+    needs = []
+    for channel in SENSORS["gyroscope"]:
+        axis = device.axes.get(channel) or {}
+        white, flat = ((axis.get(k) or {}).get("value") for k in "NB")
+        if not missing(white) and not missing(flat) and flat:
+            flat *= np.sqrt(2 * np.log(2) / np.pi)
+            needs.append(((white / flat) ** 2, white, flat, channel))
+    needed, white, flat, channel = max(needs, default=(0.0, 0.0, 0.0, ""))
+    for session in device.used:
+        first = session.segments[session.segments["pose"] == 0]
+        now = float((first["end_s"] - first["start_s"]).sum())
+        if session.kind == "multi_position" and 0 < now < needed <= HOUR:
+            before, after = (np.hypot(white / np.sqrt(t), flat) for t in (now, needed))
+            yield (
+                1 - after / before,
+                f"Begin session {session.name} with {duration(needed, 2)} at rest (now "
+                f"{duration(now, 2)}): the error of the mean of {channel} falls from "
+                f"{sigma_words('rad/s', before, after)}; from there on flicker noise limits it.",
+            )
+
+
+def static_record(device):
+    """Yield the length of a record at rest that would show flicker and walk."""
+    lengths = [s.quality.get("duration_s") or 0.0 for s in device.used if s.kind == "static"]
+    longest = max(lengths, default=0.0)
+    rates = [s.quality.get("rate_hz") for s in device.used if not missing(s.quality.get("rate_hz"))]
+    wanted, limited = [], []
+    for channel, axis in device.axes.items() if rates else ():
+        white = (axis.get("N") or {}).get("value")
+        if missing(white):
+            continue
+        usual = {
+            "B": white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S)),
+            "K": white * np.sqrt(3) / WALK_S,
+        }
+        for name, size in usual.items():
+            term = axis.get(name) or {}
+            upper = term.get("upper95")
+            if term.get("identifiable") or not upper:
+                continue
+            limited.append(f"{name} of {channel}")
+            target = min(upper, size)
+            if target < (1 - WORTH) * upper:
+                known = _processes(axis)
+                seconds = needed_seconds(name, target, *known, 1 / min(rates), MISSED)
+                if seconds and longest < seconds <= LONGEST_RECORD:
+                    wanted.append((seconds, name, channel, upper, target))
+    if not wanted:
+        if limited and not longest:
+            yield (
+                0.0,
+                f"Record 2\u202fh at rest: there is no static record, and {joined(limited)} are "
+                "known as upper limits only.",
+            )
+        return
+    seconds = max(w[0] for w in wanted)
+    _, name, channel, upper, target = max(wanted, key=lambda w: w[3] / w[4])
+    sensor = next(s for s, channels in SENSORS.items() if channel in channels)
+    axes = {}
+    for key in "BK":
+        if shown := [c for _, term, c, *_ in wanted if term == key]:
+            words = "all six axes" if len(shown) == len(CHANNELS) else joined(shown)
+            axes.setdefault(words, []).append(key)
+    shows = [f"{' and '.join(keys)} of {words}" for words, keys in axes.items()]
+    unit = quantities(sensor)[name].sheet[0]
+    limits = " to ".join(number(v * unit.factor, 2) for v in (upper, target))
+    now = f"{duration(longest, 2)} now" if longest else "there is no static record now"
+    yield (
+        1 - target / upper,
+        f"Record {duration(max(seconds, HOUR), 2)} at rest ({now}). Nine times in ten it would "
+        f"show {joined(shows)} at the size usual beside this white noise: {name} of {channel}, now "
+        f"only limited, would fall from {with_unit(limits, unit.unit)}.",
+    )
+
+
+def _processes(axis):
+    """Return squares of Q, N, B, K of an axis of noise.json, and its Gauss-Markov processes."""
+    squares = [((axis.get(k) or {}).get("value") or 0.0) ** 2 for k in "QNBK"]
+    return squares, [
+        (p["q"]["value"] ** 2 * p["tc"]["value"] / 2, p["tc"]["value"])
+        for p in axis.get("gauss_markov") or []
+    ]

@@ -1,0 +1,102 @@
+"""The calibration's parameters with σ, methods side by side, and the model as it is stored."""
+
+from imuloop.report.numbers import (
+    DEGREE_PER_SECOND,
+    MILLI_G,
+    MILLIRADIAN,
+    PERCENT,
+    number,
+    typeset,
+    with_sigma,
+)
+from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters
+from imuloop.report.tables.table import Sized, Table
+
+METHODS = {"six_position": "Six-position", "multi_position": "Multi-position", "final": "Final"}
+METHOD_WORDS = {
+    "multi_position": "poses in many attitudes",
+    "six_position": "six faces",
+    "static": "rests only: bias alone",
+    "nominal": "data sheet, nothing estimated",
+}
+NOT_ESTIMATED = "not estimated"
+BIAS = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
+
+
+def parameter_table(device, sensor):
+    """Return a sensor's parameters, a column per method; None if nothing was estimated."""
+    # a method that estimated nothing has no column; why stands above the table
+    methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
+    if not methods:
+        return None
+    columns = [_cells(s, BIAS[sensor]) for s in methods.values()]
+    rows = [
+        ("Method", "", *(METHOD_WORDS[s.method] for s in methods.values())),
+        ("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values())),
+    ]
+    for name in columns[0]:
+        cells = [column[name] for column in columns]
+        if set(cells) != {NOT_ESTIMATED}:
+            rows.append((*name, *cells))
+    return Table(
+        f"{sensor.capitalize()}: parameters, value ± 1 σ",
+        ("Parameter", "Unit", *(METHODS[m] for m in methods)),
+        rows,
+        "Bias: what it reads when it should read zero. Scale factor error: how far a unit of its "
+        "output is from a true unit. Misalignment ij: how much of axis j shows on axis i. "
+        "A parameter that is not listed, or not estimated, is not determined by these data. "
+        "Reduced χ² near 1: the fit is as good as the noise allows.",
+        sorts=range(2 + len(methods)),
+    )
+
+
+def _cells(sensor, bias):
+    """Return the parameters of one calibration as text by (name, unit)."""
+    base, estimated = base_parameters(sensor), set(sensor.names)
+    found = [
+        (f"{words} {axis}", f"{letter}{i}", display, *(v[i] for v in base[key]))
+        for key, words, letter, display in (
+            ("bias", "Bias", "b", bias),
+            ("scale", "Scale factor error", "K", PERCENT),
+        )
+        for i, axis in enumerate(XYZ)
+    ]
+    found += [
+        (f"Misalignment {XYZ[i]}{XYZ[j]}", f"T{i}{j}", MILLIRADIAN, *pair)
+        for (i, j), pair in base["misalignment"].items()
+    ]
+    cells = {}
+    for words, name, display, value, sigma in found:
+        text = NOT_ESTIMATED
+        if name in estimated:
+            shown = with_sigma(value * display.factor, sigma * display.factor)
+            text = Sized(shown, value)
+        elif name[0] == "T" and estimated & {"T01", "K0"}:
+            text = "0 (by definition)"
+        cells[words, display.unit] = text
+    return cells
+
+
+def reasons(device):
+    """Return why parts of the calibration could not be made: (method, sensor, reason)."""
+    return [
+        (METHODS[method], sensor, why)
+        for method, calibration in device.calibrations.items()
+        if method != "final"
+        for sensor in SENSORS
+        if (why := getattr(calibration, sensor).not_testable)
+    ]
+
+
+def model_table(device, sensor):
+    """Return T, K and b of the final calibration as calibration.json stores them."""
+    s = getattr(device.calibrations["final"], sensor)
+    unit = typeset(s.raw_unit.name)
+    lines = [(f"T, row {axis}", "1", row) for axis, row in zip(XYZ, s.T, strict=True)]
+    lines += [("K", f"{UNITS[sensor]} per {unit}", s.K), ("b", unit, s.b)]
+    return Table(
+        f"{sensor.capitalize()}: final model x = T (K (raw − b) − e), to copy",
+        ("Symbol", "Unit", *XYZ),
+        # with the minus sign of a keyboard, which programs read
+        [(symbol, unit, *(f"{v:.8g}" for v in values)) for symbol, unit, values in lines],
+    )

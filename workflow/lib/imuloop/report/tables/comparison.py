@@ -1,0 +1,200 @@
+"""The comparison of devices: the tables on the first screen, and comparison.csv."""
+
+import csv
+from typing import NamedTuple
+
+from imuloop.core.cells import text_cell
+from imuloop.core.errors import one_line
+from imuloop.report.numbers import (
+    DEGREE_PER_SECOND,
+    DEGREES,
+    MILLI_G,
+    MILLIRADIAN,
+    NO_NUMBER,
+    NOISE_UNITS,
+    PERCENT,
+    Display,
+    missing,
+    number,
+    with_sigma,
+    with_unit,
+)
+from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.summary import FIGURE_UNITS, PAIRS
+from imuloop.report.verdict import PARTS, rank
+
+
+class Column(NamedTuple):
+    """A column of the comparison: the figure of summary.json, what it is, and the unit shown."""
+
+    key: str
+    header: str
+    display: Display
+
+
+def _columns(sensor, residual, bias):
+    units = NOISE_UNITS[sensor]
+    found = (
+        ("residual", "Held-out residual", residual),
+        ("bias", "Bias", bias),
+        ("scale", "Scale factor error", PERCENT),
+        ("misalignment", "Misalignment", MILLIRADIAN),
+        ("N", "White noise", units["N"][1]),
+        ("B", "Bias instability", units["B"][1]),
+        ("K", "Random walk", units["K"][1]),
+    )
+    return tuple(Column(f"{sensor}_{name}", *rest) for name, *rest in found)
+
+
+COLUMNS = {
+    "accelerometer": _columns("accelerometer", MILLI_G, MILLI_G),
+    "gyroscope": _columns("gyroscope", DEGREES, DEGREE_PER_SECOND),
+}
+
+
+class Cell(NamedTuple):
+    """A cell of the comparison: its text, what stands below in small, and what it is sorted by."""
+
+    text: str
+    below: str = ""
+    best: bool = False
+    value: float | None = None
+
+
+def best_devices(summaries, key):
+    """Return the places of the devices whose figure is smallest; none if fewer than two have it.
+
+    What was not seen counts as large as its limit.
+    """
+    sizes = {
+        i: figure["upper95"] if missing(figure["value"]) else abs(figure["value"])
+        for i, s in enumerate(summaries)
+        if (figure := s["figures"].get(key))
+    }
+    least = min(sizes.values(), default=None)
+    return {i for i, v in sizes.items() if len(sizes) > 1 and v == least}
+
+
+def best_words(summaries):
+    """Return who has the smallest held-out residual of each sensor; empty below two devices."""
+    words = []
+    for sensor, ((key, _, display), *_) in COLUMNS.items():
+        found = [(f["value"], s["label"]) for s in summaries if (f := s["figures"].get(key))]
+        if len(found) > 1:
+            value, label = min(found)
+            size = with_unit(number(value * display.factor, 2), display.unit)
+            words.append(f"{sensor} – {label}, {size}")
+    return words
+
+
+def cells(summaries, sensor):
+    """Return the cells of a sensor's columns, a list per device."""
+    best = {column.key: best_devices(summaries, column.key) for column in COLUMNS[sensor]}
+    return [
+        [
+            _cell(s["figures"].get(column.key), column.display, i in best[column.key])
+            for column in COLUMNS[sensor]
+        ]
+        for i, s in enumerate(summaries)
+    ]
+
+
+def _cell(figure, display, best):
+    if not figure:
+        return Cell(NO_NUMBER)
+    factor = display.factor
+    upper, logged, floor = (figure.get(key) for key in ("upper95", "as_logged", "floor"))
+    limit = "" if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
+    unseen = missing(figure["value"])
+    below = [
+        not missing(floor) and f"floor {number(floor * factor, 2)}",
+        figure.get("axis") and f"axis {figure['axis']}",
+        limit and not unseen and f"{figure['upper95_axis']} {limit}",
+        unseen and f"axis {figure['upper95_axis']}, 95 % limit",
+        not missing(logged) and f"as logged {number(logged * factor, 2)}",
+    ]
+    below = "; ".join(filter(None, below))
+    if unseen:
+        return Cell(limit, below, best, upper)
+    std = figure["std"]
+    text = with_sigma(figure["value"] * factor, None if missing(std) else std * factor)
+    return Cell(text, below, best, abs(figure["value"]))
+
+
+def verdict_rank(verdicts):
+    """Return what the column of verdicts is sorted by: poses first, then the static record."""
+    poses, still = (rank(verdicts[part]["verdict"]) for part in PARTS)
+    return 10 * poses + still
+
+
+def verdict_parts(verdicts):
+    """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
+    words = {"poses": "poses", "static_record": "at\u00a0rest"}
+    return [(p, words[p]) for p in PARTS if verdicts[p]["verdict"] != "not_testable"]
+
+
+def filter_cells(summary):
+    """Return a device's rate and its noise as a filter takes it, SI, in digits for programs.
+
+    White noise and random walk of the accelerometer, then of the gyroscope.
+    """
+    content = summary["filter"]
+    rate = content.get("rate_hz")
+    row = [Cell(NO_NUMBER if missing(rate) else f"{rate:.4g}", value=rate)]
+    for found in (content.get(f"{sensor}_{term}") for sensor in SENSORS for term in "NK"):
+        if not found:
+            row.append(Cell(NO_NUMBER))
+            continue
+        axis, raised = found["axis"], found["raised_from"]
+        words = f"{axis}, not seen: 95 % limit" if found["limit"] else f"axis {axis}"
+        words += "" if raised is None else f", raised from {raised:.2e}"
+        row.append(Cell(f"{found['value']:.2e}", words, value=found["value"]))
+    return row
+
+
+def write_comparison(path, summaries):
+    """Write comparison.csv: a row per device, SI, units in the headers.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    summaries : list of dict
+        Content of summary.json of each device.
+    """
+    rows = [_row(s) for s in summaries]
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]) if rows else [], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _row(summary):
+    """Return a row of comparison.csv by its headers, the same for every device."""
+    row = {key: summary[key] for key in ("device", "label", "status")}
+    # a rejected session's reasons where nothing failed
+    why = [f"{f['stage']} failed: {f['why']}" for f in summary["failed"]] or [
+        f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]
+    ]
+    row["why"] = "; ".join(why)
+    row = {key: text_cell(one_line(text)) for key, text in row.items()}
+    row["simulated"] = str(summary["simulated"]).lower()
+    for sensor, units in FIGURE_UNITS.items():
+        for part in PARTS:
+            row[f"{sensor}_{part}_verdict"] = summary["verdicts"][sensor][part]["verdict"]
+        for name, unit in units.items():
+            figure = summary["figures"].get(f"{sensor}_{name}", {})
+            for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):
+                ending = "" if key == "value" else f"_{key}"
+                row[f"{sensor}_{name}{ending} [{unit}]"] = _digits(figure.get(key))
+        for name, axes in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
+            content = summary["axes"].get(f"{sensor}_{name}", {})
+            for i, axis in enumerate(axes):
+                for key, ending in (("value", ""), ("std", "_std")):
+                    value = content[key][i] if content else None
+                    row[f"{sensor}_{name}_{axis}{ending} [{units[name]}]"] = _digits(value)
+    return row
+
+
+def _digits(value):
+    return "" if missing(value) else repr(value)

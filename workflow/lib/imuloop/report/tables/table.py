@@ -1,0 +1,51 @@
+"""A table of the report: what the templates lay out."""
+
+from dataclasses import dataclass
+
+from imuloop.report.numbers import missing, number
+
+
+class Sized(str):
+    """Text of a cell that its column is sorted by: a size in SI, a share or a rank, or None."""
+
+    def __new__(cls, text, value):
+        """Return the text with its value."""
+        cell = super().__new__(cls, text)
+        cell.value = None if missing(value) else f"{value:.6g}"
+        return cell
+
+
+def sized(value, factor=1.0):
+    """Return a number in the unit shown, `factor` times that in SI, by which it is sorted."""
+    return Sized(number(None if missing(value) else value * factor), value)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first cell of each row names the row.
+
+    Attributes
+    ----------
+    caption : str
+        What the table holds, with the unit where all cells share it.
+    columns : sequence of str
+        Headers, each with its unit.
+    rows : sequence of tuple of str
+        Cells, as many as there are columns.
+    note : str
+        One line for readers who meet these numbers for the first time.
+    dense : bool
+        Whether the cells are many and may break into lines.
+    heads : sequence of int
+        Rows that open a group: its name, then the unit of each column in this group.
+    sorts : sequence of int
+        Columns that a reader may sort the rows by: by the values of `Sized` cells, else by text.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    note: str = ""
+    dense: bool = False
+    heads: tuple[int, ...] = ()
+    sorts: tuple[int, ...] = ()
