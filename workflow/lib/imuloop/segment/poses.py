@@ -29,8 +29,8 @@ def number_poses(rows, rests, means, spreads, stretches, settings):
     `same_attitude` (or four standard errors of the two means, where the noise is larger) and the
     gyroscope, its bias taken from both rests, never turned by more than `turned` in between. So a
     full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
-    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, stretches without
-    a gap, and mean and standard deviation of each channel in each rest, SI.
+    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, stretches
+    without a gap, and mean and standard deviation of each channel in each rest, SI.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (
