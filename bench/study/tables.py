@@ -1,4 +1,4 @@
-"""The study as a document: tables and confusion matrices."""
+"""The study as a document of tables."""
 
 import platform
 from collections import Counter
@@ -43,7 +43,6 @@ def document(outcomes, command, commit, first):
         ("# Simulated study of the diagnosis", head),
         ("## Against the bounds", bounds(chosen)),
         ("## One effect", effects(chosen["effect"])),
-        ("## What is named", confusion(chosen["effect"])),
         ("## No effect", controls(chosen["control"])),
         ("## Two effects", two(chosen["two"])),
         ("## Outside the library", outside(chosen["outside"])),
@@ -153,32 +152,6 @@ def effects(cases):
         "error left: median, largest", f"parameters within {SIGMAS:g} σ",
     )  # fmt: skip
     return table(header, rows)
-
-
-def confusion(cases):
-    """Return a confusion matrix for each sensor and record."""
-    parts = []
-    places = {(case.sensor, case.record) for case in cases}
-    for sensor, record in sorted(places):
-        here = {c: m for c, m in cases.items() if (c.sensor, c.record) == (sensor, record)}
-        counts = {
-            case.names[0]: Counter(
-                name for _, _, j in judged({case: made}) for name in j["named"] or [NOTHING]
-            )
-            for case, made in here.items()
-        }
-        columns = [case.names[0] for case in here]
-        columns += sorted({n for c in counts.values() for n in c} - {*columns, NOTHING})
-        columns.append(NOTHING)
-        rows = [
-            (f"`{name}`", *(count[column] or "" for column in columns))
-            for name, count in counts.items()
-        ]
-        title = f"{sensor.capitalize()} {RECORDS[record]}; a row is what is there, a column what "
-        title += "is named, devices."
-        header = (" ", *(column.replace("_", " ") for column in columns))
-        parts.append(f"{title}\n\n{table(header, rows)}")
-    return "\n\n".join(parts)
 
 
 def controls(cases):
