@@ -18,8 +18,12 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.simulate.truth import Noise, example_truth
-from imuloop.validate.departure import accelerometer_problem, as_logged, gyroscope_problem
 from imuloop.validate.drift import check_drift, holm
+from imuloop.validate.drift_residuals import (
+    OldParameters,
+    accelerometer_residuals,
+    gyroscope_residuals,
+)
 
 SEEDS = 100
 
@@ -123,17 +127,17 @@ def test_a_turn_s_residual_scatters_by_the_errors_of_the_accelerometer(
     ratios = []
     for seed, calibration in enumerate(calibrations):
         sensor = calibration.accelerometer
-        _, x, covariance, *_ = as_logged(sensor, accelerometer.NAMES)
-        covariance = 100 * covariance
-        x = x + np.random.default_rng(3000 + seed).multivariate_normal(0 * x, covariance)
+        old = OldParameters.of(calibration, "accelerometer")
+        covariance = 100 * old.covariance
+        x = np.random.default_rng(3000 + seed).multivariate_normal(old.x, covariance)
         loose = in_raw_units(
             sensor.raw_unit, accelerometer.NAMES, x, covariance, method=sensor.method
         )
         loose = replace(calibration, accelerometer=loose)
         log = drawn(still, truth, 4000 + seed)
-        force = accelerometer_problem(loose, log, noise, truth.gravity)
-        turn = gyroscope_problem(loose, log, noise, force, None)
-        r, _ = turn.residuals(turn.x)
+        force = accelerometer_residuals(loose, log, noise, truth.gravity)
+        turn = gyroscope_residuals(loose, log, noise, force, None)
+        r, _ = turn.function(turn.old.x)
         part = turn.parts["rotation"][1]
         ratios.append(np.mean(r[part] ** 2 / np.diag(turn.noise)[part]))
     assert 0.85 < np.mean(ratios) < 1.15, np.mean(ratios)
@@ -226,15 +230,10 @@ def test_raw_units_change_nothing(still, truth, noise, calibrations):
         b=counts.from_si(force.b),
         covariance=force.covariance * np.outer(factor, factor),
     )
-    np.testing.assert_allclose(
-        as_logged(in_counts, force.names)[1],
-        as_logged(force, force.names)[1],
-        rtol=1e-12,
-        atol=1e-12,
-    )
-    one, other = (
-        check_drift(replace(old, accelerometer=s), made, noise) for s in (force, in_counts)
-    )
+    olds = [replace(old, accelerometer=s) for s in (force, in_counts)]
+    one, other = (OldParameters.of(each, "accelerometer").x for each in olds)
+    np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
+    one, other = (check_drift(each, made, noise) for each in olds)
     for a, b in zip(one.sensors.values(), other.sensors.values(), strict=True):
         np.testing.assert_allclose(a.chi2, b.chi2, rtol=1e-6)
 
