@@ -25,7 +25,7 @@ import numpy as np
 import yaml
 
 from imuloop.simulate.simulate import simulate_session, write_log
-from imuloop.simulate.truth import Session, example_truth
+from imuloop.simulate.truth import SessionTruth, example_truth
 
 REPOSITORY = Path(__file__).parents[1]
 STATIC_S = 1200.0
@@ -92,8 +92,8 @@ def device(number):
 def sessions(number):
     """Return the sessions of a device, from its number alone."""
     return {
-        "multi_position": Session("multi_position", seed=10 * number),
-        "static": Session("static", seed=10 * number + 1, duration_s=STATIC_S),
+        "multi_position": SessionTruth("multi_position", seed=10 * number),
+        "static": SessionTruth("static", seed=10 * number + 1, duration_s=STATIC_S),
     }
 
 
