@@ -11,7 +11,7 @@ from imuloop.simulate.truth import GaussMarkovProcess, Noise, Popcorn, SpectralL
 DT = 0.01
 LENGTHS = np.array([1, 3, 10, 100, 1000, 5000])
 TAU = LENGTHS * DT
-SEEDS = 20
+SEEDS = 40
 
 
 def allan_variance(x):
