@@ -9,7 +9,8 @@ import pytest
 
 from bench import document
 from bench.commit import commit
-from bench.peers import imu_tk, records
+from bench.peers import imu_tk
+from bench.peers.__main__ import reference
 from bench.peers.calls import averaging_factors
 from bench.peers.contend import contend
 from bench.processors import BOUND, differences
@@ -49,17 +50,15 @@ def test_a_document_that_was_written_is_no_change_of_the_code(tmp_path):
     assert commit(tmp_path) == f"{made_of}, changed"
 
 
-def test_the_machine_is_told_without_its_name_and_paths():
+def test_the_machine_is_described_without_its_name_and_paths():
     line = document.machine()
     assert "Python 3" in line and "numpy" in line
     assert platform.node() not in line and "/" not in line
 
 
 def test_a_contender_that_fails_says_why(tmp_path):
-    assert (
-        contend("calls", "allantools", tmp_path, tmp_path) == "there is no environment of the peers"
-    )
-    assert contend("calls", "imuloop", tmp_path).startswith("FileNotFoundError: ")
+    assert contend("allantools", tmp_path, tmp_path) == "there is no environment of the peers"
+    assert contend("imuloop", tmp_path, tmp_path).startswith("FileNotFoundError: ")
     # as the Makefile leaves it where a package could not be installed
     (tmp_path / "bin").mkdir()
     (tmp_path / "bin/python").write_text(
@@ -67,7 +66,7 @@ def test_a_contender_that_fails_says_why(tmp_path):
     )
     (tmp_path / "bin/python").chmod(0o755)
     (tmp_path / "avar.log").write_text("Looking\nERROR: No matching distribution for avar\n")
-    said = contend("calls", "avar", tmp_path, tmp_path)
+    said = contend("avar", tmp_path, tmp_path)
     assert said == "ERROR: No matching distribution for avar"
 
 
@@ -81,23 +80,15 @@ def test_reference_is_the_overlapping_deviation():
     x = np.random.default_rng(1).normal(9.8, 1, (2, 3000))
     factors = averaging_factors(3000)
     found = [np.sqrt(allan_variance([each], factors)) for each in x]
-    assert records.reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
+    assert reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
 
 
-def test_the_program_of_imu_tk_is_timed_on_both_logs_or_its_failure_is_told(tmp_path, monkeypatch):
+def test_the_program_of_imu_tk_is_timed_on_both_logs_or_why_it_is_not(tmp_path, monkeypatch):
     monkeypatch.setenv("IMULOOP_MIRROR", str(tmp_path))
     assert imu_tk.theirs("/bin/true") == "not run, xsens_acc.mat is not at hand"
     for name in imu_tk.LOGS:
         (tmp_path / name).touch()
-    program = tmp_path / "program"
-    program.write_text('#!/bin/sh\necho "$@" >> "$0.called"\n')
-    program.chmod(0o755)
-    assert imu_tk.theirs(program).endswith(
-        "of processor time, best of 5, with its search for rests"
-    )
-    assert (tmp_path / "program.called").read_text().splitlines() == [
-        f"{tmp_path}/xsens_acc.mat {tmp_path}/xsens_gyro.mat"
-    ] * imu_tk.ROUNDS
+    assert imu_tk.theirs("/bin/true").endswith("best of 5, with its search for rests")
     assert imu_tk.theirs("/bin/false").startswith("failed, ")
 
 

@@ -6,7 +6,7 @@ from zlib import crc32
 import numpy as np
 
 from imuloop.simulate import noise as process
-from imuloop.simulate.truth import GaussMarkov, Noise, Sinusoid
+from imuloop.simulate.truth import GaussMarkovProcess, Noise, SpectralLine
 
 # Hz
 RATE = 10.0
@@ -41,8 +41,8 @@ def record(scenario, n, rate, seed):
     """Return `n` samples at `rate` Hz; a seed gives every scenario another record."""
     noise = Noise(
         **{name: (value,) * 3 for name, value in scenario.terms.items()},
-        gauss_markov=tuple(GaussMarkov((q,) * 3, tc) for q, tc in scenario.gauss_markov),
-        sinusoid=tuple(Sinusoid((a,) * 3, f) for a, f in scenario.sinusoid),
+        gauss_markov=tuple(GaussMarkovProcess((q,) * 3, tc) for q, tc in scenario.gauss_markov),
+        sinusoid=tuple(SpectralLine((a,) * 3, f) for a, f in scenario.sinusoid),
     )
     entropy = np.random.SeedSequence((seed, crc32(scenario.label.encode())))
     x = LEVEL + process.axis_noise(n, 1 / rate, noise, 0, entropy)
