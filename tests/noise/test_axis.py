@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
+from bench.noise.detection import line_limit
 from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
 from imuloop.noise.intervals import axis_noise
-from imuloop.noise.layout import Layout
 from imuloop.noise.likelihood import Likelihood
-from imuloop.noise.lines import detection_limit
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
+from imuloop.noise.sampling import Sampling
+from imuloop.noise.selection import Selection
 from imuloop.noise.settings import NoiseSettings
-from imuloop.noise.terms import Search, Terms
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
 
 SETTINGS = NoiseSettings()
@@ -30,7 +30,7 @@ def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
     return x
 
 
-WHOLE = Layout(RATE, (0,), (N,), (0,))
+WHOLE = Sampling(RATE, (0,), (N,), (0,))
 BASIS = modes([WHOLE])
 
 
@@ -79,10 +79,9 @@ def test_flicker_and_quantisation():
 
 def test_white_noise_is_not_dropped_for_flicker_beside_strong_quantisation():
     # its chance is the largest of those that fail: without it flicker passes in its place
-    layout = Layout(RATE, (0,), (10_000,), (0,))
     for seed in (13, 14):
         x = record(seed, Q=0.1, n=10_000)
-        found = estimate_axis([layout], modes([layout]), [[x]], SETTINGS).noise
+        found = estimate_record(x, RATE, SETTINGS).noise
         assert found.Q.identifiable and found.N.identifiable and not found.B.identifiable
         assert found.N.ci95[0] <= 0.01 <= found.N.ci95[1]
 
@@ -101,7 +100,7 @@ def test_a_hump_is_found_with_its_time():
 
 
 def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
-    rests = Layout(RATE, tuple(range(0, N, 1000)), (700,) * 30, tuple(range(30)))
+    rests = Sampling(RATE, tuple(range(0, N, 1000)), (700,) * 30, tuple(range(30)))
     basis = modes([rests])
     for seed in range(6):
         x = record(5000 + seed, K=4e-3)
@@ -113,8 +112,8 @@ def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
 def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
     x = record(1, K=1e-3)
     likelihood = Likelihood(*BASIS.amplitudes([[x]]), BASIS.count, BASIS.ramp)
-    search = Search(BASIS, likelihood, SETTINGS.significance, SETTINGS.hump_significance)
-    (process,) = axis_noise(search, Terms(("N",), times=(1000.0,))).gauss_markov
+    selection = Selection(BASIS, likelihood, SETTINGS.significance, SETTINGS.hump_significance)
+    (process,) = axis_noise(selection, ("N", 1000.0)).gauss_markov
     # the walk alone tells the value, and nothing of the time
     assert process.q.value == pytest.approx(1e-3, rel=0.3)
     assert process.q.ci95[0] < 1e-5 and process.q.ci95[1] < 2e-3
@@ -129,7 +128,7 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
 
 
-SHORT = Layout(RATE, (0,), (4000,), (0,))
+SHORT = Sampling(RATE, (0,), (4000,), (0,))
 SHORT_BASIS = modes([SHORT])
 SLOW = {
     "white": {},
@@ -160,7 +159,7 @@ def short_lines(seed, amplitude=0.0, **truth):
 @pytest.mark.parametrize("kind", SLOW)
 def test_a_line_of_four_periods_is_no_slow_noise(kind):
     density = slow_density(**SLOW[kind])
-    amplitude = 3 * detection_limit([SHORT], density, 0.01, SETTINGS.hump_significance)
+    amplitude = 3 * line_limit(SHORT, density, 0.01)
     found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(12)]
     # one over the record away
     near = [len(f) == 1 and abs(f[0].frequency - 0.01) < 0.0025 for f in found]
@@ -186,11 +185,11 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     x = record(3, K=3e-4)
     whole = estimate_record(x, RATE, SETTINGS).noise
     x[15_000:] += 1.0
-    cut = Layout(RATE, (0, 15_000), (14_000, 15_000), (0, 1))
+    cut = Sampling(RATE, (0, 15_000), (14_000, 15_000), (0, 1))
     values = [[x[:14_000], x[15_000:]]]
     moved = estimate_axis([cut], modes([cut]), values, SETTINGS).noise
     assert moved.K.value == pytest.approx(whole.K.value, rel=0.3)
-    one_level = Layout(RATE, cut.starts, cut.lengths, (0, 0))
+    one_level = Sampling(RATE, cut.starts, cut.lengths, (0, 0))
     step = estimate_axis([one_level], modes([one_level]), values, SETTINGS).noise
     assert step.K.value > 3 * moved.K.value
 

@@ -76,7 +76,7 @@ def hours(seed):
 
 def test_coefficients_hold_where_samples_are_missing():
     inside, walks, rng = [], [], np.random.default_rng(9)
-    for seed, lengths in ((31, [1]), (32, [1]), (33, [2, 3, 4, 5])):
+    for seed, lengths in ((31, [1]), (33, [2, 3, 4, 5])):
         whole = hours(seed)
         samples = lose(whole.samples, 0.01, rng, lengths)
         end = whole.samples["t"].max() + 0.02

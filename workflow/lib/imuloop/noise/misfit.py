@@ -1,7 +1,7 @@
 """Where a spectrum leaves its model: a band that a filter emptied, and what counts less."""
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, psi, zeta
+from scipy.special import chdtrc, chdtri, polygamma, psi
 
 # rows are compared with the model in groups of at least so many values, at most so many a decade
 VALUES, GROUPS = 8, 24
@@ -35,10 +35,8 @@ def misfit(ratio, count, number, terms, level):
 
     Parameters
     ----------
-    ratio : ndarray, shape (r,)
-        Mean square over the expected one, 1.
-    count : ndarray, shape (r,)
-        Values behind each row; 0 where it was left out.
+    ratio, count : ndarray, shape (r,)
+        Mean square over the expected one, 1, and values behind each row; 0 where it was left out.
     number : ndarray of int, shape (r,)
         Group of each row.
     terms : int
@@ -57,18 +55,15 @@ def misfit(ratio, count, number, terms, level):
     half = np.where(used, n, 2.0) / 2
     r = np.bincount(number, count * ratio) / np.maximum(n, 1)
     logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
-    # the trigamma function
-    variance = zeta(2, half)
+    variance = polygamma(1, half)
     square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
     dof = used.sum() - terms
     if dof < 2 or chdtrc(dof, (square / variance)[used].sum()) >= level:
         return np.zeros(len(n))
 
     def around(values):
-        total = np.concatenate([[0.0], np.cumsum(np.where(used, values, 0.0))])
-        place = np.arange(len(n))
-        low = np.maximum(place - TOGETHER, 0)
-        return total[np.minimum(place + TOGETHER + 1, len(n))] - total[low]
+        values = np.where(used, values, 0.0)
+        return np.convolve(values, np.ones(2 * TOGETHER + 1))[TOGETHER : TOGETHER + len(n)]
 
     near = np.maximum(around(1.0), 1)
     chance = chdtri(near, level / 10)
@@ -83,7 +78,7 @@ def weights(epsilon, count, number):
 
 
 def band(frequency, count, power, predict):
-    """Return the highest frequency below which no octave lacks power.
+    """Return the highest frequency below which no octave lacks power, Hz.
 
     An octave at the top is predicted from all that lies below it. Where it lacks more than a
     quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
@@ -94,11 +89,6 @@ def band(frequency, count, power, predict):
         Of each row: Hz, values, SI squared.
     predict : callable
         Takes a mask of rows, returns the spectrum fitted to these, shape (r,).
-
-    Returns
-    -------
-    float
-        Hz.
     """
     highest = frequency.max()
     for _ in range(OCTAVES):

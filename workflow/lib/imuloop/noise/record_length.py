@@ -1,8 +1,7 @@
 """How long a record would have to be to show a term."""
 
-from statistics import NormalDist
-
 import numpy as np
+from scipy.special import ndtri
 
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
@@ -13,7 +12,7 @@ POWER = 0.9
 BINS, LONGEST = 12, 3.2e7
 
 
-def needed_seconds(name, value, theta, processes, dt, level):
+def record_seconds(name, value, theta, processes, dt, level):
     r"""Return the length of an unbroken record in which a term would be found nine times in ten.
 
     The record's expected spectrum with the term is fitted without it. The root of twice the loss
@@ -40,8 +39,7 @@ def needed_seconds(name, value, theta, processes, dt, level):
     float or None
         Seconds, to a tenth; None where no record that can be made would show it.
     """
-    quantile = NormalDist().inv_cdf
-    wanted = quantile(POWER) - quantile(level / 2 if name == "R" else level)
+    wanted = ndtri(POWER) - ndtri(level / 2 if name == "R" else level)
 
     def shown(seconds):
         return _expected_root(name, value, theta, processes, dt, seconds / dt) >= wanted
@@ -60,10 +58,9 @@ def _expected_root(name, value, theta, processes, dt, n):
     count = np.diff(edges).astype(float)
     k = np.sqrt(edges[:-1] * (edges[1:] - 1.0))
     frequency = k / (2 * n * dt)
-    units = densities(frequency, dt) / dt
-    base = sum(
-        (v * gauss_markov_density(frequency, dt, tc) / dt for v, tc in processes), np.zeros(len(k))
-    )
+    units, base = densities(frequency, dt) / dt, np.zeros(len(k))
+    for v, tc in processes:
+        base += v * gauss_markov_density(frequency, dt, tc) / dt
     own = NAMES.index(name) if name in NAMES else -1
     others = [i for i in range(4) if i != own]
     spectrum = base + units[:, others] @ np.asarray(theta)[others]
