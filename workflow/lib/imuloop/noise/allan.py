@@ -36,19 +36,9 @@ def pooled_mean_square(stretches, factors, span, squares):
     """Return a mean over all overlapping terms of all stretches, shape (k,).
 
     No term reaches over the end of a stretch, so that what lies between two stretches, be it a
-    gap, a knock or a lasting change of level, does not enter.
-
-    Parameters
-    ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit.
-    factors : array_like of int, shape (k,)
-        Averaging factors m.
-    span : int
-        Averages of m samples that a term covers: M_s = n_s + 1 - span m terms in a stretch.
-    squares : callable
-        squares(X, m, i, j) gives the sum over the terms that start at samples i to j - 1, X the
-        integral of the output without its mean, shape (n_s + 1,).
+    gap, a knock or a lasting change of level, does not enter. A stretch of n samples has
+    n + 1 - span m terms; `squares(X, m, i, j)` gives the sum over those that start at samples i to
+    j - 1, X the integral of the output without its mean, shape (n + 1,).
     """
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
@@ -70,7 +60,7 @@ def pooled_mean_square(stretches, factors, span, squares):
 
 
 def allan_variance(stretches, factors):
-    r"""Return the overlapping Allan variance, pooled over stretches.
+    r"""Return the overlapping Allan variance, pooled over stretches, shape (k,), unit squared.
 
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
@@ -80,12 +70,7 @@ def allan_variance(stretches, factors):
     stretches : sequence of array_like, shape (n_s,)
         Evenly sampled output, any unit; no term reaches over the end of a stretch.
     factors : array_like of int, shape (k,)
-        Averaging factors m.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Unit of the output squared; not-a-number where no stretch is long enough.
+        Averaging factors m; not-a-number where no stretch is long enough.
 
     References
     ----------
@@ -106,16 +91,8 @@ def allan_variance(stretches, factors):
 def allan_table(axis, tau, variance, edf, stage="raw"):
     """Return one axis' rows of allan.parquet: the deviation with its 95 % interval.
 
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    tau, variance : array_like, shape (k,)
-        Averaging times, s, and Allan variance, unit of the axis squared.
-    edf : array_like, shape (k,)
-        Equivalent degrees of freedom; edf s^2 / sigma^2 follows chi-square.
-    stage : str
-        'raw' or 'corrected'.
+    Averaging times `tau` in s, Allan variance in the unit of the axis squared and equivalent
+    degrees of freedom, shape (k,) each; edf s^2 / sigma^2 follows chi-square.
     """
     variance = np.asarray(variance)
     low, high = (np.sqrt(end) for end in interval(variance, np.asarray(edf)))

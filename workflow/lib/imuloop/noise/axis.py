@@ -99,19 +99,10 @@ def estimate_axis(samplings, basis, values, settings, start=None):
 
 
 def find_lines(samplings, basis, values, settings, start=None):
-    """Find lines and take them out one by one, each against the noise fitted beside those before.
+    """Return the lines, and the Selection of what remains; arguments as of `estimate_axis`.
 
-    Parameters
-    ----------
-    samplings, basis, values, settings, start
-        As `estimate_axis` takes them.
-
-    Returns
-    -------
-    lines : list of Line
-        Without those that one before has left where it wandered; they too are taken out.
-    selection : Selection
-        Of what remains.
+    Lines are found and taken out one by one, each against the noise fitted beside those before.
+    What one before has left where it wandered is taken out too, but is no line.
     """
     lines, digits = [], (DIGITS * max(abs(x).max() for each in values for x in each)) ** 2
     while True:

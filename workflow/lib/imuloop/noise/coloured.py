@@ -40,12 +40,8 @@ def coefficients(values):
 class WindowSpectrum:
     """The spectra of window means of the three axes, in bins.
 
-    Attributes
-    ----------
-    theta, count : ndarray, shape (m,)
-        Mean of 2π frequency times window length, and number of coefficients.
-    power : ndarray, shape (3, m)
-        Mean square of the coefficients, SI squared.
+    `theta`, shape (m,), is the mean of 2π frequency times window length, `count`, (m,), the number
+    of coefficients, `power`, (3, m), their mean square, SI squared.
     """
 
     theta: np.ndarray
@@ -80,16 +76,10 @@ class WindowSpectrum:
 
 
 def most_likely(power, count, units):
-    """Return the likeliest variances, none negative, shape (p,).
+    """Return the likeliest variances of `units`, shape (m, p), none negative, shape (p,).
 
-    Non-negative least squares, the weights those of the last fit, until the likelihood stays.
-
-    Parameters
-    ----------
-    power, count : ndarray, shape (m,)
-        Mean square of the coefficients in each bin, and their number.
-    units : ndarray, shape (m, p)
-        Spectra of variance one.
+    Non-negative least squares, the weights those of the last fit, until the likelihood stays;
+    `power` and `count`, shape (m,), are the mean square of the coefficients and their number.
     """
     floor, last = 1e-9 * power.max(), -np.inf
     expected = np.maximum(power, LEAST * power.max())
@@ -149,10 +139,8 @@ class Coloured:
     ----------
     log_p : float
         Logarithm of the p-value, times the number of correlation times.
-    tc : float
-        The most telling correlation time, s.
-    tries : int
-        Number of correlation times.
+    tc, tries : float and int
+        The most telling correlation time, s, of so many.
     variances, std : ndarray, shape (3, 5)
         Q², N², B², K² and the variance of the process on each axis, SI, and standard errors.
     """
@@ -220,14 +208,8 @@ def limits(test, spectrum, length, threshold, power):
 
     The expected spectrum with a process of variance v is fitted without it: the root of twice the
     loss of likelihood is normal about its expectation. Held-out blocks have to be likelier, too.
-    The time is the most telling one of those at which some size would be found.
-
-    Returns
-    -------
-    float
-        Correlation time, s.
-    list of float or None
-        Of each axis, SI; None where flicker and walk would imitate a process of any size.
+    The time, s, is the most telling one of those at which some size would be found; q is in SI,
+    None where flicker and walk would imitate a process of any size.
     """
 
     def chance(p):
@@ -298,10 +280,9 @@ def held_out_ratio(folds, draws, seed):
 
     Returns
     -------
-    float
-        The ratio; below 1 where the process predicts better.
-    list of float
-        Its 95 % interval, whole blocks drawn again.
+    float, list of float
+        The ratio, below 1 where the process predicts better, and its 95 % interval, whole blocks
+        drawn again.
     """
     gains, number = [], 0
     for others, own in folds:

@@ -17,23 +17,10 @@ SAME_LINE = 0.05
 
 
 def corrected(session, log, calibration, found):
-    """Return samples of a session less what the effects of both sensors add.
+    """Return samples of a session by column, SI as logged, less what effects add.
 
-    Parameters
-    ----------
-    session : str
-        Its name.
-    log : RestLog
-        Its samples.
-    calibration : Calibration
-        Turns SI as logged into ``K (raw - b)``.
-    found : dict of str to tuple of FittedEffect
-        Effects of each sensor.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Columns by name, SI as logged.
+    `log` is a RestLog, `found` the FittedEffects of each sensor; the calibration turns SI as logged
+    into ``K (raw - b)``.
     """
     t, changed = log.t, {name: log.column(name) for name in CHANNELS}
     levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in SENSORS.items()}
@@ -60,19 +47,7 @@ def corrected(session, log, calibration, found):
 
 
 def noise_again(device, data, calibration, found, noise_settings):
-    """Return the NoiseModel of the corrected samples, and their Allan tables by session.
-
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    data : StaticData
-        Samples and segments.
-    calibration, found
-        As `corrected` takes them.
-    noise_settings : NoiseSettings
-        Settings of the noise stage.
-    """
+    """Return the NoiseModel of the corrected StaticData, and their Allan tables by session."""
     sessions = [
         Session(
             name,
@@ -102,10 +77,8 @@ def with_found_noise(model, found, processes, lines=True):
     ----------
     model : NoiseModel
         Noise without them.
-    found : dict of str to tuple of FittedEffect
-        Effects of each sensor.
-    processes : dict of str to Coloured
-        Noise with a correlation time of the sensors that have it.
+    found, processes : dict
+        By sensor its FittedEffects, and its Coloured noise with a correlation time if it has any.
     lines : bool
         Whether lines are wanted.
     """

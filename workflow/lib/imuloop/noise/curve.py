@@ -41,15 +41,8 @@ class CurveVariance:
     .. math:: \mathrm{var}(\sigma^2(\tau))
         = \frac{1}{4 \tau^4 M^2} \sum_d w(d) [2 r(d)^2 + 4 R^2 \tau^4 r(d)]
 
-    where w(d) counts the pairs of terms and R is a ramp. It is quadratic in theta, so the sums
-    over d are taken once and serve every axis and every iteration of a fit.
-
-    Attributes
-    ----------
-    quadratic : ndarray, shape (k, 4, 4)
-        Factors of theta_p theta_q, theta = (Q^2, N^2, B^2, K^2).
-    ramp : ndarray, shape (k, 4)
-        Factors of R^2 theta_p.
+    where w(d) counts the pairs of terms and R is a ramp: `quadratic`, shape (k, 4, 4), holds the
+    factors of theta_p theta_q, theta = (Q^2, N^2, B^2, K^2), `ramp`, (k, 4), those of R^2 theta_p.
     """
 
     quadratic: np.ndarray
@@ -57,10 +50,7 @@ class CurveVariance:
 
     @classmethod
     def of(cls, factors, lengths, rate):
-        """Return that of averaging `factors`, shape (k,), over stretches of `lengths` samples.
-
-        Stretches count as independent; `rate` in Hz.
-        """
+        """Return that of averaging `factors` over independent stretches, rate in Hz."""
         lengths, repeats = np.unique(lengths, return_counts=True)
         quadratic, ramp = np.zeros((len(factors), 4, 4)), np.zeros((len(factors), 4))
         for i, m in enumerate(np.asarray(factors, dtype=np.int64)):
@@ -99,12 +89,7 @@ class CurveVariance:
 
         .. math:: \nu = 2 \sigma^4 / \mathrm{var}(\hat\sigma^2)
 
-        Parameters
-        ----------
-        noise : AxisNoise
-            Its five coefficients; where none is known, white noise.
-        tau : array_like, shape (k,)
-            Averaging times, s.
+        of the five coefficients of an AxisNoise, white noise where none is known; `tau` in s.
         """
         theta = np.array([getattr(noise, name).square for name in TERMS])
         theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
@@ -126,7 +111,7 @@ def _second_differences(d, m, rate):
 
 
 def fit_curve(tau, variance, spread):
-    r"""Return Q, N, B, K, R that fit an Allan curve best, none negative, none tested.
+    r"""Return Q, N, B, K, R, SI, that fit an Allan curve best, none negative, none tested.
 
     The variance (not the deviation) is linear in the squares of the coefficients,
 
@@ -134,7 +119,8 @@ def fit_curve(tau, variance, spread):
         + R^2 \tau^2/2
 
     Weights are the inverse of the variance of each point, from the last fit and not from the
-    data, which would favour points that came out low.
+    data, which would favour points that came out low. All are 0 where the curve has under eight
+    points or is zero somewhere.
 
     Parameters
     ----------
@@ -142,11 +128,6 @@ def fit_curve(tau, variance, spread):
         Averaging times, s, and overlapping Allan variance, unit of the axis squared.
     spread : CurveVariance
         Of the same points.
-
-    Returns
-    -------
-    list of 5 floats
-        SI; zeros where the curve has under eight points or is zero somewhere.
 
     References
     ----------

@@ -23,20 +23,15 @@ DEVIATIONS = {
 def deviation_variance(name, stretches, factors):
     """Return the total, modified Allan or overlapping Hadamard variance, pooled over stretches.
 
+    The total one is without the correction for its bias at long averages under flicker and walk
+    (-24 % and -38 % of the variance at half the record).
+
     Parameters
     ----------
-    name : str
-        'total', without the correction for its bias at long averages under flicker and walk (-24 %
-        and -38 % of the variance at half the record); 'modified'; or 'hadamard'.
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit; no term reaches over the end of a stretch.
-    factors : array_like of int, shape (k,)
-        Averaging factors m.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Unit of the output squared; not-a-number where no stretch is long enough.
+    name : {'total', 'modified', 'hadamard'}
+        Which.
+    stretches, factors
+        As `imuloop.noise.allan.allan_variance` takes them; the same unit comes out, shape (k,).
 
     References
     ----------
@@ -76,13 +71,6 @@ def m_sample_variance(stretches, factors, samples):
     .. math:: \sigma^2(M, \tau) = \Big\langle \frac{1}{M-1} \sum_{k=1}^M
         (\bar x_k - \bar x)^2 \Big\rangle
 
-    Parameters
-    ----------
-    stretches, factors
-        As for `deviation_variance`.
-    samples : int
-        Averages a group, M; 2 or more.
-
     References
     ----------
     D. W. Allan, Statistics of atomic frequency standards, Proc. IEEE 54 (1966), 221-230.
@@ -97,23 +85,10 @@ def m_sample_variance(stretches, factors, samples):
 
 
 def deviation_interval(name, lengths, factors, variance):
-    """Return the 95 % interval of a variance by the noise that the slope of its curve tells.
+    """Return the 95 % interval of a pooled variance by the noise that the slope of its curve shows.
 
-    Parameters
-    ----------
-    name : str
-        'total', 'modified' or 'hadamard'.
-    lengths : sequence of int
-        Samples of each stretch; stretches count as independent.
-    factors : array_like of int, shape (k,)
-        Averaging factors m.
-    variance : array_like, shape (k,)
-        The variance, pooled.
-
-    Returns
-    -------
-    low, high : ndarray, shape (k,)
-        Not-a-number where the table of degrees of freedom has no entry.
+    For stretches of `lengths` samples, which count as independent; not-a-number where the table of
+    degrees of freedom has no entry.
 
     References
     ----------

@@ -35,14 +35,8 @@ def weighted_nnls(units, target, weight):
 class MaximumLikelihood:
     """Most likely variances.
 
-    Attributes
-    ----------
-    theta : ndarray, shape (p,)
-        Factors of the unit spectra, none negative.
-    ramp : float
-        Ramp, SI/s; 0 where it was not fitted.
-    value : float
-        Logarithm of the likelihood, without its constant.
+    `theta`, shape (p,), are factors of the unit spectra, none negative; `ramp` in SI/s is 0 where
+    it was not fitted; `value` is the logarithm of the likelihood, without its constant.
     """
 
     theta: np.ndarray

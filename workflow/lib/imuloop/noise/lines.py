@@ -20,16 +20,10 @@ WANDER, CLOCK = 1e-3, 2e-4
 class Line:
     """Sinusoid of one axis.
 
-    Attributes
-    ----------
-    frequency, frequency_ci95 : float, tuple of two floats
-        Hz, with its 95 % interval.
-    amplitude, amplitude_ci95 : float, tuple of two floats
-        SI of the axis, with its 95 % interval, in the session where it stands out most.
-    parts : tuple of FittedSinusoid
-        What is removed. More than one a session where frequency, phase or amplitude wander; then
-        `frequency` is the mean weighted with the power and `amplitude` the root mean square, low
-        by what the line wanders within a part.
+    Frequency in Hz, and amplitude, SI of the axis, in the session where it stands out most, with
+    95 % intervals. `parts` are what is removed: more than one a session where frequency, phase or
+    amplitude wander; then `frequency` is the mean weighted with the power and `amplitude` the root
+    mean square, low by what the line wanders within a part.
     """
 
     frequency: float
@@ -77,16 +71,14 @@ def means(samplings, values, size):
 
 
 def find_line(samplings, values, spectrum, level):
-    r"""Return the sinusoid that stands out most from the noise, if chance does not explain it.
+    """Return the sinusoid that stands out most from the noise, if chance does not explain it.
 
     The largest ratio of the periodogram to the spectrum and its local background, see
-    `Periodogram`, is a line where the chance of it is below the level. A line that wanders is told
-    from many by halving: where the halves of the record, each with a frequency, phase and amplitude
-    of its own, explain more than the whole and chance, it is followed through them, and is still
-    one line.
-
-    Sessions are tested one by one and their independent frequencies W add: the clocks of two
-    sessions differ by more than the width 1/T of a line, so that powers at one frequency do not.
+    `Periodogram`, is a line where the chance of it is below the level. A line that wanders is one
+    line: where the halves of the record, each with a frequency, phase and amplitude of its own,
+    explain more than the whole and chance, it is followed through them. Sessions are tested one by
+    one and their independent frequencies W add: the clocks of two sessions differ by more than the
+    width 1/T of a line, so that powers at one frequency do not.
 
     Parameters
     ----------
@@ -131,7 +123,7 @@ def find_line(samplings, values, spectrum, level):
             same = fit_sinusoid(samplings[i], values[i], near, i)
             if chance_over_band(found.chance(same), 2 * reach * span) > level:
                 continue
-        density = found.density_of_parts(same.frequency)
+        density, _ = found.density(same.frequency)
         parts[i] = follow(samplings[i], values[i], same, density)
     return Line(
         *_summary(parts[best], samplings[best].rate, *live[best].density(fitted.frequency)),
@@ -140,25 +132,15 @@ def find_line(samplings, values, spectrum, level):
 
 
 def mains(frequency, rate):
-    r"""Return which mains harmonic lies at a frequency, itself or folded by the sampling.
+    """Return which mains harmonic lies at a frequency, itself or folded by the sampling, or None.
 
-    A harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`. The window to either side is 1.2
-    per mille of :math:`h f_0`: 50 mHz of 50 Hz for mains' own wander, and 200 ppm for the clock
-    behind the time stamps, whose error scales all logged frequencies, r too. Nothing is named
-    within a window of zero, where any slow line would be, nor where the window is wider than
-    0.8 % of the band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz,
-    1 % at 1 kHz, below 10 % at any rate.
-
-    Parameters
-    ----------
-    frequency, rate : float
-        Hz. Where the rate is only nominal, a missing name says nothing.
-
-    Returns
-    -------
-    str or None
-        E.g. ``50 Hz mains, alias of its 2nd harmonic``; the lowest harmonic that fits, both mains
-        where both do.
+    E.g. ``50 Hz mains, alias of its 2nd harmonic``; the lowest harmonic that fits, both mains where
+    both do. A harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`. The window to either side
+    is 1.2 per mille of :math:`h f_0`: 50 mHz of 50 Hz for mains' own wander, and 200 ppm for the
+    clock behind the time stamps, whose error scales all logged frequencies, r too. Nothing is named
+    within a window of zero, where any slow line would be, nor where the window is wider than 0.8 %
+    of the band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 %
+    at 1 kHz, below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

@@ -31,7 +31,7 @@ def misfit(ratio, count, number, terms, level):
     Power over expected power r of n values is a chi-square over n: its logarithm has the mean
     :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean
     square in the groups around (half a decade to each side) beyond that variance is
-    :math:`\epsilon^2`, where that is no chance.
+    :math:`\epsilon^2`, where that is no chance, shape (g,).
 
     Parameters
     ----------
@@ -39,16 +39,8 @@ def misfit(ratio, count, number, terms, level):
         Mean square over the expected one, 1, and values behind each row; 0 where it was left out.
     number : ndarray of int, shape (r,)
         Group of each row.
-    terms : int
-        Terms that were fitted.
-    level : float
-        Level of the test of the whole spectrum.
-
-    Returns
-    -------
-    ndarray, shape (g,)
-        Standard deviation by which each group leaves the model, 1; zeros where the whole spectrum
-        does not leave it.
+    terms, level : int and float
+        Terms that were fitted, and level of the test of the whole spectrum.
     """
     n = np.bincount(number, count)
     used = n > 0
@@ -82,13 +74,8 @@ def band(frequency, count, power, predict):
 
     An octave at the top is predicted from all that lies below it. Where it lacks more than a
     quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
-
-    Parameters
-    ----------
-    frequency, count, power : ndarray, shape (r,)
-        Of each row: Hz, values, SI squared.
-    predict : callable
-        Takes a mask of rows, returns the spectrum fitted to these, shape (r,).
+    Frequency, values and mean square of each row, shape (r,); `predict` takes a mask of rows and
+    returns the spectrum fitted to these, shape (r,).
     """
     highest = frequency.max()
     for _ in range(OCTAVES):

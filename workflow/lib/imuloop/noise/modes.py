@@ -24,23 +24,15 @@ BINS, TIMES = 24, 8
 
 
 def expected_squares(covariance):
-    r"""Return the expected squares of a cosine transform, for any covariance.
+    r"""Return the expected squares of a cosine transform, for any covariance, shape (..., n - 1).
 
     .. math:: E c_k^2 = \frac{1}{n} \left[ \sum_{|d|<n} \gamma_d (n - |d|) \cos \omega d
         - \frac{2}{\sin \omega} \sum_{d \ge 0} \gamma_d \sin \omega d \right],
-        \quad \omega = \pi k/n
+        \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
-    for the orthonormal DCT-II of n values whose covariance is Toeplitz; by one Fourier transform.
-
-    Parameters
-    ----------
-    covariance : array_like, shape (..., n)
-        At lags 0 ... n-1; it may be a generalised one, since the modes k > 0 are contrasts.
-
-    Returns
-    -------
-    ndarray, shape (..., n - 1)
-        For k = 1 ... n-1.
+    for the orthonormal DCT-II of n values whose covariance is Toeplitz, at lags 0 ... n - 1 in
+    `covariance`, shape (..., n); by one Fourier transform. It may be a generalised one, since the
+    modes k > 0 are contrasts.
     """
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
@@ -163,19 +155,10 @@ class Modes:
     _bins: np.ndarray
 
     def amplitudes(self, values):
-        """Return the slow modes' amplitudes and the fast ones' mean squares.
+        """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
 
-        Parameters
-        ----------
-        values : list of list of ndarray
-            Samples of each stretch of each session.
-
-        Returns
-        -------
-        slow : ndarray, shape (s,)
-            SI, with sign.
-        fast : ndarray, shape (r - s,)
-            SI squared; the straight line of each piece is taken out before.
+        `values` are the samples of each stretch of each session. The straight line of each piece is
+        taken out of the fast ones before.
         """
         values = [s.close_up(x) for s, x in zip(self._samplings, values, strict=True)]
         slow, squares = [], np.zeros(self.m - 1)
@@ -233,13 +216,7 @@ class Modes:
 
 
 def modes(samplings):
-    """Return the Modes of sessions of one rate, at least one with a stretch of two samples.
-
-    Parameters
-    ----------
-    samplings : sequence of Sampling
-        One a session.
-    """
+    """Return the Modes of Samplings of one rate, one a session, with two samples or more."""
     closed = [sampling.closed_up() for sampling in samplings]
     dt = 1 / np.average([s.rate for s in closed], weights=[sum(s.lengths) for s in closed])
     m = _block_length([n for sampling in closed for n in sampling.lengths])

@@ -1,7 +1,7 @@
 """Noise of a device: coefficients, Allan curves, spectra and summary figures."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,22 +29,18 @@ class NoiseResult:
         Coefficients of the six axes.
     rate_hz : float or None
         Sampling rate of the sessions used, Hz.
-    curve_fit : dict of str to dict
-        For each axis Q, N, B, K, R of the plain fit to the Allan curve, the cross-check; 0 where
-        not in the fit.
-    spectrum : dict of str to dict
-        For each axis ``misfit`` and ``band_hz`` of its `AxisEstimate`.
+    curve_fit, spectrum : dict of str to dict
+        For each axis Q, N, B, K, R of the plain fit to the Allan curve, 0 where not in the fit; and
+        ``misfit`` and ``band_hz`` of its `AxisEstimate`.
     uncut : dict or None
         ``seconds`` that were cut and, under ``axes``, the coefficients with them left in.
-    repeatability : dict or None
-        Of the static sessions, see `statistics.repeatability`.
-    statistics : dict of str to dict
-        For each session used and each axis the figures of `statistics.summary`.
+    repeatability, statistics : dict
+        See `statistics.repeatability`; for each session used and each axis `statistics.summary`.
     sessions, notes : tuple of str
         Sessions behind the coefficients; what a reader of the coefficients must know.
     allan, views : dict of str to dict of ndarray
-        For each session given its own Allan curve, columns of allan.parquet, and columns of
-        views.parquet; without rows where the session was not used.
+        For each session given the columns of allan.parquet and of views.parquet; without rows where
+        the session was not used.
     """
 
     model: NoiseModel
@@ -61,17 +57,9 @@ class NoiseResult:
 
     def to_dict(self):
         """Return the content of noise.json."""
-        return {
-            **self.model.to_dict(),
-            "rate_hz": self.rate_hz,
-            "curve_fit": self.curve_fit,
-            "spectrum": self.spectrum,
-            "uncut": self.uncut,
-            "repeatability": self.repeatability,
-            "statistics": self.statistics,
-            "sessions": list(self.sessions),
-            "notes": list(self.notes),
-        }
+        own = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
+        lists = {"sessions": list(self.sessions), "notes": list(self.notes)}
+        return self.model.to_dict() | own | lists
 
     def to_json(self, path, failed=None):
         """Write noise.json; `failed` is what went wrong where there is nothing to write."""

@@ -39,18 +39,10 @@ def is_sparse(sampling):
 class Band:
     """What is searched in one session.
 
-    Attributes
-    ----------
-    rate, span : float
-        Sampling rate, Hz, and time from first to last sample, s.
-    samples, padded : int
-        Samples there, and of the padded transform.
-    edges : ndarray of int, shape (b + 1,)
-        Of the blocks of the background, in steps of the padded transform.
-    sizes : ndarray of int, shape (b,)
-        Independent values in each block.
-    independent : float
-        W of `Periodogram`.
+    `rate` in Hz and `span`, first to last sample, in s; `samples` that are there, and `padded` of
+    the transform; `edges`, shape (b + 1,), of the blocks of the background in steps of the
+    transform, and `sizes`, (b,), the independent values in each; `independent` is W of
+    `Periodogram`.
     """
 
     rate: float
@@ -195,13 +187,6 @@ class Periodogram:
         scale = np.average(self.medians[near], weights=sizes) / log(2)
         return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
 
-    def density_of_parts(self, frequency):
-        """Return the density in parts of the session, of which no frequency is empty.
-
-        Where a log repeats itself, most frequencies of the whole are.
-        """
-        return max(self.density(frequency)[0], self.spectrum(np.array([frequency]))[0])
-
 
 def chance_at_one(x, m, sides):
     """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
@@ -219,24 +204,15 @@ def chance_over_band(chance, independent):
 
 
 def _squares(x):
-    r"""Return the squares of the Fourier transform of x and as many zeros behind.
+    r"""Return the squares of the Fourier transform of x and as many zeros behind, shape (n + 1,).
 
-    One remainder r of the frequency k = P l + r after the other, so that little more than x and the
-    result is in memory. With M = 2 n/P
+    One remainder r of the frequency k = P l + r after the other, P = `REMAINDERS`, so that little
+    more than x and the result is in memory. With M = 2 n/P
 
     .. math:: X_{Pl+r} = \sum_{j<M} e^{-2\pi i jl/M} e^{-\pi i jr/n}
         \sum_{p<P/2} x_{j+pM} e^{-2\pi i pr/P}
 
     and those above n are the conjugates of the remainder P - r.
-
-    Parameters
-    ----------
-    x : ndarray of float32, shape (n,)
-        n is a multiple of half of P, `REMAINDERS`.
-
-    Returns
-    -------
-    ndarray of float32, shape (n + 1,)
     """
     n, folded = len(x), x.reshape(REMAINDERS // 2, -1)
     size = folded.shape[1]

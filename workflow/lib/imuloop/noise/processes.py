@@ -42,21 +42,10 @@ def distances(starts):
 
 
 def mean_covariances(d, m, dt):
-    """Return the covariance of means over blocks for unit coefficients.
+    """Return the covariance of means over m samples for unit Q, N, B, K, shape (4, ...), SI.
 
-    Parameters
-    ----------
-    d : ndarray of int, any shape
-        Distance of two blocks in samples: 0, or m and more.
-    m : int
-        Samples of a block.
-    dt : float
-        Interval of the samples, s.
-
-    Returns
-    -------
-    ndarray, shape (4, ...)
-        For Q, N, B, K, SI; the same processes as in `sample_covariances`.
+    The same processes as in `sample_covariances`; `d` is the distance of two blocks in samples, 0
+    or m and more, `dt` the interval of the samples, s.
     """
     own = d == 0
     quantisation = (2.0 * own - (d == m)) / (m * dt) ** 2

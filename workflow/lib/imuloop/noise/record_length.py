@@ -1,5 +1,7 @@
 """How long a record would have to be to show a term."""
 
+from bisect import bisect_left
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -13,7 +15,7 @@ BINS, LONGEST = 12, 3.2e7
 
 
 def record_seconds(name, value, theta, processes, dt, level):
-    r"""Return the length of an unbroken record in which a term would be found nine times in ten.
+    r"""Return the seconds of an unbroken record in which a term would be found nine times in ten.
 
     The record's expected spectrum with the term is fitted without it. The root of twice the loss
     of log-likelihood is normal about its expectation, so that it has to reach
@@ -21,23 +23,19 @@ def record_seconds(name, value, theta, processes, dt, level):
 
     Parameters
     ----------
-    name : str
-        Q, N, B, K or R.
-    value : float
-        Size of the term, SI.
+    name, value : str and float
+        Q, N, B, K or R, and its size, SI.
     theta : ndarray, shape (4,)
         Squares of Q, N, B, K of the record; that of the term itself counts as 0.
     processes : sequence of (float, float)
         Variance, SI squared, and correlation time, s, of Gauss-Markov processes.
-    dt : float
-        Interval of the samples, s.
-    level : float
-        Level of the test.
+    dt, level : float
+        Interval of the samples, s, and level of the test.
 
     Returns
     -------
     float or None
-        Seconds, to a tenth; None where no record that can be made would show it.
+        To a tenth; None where no record that can be made would show it.
     """
     wanted = ndtri(POWER) - ndtri(level / 2 if name == "R" else level)
 
@@ -45,11 +43,8 @@ def record_seconds(name, value, theta, processes, dt, level):
         return _expected_root(name, value, theta, processes, dt, seconds / dt) >= wanted
 
     lengths = 100 * dt * 1.1 ** np.arange(np.log(LONGEST / (100 * dt)) / np.log(1.1))
-    low, high = 0, len(lengths)
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if shown(lengths[middle]) else (middle + 1, high)
-    return float(lengths[low]) if low < len(lengths) else None
+    shortest = bisect_left(lengths, True, key=shown)
+    return float(lengths[shortest]) if shortest < len(lengths) else None
 
 
 def _expected_root(name, value, theta, processes, dt, n):

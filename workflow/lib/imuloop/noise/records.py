@@ -139,14 +139,9 @@ def record_of(session, disturbed=False):
 
 
 def _parted(t, first, last):
-    """Return stretches parted where samples are missing.
+    """Return stretches parted where samples are missing, and the stretch each is part of.
 
-    Returns
-    -------
-    first, last, of : ndarray of int, shape (s,)
-        Samples of each, and the stretch it is part of.
-    lost, slots : int
-        Samples missing, and steps of the clock in all stretches.
+    Then the samples missing, and the steps of the clock in all stretches.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][: PART + 1]))

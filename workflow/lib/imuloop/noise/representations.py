@@ -42,6 +42,10 @@ def empty():
 def representations(record, stretches, axis, settings):
     """Return the rows of views.parquet of one axis of one session.
 
+    x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a deviation in SI. 95 %
+    interval of the value; for the autocorrelation, which has none that holds under any noise, the
+    band in which white noise would lie; not-a-number for the M-sample deviation.
+
     Parameters
     ----------
     record : Record or Sampling
@@ -52,14 +56,6 @@ def representations(record, stretches, axis, settings):
         Name of the axis.
     settings : NoiseSettings
         Which views, and the averaging times of the deviations.
-
-    Returns
-    -------
-    dict of ndarray
-        Columns `COLUMNS`. x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a
-        deviation in SI. 95 % interval of the value; for the autocorrelation, which has none that
-        holds under any noise, the band in which white noise would lie; not-a-number for the
-        M-sample deviation.
     """
     asked = dict.fromkeys([*settings.views, *(f"m_sample_{m}" for m in settings.m_samples)])
     rows = ((view, _columns(view, record, stretches, settings)) for view in asked)

@@ -116,28 +116,8 @@ def follow(sampling, values, sinusoid, density):
     if not halves:
         return [sinusoid]
     if sum(half.explained for half in halves) - sinusoid.explained < noise:
-        part, x = sampling.cut(values, begin, end)
-        if not _wanders(part, x, sinusoid, noise):
-            return [sinusoid]
+        return [sinusoid]
     return [each for half in halves for each in follow(sampling, values, half, density)]
-
-
-def _wanders(sampling, values, sinusoid, noise):
-    """Return whether 4, 8, ... parts, each with a frequency nearby, explain more than one."""
-    sums, counts, _ = _baseband(sampling, values, sinusoid.frequency)
-    span = (sinusoid.end - sinusoid.begin) / sampling.rate
-    parts, periods = 4, span * _from_ends(sinusoid.frequency, sampling.rate)
-    while periods / parts >= PERIODS and len(sums) // parts >= 8:
-        size = len(sums) // parts
-        power = abs(np.fft.fft(sums[: parts * size].reshape(parts, size), 4 * size)) ** 2
-        # up to two widths 1/T to either side
-        top = np.hstack([power[:, :9], power[:, -8:]]).max(axis=1)
-        taken = 2 * top / np.maximum(counts[: parts * size].reshape(parts, size).sum(axis=1), 1)
-        # the mirror at -f is left out: an error of 1/(pi PERIODS)
-        if taken.sum() > 1.03 * sinusoid.explained + (parts - 1) * noise:
-            return True
-        parts *= 2
-    return False
 
 
 def _from_ends(frequency, rate):

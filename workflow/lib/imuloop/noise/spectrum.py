@@ -32,20 +32,12 @@ def power_spectrum(stretches, rate):
     for noise that is white within a bin, and a mean over n values has the degrees of freedom
     2 n^2 over the sum of that over all pairs.
 
-    Parameters
-    ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit.
-    rate : float
-        Sampling rate, Hz.
-
     Returns
     -------
-    frequency : ndarray, shape (k,)
+    frequency, density, edf : ndarray, shape (k,)
         Hz, ascending, at most `POINTS`, without the two lowest and the Nyquist frequency of a
-        segment; empty where no stretch has 16 samples.
-    density, edf : ndarray, shape (k,)
-        Unit of the output squared per Hz, and equivalent degrees of freedom.
+        segment; unit of the output squared per Hz; and equivalent degrees of freedom. Empty where
+        no stretch has 16 samples.
 
     References
     ----------
@@ -137,11 +129,6 @@ def autocorrelation(stretches):
         {\sum_s \sum_t y_{s,t}^2 / n_0},\quad n_k = \sum_s \max(0, n_s - k)
 
     Taking the mean off lowers it by about the variance of that mean over the variance.
-
-    Parameters
-    ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit.
 
     Returns
     -------
