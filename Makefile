@@ -63,7 +63,7 @@ $(PEERS)/.ready: bench/requirements.txt
 	touch $@
 
 # noise coefficients beside truth, bound and common tools. Writes docs/noise_figures.md, ten minutes
-# on two cores; for a part of it NOISE_OPTIONS="--short" or "--parts accuracy --seeds 10"
+# on two cores; for a part of it NOISE_OPTIONS="--parts accuracy --seeds 10"
 NOISE_OPTIONS ?= --write docs/noise_figures.md
 bench-noise: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.noise --workers $(CORES) $(NOISE_OPTIONS)

@@ -97,18 +97,17 @@ def imuloop_intervals(axes, factors):
     """The curve, its intervals by the noise fitted to it, as allan.parquet holds them."""
     from imuloop.core.noise_model import AxisNoise, Coefficient
     from imuloop.noise.allan import allan_table, allan_variance
-    from imuloop.noise.curve_covariance import curve_covariance, degrees_of_freedom
-    from imuloop.noise.fit import TERMS, fit_curve
+    from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
 
     tau, tables = factors / RATE, []
-    spread = curve_covariance(factors, np.array([axes.shape[1]]), RATE, reach=1.0)
+    spread = CurveVariance.of(factors, [axes.shape[1]], RATE)
     for name, x in zip(("ax", "ay", "az", "gx", "gy", "gz"), axes, strict=True):
         curve = allan_variance([x], factors)
         fitted = fit_curve(tau, curve, spread)
         noise = AxisNoise(
             **{t: Coefficient(v, identifiable=v > 0) for t, v in zip(TERMS, fitted, strict=True)}
         )
-        tables.append(allan_table(name, tau, curve, degrees_of_freedom(noise, tau, spread)))
+        tables.append(allan_table(name, tau, curve, spread.degrees_of_freedom(noise, tau)))
     return [table["adev"] for table in tables]
 
 

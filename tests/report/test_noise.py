@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.noise.views import COLUMNS, label, power_spectrum
+from imuloop.noise.representations import COLUMNS, label, power_spectrum
 from imuloop.report.figures.allan import definitions, deviation_pictures
 from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
 from imuloop.report.noise_units import COEFFICIENTS, quantities
