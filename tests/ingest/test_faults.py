@@ -36,130 +36,109 @@ def logs():
     return {kind: good_log(kind) for kind in KINDS}
 
 
+def fault(function):
+    """A change of a log that is made of its parameters."""
+    return lambda *given: lambda log: function(log, *given)
+
+
 def at(log, first, last=None):
     """Rows by share of the log, or a count of rows after the first."""
     start = int(first * len(log))
     return slice(start, start + last - 1 if last else None)
 
 
-def put(rows, names, value):
+@fault
+def put(log, rows, names, value):
     """A fault: columns set to a value, or to what they were at the first row."""
 
-    def change(log):
-        where = at(log, *rows)
+    where = at(log, *rows)
+    for name in names:
+        log.loc[where, name] = log[name].iloc[where.start] if value is None else value
+
+
+@fault
+def spike(log, size, *names):
+    for share in (0.2, 0.5, 0.8):
+        # the quietest place nearby
+        spread = log[names[0]].rolling(17, center=True).std()
+        near = spread.iloc[int(share * len(log)) : int(share * len(log)) + 500]
         for name in names:
-            log.loc[where, name] = log[name].iloc[where.start] if value is None else value
-
-    return change
+            log.loc[near.idxmin(), name] += size
 
 
-def spike(size, *names):
-    def change(log):
-        for share in (0.2, 0.5, 0.8):
-            # the quietest place nearby
-            spread = log[names[0]].rolling(17, center=True).std()
-            near = spread.iloc[int(share * len(log)) : int(share * len(log)) + 500]
-            for name in names:
-                log.loc[near.idxmin(), name] += size
-
-    return change
+@fault
+def clip(log, name, share):
+    limit = np.sort(log[name].to_numpy())[int(share * len(log))]
+    log[name] = log[name].clip(upper=limit) if share > 0.5 else log[name].clip(lower=limit)
 
 
-def clip(name, share):
-    def change(log):
-        limit = np.sort(log[name].to_numpy())[int(share * len(log))]
-        log[name] = log[name].clip(upper=limit) if share > 0.5 else log[name].clip(lower=limit)
-
-    return change
-
-
-def held(names, n):
-    def change(log):
-        where = np.floor(np.floor(np.arange(len(log)) / n) * n).astype(int)
-        for name in names:
-            log[name] = log[name].to_numpy()[where]
-
-    return change
+@fault
+def held(log, names, n):
+    where = np.floor(np.floor(np.arange(len(log)) / n) * n).astype(int)
+    for name in names:
+        log[name] = log[name].to_numpy()[where]
 
 
-def passed(names, b, a=1.0):
-    def change(log):
-        for name in names:
-            first = log[name].iloc[0]
-            log[name] = lfilter(b, a, log[name] - first) + first
-
-    return change
+@fault
+def passed(log, names, b, a=1.0):
+    for name in names:
+        first = log[name].iloc[0]
+        log[name] = lfilter(b, a, log[name] - first) + first
 
 
-def stretched(names, n):
-    def change(log):
-        where = np.arange(len(log))
-        for name in names:
-            log[name] = np.interp(where, where[::n], log[name][::n])
-
-    return change
+@fault
+def stretched(log, names, n):
+    where = np.arange(len(log))
+    for name in names:
+        log[name] = np.interp(where, where[::n], log[name][::n])
 
 
-def scaled(names, factor, offset=0.0):
-    def change(log):
-        log[list(names)] = log[list(names)] * factor + offset
-
-    return change
+@fault
+def scaled(log, names, factor, offset=0.0):
+    log[list(names)] = log[list(names)] * factor + offset
 
 
-def moved(first, seconds):
-    def change(log):
-        log.loc[at(log, first), "t"] += seconds
-
-    return change
+@fault
+def moved(log, first, seconds):
+    log.loc[at(log, first), "t"] += seconds
 
 
-def deadened(names, width):
-    def change(log):
-        for name in names:
-            log[name] = np.where(np.abs(log[name]) < width, 0.0, log[name])
-
-    return change
+@fault
+def deadened(log, names, width):
+    for name in names:
+        log[name] = np.where(np.abs(log[name]) < width, 0.0, log[name])
 
 
-def tracked(tau, still):
+@fault
+def tracked(log, tau, still):
     """Firmware that follows the mean of each rate with a time constant, s, while it is still."""
 
-    def change(log):
-        spread = sum(log[name].rolling(25, min_periods=1).std() for name in ANGULAR_RATE)
-        resting = (spread < still).to_numpy()
-        raw = log[list(ANGULAR_RATE)].to_numpy()
-        out, mean = raw.copy(), np.zeros(3)
-        for i in range(len(log)):
-            if resting[i]:
-                mean += 0.01 / tau * (raw[i] - mean)
-            out[i] -= mean
-        log[list(ANGULAR_RATE)] = out
-
-    return change
+    spread = sum(log[name].rolling(25, min_periods=1).std() for name in ANGULAR_RATE)
+    resting = (spread < still).to_numpy()
+    raw = log[list(ANGULAR_RATE)].to_numpy()
+    out, mean = raw.copy(), np.zeros(3)
+    for i in range(len(log)):
+        if resting[i]:
+            mean += 0.01 / tau * (raw[i] - mean)
+        out[i] -= mean
+    log[list(ANGULAR_RATE)] = out
 
 
-def swapped(*shares):
-    def change(log):
-        for share in shares:
-            rows = [int(share * len(log)), int(share * len(log)) + 1]
-            log.loc[rows, "t"] = log.t[rows[::-1]].to_numpy()
-
-    return change
+@fault
+def swapped(log, *shares):
+    for share in shares:
+        rows = [int(share * len(log)), int(share * len(log)) + 1]
+        log.loc[rows, "t"] = log.t[rows[::-1]].to_numpy()
 
 
-def coarse(name, step):
-    def change(log):
-        log[name] = np.round(log[name] / step) * step
-
-    return change
+@fault
+def coarse(log, name, step):
+    log[name] = np.round(log[name] / step) * step
 
 
-def copied(one, other):
-    def change(log):
-        log[other] = log[one]
-
-    return change
+@fault
+def copied(log, one, other):
+    log[other] = log[one]
 
 
 DEAD_BAND = {

@@ -73,31 +73,17 @@ def ingest(
 
     Parameters
     ----------
-    device, session : str
-        Names.
-    kind : str or None
-        What was done with the device, where that is known.
+    device, session, kind : str
+        Names, and what was done with the device, None where that is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of `sources`.
     samples_path, quality_path : path-like
         Files to write, each in one step.
-    format : str, optional
-        Name in `imuloop.ingest.formats.FORMATS`; found from the files if None.
+    format, columns, units, rate, time_range, pps, nominal, full_scale : optional
+        As in the config; what is not declared is found from the log, units else SI.
     sources : dict, optional
         Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source, for
         the record; found from the number of paths if None.
-    columns, units : dict, optional
-        As in the config; what is not declared is found from the log, units else SI.
-    rate : float, optional
-        Hz, where the log has no time column.
-    time_range : (start, end), optional
-        Half-open crop: seconds from the log's first stamp, or ISO 8601; None is an open end.
-    pps : dict, optional
-        ``counter`` and ``time`` of 1PPS marks, columns of the log or of the source ``pps``.
-    nominal : dict, optional
-        Quantity to ``scale`` and ``offset`` of raw counts.
-    full_scale : dict, optional
-        ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
     gravity : float
         Local gravity, m/s^2.
     batch_rows, threads : int
