@@ -12,18 +12,10 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
-from imuloop.core.units import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    INCREMENTS,
-    STANDARD_GRAVITY,
-    TEMPERATURE,
-    TIME,
-    raw_unit,
-)
+from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import bursts, clocks, increments, quality
 from imuloop.ingest import pps as marks
-from imuloop.ingest.columns import stated_unit, unknown_unit
+from imuloop.ingest.columns import UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
@@ -34,14 +26,6 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows a row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _SENSORS = ("acceleration", "angular_rate")
-# units that are read, the first where neither the config nor the log says
-_UNITS = {
-    "time": (*TIME,),
-    "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
-    "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
-    "temperature": (*TEMPERATURE,),
-    "interval": (*TIME,),
-}
 
 
 def ingest(
@@ -259,7 +243,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     """
     reason, failed = why
     log = RawLog(batches=iter(()), temperature=False, found={})
-    units = {quantity: known[0] for quantity, known in _UNITS.items()}
+    units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
     with replaced(samples_path) as temporary:
@@ -311,7 +295,7 @@ def used_units(log, declared):
         If one is no unit.
     """
     used, doubts = {}, []
-    for quantity, known in _UNITS.items():
+    for quantity, known in UNITS.items():
         unit = used[quantity] = declared.get(quantity) or log.units.get(quantity) or known[0]
         if log.units.get(quantity, unit) != unit:
             stated = log.units[quantity]
