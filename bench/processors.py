@@ -34,7 +34,7 @@ CACHE = REPOSITORY / "data/cache"
 CONFIGS = "config/measured.yaml", "config.yaml"
 # what computes, the published figures and the report apart, and without the long simulations
 TESTS = [f"tests/{name}" for name in ("core", "segment", "noise", "calibrate", "diagnose")]
-TESTS += ["-k", "not test_study and not test_coverage and not test_bench"]
+TESTS += ["-k", "not test_study and not test_gaps and not test_bench"]
 # kinds by OpenBLAS's name, and what such a processor has by NumPy's
 KINDS = {"Haswell": ("AVX2", "FMA3"), "SkylakeX": ("AVX512_SKX",), "Nehalem": ("SSE42",)}
 # stands for a processor without anything that NumPy chooses
