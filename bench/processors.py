@@ -26,7 +26,7 @@ from imuloop.core.errors import ImuloopError
 
 # what computes, the published figures and the report apart, and without the long simulations
 TESTS = [f"tests/{name}" for name in ("core", "segment", "noise", "calibrate", "diagnose")]
-TESTS += ["-k", "not test_study and not test_coverage and not test_bench"]
+TESTS += ["-k", "not test_study and not test_gaps and not test_bench"]
 # kinds by OpenBLAS's name, the newest first, and what such a processor has by NumPy's
 KINDS = {"SkylakeX": "X86_V4", "Haswell": "X86_V3", "Nehalem": "X86_V2"}
 # stands for a processor without anything that NumPy chooses
