@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise bench-report study coverage fuzz fuzz-chain processors kill large setup setup-cluster lock licences clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise study coverage fuzz fuzz-chain processors kill large setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -55,20 +55,15 @@ DEVICES ?= 20,200
 factory: setup
 	$(MEASURE) factory --options="--devices $(DEVICES)"
 
-# the other packages in an environment of their own; one that does not install is told in the table
+# the other packages in an environment of their own; the table names one that does not install
 $(PEERS)/.ready: bench/requirements.txt
 	$(PYTHON) -m venv --clear $(PEERS)
 	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each \
 		2> $(PEERS)/$${each%%==*}.log || cat $(PEERS)/$${each%%==*}.log; done
 	touch $@
 
-# the report of ten devices: time, size, same bytes; from the results of finished runs
-RESULTS ?= results
-bench-report: setup
-	PYTHONPATH=workflow/lib $(BIN)/python bench/report_size.py $(RESULTS)
-
 # noise coefficients beside truth, bound and common tools. Writes docs/noise_figures.md, ten minutes
-# on two cores; for a part of it NOISE_OPTIONS="--short" or "--parts accuracy --seeds 10"
+# on two cores; for a part of it NOISE_OPTIONS="--parts accuracy --seeds 10"
 NOISE_OPTIONS ?= --write docs/noise_figures.md
 bench-noise: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.noise --workers $(CORES) $(NOISE_OPTIONS)
@@ -82,7 +77,7 @@ study: setup
 # bias and coverage of the calibration over simulated devices; SEEDS=200 for the large one
 SEEDS ?= 40
 coverage: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/coverage.py --seeds $(SEEDS)
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.coverage --seeds $(SEEDS)
 
 # 20,000 mutated logs and configs through ingest and the config check; two minutes on two cores
 fuzz: setup
@@ -108,7 +103,7 @@ kill: setup
 # a generated CSV of so many GB through ingest: time, memory, progress; needs twice the room
 GB ?= 10
 large: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python bench/large_csv.py --gigabytes $(GB)
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.large_csv --gigabytes $(GB)
 
 setup: $(READY)
 

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
 
@@ -26,7 +27,6 @@ from imuloop.ingest.sources import sha256
 from imuloop.simulate.noise import flicker, walk
 
 REPOSITORY = Path(__file__).parents[1]
-SNAKEMAKE = [sys.executable, "-m", "snakemake"]
 # SI; flicker above `SLOW_RATE`/2 is left out: there it is less than 2e-4 of the white noise
 TRUTH = {
     **{name: {"N": 1e-3, "B": 1.5e-4, "K": 7e-6} for name in ACCELERATION},
@@ -43,9 +43,9 @@ ROW_BYTES, SAMPLE_BYTES = 90, 45
 CONFIG = "devices:\n  a_day:\n    sessions:\n      still: {kind: static, file: log.csv}\n"
 
 
-def generate(path, rate, hours, seed):
+def generate(path, rate, hours):
     """Write a static log of the truth as CSV; return its number of rows."""
-    seeds = iter(np.random.SeedSequence(seed).spawn(3 * len(CHANNELS)))
+    seeds = iter(np.random.SeedSequence(1).spawn(3 * len(CHANNELS)))
     n, slow_n, slow = round(hours * 3600 * rate), round(hours * 3600 * SLOW_RATE) + 2, {}
     for name, truth in TRUTH.items():
         rngs = [np.random.default_rng(next(seeds)) for _ in range(2)]
@@ -69,7 +69,16 @@ def generate(path, rate, hours, seed):
 
 def run(folder, cores):
     """Run the workflow to noise.json; return its seconds and the memory of its largest process."""
-    command = [*SNAKEMAKE, "-s", REPOSITORY / "Snakefile", "-d", folder, f"-c{cores}"]
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "-s",
+        REPOSITORY / "Snakefile",
+        "-d",
+        folder,
+        f"-c{cores}",
+    ]
     command += ["--configfile", folder / "config.yaml", "--", "results/a_day/noise.json"]
     start = time.monotonic()
     done = subprocess.run([str(each) for each in command], stderr=subprocess.PIPE, text=True)
@@ -80,28 +89,25 @@ def run(folder, cores):
 
 
 def stages(folder):
-    """Give name, seconds and MB of memory of each stage, from Snakemake's benchmark files."""
+    """Print seconds and memory of each stage, from Snakemake's benchmark files."""
     for path in sorted((folder / "benchmarks").rglob("*.tsv"), key=lambda p: p.stat().st_mtime_ns):
-        names, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
-        row = dict(zip(names, values, strict=True))
+        row = pd.read_csv(path, sep="\t").iloc[0]
         stage = path.relative_to(folder / "benchmarks").parts[0]
-        yield stage, float(row["s"]), row["max_rss"], row["cpu_time"]
+        used = f"processor {row['cpu_time']} s, {row['max_rss']} MB"
+        print(f"  {stage:8} {row['s']:7.1f} s, {used}")
 
 
 def misses(axes):
     """Print each coefficient beside its truth; return how many intervals do not hold it."""
     found = 0
     for name, truth in TRUTH.items():
-        told = []
+        words = []
         for term, value in truth.items():
-            estimate = axes[name][term]
-            inside = (
-                estimate["identifiable"] and estimate["ci95"][0] <= value <= estimate["ci95"][1]
-            )
+            low, high = axes[name][term]["ci95"] or (np.nan, np.nan)
+            inside = axes[name][term]["identifiable"] and low <= value <= high
             found += not inside
-            low, high = estimate["ci95"] or (np.nan, np.nan)
-            told.append(f"{term} {value:.1e} in [{low:.3e}, {high:.3e}]{'' if inside else ' NO'}")
-        print(f"{name}: {', '.join(told)}")
+            words.append(f"{term} {value:.1e} in [{low:.3e}, {high:.3e}]{'' if inside else ' NO'}")
+        print(f"{name}: {', '.join(words)}")
     return found
 
 
@@ -110,7 +116,6 @@ def main():
     parser.add_argument("--rate", type=int, default=200, help="Hz")
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=Path("build"), help="where there is room")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
@@ -123,7 +128,7 @@ def main():
         folder = Path(folder).resolve()
         (folder / "config.yaml").write_text(CONFIG)
         start = time.monotonic()
-        rows = generate(folder / "log.csv", options.rate, options.hours, options.seed)
+        rows = generate(folder / "log.csv", options.rate, options.hours)
         size = (folder / "log.csv").stat().st_size
         print(
             f"{rows} rows, {options.hours:g} h at {options.rate} Hz, CSV of {size / 1e9:.2f} GB "
@@ -135,8 +140,7 @@ def main():
             f"CSV to noise.json: {took:.1f} s, {memory:.0f} MB of memory of the largest process, "
             f"on {options.cores} of {os.cpu_count()} cores"
         )
-        for stage, seconds, rss, processor in stages(folder):
-            print(f"  {stage:8} {seconds:7.1f} s, processor {processor} s, {rss} MB")
+        stages(folder)
         results = folder / "results" / "a_day"
         print(f"noise.json SHA-256 {sha256(results / 'noise.json')}")
         missed = misses(read_json(results / "noise.json")["axes"])

@@ -46,7 +46,7 @@ def diagnosed(job):
     return {sensor: sensors[sensor]["poses"] for sensor in SENSORS}
 
 
-def told(part):
+def words(part):
     """Return verdict, effects, and held-out error over floor of each kind of residual."""
     effects = ", ".join(f"`{e['name']}`" for e in part["effects"])
     ratios = ", ".join(f"{r['after'] / r['floor']:.2f}" for r in part["residuals"].values())
@@ -62,7 +62,7 @@ def main():
     print("| chip | " + " | ".join(heads) + " |")
     print("| --- |" + " --- |" * len(heads))
     for chip in CHIPS:
-        cells = [told(found[recording, chip][s]) for s in SENSORS for recording in RECORDINGS]
+        cells = [words(found[recording, chip][s]) for s in SENSORS for recording in RECORDINGS]
         print(f"| {chip} | " + " | ".join(cells) + " |")
 
 

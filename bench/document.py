@@ -38,10 +38,8 @@ PARTS = {
 
 def machine():
     """Return the machine and the versions in a line; neither its name nor a path."""
-    processor = platform.processor() or platform.machine()
-    if (info := Path("/proc/cpuinfo")).exists():
-        models = re.findall(r"^model name\s*: (.*)$", info.read_text(), re.M)
-        processor = models[0] if models else processor
+    models = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.M)
+    processor = next(iter(models), platform.machine())
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     packages = ("numpy", "scipy", "pyarrow", "snakemake")
     return (

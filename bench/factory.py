@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
@@ -25,64 +26,44 @@ import numpy as np
 import yaml
 
 from imuloop.simulate.simulate import simulate_session, write_log
-from imuloop.simulate.truth import Session, example_truth
+from imuloop.simulate.truth import SessionTruth, example_truth
 
 REPOSITORY = Path(__file__).parents[1]
 STATIC_S = 1200.0
 # of so many devices one follows the changed default, the others have a setting of their own
 FOLLOWS = 10
-# jobs of one device by rule
-WHOLE = {
-    "ingest": 2,
-    "segment": 2,
-    "noise": 1,
-    "calibrate": 1,
-    "diagnose": 1,
-    "allan": 2,
-    "export": 1,
-    "report_device": 1,
-}
-# of these the code is edited and a default changed
-EDITED = {"export": 1, "report_device": 1}
-DEFAULT = {"calibrate": 1, "diagnose": 1, "allan": 2, "export": 1, "report_device": 1}
+# jobs of one device by rule: all of them, those of which the code is edited, and those that a
+# changed default reaches
+WHOLE = Counter(
+    "ingest ingest segment segment noise calibrate diagnose allan allan export report_device".split()
+)
+EDITED = Counter("export report_device".split())
+DEFAULT = Counter("calibrate diagnose allan allan export report_device".split())
+KINDS = ("multi_position", "static")
 
 
 def main():
     """Make the devices, run, print the table; exit with 1 where a run did other jobs."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument(
-        "folder",
-        type=Path,
-        nargs="?",
-        default=REPOSITORY / "build/factory",
-        help="of the logs, which are kept, and of the runs, made anew",
-    )
+    folder = REPOSITORY / "build/factory"
+    parser.add_argument("folder", type=Path, nargs="?", default=folder, help="of logs and runs")
     parser.add_argument("--devices", default="20,200", help="how many, from few to many")
     parser.add_argument("--cores", type=int, default=2)
     options = parser.parse_args()
     counts = [int(count) for count in options.devices.split(",")]
-    make_logs(options.folder / "data", max(counts) + 1, options.cores)
+    data = options.folder / "data"
+    data.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(options.cores) as pool:
+        list(pool.map(make_logs, [data] * (max(counts) + 1), range(max(counts) + 1)))
     print("| devices | run | jobs | wall, s | processor, s | processor s a device |")
     print("|---|---|---|---|---|---|")
-    runs = [measure(options.folder, count, options.cores) for count in counts]
-    faults = [fault for each in runs for fault in each]
+    faults = [fault for n in counts for fault in measure(options.folder, n, options.cores)]
     for few, many in pairwise(counts):
-        faults += differences(options.folder, few, many)
+        one, other = (options.folder / f"run_{count}/first" for count in (few, many))
+        compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), one, other]
+        faults += subprocess.run(compare, capture_output=True, text=True).stdout.splitlines()
     print(*faults or ["each run did the jobs it should; results are the same bytes"], sep="\n")
-    sys.exit(bool(faults))
-
-
-def make_logs(folder, count, workers):
-    """Write the logs of so many devices, those that are not there yet."""
-    folder.mkdir(parents=True, exist_ok=True)
-    missing = [i for i in range(count) if not all(log(folder, i, k).exists() for k in sessions(i))]
-    with ProcessPoolExecutor(workers) as pool:
-        list(pool.map(make_log, [folder] * len(missing), missing))
-
-
-def log(folder, number, kind):
-    """Return the path of one session of a device."""
-    return Path(folder) / f"{device(number)}_{kind}.csv"
+    return bool(faults)
 
 
 def device(number):
@@ -90,16 +71,8 @@ def device(number):
     return f"d{number:04}"
 
 
-def sessions(number):
-    """Return the sessions of a device, from its number alone."""
-    return {
-        "multi_position": Session("multi_position", seed=10 * number),
-        "static": Session("static", seed=10 * number + 1, duration_s=STATIC_S),
-    }
-
-
-def make_log(folder, number):
-    """Write the logs of a device: an example, with errors drawn by its number."""
+def make_logs(folder, number):
+    """Write the logs of a device that are not there: an example, with errors by its number."""
     rng, truth = np.random.default_rng(number), example_truth()
 
     def drawn(sensor, bias):
@@ -115,10 +88,15 @@ def make_log(folder, number):
         name=device(number),
         accelerometer=drawn(truth.accelerometer, 0.05),
         gyroscope=drawn(truth.gyroscope, 5e-3),
-        sessions=sessions(number),
+        sessions={
+            kind: SessionTruth(kind, 10 * number + i, duration_s=STATIC_S)
+            for i, kind in enumerate(KINDS)
+        },
     )
-    for kind in truth.sessions:
-        write_log(log(folder, number, kind), simulate_session(truth, kind), {})
+    for kind in KINDS:
+        path = folder / f"{device(number)}_{kind}.csv"
+        if not path.exists():
+            write_log(path, simulate_session(truth, kind), {})
 
 
 def measure(folder, count, cores):
@@ -126,12 +104,10 @@ def measure(folder, count, cores):
     work, repository = folder / f"run_{count}", folder / f"repository_{count}"
     for each in (work, repository):
         shutil.rmtree(each, ignore_errors=True)
-    work.mkdir()
-    for name in ("Snakefile", "workflow", "scripts", "profiles", "data/replicas"):
-        source = REPOSITORY / name
-        (repository / name).parent.mkdir(parents=True, exist_ok=True)
-        copy = shutil.copytree if source.is_dir() else shutil.copy
-        copy(source, repository / name)
+        each.mkdir()
+    for name in ("workflow", "scripts", "profiles", "data/replicas"):
+        shutil.copytree(REPOSITORY / name, repository / name)
+    shutil.copy(REPOSITORY / "Snakefile", repository)
     faults = []
 
     def snakemake(*arguments):
@@ -154,15 +130,17 @@ def measure(folder, count, cores):
         if done.returncode:
             sys.exit(f"{name}, {count} devices: {output[-2000:]}")
         table = output.partition("Job stats:")[2].partition("total")[0]
-        jobs = {rule: int(n) for rule, n in re.findall(r"(?m)^(\w+) +(\d+)$", table)}
+        jobs = Counter()
+        for rule, n in re.findall(r"(?m)^([a-z_]+?)(?:_\d+)? +(\d+)$", table):
+            jobs[rule] += int(n)
         print(
-            f"| {count} | {name} | {sum(jobs.values())} | {wall:.1f} | {processor:.1f} | "
+            f"| {count} | {name} | {jobs.total()} | {wall:.1f} | {processor:.1f} | "
             f"{processor / devices:.2f} |",
             flush=True,
         )
         wanted = {rule: n * devices for rule, n in expected.items()} | {"report": 1}
         if jobs != (wanted if expected else {}):
-            faults.append(f"{name}, {count} devices: jobs {jobs}, not {wanted}")
+            faults.append(f"{name}, {count} devices: jobs {dict(jobs)}, not {wanted}")
 
     # not timed: the first start after an installation, which writes the byte code
     write_config(work, 1)
@@ -172,6 +150,8 @@ def measure(folder, count, cores):
     run("whole run", WHOLE, count)
     run("nothing to do", {}, 1)
     shutil.copytree(work / "results", work / "first")
+    for path in ("report.html", "comparison.csv"):
+        (work / "first" / path).unlink()
     write_config(work, count + 1)
     run("one device added", WHOLE, 1)
     write_config(work, count + 1, face_tolerance=21)
@@ -186,31 +166,12 @@ def write_config(work, count, face_tolerance=20):
     """Write the config of so many devices; one of ten has no setting of its own."""
     devices = {}
     for i in range(count):
-        files = {
-            kind: {"kind": kind, "file": f"../data/{log('', i, kind)}"} for kind in sessions(i)
-        }
+        files = {k: {"kind": k, "file": f"../data/{device(i)}_{k}.csv"} for k in KINDS}
         own = {"calibrate": {"face_tolerance": 20}} if i % FOLLOWS else {}
         devices[device(i)] = {"sessions": files, **own}
     config = {"defaults": {"calibrate": {"face_tolerance": face_tolerance}}, "devices": devices}
     (work / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
 
 
-def differences(folder, few, many):
-    """Return which files of the first devices differ between the runs of few and of many."""
-    found = []
-    for i in range(few):
-        one, other = (folder / f"run_{count}/first/{device(i)}" for count in (few, many))
-        files = [{p.relative_to(at) for p in at.rglob("*") if p.is_file()} for at in (one, other)]
-        found += [f"{device(i)}: other files among {few} than among {many}"] * (
-            files[0] != files[1]
-        )
-        found += [
-            f"{one / file} differs from {other / file}"
-            for file in sorted(files[0] & files[1])
-            if (one / file).read_bytes() != (other / file).read_bytes()
-        ]
-    return found
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,45 +1,28 @@
 """Time and memory of ingest on a large CSV: `make large`, 10 GB.
 
-The log is generated in a folder, brought through the ingest stage's own script in a process of
-its own, and deleted with its results. Bounds: 1 GB of memory, 100 MB/s on two cores, told on the
-way.
+The log is generated in a folder, brought through the ingest stage in a process of its own, and
+deleted with its results. Bounds: 1 GB of memory, 100 MB/s on two cores, with lines of progress.
 """
 
 import argparse
 import os
 import resource
-import runpy
-import subprocess
-import sys
 import tempfile
 import time
+from multiprocessing import get_context
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
+from imuloop import chain
 from imuloop.core.files import read_json
 
-SCRIPT = Path(__file__).parents[1] / "scripts" / "ingest.py"
 # rows whose values repeat; one of them has no number, another one is cut
 ROWS = 100_003
 
 
 def generate(path, size):
-    """Write a static log of at least `size` bytes, 1 kHz, about 94 bytes a row.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write.
-    size : float
-        Bytes.
-
-    Returns
-    -------
-    int
-        Lines after the header.
-    """
+    """Write a static log of at least `size` bytes, 1 kHz; return the lines after the header."""
     rng = np.random.default_rng(1)
     mean = [0.1, -0.2, 9.8, 0.001, -0.002, 0.003, 25]
     spread = [0.02] * 3 + [0.001] * 3 + [0.5]
@@ -57,19 +40,15 @@ def generate(path, size):
     return lines
 
 
-def run_script(folder, threads):
-    """Run the ingest script on log.csv in a folder, as Snakemake would."""
-    params = {"device": "imu", "session": "still", "declared": {"kind": "static"}}
-    job = SimpleNamespace(
-        params=SimpleNamespace(**params, nominal=None, full_scale=None),
-        log=[folder / "ingest.log"],
-        input=SimpleNamespace(log=[folder / "log.csv"]),
-        output=SimpleNamespace(
-            samples=folder / "out" / "samples.parquet", quality=folder / "out" / "quality.json"
-        ),
-        threads=threads,
-    )
-    runpy.run_path(str(SCRIPT), init_globals={"snakemake": job})
+def ingest(folder, threads):
+    """Ingest log.csv of a folder; print and keep the lines of progress."""
+
+    def progress(*words):
+        with open(folder / "progress", "a") as file:
+            print(*words, file=file)
+
+    device = chain.Device("imu", folder, {"still": "static"}, threads=threads)
+    chain.ingest(device, "still", {}, [folder / "log.csv"], progress)
 
 
 def main():
@@ -77,11 +56,7 @@ def main():
     parser.add_argument("--gigabytes", type=float, default=10.0)
     parser.add_argument("--folder", type=Path, default="build", help="with room for twice as much")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.child:
-        run_script(options.child, options.threads)
-        return 0
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="large-", dir=options.folder) as folder:
         folder = Path(folder)
@@ -89,14 +64,15 @@ def main():
         lines = generate(folder / "log.csv", options.gigabytes * 1e9)
         size = (folder / "log.csv").stat().st_size
         print(f"{size / 1e9:.2f} GB, {lines} lines written in {time.monotonic() - start:.0f} s")
-        command = [sys.executable, __file__, "--child", folder, "--threads", options.threads]
         start = time.monotonic()
-        subprocess.run([str(each) for each in command], check=True)
+        process = get_context("spawn").Process(target=ingest, args=(folder, options.threads))
+        process.start()
+        process.join()
         took = time.monotonic() - start
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        figures = read_json(folder / "out" / "quality.json")
-        told = (folder / "ingest.log").read_text().count(" s left")
-        packed = (folder / "out" / "samples.parquet").stat().st_size
+        figures = read_json(folder / "still/quality.json")
+        reported = len((folder / "progress").read_text().splitlines())
+        packed = (folder / "still/samples.parquet").stat().st_size
     repeats = lines // ROWS
     assert figures["status"] == "ok", figures["reasons"]
     assert figures["bad_lines"] == figures["non_finite"] == repeats
@@ -104,11 +80,10 @@ def main():
     print(
         f"ingest on {options.threads} of {os.cpu_count()} cores: {took:.1f} s, "
         f"{size / took / 1e6:.0f} MB/s, processor {used.ru_utime:.1f} + {used.ru_stime:.1f} s, "
-        f"{used.ru_maxrss / 1024:.0f} MB of memory, {told} lines of progress, "
+        f"{used.ru_maxrss / 1024:.0f} MB of memory, {reported} lines of progress, "
         f"samples {packed / 1e9:.2f} GB"
     )
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -2,13 +2,12 @@
 
 From the repository, its library on the path: ``python -m bench.processors``. OpenBLAS and NumPy
 choose their code by the processor; each kind that this machine can run is taken in turn, and one
-that it cannot is skipped with the reason. The numeric tests run with each but the kind in use, by
-which ``make test`` runs them. Ends with 1 where a test fails, a word differs at all, or a number by
+that it cannot is left out. The numeric tests run with each but the newest, by which ``make test``
+runs them. Ends with 1 where a test fails, a word differs at all, or a number by
 more than `BOUND` of its size.
 """
 
 import argparse
-import ctypes
 import json
 import math
 import os
@@ -19,24 +18,17 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import yaml
-from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
-from numpy.linalg import _umath_linalg
+import numpy as np
 
+from bench.measured import REPOSITORY, devices, ingested, missing
 from imuloop import chain
-from imuloop.chain import Device
-from imuloop.config import STAGES, fetched, resolve, source_path
 from imuloop.core.errors import ImuloopError
-from imuloop.ingest.sources import fetch
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-CACHE = REPOSITORY / "data/cache"
-CONFIGS = "config/measured.yaml", "config.yaml"
 # what computes, the published figures and the report apart, and without the long simulations
 TESTS = [f"tests/{name}" for name in ("core", "segment", "noise", "calibrate", "diagnose")]
-TESTS += ["-k", "not test_study and not test_coverage and not test_bench"]
-# kinds by OpenBLAS's name, and what such a processor has by NumPy's
-KINDS = {"Haswell": ("AVX2", "FMA3"), "SkylakeX": ("AVX512_SKX",), "Nehalem": ("SSE42",)}
+TESTS += ["-k", "not test_study and not test_gaps and not test_bench"]
+# kinds by OpenBLAS's name, the newest first, and what such a processor has by NumPy's
+KINDS = {"SkylakeX": "X86_V4", "Haswell": "X86_V3", "Nehalem": "X86_V2"}
 # stands for a processor without anything that NumPy chooses
 OLD = "Nehalem"
 # largest difference, share of the size
@@ -51,82 +43,47 @@ def main():
     parser.add_argument("--make", nargs=2, metavar=("DEVICE", "FOLDER"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.make:
-        name, folder = options.make
-        make(name, devices()[name], Path(folder))
-        return
-    start, kinds = time.monotonic(), here()
-    if len(kinds) < 2:
-        print("nothing to compare")
-        return
-    passed = options.skip_tests or all([tested(kind, options.workers) for kind in kinds])
-    names = [name for name, device in devices().items() if at_hand(name, device)]
+        return make(options.make[0], Path(options.make[1]))
+    kinds = [kind for kind, level in KINDS.items() if level in features("baseline", "found")]
+    print(f"kinds of processor: {', '.join(kinds)}; left out: {', '.join({*KINDS} - {*kinds})}")
+    start, failed = time.monotonic(), []
+    if not options.skip_tests:
+        failed = [kind for kind in kinds[1:] if not tested(kind, options.workers)]
+    names = []
+    for name in devices():
+        if reason := missing(name):
+            print(f"{name} left out: {reason}")
+        else:
+            names.append(name)
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.workers) as pool:
         every = [(kind, name, Path(folder, kind, name)) for kind in kinds for name in names]
         list(pool.map(lambda each: made_by(*each), every))
-        first, *others = kinds
-        faults = [f for kind in others for f in compared(Path(folder), first, kind)]
-    for fault in faults:
-        print(fault)
-    print(f"{', '.join(kinds)}: {len(names)} devices in {time.monotonic() - start:.0f} s")
-    sys.exit(bool(faults) or not passed)
+        faults = [f for kind in kinds[1:] for f in compared(Path(folder), kinds[0], kind)]
+    print(*faults, sep="\n")
+    print(f"{len(names)} devices in {time.monotonic() - start:.0f} s")
+    return bool(faults or failed)
 
 
-def here():
-    """Return the kinds that this machine can run; of the others it says why not."""
-    kinds = []
-    for kind, needed in KINDS.items():
-        lacking = [feature for feature in needed if not __cpu_features__.get(feature)]
-        if lacking:
-            print(f"{kind} skipped: this machine has no {', '.join(lacking)}")
-        else:
-            kinds.append(kind)
-    return kinds
-
-
-def in_use():
-    """Return the kind that OpenBLAS has chosen in this process."""
-    name = ctypes.CDLL(_umath_linalg.__file__).scipy_openblas_get_corename64_
-    name.restype = ctypes.c_char_p
-    return name().decode()
+def features(*which):
+    """Return what NumPy takes of this processor: what it needs, what it found besides."""
+    known = np.show_config(mode="dicts")["SIMD Extensions"]
+    return [feature for each in which for feature in known[each]]
 
 
 def run(kind, *command, **how):
     """Run a Python module in a process of its own, by the code of a kind of processor."""
     environment = os.environ | {"OPENBLAS_CORETYPE": kind, "OPENBLAS_NUM_THREADS": "1"}
     if kind == OLD:
-        chosen = [feature for feature in __cpu_dispatch__ if __cpu_features__.get(feature)]
-        environment["NPY_DISABLE_CPU_FEATURES"] = " ".join(chosen)
+        environment["NPY_DISABLE_CPU_FEATURES"] = " ".join(features("found"))
     command = [sys.executable, "-m", *map(str, command)]
     return subprocess.run(command, env=environment, cwd=REPOSITORY, check=False, **how)
 
 
 def tested(kind, workers):
-    """Return whether the numeric tests pass; those of the kind in use are run by ``make test``."""
-    if kind == in_use():
-        return True
+    """Return whether the numeric tests pass."""
     print(f"numeric tests as on {kind}", flush=True)
     options = "-q", "-n", workers, "--dist", "loadgroup", "-p", "no:cacheprovider"
     return run(kind, "pytest", *options, *TESTS).returncode == 0
-
-
-def devices():
-    """Return the resolved config of the devices that were measured."""
-    found = {}
-    for path in CONFIGS:
-        found |= resolve(yaml.safe_load((REPOSITORY / path).read_text()))
-    return {name: device for name, device in found.items() if fetched({name: device})}
-
-
-def at_hand(name, device):
-    """Return whether the recordings of a device are in the cache, or could be brought there."""
-    try:
-        for place, source in fetched({name: device}).items():
-            if not (CACHE / place).exists():
-                fetch(source, CACHE / place, mirror=os.environ.get("IMULOOP_MIRROR"))
-    except ImuloopError as error:
-        print(f"{name} left out: {error}")
-        return False
-    return True
 
 
 def made_by(kind, name, folder):
@@ -136,19 +93,12 @@ def made_by(kind, name, folder):
         raise ImuloopError(f"{name} as on {kind}: {done.stderr}")
 
 
-def make(name, device, folder):
-    """Make the results of a device."""
-    settings = {key: device[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
-    kinds = {session: each["kind"] for session, each in device["sessions"].items()}
-    made, failures = Device(name, folder, kinds, **settings), []
-    for session, each in device["sessions"].items():
-        paths = [source_path(source, CACHE) for source in each["sources"].values()]
-        declared = {key: value for key, value in each.items() if key != "kind"}
-        failures += chain.ingest(made, session, declared, paths)
+def make(name, folder):
+    """Make the results of a device in this process."""
+    device = ingested(name, folder)
     for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-        failures += stage(made)
-    if failures:
-        raise ImuloopError(str(failures[0]))
+        if failures := stage(device):
+            raise ImuloopError(str(failures[0]))
 
 
 def compared(folder, first, other):
@@ -166,15 +116,10 @@ def compared(folder, first, other):
 
 
 def differences(one, other, place="", size=0.0):
-    """Yield place, both values and their difference, share of their size, of all values.
+    """Yield place, both values and their difference, share of their size, of all in two contents.
 
     The size of a number in a list, the end of an interval or a part of a vector, is that of the
     largest there. What is no number differs infinitely or not at all.
-
-    Parameters
-    ----------
-    one, other
-        Contents of JSON files.
     """
     if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
         for key in one:
@@ -195,4 +140,4 @@ def is_number(value):
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

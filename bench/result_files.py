@@ -15,13 +15,7 @@ ALSO = {"six_position": "calibration", "multi_position": "calibration"}
 
 
 def fault(path):
-    """Return what is wrong with a JSON file of results, or None.
-
-    Parameters
-    ----------
-    path : Path
-        ``results/<device>/….json``.
-    """
+    """Return what is wrong with a JSON file of results, ``results/<device>/….json``, or None."""
     try:
         content = json.loads(path.read_text(), parse_constant=_no_number)
     except ValueError as error:
@@ -38,17 +32,14 @@ def _no_number(text):
 @cache
 def validator(name):
     """Return the validator of a schema by its file's name."""
-    return Draft202012Validator(_schemas()[name], registry=_registry())
+    resources = _resources()
+    return Draft202012Validator(
+        resources[name].contents, registry=Registry().with_resources(resources.items())
+    )
 
 
 @cache
-def _schemas():
+def _resources():
+    """Return the schemas by the names by which they call each other."""
     paths = SCHEMAS.glob("*.schema.yaml")
-    return {path.name: yaml.safe_load(path.read_text(encoding="utf-8")) for path in paths}
-
-
-@cache
-def _registry():
-    """Return the schemas as they name each other."""
-    made = ((name, Resource.from_contents(content)) for name, content in _schemas().items())
-    return Registry().with_resources(made)
+    return {p.name: Resource.from_contents(yaml.safe_load(p.read_text("utf-8"))) for p in paths}

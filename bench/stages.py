@@ -1,7 +1,7 @@
-"""Processor time of every job of a factory's device: `make bench`, or alone.
+"""Processor time of every stage of a factory's device: `make bench`, or alone.
 
-The device is simulated: a multi-position session and a static one, both 100 Hz. Each job is the
-workflow's own script in a process of its own, one thread; without Snakemake's share.
+The device is simulated: a multi-position session and a static one, both 100 Hz. Each stage is its
+call in `imuloop.chain`, in a process of its own, one thread; without Snakemake's share.
 """
 
 import argparse
@@ -10,13 +10,12 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
-from bench.study.tables import table
-from imuloop.config import resolve
-from imuloop.simulate.simulate import simulate_session, write_log
-from imuloop.simulate.truth import example_truth
+from bench.memory import peak_memory
 
 REPOSITORY = Path(__file__).parents[1]
 ONE_THREAD = {
@@ -25,104 +24,102 @@ ONE_THREAD = {
     "MKL_NUM_THREADS": "1",
     "PYTHONPATH": os.pathsep.join([str(REPOSITORY / "workflow/lib"), str(REPOSITORY)]),
 }
+KINDS = {"poses": "multi_position", "rest": "static"}
+# each with its session, None for all
+STAGES = [("ingest", session) for session in KINDS]
+STAGES += [(s, None) for s in "segment noise calibrate diagnose allan export report_device".split()]
 
 
-def simulate(folder, static):
-    """Write the device's logs, the static one of so many seconds; return rows by session."""
-    truth = example_truth()
-    sessions = {
-        "poses": truth.sessions["multi_position"],
-        "rest": replace(truth.sessions["static"], duration_s=static),
-    }
-    truth, rows = replace(truth, sessions=sessions), {}
-    for name in sessions:
-        log = simulate_session(truth, name)
-        write_log(folder / f"{name}.csv", log, {})
-        rows[name] = len(log)
-    return rows
-
-
-def jobs(folder, kinds):
-    """Yield stage, session or None, and job of a device in the order of the workflow.
+def run(stage, folder, kinds=KINDS, session=None, repeats=1):
+    """Run a stage in a process of its own.
 
     Parameters
     ----------
+    stage : str
+        A function of `imuloop.chain`.
     folder : Path
-        Where ``<session>.csv`` lies, and the results go.
+        Where ``<session>.csv`` lies, and the results are.
     kinds : dict of str to str
         Kind by session.
+    session : str, optional
+        That is to be ingested.
+    repeats : int
+        Runs after the first.
+
+    Returns
+    -------
+    dict
+        Seconds of processor time: `process`, from the start of Python to the end of a first run,
+        and `work`, the least of the others; and `memory` at the peak, bytes.
     """
-    declared = {name: {"kind": kind, "file": f"{name}.csv"} for name, kind in kinds.items()}
-    device = resolve({"devices": {"imu": {"sessions": declared}}})["imu"]
-
-    def job(stage, output, *settings, session=None, more=None, **content):
-        own = {session: kinds[session]} if session else kinds
-        settings = {"name": "imu", "kinds": own, **{key: device[key] for key in settings}}
-        output = {Path(name).stem: f"{folder}/{name}" for name in output}
-        given = {"params": {"device": settings, **(more or {})}, "output": output}
-        return stage, session, given | {"log": [f"{folder}/{stage}.log"], "threads": 1, **content}
-
-    for name in kinds:
-        (folder / name).mkdir(exist_ok=True)
-        yield job(
-            "ingest",
-            [f"{name}/samples.parquet", f"{name}/quality.json"],
-            *("nominal", "full_scale", "gravity"),
-            session=name,
-            more={"declared": {k: v for k, v in device["sessions"][name].items() if k != "kind"}},
-            input={"log": [f"{folder}/{name}.csv"]},
-        )
-    for name in kinds:
-        yield job("segment", [f"{name}/segments.parquet"], "segment", session=name)
-    yield job("noise", ["noise.json"], "noise")
-    calibrations = ["six_position.json", "multi_position.json"]
-    yield job("calibrate", calibrations, "gravity", "calibrate")
-    yield job("diagnose", ["diagnosis.json"], "gravity", "noise", "calibrate", "diagnose")
-    for name in kinds:
-        yield job("allan", [f"{name}/allan.parquet"], session=name)
-    yield job("export", ["exports"], "label")
-    yield job("report_device", ["section.html"], "label")
-
-
-def run(stage, job, folder, repeats=1):
-    """Run a job in a process of its own; return its seconds, ``process`` and ``work``."""
-    (folder / "job.json").write_text(json.dumps(job))
-    script = REPOSITORY / f"scripts/{stage}.py"
-    command = [sys.executable, "-m", "bench.job", script, folder / "job.json"]
-    done = subprocess.run(
-        [str(each) for each in (*command, repeats)],
-        env={**os.environ, **ONE_THREAD},
-        capture_output=True,
-        text=True,
-    )
+    given = json.dumps([stage, str(folder), kinds, session, repeats])
+    command = [sys.executable, "-m", "bench.stages", "--one", given]
+    environment = {**os.environ, **ONE_THREAD}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{stage}: {done.stderr}")
     return json.loads(done.stdout.splitlines()[-1])
 
 
+def one(stage, folder, kinds, session, repeats):
+    """Run a stage in this process, and print what `run` returns."""
+    from imuloop import chain
+
+    device = chain.Device("imu", Path(folder), kinds)
+    arguments = [device]
+    if stage == "ingest":
+        from imuloop.config import resolve
+
+        entry = {"sessions": {session: {"kind": kinds[session], "file": f"{session}.csv"}}}
+        declared = resolve({"devices": {"imu": entry}})["imu"]["sessions"][session]
+        declared.pop("kind")
+        arguments += [session, declared, [f"{folder}/{session}.csv"]]
+    taken = []
+    for _ in range(1 + repeats):
+        if failures := getattr(chain, stage)(*arguments):
+            sys.exit(str(failures[0]))
+        taken.append(time.process_time())
+    work = min(after - before for before, after in pairwise(taken))
+    print(json.dumps({"process": taken[0], "work": work, "memory": peak_memory()}))
+
+
+def simulate(folder, static):
+    """Write the device's logs, the static one of so many seconds; return rows by session."""
+    from imuloop.simulate.simulate import simulate_session, write_log
+    from imuloop.simulate.truth import example_truth
+
+    truth, rows = example_truth(), {}
+    sessions = {name: truth.sessions[kind] for name, kind in KINDS.items()}
+    sessions["rest"] = replace(sessions["rest"], duration_s=static)
+    for name in sessions:
+        log = simulate_session(replace(truth, sessions=sessions), name)
+        write_log(folder / f"{name}.csv", log, {})
+        rows[name] = len(log)
+    return rows
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--static", type=float, default=1200.0, help="static session, s")
-    parser.add_argument("--rounds", type=int, default=3, help="processes a job, the best counts")
+    parser.add_argument("--rounds", type=int, default=3, help="processes a stage, the best counts")
+    parser.add_argument("--one", type=json.loads, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    found = []
+    if options.one:
+        return one(*options.one)
+    print("| stage | session | rows | process, s | work, s |\n| --- | --- | --: | --: | --: |")
+    total = {"process": 0.0, "work": 0.0}
     with tempfile.TemporaryDirectory() as folder:
         rows = simulate(Path(folder), options.static)
-        kinds = {"poses": "multi_position", "rest": "static"}
-        for stage, session, job in jobs(Path(folder), kinds):
-            each = [run(stage, job, Path(folder)) for _ in range(options.rounds)]
-            process, work = (min(one[key] for one in each) for key in ("process", "work"))
+        for stage, session in STAGES:
+            each = [run(stage, folder, session=session) for _ in range(options.rounds)]
+            best = {key: min(found[key] for found in each) for key in total}
+            total = {key: total[key] + best[key] for key in total}
             count = rows[session] if session else sum(rows.values())
-            found.append((stage, session or "all", count, process, work))
-    total = [sum(column) for column in list(zip(*found, strict=True))[3:]]
-    lines = [
-        (*words, f"{count:,}", f"{process:.2f}", f"{work:.2f}")
-        for *words, count, process, work in found
-    ]
-    lines.append(("all", "", "", *(f"{seconds:.2f}" for seconds in total)))
-    print(table(("stage", "session", "rows", "process, s", "work, s"), lines))
+            figures = " | ".join(f"{seconds:.2f}" for seconds in best.values())
+            print(f"| {stage} | {session or 'all'} | {count:,} | {figures} |", flush=True)
+    print(f"| all |  |  | {total['process']:.2f} | {total['work']:.2f} |")
     print(
-        "\nProcess: from the start of Python to the end of the script. Work: the script once more, "
+        "\nProcess: from the start of Python to the end of the stage. Work: the stage once more, "
         "in the same process. Snakemake's share is in neither."
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench import document
-from bench.peers import records
+from bench.peers.__main__ import reference
 from bench.peers.calls import averaging_factors
 from bench.processors import BOUND, differences
 from imuloop.noise.allan import allan_variance
@@ -37,7 +37,7 @@ def test_reference_is_the_overlapping_deviation():
     x = np.random.default_rng(1).normal(9.8, 1, (2, 3000))
     factors = averaging_factors(3000)
     found = [np.sqrt(allan_variance([each], factors)) for each in x]
-    assert records.reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
+    assert reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
 
 
 def test_results_of_two_processors_differ_by_a_word_or_by_a_share_of_a_number():

@@ -7,18 +7,52 @@ what is declared wrongly.
 """
 
 import argparse
-import resource
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 
-from bench.fuzz.run import fuzz
+from bench.fuzz import worker
+from bench.fuzz.cases import case
+from bench.fuzz.processes import scratch, shared_out
+from bench.fuzz.seeds import all_seeds
+
+# s of a case, and cases of a process
+SECONDS, BATCH = 10, 500
+
+
+def fuzz(cases, first=0, only=None, keep=None, workers=2):
+    """Run cases in workers; return a Counter of (kind, end), and (number, kind, fault) of each.
+
+    Parameters
+    ----------
+    cases, first : int
+        How many, from which number on; other numbers are other cases.
+    only : str, optional
+        Kind of log; all if None.
+    keep : Path, optional
+        Folder for the files of faulty cases.
+    workers : int
+        Processes at once.
+    """
+    ends, faults = Counter(), []
+    with scratch() as folder:
+        seeds = {k: each for k, each in all_seeds(folder).items() if only in (None, k)}
+        numbers, given = range(first, first + cases), (seeds, folder)
+        done = shared_out(numbers, workers, SECONDS, worker.serve, *given, batch=BATCH)
+        for number, end, found in done:
+            kind, name, content, _ = case(number, seeds)
+            ends[kind, end] += 1
+            faults += [(number, kind, fault) for fault in found]
+            if keep and found:
+                keep.mkdir(parents=True, exist_ok=True)
+                (keep / f"{number}_{name}").write_bytes(content)
+    return ends, sorted(faults)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=20_000)
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so long")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--only", help="one of the kinds of logs")
     parser.add_argument("--workers", type=int, default=2)
@@ -29,18 +63,12 @@ def main():
     for kind in sorted({kind for kind, _ in ends}):
         listed = ", ".join(f"{n} {end}" for (k, end), n in sorted(ends.items()) if k == kind)
         print(f"{kind:<12} {listed}")
-    own, theirs = (
-        resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    used = sum(each.ru_utime + each.ru_stime for each in (own, theirs))
-    took = f"{time.monotonic() - start:.0f} s, {used:.0f} s of processor time"
-    print(f"{ends.total()} cases in {took}, {len(faults)} faulty")
+    print(f"{ends.total()} cases in {time.monotonic() - start:.0f} s, {len(faults)} faulty")
     alike = {}
-    for number, kind, text in faults:
-        alike.setdefault((kind, text), []).append(number)
+    for number, *what in faults:
+        alike.setdefault(tuple(what), []).append(number)
     for (kind, text), numbers in alike.items():
-        shown = f"{', '.join(map(str, numbers[:5]))}{', …' * (len(numbers) > 5)}"
-        print(f"{kind}, case {shown} ({len(numbers)}): {text}")
+        print(f"{kind}, case {numbers[0]} and {len(numbers) - 1} more: {text}")
     return bool(faults)
 
 

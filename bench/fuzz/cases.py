@@ -8,8 +8,7 @@ import zipfile
 
 import yaml
 
-from bench.fuzz.bytewise import mutate
-from bench.fuzz.structure import restructure
+from bench.fuzz.mutate import mutate, restructure
 
 VALUES = [None, True, -1, 0, 1e308, float("nan"), float("inf"), 2**70, "", "x" * 300, "../x", "/"]
 VALUES += ["/dev/zero", "<b>", "\x1b[2J", "no", [], {}, [1], [[]], {"a": {}}, {1: 2}, "gone.csv"]

@@ -2,51 +2,68 @@
 
 import argparse
 import multiprocessing
+import platform
 import time
 from functools import partial
 from pathlib import Path
 
-from bench.commit import commit
-from bench.noise import accuracy, coverage, curve, detection, published, speed
-from bench.noise.document import PARTS, document
+import numpy as np
+import scipy
 
-# records of each scenario beside those of the accuracy
-MORE = 5
-# in the short mode: seeds, and rows of the speed
-SHORT_SEEDS, SHORT_ROWS = 4, 400_000
+from bench.commit import commit
+from bench.noise import accuracy, coverage, curve, detection
+from bench.study.tables import table
+
+PARTS = {"accuracy": accuracy, "coverage": coverage, "curve": curve, "detection": detection}
+# records of each scenario beside those of the other parts
+MORE = {"coverage": 5, "curve": 5}
+# of a check that was met, not met, not decided
+MET = {True: "yes", False: "**no**", None: "too few"}
+
+
+def document(outcomes, made_of):
+    """Return docs/noise_figures.md.
+
+    Parameters
+    ----------
+    outcomes : dict of str to object
+        What each part's `run` gave, those that were run.
+    made_of : str
+        The commit.
+    """
+    head = (
+        f"Written by `make bench-noise`, never by hand: commit {made_of}, "
+        f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}. "
+        "How the estimator works: [noise.md](noise.md)."
+    )
+    rows = [
+        (what, bound, found, MET[None if met is None else bool(met)])
+        for name, outcome in outcomes.items()
+        for what, bound, found, met in PARTS[name].checks(outcome)
+    ]
+    sections = [
+        ("# Figures of the noise estimator", head),
+        ("## Against the bounds", table(("what", "bound", "found", "met"), rows)),
+        *((f"## {PARTS[name].TITLE}", PARTS[name].text(each)) for name, each in outcomes.items()),
+    ]
+    return "\n\n".join(f"{title}\n\n{text}" for title, text in sections) + "\n"
 
 
 def main():
     """Measure and print or write the document."""
     parser = argparse.ArgumentParser(prog="python -m bench.noise", description=__doc__)
-    parser.add_argument(
-        "--seeds", type=int, default=40, help=f"records a scenario; {MORE} times that for coverage"
-    )
+    parser.add_argument("--seeds", type=int, default=40, help=f"records per scenario, times {MORE}")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--parts", help=f"names, with commas, of {', '.join(PARTS)}")
-    parser.add_argument("--short", action="store_true", help="few seeds, a short day")
     parser.add_argument("--write", type=Path, help="file to write instead of printing")
     options = parser.parse_args()
-    seeds = min(options.seeds, SHORT_SEEDS) if options.short else options.seeds
-    more = seeds if options.short else MORE * seeds
-    rows = SHORT_ROWS if options.short else speed.ROWS
+    outcomes = {}
     with multiprocessing.get_context("fork").Pool(options.workers) as pool:
-        each = partial(pool.imap, chunksize=1)
-        steps = {
-            "accuracy": lambda: (accuracy.run(seeds, each), accuracy.bounds()),
-            "coverage": lambda: coverage.run(more, each),
-            "curve": lambda: curve.run(more, each),
-            "detection": lambda: detection.run(seeds, each),
-            "published": published.run,
-            "speed": lambda: speed.run(rows),
-        }
-        chosen = options.parts.split(",") if options.parts else list(steps)
-        outcomes = {}
-        for name in chosen:
-            start = time.perf_counter()
-            outcomes[name] = steps[name]()
+        for name in options.parts.split(",") if options.parts else PARTS:
+            start, seeds = time.perf_counter(), options.seeds * MORE.get(name, 1)
+            outcomes[name] = PARTS[name].run(seeds, partial(pool.imap, chunksize=1))
             print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
-    text = document(outcomes, "make bench-noise", commit(), seeds)
+    text = document(outcomes, commit())
     if options.write:
         options.write.write_text(text, encoding="utf-8")
     else:

@@ -1,12 +1,17 @@
-"""How often the intervals hold the truth: of coefficients, limits and points of the Allan curve."""
+"""How often the intervals hold the truth: of coefficients and of limits."""
 
 import numpy as np
 from scipy.stats import binom
 
-from bench.noise.product import TERMS, estimate
-from bench.noise.records import RATE, Scenario, record
+from bench.noise.records import RATE, TERMS, Scenario, by_scenario, estimate, record
 from bench.study.tables import share, table
 
+TITLE = "Coverage of the intervals"
+INTRODUCTION = """
+Records of {length:,.0f} s at 10 Hz, {seeds} of each scenario; in brackets the 95 % interval of the
+share after Clopper and Pearson. A true coverage of 95 % is by chance found outside 92 to 98 % with
+a probability of {chance:.0%}. Bounds are checked where a term is identifiable in at least half of
+the records."""
 # 10,000 s
 LENGTH = 100_000
 SCENARIOS = (
@@ -31,18 +36,15 @@ FEW = 100
 
 def run(seeds, each, length=LENGTH):
     """Return the AxisNoise of every record of every scenario."""
-    jobs = [(scenario, seed, length) for scenario in SCENARIOS for seed in range(seeds)]
-    made = list(each(one, jobs))
-    return {s: [m for job, m in zip(jobs, made, strict=True) if job[0] is s] for s in SCENARIOS}
+    return by_scenario(_one, SCENARIOS, seeds, each, length)
 
 
-def one(job):
-    """Return the AxisNoise of one record."""
+def _one(job):
     scenario, seed, length = job
     return estimate(record(scenario, length, RATE, seed), RATE)
 
 
-def coefficients(scenario, noise):
+def _coefficients(scenario, noise):
     """Yield name, truth and Coefficient of what the scenario holds; None where not found.
 
     A hump or a line stands for the injected one if it is the only one of its kind.
@@ -59,7 +61,7 @@ def coefficients(scenario, noise):
                 yield name, value, getattr(found[0], name) if len(found) == 1 else None
 
 
-def counts(scenario, made):
+def _counts(scenario, made):
     """Return for each coefficient its truth and counts of records.
 
     The counts: identifiable, interval holds it; not identifiable, limit holds it then; limit holds
@@ -67,7 +69,7 @@ def counts(scenario, made):
     """
     total = {}
     for noise in made:
-        for name, truth, c in coefficients(scenario, noise):
+        for name, truth, c in _coefficients(scenario, noise):
             row = total.setdefault(name, [truth, 0, 0, 0, 0, 0])
             if c is None:
                 continue
@@ -83,32 +85,27 @@ def counts(scenario, made):
 
 
 def text(outcomes):
-    """Return the table of coefficients."""
-    rows = []
+    """Return the introduction and the table of coefficients."""
+    rows, seeds = [], len(outcomes[SCENARIOS[0]])
     for scenario, made in outcomes.items():
-        for name, row in counts(scenario, made).items():
-            truth, given, inside, limits, hold, always = row
-            rows.append(
-                (
-                    scenario.label,
-                    f"{name} = {truth:g}",
-                    f"{given} of {len(made)}",
-                    share(inside, given),
-                    share(hold, limits),
-                    share(always, given + limits),
-                )
-            )
+        for name, (truth, given, inside, limits, hold, always) in _counts(scenario, made).items():
+            shares = (share(inside, given), share(hold, limits), share(always, given + limits))
+            seen = f"{given} of {len(made)}"
+            rows.append((scenario.label, f"{name} = {truth:g}", seen, *shares))
     header = (
         "scenario", "coefficient", "identifiable", "95 % interval holds it",
         "not identifiable: upper limit holds it", "upper limit holds it, all",
     )  # fmt: skip
-    return table(header, rows)
+    count = np.arange(np.ceil(LOW * seeds - 1e-9), np.floor(HIGH * seeds + 1e-9) + 1)
+    chance = 1 - binom.pmf(count, seeds, 0.95).sum()
+    introduction = INTRODUCTION.format(seeds=seeds, chance=chance, length=LENGTH / RATE)
+    return f"{' '.join(introduction.split())}\n\n{table(header, rows)}"
 
 
 def checks(outcomes):
     """Yield what is required, its bound, what was found and whether it is met."""
     for scenario, made in outcomes.items():
-        for name, (_, given, inside, *_) in counts(scenario, made).items():
+        for name, (_, given, inside, *_) in _counts(scenario, made).items():
             if given >= MOSTLY * len(made):
                 what = f"coverage of {name} in: {scenario.label}"
                 yield what, "92–98 %", share(inside, given), within(inside / given, given)
@@ -117,9 +114,3 @@ def checks(outcomes):
 def within(coverage, count):
     """Return whether a coverage found in `count` records is in its bounds, None for too few."""
     return LOW <= coverage <= HIGH if count >= FEW else None
-
-
-def chance(count):
-    """Return the probability that a true coverage of 95 % is found outside 92 to 98 %."""
-    inside = np.arange(np.ceil(LOW * count - 1e-9), np.floor(HIGH * count + 1e-9) + 1)
-    return 1 - binom.pmf(inside, count, 0.95).sum()

@@ -4,10 +4,15 @@ import numpy as np
 
 from bench.noise.bound import difference_covariance
 from bench.noise.coverage import within
-from bench.noise.product import curve, curve_table
-from bench.noise.records import RATE, Scenario, record
+from bench.noise.records import RATE, Scenario, by_scenario, curve_of, estimate, record
 from bench.study.tables import table
+from imuloop.noise.allan import allan_table, allan_variance
 
+TITLE = "Coverage of the points of the Allan curve"
+INTRODUCTION = """
+Intervals of `allan.parquet`, whose degrees of freedom come from the fitted model, against the Allan
+variance of the simulated discrete processes themselves. In brackets how many intervals; those of
+one record and of neighbouring τ go together, so that their number says too much."""
 LENGTH = 100_000
 SCENARIOS = (
     Scenario("white", {"N": 0.01}),
@@ -30,37 +35,38 @@ def expected(scenario, factors, n, rate):
 
 def run(seeds, each, length=LENGTH):
     """Return tau in s, and for each scenario whether intervals hold the truth, (seeds, points)."""
-    jobs = [(scenario, seed, length) for scenario in SCENARIOS for seed in range(seeds)]
-    made = np.array(list(each(one, jobs))).reshape(len(SCENARIOS), seeds, -1)
-    return curve(length, RATE)[0] / RATE, dict(zip(SCENARIOS, made, strict=True))
+    made = by_scenario(_one, SCENARIOS, seeds, each, length)
+    return curve_of(length, RATE)[0] / RATE, {s: np.array(held) for s, held in made.items()}
 
 
-def one(job):
-    """Return whether the interval of each point holds the truth."""
+def _one(job):
     scenario, seed, length = job
-    points = curve_table(record(scenario, length, RATE, seed), RATE)
-    truth = np.sqrt(expected(scenario, curve(length, RATE)[0], length, RATE))
+    x, (factors, spread) = record(scenario, length, RATE, seed), curve_of(length, RATE)
+    tau = factors / RATE
+    edf = spread.degrees_of_freedom(estimate(x, RATE), tau)
+    points = allan_table("ax", tau, allan_variance([x], factors), edf)
+    truth = np.sqrt(expected(scenario, factors, length, RATE))
     return (points["ci_low"] <= truth) & (truth <= points["ci_high"])
 
 
-def text(tau, outcomes):
-    """Return the table, a row a half decade of averaging times."""
+def text(outcomes):
+    """Return the introduction and the table, a row a half decade of averaging times."""
+    tau, held = outcomes
     group = np.floor(2 * np.log10(tau) + 1e-9)
+    places = [np.flatnonzero(group == g) for g in np.unique(group)]
+    names = [f"{tau[here][0]:.3g} to {tau[here][-1]:.3g}" for here in places]
+    names, places = [*names, "longest τ", "all"], [*places, slice(-1, None), slice(None)]
     rows = []
-    for g in np.unique(group):
-        here = group == g
-        span = f"{tau[here][0]:.3g} to {tau[here][-1]:.3g}"
-        held = (inside[:, here] for inside in outcomes.values())
-        rows.append([span, *(f"{h.mean():.1%} ({h.size})" for h in held)])
-    for name, places in (("longest τ", slice(-1, None)), ("all", slice(None))):
-        held = (inside[:, places] for inside in outcomes.values())
-        rows.append([name, *(f"{h.mean():.1%} ({h.size})" for h in held)])
-    return table(("τ, s", *(s.label for s in outcomes)), rows)
+    for name, here in zip(names, places, strict=True):
+        inside = [each[:, here] for each in held.values()]
+        rows.append([name, *(f"{each.mean():.1%} ({each.size})" for each in inside)])
+    header = ("τ, s", *(scenario.label for scenario in held))
+    return f"{' '.join(INTRODUCTION.split())}\n\n{table(header, rows)}"
 
 
-def checks(_, outcomes):
+def checks(outcomes):
     """Yield what is required, its bound, what was found and whether it is met."""
-    for scenario, inside in outcomes.items():
+    for scenario, inside in outcomes[1].items():
         single = inside.mean(axis=0)
         seen = f"{inside.mean():.1%}; single τ {single.min():.0%} to {single.max():.0%}"
         what = f"coverage of the Allan points, {scenario.label}"

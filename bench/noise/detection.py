@@ -4,15 +4,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq, nnls
-from scipy.stats import norm
+from scipy.special import betaincinv, chndtrinc, ndtri
 
-from bench.noise.product import SETTINGS, estimate
-from bench.noise.records import RATE, Scenario, record
+from bench.noise.records import RATE, SETTINGS, Scenario, by_scenario, estimate, record
 from bench.study.tables import share, table
-from imuloop.noise.layout import Layout
-from imuloop.noise.lines import detection_limit
+from imuloop.noise.periodogram import Band, chance_at_one, chance_over_band
 from imuloop.noise.processes import densities, gauss_markov_density
+from imuloop.noise.sampling import Sampling
 
+TITLE = "Humps and lines"
+INTRODUCTION = """
+Records of {length:,.0f} s at 10 Hz, each with one hump or line of {limits:g} detection limits,
+{seeds} of each. A limit is the size that is found with 90 %: of a line by
+`bench.noise.detection.line_limit`, of a Gauss–Markov process by the expected gain of likelihood
+over the nearest sum of Q, N, B and K. Named: that kind and no other, its frequency within 1/T, its
+correlation time within a factor of {factor:g}."""
 # 10,000 s
 LENGTH = 100_000
 LIMITS = 3.0
@@ -24,6 +30,8 @@ PROBABILITY = 0.9
 TIMES = 10
 # named: correlation time within this factor, frequency within one over the record
 FACTOR = 2.0
+# chance of a hump or line in noise that has none
+LEVEL = SETTINGS.hump_significance
 
 NOISE = {"white": {"N": 0.01}, "white and flicker": {"N": 0.01, "B": 2e-3}}
 SIGMA = 0.01 * np.sqrt(RATE)
@@ -45,11 +53,27 @@ class Case:
     place: float
     noise: str
 
-    @property
-    def label(self):
+    def scenario(self, length=LENGTH):
+        """Return the Scenario of the case at `LIMITS` detection limits."""
+        terms = NOISE[self.noise]
+        theta = np.array([terms.get(name, 0.0) ** 2 for name in "QNBK"])
         if self.kind == "line":
-            return f"line of {self.place:g} Hz in {self.noise}"
-        return f"Gauss–Markov of {self.place:g} s in {self.noise}"
+            plain = Scenario(f"line of {self.place:g} Hz in {self.noise}", terms)
+            sampling = Sampling(RATE, (0,), (length,), (0,))
+            limit = line_limit(sampling, lambda f: 2 * densities(f, 1 / RATE) @ theta, self.place)
+            return replace(plain, sinusoid=((LIMITS * limit, self.place),))
+        plain = Scenario(f"Gauss–Markov of {self.place:g} s in {self.noise}", terms)
+        limit = gauss_markov_limit(theta, self.place, length, RATE)
+        return replace(plain, gauss_markov=((LIMITS * limit, self.place),))
+
+    def is_named(self, named, length):
+        """Return whether what was found has the right kind and place, and nothing is beside it."""
+        if [kind for kind, _ in named] != [self.kind]:
+            return False
+        place = named[0][1]
+        if self.kind == "line":
+            return abs(place - self.place) <= RATE / length
+        return 1 / FACTOR <= place / self.place <= FACTOR
 
 
 CASES = (
@@ -63,23 +87,26 @@ CASES = (
 )
 
 
-def limit(case, length=LENGTH, rate=RATE):
-    """Return the q or the amplitude that is found with 90 %, SI."""
-    terms = NOISE[case.noise]
-    theta = np.array([terms.get(name, 0.0) ** 2 for name in "QNBK"])
-    if case.kind == "line":
-        layout = Layout(rate, (0,), (length,), (0,))
-        return detection_limit(
-            [layout],
-            lambda f: 2 * densities(f, 1 / rate) @ theta,
-            case.place,
-            SETTINGS.hump_significance,
-            PROBABILITY,
-        )
-    return gauss_markov_limit(theta, case.place, length, rate)
+def line_limit(sampling, density, frequency, level=LEVEL):
+    r"""Return the amplitude of a line that is found with 90 %.
+
+    Twice I/S is non-central chi-square with two degrees of freedom and
+    :math:`\lambda = A^2 n/(r S)`; `density` is S, one-sided, as a function of frequency in Hz.
+    """
+    band = Band.of(sampling)
+    near = band.at(frequency)
+    m, sides = band.sizes[near].min(), near.stop - near.start
+    ratio = brentq(
+        lambda x: chance_over_band(chance_at_one(x, m, sides), band.independent) - level, 0.1, 1e6
+    )
+    half = (m + 1) / 2
+    # the line itself, some three values wide, lies in the block that it is compared with
+    share = betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
+    noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
+    return np.sqrt(noncentrality * band.rate * density(np.array([frequency]))[0] / band.samples)
 
 
-def gauss_markov_limit(theta, tc, length, rate, level=SETTINGS.hump_significance):
+def gauss_markov_limit(theta, tc, length, rate, level=LEVEL):
     r"""Return the density q of a Gauss-Markov process that is found with 90 %.
 
     The likelihood gains what the spectrum s with the process has over the nearest one s' that Q,
@@ -91,15 +118,13 @@ def gauss_markov_limit(theta, tc, length, rate, level=SETTINGS.hump_significance
     :math:`\sqrt{2 g} = z_{1 - a} + z_P`.
     """
     k = np.unique(np.rint(np.geomspace(1, length - 1, 600)))
-    count = np.gradient(k)
-    f = k * rate / (2 * length)
+    count, f = np.gradient(k), k * rate / (2 * length)
     units = densities(f, 1 / rate)
     shape = gauss_markov_density(f, 1 / rate, tc) * tc / 2
-    aim = norm.isf(level / TIMES) + norm.ppf(PROBABILITY)
+    aim = ndtri(PROBABILITY) - ndtri(level / TIMES)
 
     def excess(log_q):
-        there = units @ theta + np.exp(2 * log_q) * shape
-        without = there
+        there = without = units @ theta + np.exp(2 * log_q) * shape
         for _ in range(30):
             weight = np.sqrt(count) / without
             a = units * weight[:, None]
@@ -113,77 +138,56 @@ def gauss_markov_limit(theta, tc, length, rate, level=SETTINGS.hump_significance
 
 def run(seeds, each, length=LENGTH, cases=CASES, controls=CONTROLS):
     """Return for each Scenario whether each record was named, and the humps and lines found."""
-    jobs = []
-    for case in cases:
-        scenario = injected(case, length)
-        jobs += [(case, scenario, seed, length) for seed in range(seeds)]
-    jobs += [(None, control, seed, length) for control in controls for seed in range(2 * seeds)]
-    results = list(each(one, jobs))
-    outcomes = {}
-    for (_, scenario, *_), result in zip(jobs, results, strict=True):
-        outcomes.setdefault(scenario, []).append(result)
-    return outcomes
+    injected = {case.scenario(length): case for case in cases}
+    made = by_scenario(_one, injected, seeds, each, length)
+    made |= by_scenario(_one, controls, 2 * seeds, each, length)
+    return {
+        scenario: [
+            (scenario in injected and injected[scenario].is_named(named, length), named)
+            for named in found
+        ]
+        for scenario, found in made.items()
+    }
 
 
-def injected(case, length=LENGTH):
-    """Return the Scenario of a case at `LIMITS` detection limits."""
-    size = LIMITS * limit(case, length)
-    plain = Scenario(case.label, NOISE[case.noise])
-    if case.kind == "line":
-        return replace(plain, sinusoid=((size, case.place),))
-    return replace(plain, gauss_markov=((size, case.place),))
-
-
-def one(job):
-    """Return whether the case was found and named, and all humps and lines that were."""
-    case, scenario, seed, length = job
+def _one(job):
+    """Return the kind and place of all humps and lines that were found."""
+    scenario, seed, length = job
     noise = estimate(record(scenario, length, RATE, seed), RATE)
     named = [("Gauss–Markov", p.tc.value) for p in noise.gauss_markov]
-    named += [("line", p.frequency.value) for p in noise.sinusoid]
-    return case is not None and is_named(case, named, length), named
-
-
-def is_named(case, named, length):
-    """Return whether what was found has the right kind and place, and nothing is beside it."""
-    if [kind for kind, _ in named] != [case.kind]:
-        return False
-    place = named[0][1]
-    if case.kind == "line":
-        return abs(place - case.place) <= RATE / length
-    return 1 / FACTOR <= place / case.place <= FACTOR
+    return named + [("line", p.frequency.value) for p in noise.sinusoid]
 
 
 def text(outcomes):
-    """Return the tables of the cases and of the controls."""
+    """Return the introduction and the tables of the cases and of the controls."""
     rows, plain = [], []
     for scenario, results in outcomes.items():
         kinds = [{kind for kind, _ in named} for _, named in results]
-        humps, lines = (sum(k in each for each in kinds) for k in ("Gauss–Markov", "line"))
+        counts = [sum(kind in each for each in kinds) for kind in ("Gauss–Markov", "line")]
         if scenario in CONTROLS:
-            alarms = share(sum(map(bool, kinds)), len(kinds))
-            plain.append((scenario.label, alarms, humps, lines))
+            plain.append((scenario.label, share(sum(map(bool, kinds)), len(kinds)), *counts))
         else:
             size = (scenario.gauss_markov or scenario.sinusoid)[0][0]
             right = share(sum(right for right, _ in results), len(results))
-            rows.append((scenario.label, f"{size:.3g}", right, humps, lines))
+            rows.append((scenario.label, f"{size:.3g}", right, *counts))
+    seeds = len(next(iter(outcomes.values())))
+    introduction = INTRODUCTION.format(
+        length=LENGTH / RATE, limits=LIMITS, seeds=seeds, factor=FACTOR
+    )
     header = ("injected", "q or amplitude, SI", "found and named", "with a hump", "with a line")
-    controls = ("no hump, no line", "with any", "humps", "lines")
-    return f"{table(header, rows)}\n\n{table(controls, plain)}"
+    controls = table(("no hump, no line", "with any", "humps", "lines"), plain)
+    return f"{' '.join(introduction.split())}\n\n{table(header, rows)}\n\n{controls}"
 
 
 def checks(outcomes):
     """Yield what is required, its bound, what was found and whether it is met."""
     for scenario, results in outcomes.items():
+        number = len(results)
         if scenario in CONTROLS:
             alarms = sum(bool(named) for _, named in results)
-            good = alarms <= ALARMS * len(results)
-            yield (
-                f"{scenario.label}: any hump or line",
-                f"≤ {ALARMS:.0%}",
-                share(alarms, len(results)),
-                good,
-            )
+            what, bound = f"{scenario.label}: any hump or line", f"≤ {ALARMS:.0%}"
+            yield what, bound, share(alarms, number), alarms <= ALARMS * number
         else:
             right = sum(right for right, _ in results)
-            good = right >= FOUND * len(results)
-            yield f"{scenario.label}, named", f"≥ {FOUND:.0%}", share(right, len(results)), good
+            what, bound = f"{scenario.label}, named", f"≥ {FOUND:.0%}"
+            yield what, bound, share(right, number), right >= FOUND * number

@@ -1,17 +1,26 @@
-"""Simulated static records of known coefficients."""
+"""Simulated static records of known coefficients, and what imuloop estimates of one."""
 
 from dataclasses import dataclass, field
+from functools import cache
 from zlib import crc32
 
 import numpy as np
 
+from imuloop.noise.allan import averaging_factors
+from imuloop.noise.axis import estimate_axis
+from imuloop.noise.curve import CurveVariance
+from imuloop.noise.modes import modes
+from imuloop.noise.sampling import Sampling
+from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate import noise as process
-from imuloop.simulate.truth import GaussMarkov, Noise, Sinusoid
+from imuloop.simulate.truth import GaussMarkovProcess, Noise, SpectralLine
 
 # Hz
 RATE = 10.0
-# the axis stands at this level, which no estimator is told
+# the axis stands at this level, which no estimator knows
 LEVEL = 9.8
+SETTINGS = NoiseSettings()
+TERMS = "QNBKR"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +50,37 @@ def record(scenario, n, rate, seed):
     """Return `n` samples at `rate` Hz; a seed gives every scenario another record."""
     noise = Noise(
         **{name: (value,) * 3 for name, value in scenario.terms.items()},
-        gauss_markov=tuple(GaussMarkov((q,) * 3, tc) for q, tc in scenario.gauss_markov),
-        sinusoid=tuple(Sinusoid((a,) * 3, f) for a, f in scenario.sinusoid),
+        gauss_markov=tuple(GaussMarkovProcess((q,) * 3, tc) for q, tc in scenario.gauss_markov),
+        sinusoid=tuple(SpectralLine((a,) * 3, f) for a, f in scenario.sinusoid),
     )
     entropy = np.random.SeedSequence((seed, crc32(scenario.label.encode())))
     x = LEVEL + process.axis_noise(n, 1 / rate, noise, 0, entropy)
     return np.rint(x / scenario.step) * scenario.step if scenario.step else x
+
+
+def estimate(x, rate):
+    """Return imuloop's AxisNoise of one record without gaps."""
+    return estimate_axis(*_basis(len(x), rate), [[x]], SETTINGS).noise
+
+
+@cache
+def _basis(n, rate):
+    samplings = [Sampling(rate, (0,), (n,), (0,))]
+    return samplings, modes(samplings)
+
+
+@cache
+def curve_of(n, rate):
+    """Return the averaging factors of a record of `n` samples and the variance of its curve."""
+    factors = averaging_factors(n, SETTINGS)
+    return factors, CurveVariance.of(factors, [n], rate)
+
+
+def by_scenario(one, scenarios, seeds, each, length):
+    """Return what `one` makes of each of `seeds` records of each scenario.
+
+    `each` is the `map` of several processes; `one` takes (scenario, seed, length).
+    """
+    jobs = [(scenario, seed, length) for scenario in scenarios for seed in range(seeds)]
+    made = list(each(one, jobs))
+    return {s: [m for job, m in zip(jobs, made, strict=True) if job[0] is s] for s in scenarios}

@@ -7,7 +7,7 @@ coefficients that it gives by letter; it tests none of them.
 import numpy as np
 from scipy.optimize import nnls
 
-from imuloop.noise.fit import design
+from imuloop.noise.curve import design
 
 FLICKER = np.sqrt(2 * np.log(2) / np.pi)
 

@@ -7,12 +7,16 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from bench.peers import ferraris, records
-from bench.peers.calls import CALLS
+from bench.peers import six_faces
+from bench.peers.calls import CALLS, RATE, averaging_factors
 from bench.peers.contend import contend
 from bench.stages import run
 from bench.study.tables import table
+from imuloop.core.files import read_json
+from imuloop.core.samples import CHANNELS, TIME, schema
 
 # what each computes, and what a user still lacks
 CURVES = {
@@ -35,6 +39,36 @@ FITS = {
 EVERY = 10
 # of extended precision itself there is no more: below it all agree
 DIGITS = 1e-14
+# SI, of accelerometer and gyroscope; the walk shows from a minute on
+N, K = (1e-3, 1e-4), (2e-5, 2e-6)
+MEAN = (0.1, -0.2, 9.8, 0.01, -0.02, 0.03)
+REST = {"rest": "static"}
+
+
+def write(folder, n):
+    """Write `n` samples, for the peers and as ingest does: white noise and a random walk."""
+    rng, axes = np.random.default_rng(1), np.empty((6, n))
+    for i, x in enumerate(axes):
+        x[:] = np.cumsum(rng.standard_normal(n) * K[i // 3] / np.sqrt(RATE))
+        x += N[i // 3] * np.sqrt(RATE) * rng.standard_normal(n) + MEAN[i]
+    np.save(folder / "axes.npy", axes)
+    np.save(folder / "factors.npy", averaging_factors(n))
+    columns = {TIME: np.arange(n) / RATE, **dict(zip(CHANNELS, axes, strict=True))}
+    (folder / "rest").mkdir()
+    samples = pa.table(columns).cast(schema(False, {}))
+    pq.write_table(samples, folder / "rest/samples.parquet", row_group_size=1 << 17)
+
+
+def reference(axes, factors):
+    """Return the overlapping Allan deviation in extended precision, shape (6, k)."""
+    found = np.empty((len(axes), len(factors)))
+    for i, x in enumerate(axes):
+        total = np.zeros(len(x) + 1, dtype=np.longdouble)
+        np.cumsum(x.astype(np.longdouble) - x.mean(), out=total[1:])
+        for k, m in enumerate(factors):
+            second = total[2 * m :] - 2 * total[m:-m] + total[: -2 * m]
+            found[i, k] = np.sqrt((second @ second) / len(second) / 2) / m
+    return found
 
 
 def rounds(contenders, count):
@@ -50,21 +84,18 @@ def rounds(contenders, count):
 
 def compare(folder, n, count, environment):
     """Return the results of all on `n` samples: seconds of each round, memory, differences."""
-    job = records.write(folder, n)
-    contenders = {
-        name: partial(contend, "calls", name, folder, distribution and environment)
-        for name, (_, distribution) in CALLS.items()
-    }
+    write(folder, n)
+    run("segment", folder, REST)
+    contenders = {name: partial(contend, name, folder, environment) for name in CALLS}
 
     def stage():
-        took = run("noise", job, folder)
+        took = run("noise", folder, REST)
         return {"seconds": took["work"], "memory": took["memory"], "version": None}
 
     found = rounds({**contenders, "noise stage": stage}, count)
     axes, factors = (np.load(folder / f"{name}.npy") for name in ("axes", "factors"))
-    true = records.reference(axes, factors[::EVERY])
-    truth = np.array([records.N[0], records.K[0]])
-    outcome = {"n": n, "factors": len(factors)}
+    true, outcome = reference(axes, factors[::EVERY]), {"n": n, "factors": len(factors)}
+    stored = read_json(folder / "noise.json")["axes"]
     for name, each in found.items():
         if isinstance(each[-1], str):
             outcome[name] = each[-1]
@@ -72,11 +103,14 @@ def compare(folder, n, count, environment):
         seconds = [one["seconds"] for one in each]
         outcome[name] = {**each[-1], "best": min(seconds), "spread": max(seconds) / min(seconds)}
         if name == "noise stage":
-            values = np.array(records.coefficients(folder / "noise.json"))
+            values = [
+                [stored[axis][term]["value"] or 0.0 for term in "NK"] for axis in CHANNELS[:3]
+            ]
         else:
             values = np.load(folder / f"{name}.npy")
         if name == "noise stage" or name.endswith("fit"):
-            outcome[name]["error"] = np.abs(values / truth - 1).max(axis=0).tolist()
+            error = np.abs(np.array(values) / [N[0], K[0]] - 1)
+            outcome[name]["error"] = error.max(axis=0).tolist()
         else:
             outcome[name]["difference"] = float(np.abs(values[:, ::EVERY] / true - 1).max())
     if not isinstance(outcome["allantools"], str):
@@ -150,7 +184,7 @@ def main():
     for n in map(int, options.sizes.split(",")):
         with tempfile.TemporaryDirectory() as folder:
             outcomes.append(compare(Path(folder), n, options.rounds, options.environment))
-    told = [
+    beside = [
         f"At {o['n']:,} × 6 imuloop with intervals takes "
         f"{o['imuloop, intervals']['best'] / o['allantools']['best']:.2f} of the time of "
         f"`allantools.oadev` alone; at all τ the deviations differ by {o['agreement']:.1e} at most."
@@ -164,12 +198,12 @@ def main():
         "record to the overlapping deviation computed in extended precision, at every "
         f"{EVERY}th τ. Memory that is freed stays with each process, or page faults of large "
         "temporaries would count, of the peers above all.\n\n"
-        f"{' '.join(told)}\n\n"
+        f"{' '.join(beside)}\n\n"
         f"### Noise coefficients\n\n{fits(outcomes)}\n\n"
         f"Errors are those of the longest record, of the accelerometer's axis that has the "
-        f"largest, to N {records.N[0]:g} m/s²/√Hz and K {records.K[0]:g} m/s³/√Hz, with which it "
+        f"largest, to N {N[0]:g} m/s²/√Hz and K {K[0]:g} m/s³/√Hz, with which it "
         "was made.\n\n"
-        f"### Six faces\n\n{ferraris.compare(options.rounds, options.environment)}"
+        f"### Six faces\n\n{six_faces.compare(options.rounds, options.environment)}"
     )
 
 

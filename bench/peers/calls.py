@@ -1,8 +1,11 @@
 """Each contender's call on the same data: ``calls NAME FOLDER``, in either environment.
 
-The folder holds `axes.npy`, shape (6, n), SI, and `factors.npy`, the averaging factors. Imports and
-a first call on a short part are not timed. What was computed goes to ``NAME.npy``; printed is JSON:
-seconds of processor time, bytes of memory at the peak, the version.
+For Allan curves the folder holds `axes.npy`, shape (6, n), SI, and `factors.npy`, the averaging
+factors; imports and a first call on a short part are not timed. For six faces it holds a log
+``<i>.csv`` per session and its sections ``<i>.json``, as imucal's example has them: faces x_p …
+z_a, turns x_rot … z_rot; the first session is timed, from the table in memory on. What was computed
+goes to ``NAME.npy``; printed is JSON: seconds of processor time, bytes of memory at the peak, the
+version.
 """
 
 import contextlib
@@ -15,11 +18,16 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from bench.memory import peak_memory
 
-# Hz
-RATE = 100.0
+# Hz, of the record and of imucal's recording; m/s^2
+RATE, FACES_RATE, GRAVITY = 100.0, 204.8, 9.80665
+# averaging times, of which the shortest coincide
+COUNT = 116
+FACES = ("x_p", "x_a", "y_p", "y_a", "z_p", "z_a")
+FORCE = ["acc_x", "acc_y", "acc_z"]
 
 
 def allantools(axes, factors):
@@ -89,23 +97,45 @@ def imuloop_intervals(axes, factors):
     """The curve, its intervals by the noise fitted to it, as allan.parquet holds them."""
     from imuloop.core.noise_model import AxisNoise, Coefficient
     from imuloop.noise.allan import allan_table, allan_variance
-    from imuloop.noise.curve_covariance import curve_covariance, degrees_of_freedom
-    from imuloop.noise.fit import TERMS, fit_curve
+    from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
 
     tau, tables = factors / RATE, []
-    spread = curve_covariance(factors, np.array([axes.shape[1]]), RATE, reach=1.0)
+    spread = CurveVariance.of(factors, [axes.shape[1]], RATE)
     for name, x in zip(("ax", "ay", "az", "gx", "gy", "gz"), axes, strict=True):
         curve = allan_variance([x], factors)
         fitted = fit_curve(tau, curve, spread)
         noise = AxisNoise(
             **{t: Coefficient(v, identifiable=v > 0) for t, v in zip(TERMS, fitted, strict=True)}
         )
-        tables.append(allan_table(name, tau, curve, degrees_of_freedom(noise, tau, spread)))
+        tables.append(allan_table(name, tau, curve, spread.degrees_of_freedom(noise, tau)))
     return [table["adev"] for table in tables]
 
 
-# averaging times, of which the shortest coincide
-COUNT = 116
+def faces_imucal(log, sections):
+    """Accelerometer, gyroscope and g-sensitivity, by its own two calls; A, c of ``A raw + c``."""
+    from imucal import FerrarisCalibration, ferraris_regions_from_section_list
+
+    regions = ferraris_regions_from_section_list(log, pd.DataFrame(sections).T)
+    found = FerrarisCalibration(grav=GRAVITY).compute(
+        regions, FACES_RATE, from_acc_unit="m/s^2", from_gyr_unit="deg/s"
+    )
+    matrix = np.linalg.inv(found.K_a @ found.R_a)
+    return np.column_stack([matrix, -matrix @ found.b_a])
+
+
+def faces_imuloop(log, sections):
+    """Accelerometer with its covariance; A, c of ``A raw + c``, shape (3, 4)."""
+    from imuloop.calibrate.six_position import fit_six_position
+
+    force = log[FORCE].to_numpy()
+    means = [force[sections[f]["start"] : sections[f]["end"]].mean(axis=0) for f in FACES]
+    fit = fit_six_position(means, np.array([1, -1, 2, -2, 3, -3]), GRAVITY)
+    matrix = np.eye(3)
+    matrix[np.triu_indices(3, 1)] = fit.x[:3]
+    matrix = fit.case @ matrix @ np.diag(fit.x[3:6])
+    return np.column_stack([matrix, -matrix @ fit.x[6:9]])
+
+
 # name: call, distribution
 CALLS = {
     "allantools": (allantools, "allantools"),
@@ -117,6 +147,7 @@ CALLS = {
     "imuloop": (imuloop, None),
     "imuloop, intervals": (imuloop_intervals, None),
 }
+FACES_CALLS = {"imuloop, faces": (faces_imuloop, None), "imucal, faces": (faces_imucal, "imucal")}
 
 
 def averaging_factors(n):
@@ -125,19 +156,31 @@ def averaging_factors(n):
     return np.unique(np.rint(spaced)).astype(int)
 
 
+def timed(call, *arguments):
+    """Return what a call returns, and its seconds."""
+    before = time.process_time()
+    values = call(*arguments)
+    return values, time.process_time() - before
+
+
 def main():
     name, folder = sys.argv[1], Path(sys.argv[2])
-    call, distribution = CALLS[name]
-    axes, factors = np.load(folder / "axes.npy"), np.load(folder / "factors.npy")
+    call, distribution = (CALLS | FACES_CALLS)[name]
     # they print progress
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        short = axes[:, : len(axes[0]) // 10].copy()
-        # one of them needs more than a short part
-        with contextlib.suppress(Exception):
-            call(short, averaging_factors(len(short[0])))
-        before = time.process_time()
-        values = call(axes, factors)
-        seconds = time.process_time() - before
+        if name in CALLS:
+            axes, factors = np.load(folder / "axes.npy"), np.load(folder / "factors.npy")
+            short = axes[:, : len(axes[0]) // 10].copy()
+            # one of them needs more than a short part
+            with contextlib.suppress(Exception):
+                call(short, averaging_factors(len(short[0])))
+            values, seconds = timed(call, axes, factors)
+        else:
+            paths = sorted(folder.glob("*.csv"))
+            sections = [json.loads(path.with_suffix(".json").read_text()) for path in paths]
+            logs = list(zip(map(pd.read_csv, paths), sections, strict=True))
+            values = [call(*each) for each in logs]
+            seconds = min(timed(call, *logs[0])[1] for _ in range(10))
     np.save(folder / f"{name}.npy", np.asarray(values))
     release = distribution and version(distribution)
     print(json.dumps({"seconds": seconds, "memory": peak_memory(), "version": release}))

@@ -4,8 +4,8 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
+from bench.peers.calls import CALLS, FACES_CALLS
 from bench.stages import ONE_THREAD
 
 # freed memory stays with the process: else page faults of temporaries count, or not, by chance
@@ -16,41 +16,31 @@ ENVIRONMENT = {
 }
 
 
-def contend(module, name, folder, environment=None):
-    """Run ``bench.peers.<module> NAME FOLDER``; return what it printed, or why it failed.
+def contend(name, folder, environment):
+    """Run a contender of `bench.peers.calls`; return what it printed, or why it failed.
 
     Parameters
     ----------
-    module, name : str
-        Module of this package and the contender in it.
+    name : str
+        Name of the contender.
     folder : path-like
         With the data.
-    environment : Path or None
-        Virtual environment of the peers, with the log of what did not install; None for this one.
-
-    Returns
-    -------
-    dict or str
+    environment : Path
+        Virtual environment of the peers, with the log of what did not install.
     """
-    python = environment / "bin/python" if environment else sys.executable
-    if not Path(python).exists():
+    _, distribution = (CALLS | FACES_CALLS)[name]
+    python = environment / "bin/python" if distribution else sys.executable
+    if distribution and not python.exists():
         return "there is no environment of the peers"
-    command = [python, "-m", f"bench.peers.{module}", name, folder]
+    command = [str(python), "-m", "bench.peers.calls", name, str(folder)]
     done = subprocess.run(
-        [str(each) for each in command],
-        env={**os.environ, **ENVIRONMENT},
-        capture_output=True,
-        text=True,
+        command, env={**os.environ, **ENVIRONMENT}, capture_output=True, text=True
     )
     if not done.returncode:
         return json.loads(done.stdout.splitlines()[-1])
     reason = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-    if environment and reason.startswith("ModuleNotFoundError"):
-        told = [
-            line
-            for log in environment.glob("*.log")
-            for line in log.read_text().splitlines()
-            if line.startswith("ERROR") and log.stem in name
-        ]
-        reason = told[-1] if told else reason
+    log = environment / f"{distribution}.log"
+    if reason.startswith("ModuleNotFoundError") and log.exists():
+        errors = [line for line in log.read_text().splitlines() if line.startswith("ERROR")]
+        reason = errors[-1] if errors else reason
     return reason

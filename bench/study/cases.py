@@ -8,7 +8,7 @@ import imuloop.diagnose.diagnose  # noqa: F401  loads the library
 from bench.study import physics
 from bench.study.devices import Injected
 from imuloop.core.effect import Effect, find_effect
-from imuloop.simulate.truth import GaussMarkov, Sinusoid, Steps
+from imuloop.simulate.truth import GaussMarkovProcess, Popcorn, SpectralLine
 
 # how many detection limits large an effect is
 LIMITS = 3.0
@@ -34,19 +34,19 @@ FLOORS = 3.0
 def _line(values, constants, rng):
     """Return a line of that amplitude in every session, its phases left to the simulator."""
     amplitude = [max(abs(v) for key, v in values.items() if key[1] == axis) for axis in "xyz"]
-    return {"sinusoid": (Sinusoid(tuple(amplitude), constants["frequency"]),)}
+    return {"sinusoid": (SpectralLine(tuple(amplitude), constants["frequency"]),)}
 
 
 def _steps(values, constants, rng):
     """Return a step of the first size, at one time in the middle part of every session."""
     size = tuple(values["h1" + axis] for axis in "xyz")
-    return {"steps": (Steps(size, (float(rng.uniform(900, 2700)),)),)}
+    return {"steps": (Popcorn(size, (float(rng.uniform(900, 2700)),)),)}
 
 
 def _gauss_markov(values, constants, rng):
     """Return a process of that size, whatever the signs."""
     q = tuple(abs(values["q" + axis]) for axis in "xyz")
-    return {"gauss_markov": (GaussMarkov(q, constants["tc"]),)}
+    return {"gauss_markov": (GaussMarkovProcess(q, constants["tc"]),)}
 
 
 # what is not a function of the channels: random, or of its own time

@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.effect import find_effect
 from imuloop.simulate.simulate import simulate_session, true_motion
-from imuloop.simulate.truth import Session, Thermometer, Vibration, example_truth
+from imuloop.simulate.truth import SessionTruth, Thermometer, Vibration, example_truth
 
 # temperatures of the surroundings that go up and down at several speeds, and rest, so that no two
 # effects of the temperature look alike: s, degC
@@ -33,7 +33,7 @@ def poses_device(plan="usual"):
         Or 36 poses; no record at rest; a temperature that goes up evenly; or three sessions of 30
         poses, the power switched off between them.
     """
-    poses = Session(
+    poses = SessionTruth(
         "multi_position",
         poses=36 if plan == "few" else 80,
         rest_s=(4.0, 8.0),
@@ -45,14 +45,14 @@ def poses_device(plan="usual"):
     if plan == "cycles":
         sessions = {f"power_on_{k}": replace(poses, poses=30) for k in range(3)}
     if plan != "alone":
-        rest = Session("static", duration_s=1200.0, temperature=((0, 24), (1200, 24)))
+        rest = SessionTruth("static", duration_s=1200.0, temperature=((0, 24), (1200, 24)))
         sessions["static"] = rest
     return example_truth(name="study", sessions=sessions, thermometer=THERMOMETER)
 
 
 def record_device(plan="usual"):
     """Return a device that rests for an hour in each of three attitudes while it is heated."""
-    rest = Session("static", duration_s=3600.0, temperature=HEATED_RECORD, thermal_s=60.0)
+    rest = SessionTruth("static", duration_s=3600.0, temperature=HEATED_RECORD, thermal_s=60.0)
     sessions = {
         "level": rest,
         "oblique": replace(rest, up=(0.8, 0.5, -0.33)),

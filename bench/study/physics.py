@@ -7,7 +7,7 @@ library, and returns a function of `Channels` of a whole log, (n, 3), SI.
 import numpy as np
 from scipy.special import eval_legendre
 
-from imuloop.simulate.thermal import lagged
+from imuloop.simulate.sensor import lagged
 
 
 def of_axes(p, name):

@@ -11,7 +11,7 @@ from imuloop.calibrate.calibrate import (
     calibrate_accelerometer,
     calibrate_gyroscope,
     rest_bias,
-    told,
+    with_sessions,
     without_pose,
 )
 from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means
@@ -145,6 +145,6 @@ def test_missing_poses_are_explained_by_what_became_of_the_sessions(tmp_path):
     assert without_pose({}, kind) == reason
     assert without_pose(sessions, "six_position") == "no six_position session with a pose"
     explained = f"{reason}: turns was rejected, swing has no rest that is a pose"
-    assert told(f"{reason}; bias only", sessions) == f"{explained}; bias only"
-    assert told("9 poses found", sessions) == "9 poses found"
-    assert told(None, sessions) is None
+    assert with_sessions(f"{reason}; bias only", sessions) == f"{explained}; bias only"
+    assert with_sessions("9 poses found", sessions) == "9 poses found"
+    assert with_sessions(None, sessions) is None

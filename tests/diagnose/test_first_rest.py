@@ -9,11 +9,11 @@ from diagnose.test_search import with_effect
 from imuloop.__main__ import main
 from imuloop.core.effect import find_effect
 from imuloop.simulate.simulate import simulate_session, write_log
-from imuloop.simulate.truth import Session, Thermometer
+from imuloop.simulate.truth import SessionTruth, Thermometer
 
 # it warms in the first rest already
 KNOTS = ((0, 24), (60, 34), (170, 38), (260, 38), (420, 27), (470, 27), (590, 34), (900, 34))
-PLAN = Session(
+PLAN = SessionTruth(
     "multi_position",
     poses=40,
     rest_s=(4.0, 8.0),

@@ -18,12 +18,12 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
-from imuloop.simulate.truth import Session, example_truth
+from imuloop.simulate.truth import SessionTruth, example_truth
 from imuloop.validate.drift import check_drift
 
 # 1 mg and 0.11 deg/s
 SIZE = {"accelerometer": 9.80665e-3, "gyroscope": np.radians(0.11)}
-PLAN = Session("multi_position", poses=16, rest_s=(4.0, 4.0), move_s=(2.0, 2.0))
+PLAN = SessionTruth("multi_position", poses=16, rest_s=(4.0, 4.0), move_s=(2.0, 2.0))
 TRUTH = example_truth(sessions={"multi_position": PLAN}, rate=50.0)
 
 

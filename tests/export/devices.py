@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from imuloop.core.effect import FittedEffect
+from imuloop.core.effect import Channels, FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.effects.g_sensitivity import GSensitivity
+from imuloop.effects.scale_temperature import ScaleTemperature
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import Exported
 
@@ -22,6 +23,8 @@ K = dict(zip(CHANNELS, (1.2e-4, 3e-5, 4e-5, 1e-6, 2e-6, 5e-6), strict=True))
 # of these axes the walk was not seen
 UNSEEN = ("ay", "gz")
 RATE = 200.0
+# degC, of the data
+COLD, WARM = -5.0, 45.0
 HOSTILE = (
     'x\ny: 1\r\nacc_n: 9\u2028%YAML:1.0\x85"a": {b\x0b\x0c: [1\x00\x1b[2J\u202e\ud800 # */ ??/ \\'
 )
@@ -87,14 +90,10 @@ def unknown(label="Board B"):
     return Exported("board", label, Calibration("board", 9.80665, *nominal), noise, None)
 
 
-def without_effects(exported):
-    """Return the calibration of a device without its effects."""
-    bare = exported.calibration
-    return replace(
-        bare,
-        accelerometer=replace(bare.accelerometer, effects=()),
-        gyroscope=replace(bare.gyroscope, effects=()),
-    )
+def with_sensor(exported, name, **changes):
+    """Return the device with some of a sensor's calibration changed."""
+    sensor = replace(exported.sensor(name), **changes)
+    return replace(exported, calibration=replace(exported.calibration, **{name: sensor}))
 
 
 def without_flicker(exported):
@@ -107,12 +106,10 @@ def power_cycled(exported, sensors=("accelerometer", "gyroscope")):
     """Return the device with the biases of three runs, and their deviation, 0.01 SI on x."""
     effect = TurnOnBias(3)
     values = dict.fromkeys(effect.parameters, 0.0) | {"s2x": 0.01, "s3x": 0.0, "s2z": 2e-3}
-    calibration = exported.calibration
     for name in sensors:
-        sensor = getattr(calibration, name)
-        effects = (*sensor.effects, FittedEffect(effect, values, {}))
-        calibration = replace(calibration, **{name: replace(sensor, effects=effects)})
-    return replace(exported, calibration=calibration)
+        effects = (*exported.sensor(name).effects, FittedEffect(effect, values, {}))
+        exported = with_sensor(exported, name, effects=effects)
+    return exported
 
 
 def samples(n=200, seed=0):
@@ -121,3 +118,49 @@ def samples(n=200, seed=0):
     table = pd.DataFrame(rng.uniform(-1, 1, (n, 6)) * ([20.0] * 3 + [3.5] * 3), columns=CHANNELS)
     table.insert(0, "t", np.arange(n) / RATE)
     return table
+
+
+def fitted(effect, sizes, seed=3):
+    """Return an effect with parameters of these sizes, three a size."""
+    values = np.random.default_rng(seed).uniform(0.5, 1, 3 * len(sizes)) * np.repeat(sizes, 3)
+    values[1::3] *= -1
+    names = effect.parameters
+    return FittedEffect(effect, dict(zip(names, map(float, values), strict=True)), {})
+
+
+def warm_device(label="Board A", accelerometer=None, gyroscope=None):
+    """Return the device of `device` with effects of the temperature on both sensors."""
+    cubic, square = BiasTemperature(3, 18.0), BiasTemperature(2, 21.0)
+    if accelerometer is None:
+        accelerometer = (fitted(cubic, (5e-3, 2e-4, 4e-6)), fitted(ScaleTemperature(18.0), (2e-4,)))
+    if gyroscope is None:
+        gyroscope = (fitted(square, (4e-4, 6e-6)), g_sensitivity())
+    board = with_sensor(device(label, gyroscope), "accelerometer", effects=accelerometer)
+    return replace(board, temperature_range=(COLD, WARM))
+
+
+def narrow_device(board=None, accelerometer=(10.0, 30.0), gyroscope=(10.0, 30.0)):
+    """Return a device, mostly the warm one, its effects seen at these temperatures, in 0.5 g."""
+    board, n = board or warm_device(), 200
+    f = 4.9 * np.sin(np.linspace(0, 6, n)[:, None] + np.arange(3))
+    for name, ends in zip(SENSORS, (accelerometer, gyroscope), strict=True):
+        seen = [Channels(np.zeros(n), f, f, np.linspace(*ends, n))]
+        effects = tuple(e.held_to(seen) for e in board.sensor(name).effects)
+        board = with_sensor(board, name, effects=effects)
+    return board
+
+
+def warm_samples(cold=COLD, warm=WARM):
+    """Return samples at temperatures across those of the data, held between `cold` and `warm`."""
+    table = samples()
+    table["temperature"] = np.clip(np.linspace(COLD, WARM, len(table)), cold, warm)
+    return table
+
+
+def carried(board, effects, aligned=True):
+    """Return the calibration of a device with only these effects, and T where `aligned`."""
+    for name in SENSORS:
+        sensor = board.sensor(name)
+        kept = tuple(e for e in sensor.effects if e.name in effects)
+        board = with_sensor(board, name, T=sensor.T if aligned else np.eye(3), effects=kept)
+    return board.calibration

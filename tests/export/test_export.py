@@ -1,12 +1,17 @@
-"""The folder of exports: what is in it, what is not and why, written in one step."""
+"""The folder of exports: what is in it, what is not and why; the numbers and words of all files."""
 
-import stat
+import math
+from dataclasses import replace
 
 import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
-from export.devices import HOSTILE, device, unknown
+from export.devices import HOSTILE, device, g_sensitivity, unknown, warm_bias, without_flicker
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
+from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.export.export import (
     FORMATS,
     README,
@@ -15,50 +20,45 @@ from imuloop.export.export import (
     read_exported,
     write_exports,
 )
+from imuloop.export.exported import comment, for_filter, number, numbers
 
 
 def test_a_device_of_which_all_is_known_has_all_files():
     files = export_files(device())
     assert set(files) == {each.FILE for each in FORMATS} | {README}
     assert len({each.FILE for each in FORMATS}) == len(FORMATS)
-    assert "Not written" not in files[README]
-    assert "ax: a note" in files[README]
+    assert "Not written" not in files[README] and "ax: a note" in files[README]
+    assert files == export_files(device())
 
 
 def test_a_device_of_which_nothing_is_known_has_the_reasons():
     files = export_files(unknown())
     assert set(files) == {README}
     lines = files[README].splitlines()
-    assert "none" in lines
+    assert "none" in lines and "accelerometer: nominal (no session could be used)" in lines
     for each in FORMATS:
         line = next(x for x in lines if x.startswith(f"{each.FILE} ({each.TITLE}): "))
         assert line.partition("): ")[2]
-    assert "accelerometer: nominal (no session could be used)" in lines
 
 
 @pytest.mark.parametrize("each", FORMATS, ids=lambda each: each.FILE)
 def test_a_label_stays_on_its_line(each):
     plain, hostile = (each.text(device(label)).splitlines() for label in ("Board A", HOSTILE))
-    assert len(plain) == len(hostile)
     assert "\n".join(hostile).encode()
     changed = [line for line, other in zip(plain, hostile, strict=True) if line != other]
     assert all("Board A" in line for line in changed)
 
 
-@pytest.mark.parametrize("each", FORMATS, ids=lambda each: each.FILE)
-def test_the_same_bytes_again(each):
-    assert each.text(device()) == each.text(device())
-
-
 def test_the_folder_takes_the_place_of_the_old_one(tmp_path):
     folder = tmp_path / "board/exports"
     write_exports(folder, {"old.yaml": "a"})
+    (folder.parent / ".exports.of_a_killed_run").mkdir()
     write_exports(folder, {"new.yaml": "b\u00b2\n"})
     assert [path.name for path in folder.iterdir()] == ["new.yaml"]
     assert (folder / "new.yaml").read_bytes() == "b²\n".encode()
     assert {path.name for path in folder.parent.iterdir()} == {"exports", "exports.json"}
     assert list(read_json(folder.with_suffix(".json"))["sha256"]) == ["new.yaml"]
-    assert stat.S_IMODE(folder.stat().st_mode) & stat.S_IXUSR
+    assert folder.stat().st_mode == folder.parent.stat().st_mode
 
 
 def test_a_write_that_fails_leaves_the_old_folder(tmp_path):
@@ -68,12 +68,6 @@ def test_a_write_that_fails_leaves_the_old_folder(tmp_path):
         write_exports(folder, {"new.yaml": "b", "x" * 300: "c"})
     assert [path.name for path in folder.iterdir()] == ["old.yaml"]
     assert list(read_json(folder.with_suffix(".json"))["sha256"]) == ["old.yaml"]
-    assert {path.name for path in tmp_path.iterdir()} == {"exports", "exports.json"}
-
-
-def test_what_a_killed_run_left_is_removed(tmp_path):
-    (tmp_path / ".exports.abc").mkdir()
-    write_exports(tmp_path / "exports", {"a": "b"})
     assert {path.name for path in tmp_path.iterdir()} == {"exports", "exports.json"}
 
 
@@ -95,19 +89,16 @@ def _results(folder, board, rate_hz):
 def test_results_are_read_back(tmp_path, of_noise, expected):
     board = device()
     found = read_exported("board", "Board A", *_results(tmp_path, board, of_noise))
-    assert found.rate_hz == expected
-    assert found.notes == ("short",)
-    assert found.temperature_range == (20.0, 31.0)
+    assert (found.rate_hz, found.notes, found.temperature_range) == (
+        expected,
+        ("short",),
+        (20.0, 31.0),
+    )
     assert found.density("gz", "K") == board.density("gz", "K")
     assert export_files(found).keys() == export_files(board).keys()
 
 
-def test_a_device_without_a_session_is_read(tmp_path):
-    results = _results(tmp_path, unknown(), None)
-    assert read_exported("board", "Board", *results[:2], results[2][2:]).rate_hz is None
-
-
-def test_a_calibration_of_another_version_is_told(tmp_path):
+def test_a_calibration_of_another_version_is_an_error(tmp_path):
     results = _results(tmp_path, device(), None)
     write_json(results[0], {"format": 99})
     with pytest.raises(ImuloopError, match="format 99"):
@@ -124,3 +115,67 @@ def test_the_report_links_what_is_there(tmp_path):
 def test_the_docs_have_a_row_for_each_format(repository):
     text = (repository / "docs/exports.md").read_text(encoding="utf-8")
     assert not [each.FILE for each in FORMATS if f"| `{each.FILE}` |" not in text]
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_reads_back_as_the_same_float_in_yaml_and_in_c(value):
+    text = number(value)
+    assert "." in text and yaml.safe_load(text) == float(text) == value
+    assert math.copysign(1, float(text)) == math.copysign(1, value)
+    assert numbers([[1, 2], [3, 4e-9]]) == "1.0, 2.0, 3.0, 4.0e-09"
+
+
+@given(st.text())
+def test_a_comment_stays_a_comment(text):
+    lines = comment(text, "b").split("\n")
+    assert len(lines) == 3 and lines[0].startswith("#")
+    assert yaml.safe_load(f"{comment(text)}a: 1\n") == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("sensor", "term", "axis", "limit"),
+    [
+        ("accelerometer", "N", "az", False),
+        ("accelerometer", "K", "ax", False),
+        ("gyroscope", "N", "gy", False),
+        ("gyroscope", "K", "gz", True),
+    ],
+)
+def test_white_noise_and_walk_alone_are_those_of_the_worst_axis(sensor, term, axis, limit):
+    board = without_flicker(device())
+    worst = board.worst(sensor, term)
+    assert worst == board.density(axis, term)
+    assert (worst.axis, worst.limit, worst.raised_from) == (axis, limit, None)
+
+
+def test_the_worst_axis_is_that_of_the_largest_raised_value():
+    # more white noise on gy, more flicker on gx
+    board = device()
+    axes = board.noise.axes
+    axes["gx"] = replace(axes["gx"], B=replace(axes["gx"].B, value=3e-4))
+    worst = board.worst("gyroscope", "N")
+    assert (worst.axis, worst.raised_from) == ("gx", board.density("gx", "N").value)
+    assert worst.value > board.density("gy", "N").value
+
+
+def test_a_limit_that_was_raised_is_said_to_be_both():
+    limited = Coefficient(upper95=2e-9)
+    seen = Coefficient(8e-5, (7e-5, 9e-5), 9e-5, True)
+    walk = for_filter(AxisNoise(N=seen, B=seen, K=limited), "gz", "K")
+    assert (walk.limit, walk.raised_from) == (True, 2e-9)
+    assert walk.words == (
+        "gz, not seen: its 95 % upper limit; raised from 2e-09 so that N and K bound its Allan "
+        "curve from 0.1 s to 1000 s"
+    )
+    assert walk.times(10.0).value == 10 * walk.value
+    assert walk.times(10.0).raised_from == pytest.approx(2e-8)
+
+
+def test_effects_are_named_with_their_largest_parameter():
+    lines = device(effects=(g_sensitivity(), warm_bias())).effects("gyroscope")
+    largest = max(map(abs, g_sensitivity().values.values()))
+    assert lines[0] == f"g_sensitivity: e = G f; largest parameter {largest:.2g} rad/s per m/s^2"
+    assert lines[1].endswith(
+        "largest parameter 0.01 rad/s per K; order = 1; reference_temperature = 25"
+    )
+    assert device().effects("accelerometer") == []

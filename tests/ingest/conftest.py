@@ -71,9 +71,12 @@ def every_bit():
 
 @pytest.fixture
 def run(tmp_path):
-    """Ingest paths; give samples, quality and metadata."""
+    """Ingest paths, or a table as Parquet; give samples, quality and metadata."""
 
     def call(*paths, **declared):
+        if isinstance(paths[0], pd.DataFrame):
+            paths[0].to_parquet(tmp_path / "log.parquet", index=False)
+            paths = [tmp_path / "log.parquet"]
         target = tmp_path / "out" / "samples.parquet"
         ingest(
             **{"device": "imu", "session": "poses", "kind": "multi_position", **declared},

@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
+import pandas as pd
 import pytest
 
-from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.ingest.axes import KEPT, Axes, Thinned
-from imuloop.ingest.ingest import ingest
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
@@ -47,18 +44,6 @@ def fitted(log, rate=100, rows=1 << 17):
     return axes.fit()
 
 
-def told(tmp_path, x):
-    """Return the warnings of a log."""
-    pq.write_table(pa.table({name: np.array(x[name]) for name in x}), tmp_path / "log.parquet")
-    ingest(
-        **{"device": "imu", "session": "s", "kind": "multi_position"},
-        paths=[tmp_path / "log.parquet"],
-        samples_path=tmp_path / "samples.parquet",
-        quality_path=tmp_path / "quality.json",
-    )
-    return read_json(tmp_path / "quality.json")["warnings"]
-
-
 GOOD = (1, 2, 3)
 # of the acceleration and the angular rate, and the line's words
 FAULTS = {
@@ -89,11 +74,11 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_axes_that_do_not_fit_are_told(logs, tmp_path, fault):
+def test_axes_that_do_not_fit_are_told(logs, run, fault):
     acceleration, angular_rate, text = FAULTS[fault]
     log = logs["multi_position"].copy()
     turned(acceleration, angular_rate)(log)
-    lines = told(tmp_path, log)
+    lines = run(log).quality["warnings"]
     assert len(lines) == 1
     assert text in lines[0]
 
@@ -126,12 +111,13 @@ def about_x(rng):
     return {"t": t, **dict(zip(CHANNELS, x, strict=True))}
 
 
-def test_turns_about_one_axis_tell_that_axis_alone(tmp_path):
+def test_turns_about_one_axis_tell_that_axis_alone(run):
     x = about_x(np.random.default_rng(1))
-    assert told(tmp_path, x) == []
+    x = pd.DataFrame(x)
     # what is never turned may be swapped or not: nobody can tell
-    assert told(tmp_path, {**x, "gy": x["gz"], "gz": -x["gy"]}) == []
-    lines = told(tmp_path, {**x, "gx": x["gy"], "gy": -x["gx"]})
+    for log in (x, x.assign(gy=x.gz, gz=-x.gy)):
+        assert run(log).quality["warnings"] == []
+    lines = run(x.assign(gx=x.gy, gy=-x.gx)).quality["warnings"]
     assert len(lines) == 1
     assert "with x as -gy: swapped or mirrored axes (the turns of this log leave" in lines[0]
 

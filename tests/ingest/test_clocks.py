@@ -84,15 +84,14 @@ def test_missing_stamps_and_any_batches():
 
 
 @pytest.fixture
-def quality(log, run, tmp_path):
+def quality(log, run):
     """Samples and quality of the log with other stamps, the same in small batches."""
 
     def call(stamps, **declared):
         log["t"] = stamps
-        log.to_parquet(tmp_path / "log.parquet", index=False)
-        done = run(tmp_path / "log.parquet", **declared)
+        done = run(log, **declared)
         whole, told = done.path.read_bytes(), done.quality
-        small = run(tmp_path / "log.parquet", batch_rows=7, **declared)
+        small = run(log, batch_rows=7, **declared)
         assert small.path.read_bytes() == whole
         assert small.quality == told
         return done
@@ -176,15 +175,14 @@ def test_bursts_are_rebuilt(log, quality):
     assert "in bursts (median step 2 ms, mean 9.97 ms)" in done.quality["warnings"][0]
 
 
-def test_the_rate_of_bursts_is_that_of_the_sensor(log, run, tmp_path):
+def test_the_rate_of_bursts_is_that_of_the_sensor(log, run):
     rows = 50_000
     table = pd.DataFrame({name: np.resize(log[name], rows) for name in log})
     table["t"] = bursts(rows, rate=204.8, spacing=1e-4)
     # a stall of the host, and no row lost
     table.loc[20_000:20_400, "t"] = table.t[20_400] + 1e-6 * np.arange(401)
     table.loc[20_401:, "t"] += 4e-4
-    table.to_parquet(tmp_path / "log.parquet", index=False)
-    done = run(tmp_path / "log.parquet", rate=205)
+    done = run(table, rate=205)
     assert done.quality["clock"]["rebuilt"]
     assert done.quality["rate_hz"] == pytest.approx(204.8, rel=5e-6)
 
@@ -206,12 +204,11 @@ def turned(table, t):
 
 
 @pytest.mark.parametrize("std", [0.0005, 0.005])
-def test_stamps_that_scatter_are_rebuilt(turning, run, tmp_path, std):
+def test_stamps_that_scatter_are_rebuilt(turning, run, std):
     even = np.arange(20_000) / 100
     stamps = even + np.random.default_rng(12).normal(0, std, 20_000)
     table = turned(turning, even).assign(t=stamps)
-    table.to_parquet(tmp_path / "log.parquet", index=False)
-    done = run(tmp_path / "log.parquet")
+    done = run(table)
     assert done.quality["status"] == "ok"
     assert done.quality["clock"]["rebuilt"]
     # rows count in their order, whatever their stamps; a few that run far ahead are missing
@@ -222,19 +219,17 @@ def test_stamps_that_scatter_are_rebuilt(turning, run, tmp_path, std):
     assert "scatter about a regular clock" in done.quality["warnings"][0]
 
 
-def test_stamps_that_scatter_stay_where_a_sample_is_lost(turning, run, tmp_path):
+def test_stamps_that_scatter_stay_where_a_sample_is_lost(turning, run):
     even = np.arange(20_000) / 100
     stamps = even + np.random.default_rng(13).normal(0, 0.002, 20_000)
     table = turned(turning, even).assign(t=stamps).drop(index=[9_000])
-    table.to_parquet(tmp_path / "log.parquet", index=False)
-    assert not run(tmp_path / "log.parquet").quality["clock"]["rebuilt"]
+    assert not run(table).quality["clock"]["rebuilt"]
 
 
-def test_stamps_at_which_the_sensor_was_sampled_stay(turning, run, tmp_path):
+def test_stamps_at_which_the_sensor_was_sampled_stay(turning, run):
     stamps = np.arange(20_000) / 100 + np.random.default_rng(14).normal(0, 0.002, 20_000)
     table = turned(turning, stamps).assign(t=stamps)
-    table.to_parquet(tmp_path / "log.parquet", index=False)
-    done = run(tmp_path / "log.parquet")
+    done = run(table)
     assert not done.quality["clock"]["rebuilt"]
     assert "t_logged" not in done.samples
 
@@ -264,21 +259,19 @@ def held_back(log, rows, seed):
     return table.sort_values("t", ignore_index=True)
 
 
-def test_bursts_that_cannot_be_rebuilt_are_told_with_what_to_declare(log, run, tmp_path):
+def test_bursts_that_cannot_be_rebuilt_are_told_with_what_to_declare(log, run):
     few, many = (held_back(log, rows, 8) for rows in (20_000, 60_000))
-    few.to_parquet(tmp_path / "few.parquet", index=False)
-    done = run(tmp_path / "few.parquet").quality
+    done = run(few).quality
     mean = done["duration_s"] / (done["rows"] - 1)
     assert not done["clock"]["rebuilt"] and done["status"] == "ok"
     [line] = [line for line in done["warnings"] if "bursts" in line]
     assert "columns: {time: null}" in line and f"about rate: {1 / mean:.4g}" in line
     # of a thousand and more nothing is left to work on
-    many.to_parquet(tmp_path / "many.parquet", index=False)
-    done = run(tmp_path / "many.parquet").quality
+    done = run(many).quality
     assert done["gaps"]["count"] > 1000
     assert (done["status"], done["misdeclared"]) == ("rejected", True)
     assert "columns: {time: null}" in done["reasons"][0]
     # and what is declared then is taken
     rate = float(done["reasons"][0].split("about rate: ")[1])
-    done = run(tmp_path / "many.parquet", columns={"time": None}, rate=rate).quality
+    done = run(many, columns={"time": None}, rate=rate).quality
     assert (done["status"], done["gaps"]["count"]) == ("ok", 0)

@@ -4,16 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 import yaml
 from scipy.signal import butter, lfilter
 
-from imuloop.core.files import read_json
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, read_samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
-from imuloop.ingest.ingest import ingest
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
@@ -40,17 +36,9 @@ def logs():
     return {kind: good_log(kind) for kind in KINDS}
 
 
-def taken(folder, log, kind, **declared):
-    """Ingest a log, give its samples and quality."""
-    folder.mkdir(parents=True, exist_ok=True)
-    pq.write_table(pa.Table.from_pandas(log, preserve_index=False), folder / "log.parquet")
-    ingest(
-        **{"device": "imu", "session": kind, "kind": kind, **declared},
-        paths=[folder / "log.parquet"],
-        samples_path=folder / "samples.parquet",
-        quality_path=folder / "quality.json",
-    )
-    return read_samples(folder / "samples.parquet"), read_json(folder / "quality.json")
+def fault(function):
+    """A change of a log that is made of its parameters."""
+    return lambda *given: lambda log: function(log, *given)
 
 
 def at(log, first, last=None):
@@ -59,124 +47,98 @@ def at(log, first, last=None):
     return slice(start, start + last - 1 if last else None)
 
 
-def put(rows, names, value):
+@fault
+def put(log, rows, names, value):
     """A fault: columns set to a value, or to what they were at the first row."""
 
-    def change(log):
-        where = at(log, *rows)
+    where = at(log, *rows)
+    for name in names:
+        log.loc[where, name] = log[name].iloc[where.start] if value is None else value
+
+
+@fault
+def spike(log, size, *names):
+    for share in (0.2, 0.5, 0.8):
+        # the quietest place nearby
+        spread = log[names[0]].rolling(17, center=True).std()
+        near = spread.iloc[int(share * len(log)) : int(share * len(log)) + 500]
         for name in names:
-            log.loc[where, name] = log[name].iloc[where.start] if value is None else value
-
-    return change
+            log.loc[near.idxmin(), name] += size
 
 
-def spike(size, *names):
-    def change(log):
-        for share in (0.2, 0.5, 0.8):
-            # the quietest place nearby
-            spread = log[names[0]].rolling(17, center=True).std()
-            near = spread.iloc[int(share * len(log)) : int(share * len(log)) + 500]
-            for name in names:
-                log.loc[near.idxmin(), name] += size
-
-    return change
+@fault
+def clip(log, name, share):
+    limit = np.sort(log[name].to_numpy())[int(share * len(log))]
+    log[name] = log[name].clip(upper=limit) if share > 0.5 else log[name].clip(lower=limit)
 
 
-def clip(name, share):
-    def change(log):
-        limit = np.sort(log[name].to_numpy())[int(share * len(log))]
-        log[name] = log[name].clip(upper=limit) if share > 0.5 else log[name].clip(lower=limit)
-
-    return change
-
-
-def held(names, n):
-    def change(log):
-        where = np.floor(np.floor(np.arange(len(log)) / n) * n).astype(int)
-        for name in names:
-            log[name] = log[name].to_numpy()[where]
-
-    return change
+@fault
+def held(log, names, n):
+    where = np.floor(np.floor(np.arange(len(log)) / n) * n).astype(int)
+    for name in names:
+        log[name] = log[name].to_numpy()[where]
 
 
-def passed(names, b, a=1.0):
-    def change(log):
-        for name in names:
-            first = log[name].iloc[0]
-            log[name] = lfilter(b, a, log[name] - first) + first
-
-    return change
+@fault
+def passed(log, names, b, a=1.0):
+    for name in names:
+        first = log[name].iloc[0]
+        log[name] = lfilter(b, a, log[name] - first) + first
 
 
-def stretched(names, n):
-    def change(log):
-        where = np.arange(len(log))
-        for name in names:
-            log[name] = np.interp(where, where[::n], log[name][::n])
-
-    return change
+@fault
+def stretched(log, names, n):
+    where = np.arange(len(log))
+    for name in names:
+        log[name] = np.interp(where, where[::n], log[name][::n])
 
 
-def scaled(names, factor, offset=0.0):
-    def change(log):
-        log[list(names)] = log[list(names)] * factor + offset
-
-    return change
+@fault
+def scaled(log, names, factor, offset=0.0):
+    log[list(names)] = log[list(names)] * factor + offset
 
 
-def moved(first, seconds):
-    def change(log):
-        log.loc[at(log, first), "t"] += seconds
-
-    return change
+@fault
+def moved(log, first, seconds):
+    log.loc[at(log, first), "t"] += seconds
 
 
-def deadened(names, width):
-    def change(log):
-        for name in names:
-            log[name] = np.where(np.abs(log[name]) < width, 0.0, log[name])
-
-    return change
+@fault
+def deadened(log, names, width):
+    for name in names:
+        log[name] = np.where(np.abs(log[name]) < width, 0.0, log[name])
 
 
-def tracked(tau, still):
+@fault
+def tracked(log, tau, still):
     """Firmware that follows the mean of each rate with a time constant, s, while it is still."""
 
-    def change(log):
-        spread = sum(log[name].rolling(25, min_periods=1).std() for name in ANGULAR_RATE)
-        resting = (spread < still).to_numpy()
-        raw = log[list(ANGULAR_RATE)].to_numpy()
-        out, mean = raw.copy(), np.zeros(3)
-        for i in range(len(log)):
-            if resting[i]:
-                mean += 0.01 / tau * (raw[i] - mean)
-            out[i] -= mean
-        log[list(ANGULAR_RATE)] = out
-
-    return change
+    spread = sum(log[name].rolling(25, min_periods=1).std() for name in ANGULAR_RATE)
+    resting = (spread < still).to_numpy()
+    raw = log[list(ANGULAR_RATE)].to_numpy()
+    out, mean = raw.copy(), np.zeros(3)
+    for i in range(len(log)):
+        if resting[i]:
+            mean += 0.01 / tau * (raw[i] - mean)
+        out[i] -= mean
+    log[list(ANGULAR_RATE)] = out
 
 
-def swapped(*shares):
-    def change(log):
-        for share in shares:
-            rows = [int(share * len(log)), int(share * len(log)) + 1]
-            log.loc[rows, "t"] = log.t[rows[::-1]].to_numpy()
-
-    return change
+@fault
+def swapped(log, *shares):
+    for share in shares:
+        rows = [int(share * len(log)), int(share * len(log)) + 1]
+        log.loc[rows, "t"] = log.t[rows[::-1]].to_numpy()
 
 
-def coarse(name, step):
-    def change(log):
-        log[name] = np.round(log[name] / step) * step
-
-    return change
+@fault
+def coarse(log, name, step):
+    log[name] = np.round(log[name] / step) * step
 
 
-def copied(one, other):
-    def change(log):
-        log[other] = log[one]
-
-    return change
+@fault
+def copied(log, one, other):
+    log[other] = log[one]
 
 
 DEAD_BAND = {
@@ -305,11 +267,11 @@ TURNS_ALONE = {
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", KEPT)
-def test_a_fault_is_named_and_its_samples_kept(logs, tmp_path, kind, name):
+def test_a_fault_is_named_and_its_samples_kept(logs, run, kind, name):
     change, text = KEPT[name]
     log = logs[kind].copy()
     change(log)
-    samples, found = taken(tmp_path, log, kind)
+    samples, found, *_ = run(log, kind=kind)
     text = text[kind] if isinstance(text, dict) else text
     named = [line for line in found["warnings"] if text in line]
     assert len(named) == 1, found["warnings"]
@@ -320,11 +282,11 @@ def test_a_fault_is_named_and_its_samples_kept(logs, tmp_path, kind, name):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", OTHER)
-def test_a_fault_of_rows_stamps_or_units_is_counted_or_named(logs, tmp_path, kind, name):
+def test_a_fault_of_rows_stamps_or_units_is_counted_or_named(logs, run, kind, name):
     change, declared, text = OTHER[name]
     log = logs[kind].copy()
     change(log)
-    found = taken(tmp_path, log, kind, **declared)[1]
+    found = run(log, kind=kind, **declared).quality
     if text in found:
         assert found[text] > 0
     else:
@@ -332,11 +294,11 @@ def test_a_fault_of_rows_stamps_or_units_is_counted_or_named(logs, tmp_path, kin
 
 
 @pytest.mark.parametrize("name", TURNS_ALONE)
-def test_a_fault_that_turns_alone_show(logs, tmp_path, name):
+def test_a_fault_that_turns_alone_show(logs, run, name):
     change, declared, status, text = TURNS_ALONE[name]
     log = logs["multi_position"].copy()
     change(log)
-    found = taken(tmp_path, log, "multi_position", **declared)[1]
+    found = run(log, **declared).quality
     assert found["status"] == status
     lines = found["reasons" if status == "rejected" else "warnings"]
     assert len(lines) == (text is not None) and (text or "") in "".join(lines), found
@@ -344,11 +306,11 @@ def test_a_fault_that_turns_alone_show(logs, tmp_path, name):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [11, 12])
-def test_a_good_log_has_none(tmp_path, kind, seed):
-    assert taken(tmp_path, good_log(kind, seed), kind)[1]["warnings"] == []
+def test_a_good_log_has_none(run, kind, seed):
+    assert run(good_log(kind, seed), kind=kind).quality["warnings"] == []
 
 
-def test_noise_far_below_the_step_is_not_stuck(tmp_path):
+def test_noise_far_below_the_step_is_not_stuck(run):
     # two levels near the edge of a step, one between: runs of thousands of samples are its nature
     rng = np.random.default_rng(4)
     log = pd.DataFrame({"t": np.arange(30_000) / 100})
@@ -356,7 +318,7 @@ def test_noise_far_below_the_step_is_not_stuck(tmp_path):
     for i, name in enumerate(CHANNELS):
         mean = 9.8 if name == "az" else 0.3 * i
         log[name] = np.round((mean + drift) / 0.15 + 0.1 * rng.normal(size=30_000)) * 0.15
-    found = taken(tmp_path, log, "static")[1]["faults"]
+    found = run(log, kind="static").quality["faults"]
     assert not any(f["stretches"] for f in found["stuck"].values())
     assert not any(f["rows"] for f in found["clipped_at"].values())
     assert found["rows_a_value"] == {"acceleration": 1, "angular_rate": 1}
@@ -364,20 +326,12 @@ def test_noise_far_below_the_step_is_not_stuck(tmp_path):
     assert found["silent_at_rest"] == []
 
 
-def test_measured_sessions_have_none(repository, recordings, tmp_path):
+def test_measured_sessions_have_none(repository, recordings, run):
     devices = yaml.safe_load((repository / "config/measured.yaml").read_text())["devices"]
     for device, entry in devices.items():
-        for session, declared in entry["sessions"].items():
-            declared = dict(declared)
+        for declared in map(dict, entry["sessions"].values()):
             source = declared.pop("file")
             sources = [source] if "url" in source else source.values()
             paths = [recordings(s["url"].rsplit("/", 1)[1]) for s in sources]
-            target = tmp_path / device
-            ingest(
-                **{"device": device, "session": session, "nominal": entry.get("nominal")},
-                **declared,
-                paths=paths,
-                samples_path=target / "samples.parquet",
-                quality_path=target / "quality.json",
-            )
-            assert read_json(target / "quality.json")["warnings"] == [], device
+            done = run(*paths, **declared, nominal=entry.get("nominal"))
+            assert done.quality["warnings"] == [], device

@@ -4,15 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from scipy.signal import butter, lfilter
 
-from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import DEGREE
-from imuloop.ingest.ingest import ingest
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
 
@@ -55,65 +51,15 @@ def array(chip, **changed):
 
 
 @pytest.fixture
-def taken(tmp_path):
+def taken(run):
     """Ingest a table or files, give quality.json."""
-
-    def call(*log, **declared):
-        if isinstance(log[0], pd.DataFrame):
-            table = pa.Table.from_pandas(log[0], preserve_index=False)
-            pq.write_table(table, tmp_path / "log.parquet")
-            log = [tmp_path / "log.parquet"]
-        ingest(
-            **{"device": "imu", "session": "s", "kind": "multi_position", **declared},
-            paths=log,
-            samples_path=tmp_path / "samples.parquet",
-            quality_path=tmp_path / "quality.json",
-        )
-        return read_json(tmp_path / "quality.json")
-
-    return call
+    return lambda *log, **declared: run(*log, **declared).quality
 
 
 def simulated(session, seed=5, truth=None, **changed):
     truth = truth or example_truth()
     plan = replace(truth.sessions[session], **changed)
     return simulate_session(replace(truth, sessions={session: plan}), session, seed)
-
-
-# the gyroscope's scale, of what it is, and the words on the cause
-SCALES = {
-    2.0: "full scale was 1/2 of the one that",
-    4.0: "full scale was 1/4 of the one that",
-    0.5: "full scale was 2 times the one that",
-    0.25: "full scale was 4 times the one that",
-    1 / DEGREE: "looks like deg/s",
-}
-
-
-def scaled(declared, factor, quantity="angular_rate"):
-    """What is declared with the scale of counts changed."""
-    own = declared["nominal"][quantity]
-    nominal = declared["nominal"] | {quantity: own | {"scale": own["scale"] * factor}}
-    return declared | {"nominal": nominal}
-
-
-@pytest.mark.parametrize("factor", SCALES)
-def test_a_full_scale_or_unit_of_a_measured_gyroscope(recordings, taken, factor):
-    paths = [recordings("xsens_acc.mat"), recordings("xsens_gyro.mat")]
-    found = taken(*paths, **scaled(XSENS, factor))
-    assert found["status"] == "rejected"
-    assert len(found["reasons"]) == 1 and SCALES[factor] in found["reasons"][0]
-    found = taken(recordings("exp_1.parquet"), **scaled(array(4), factor), gravity=9.818)
-    assert found["status"] == "rejected"
-    assert SCALES[factor] in found["reasons"][0]
-
-
-@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (1.15, True), (0.85, True)])
-def test_some_per_cent_of_a_measured_gyroscope_are_told(recordings, taken, factor, told):
-    paths = [recordings("xsens_acc.mat"), recordings("xsens_gyro.mat")]
-    found = taken(*paths, **scaled(XSENS, factor))
-    assert found["status"] == "ok"
-    assert ["its scale is off by as much" in line for line in found["warnings"]] == [True] * told
 
 
 def test_measured_turns_agree_with_gravity(recordings, taken):

@@ -5,12 +5,11 @@ import pytest
 
 
 @pytest.fixture
-def measured(log, run, tmp_path):
+def measured(log, run):
     """Quality of the log after a change."""
 
     def call(**declared):
-        log.to_csv(tmp_path / "log.csv", index=False)
-        return run(tmp_path / "log.csv", **declared).quality
+        return run(log, **declared).quality
 
     return call
 
@@ -118,13 +117,11 @@ def test_the_wrong_unit_of_time_is_rejected_with_the_right_one(log, measured):
     assert "a million times smaller" in found["reasons"][0]
 
 
-def test_too_short(log, run, tmp_path):
-    log[:99].to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
+def test_too_short(log, run):
+    done = run(log[:99])
     assert done.quality["reasons"] == ["99 usable rows, at least 100 needed"]
     assert len(done.samples) == 0
-    log[:150].to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
+    done = run(log[:150])
     assert done.quality["reasons"] == ["the log lasts 1.49 s, at least 2 s needed"]
 
 
@@ -139,17 +136,15 @@ def test_the_share_that_may_be_lost(log, measured, bad, status):
 
 
 @pytest.mark.parametrize("step", [5e-324, 1e-12, 1e100])
-def test_stamps_of_no_sensor(log, run, tmp_path, step):
+def test_stamps_of_no_sensor(log, run, step):
     log["t"] = np.arange(500) * step
-    log.to_parquet(tmp_path / "log.parquet", index=False)
-    [reason] = run(tmp_path / "log.parquet").quality["reasons"]
+    [reason] = run(log).quality["reasons"]
     assert "Hz is no rate of an IMU" in reason
 
 
-def test_missing_temperatures_stay_missing(log, run, tmp_path):
+def test_missing_temperatures_stay_missing(log, run):
     log["temp"] = np.where(log.index % 10, np.nan, 25.0)
-    log.to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
+    done = run(log)
     assert done.quality["rows"] == 500
     assert done.quality["missing_values"]["temperature"] == 450
     assert done.samples.temperature.notna().sum() == 50
@@ -171,10 +166,9 @@ def test_a_value_that_no_sensor_gives_is_dropped_and_counted(log, measured, chan
 
 
 @pytest.mark.parametrize("channels", [["ax", "ay", "az"], ["gx", "gy", "gz"], ["gz"]])
-def test_changes_that_no_sensor_resolves_are_none(log, run, tmp_path, channels):
+def test_changes_that_no_sensor_resolves_are_none(log, run, channels):
     log[channels] *= 1e-200
-    log.to_parquet(tmp_path / "log.parquet", index=False)
-    done = run(tmp_path / "log.parquet")
+    done = run(log)
     assert done.quality["status"] == "rejected"
     assert len(done.quality["reasons"]) == len(channels)
     assert "in the whole log, which no sensor resolves" in done.quality["reasons"][0]

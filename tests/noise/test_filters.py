@@ -43,7 +43,6 @@ def powers(low, high):
 sizes = powers(-6, -2).map(known)
 absent = st.just(Coefficient())
 unseen = powers(-6, -2).map(limited)
-processes = st.builds(process, powers(-7, -2), powers(-1, 5))
 noises = st.builds(
     AxisNoise,
     Q=absent | sizes,
@@ -51,18 +50,14 @@ noises = st.builds(
     B=absent | sizes,
     K=sizes | unseen,
     R=absent | sizes,
-    gauss_markov=st.lists(processes, max_size=3).map(tuple),
+    gauss_markov=st.lists(st.builds(process, powers(-7, -2), powers(-1, 5)), max_size=3).map(tuple),
 )
 # white noise of a gyroscope, 0.3 deg/sqrt(h), and a walk that was not seen
 WHITE = AxisNoise(N=known(8e-5), K=limited(1e-7))
 RAISED = {
     "flicker": replace(WHITE, B=known(4e-5)),
-    "strong flicker": replace(WHITE, B=known(1e-3)),
     "flicker and a walk": replace(WHITE, B=known(4e-5), K=known(3e-6)),
-    **{
-        f"process of {tc:g} s": replace(WHITE, gauss_markov=(process(2e-5, tc),))
-        for tc in (5, 50, 500, 5000)
-    },
+    "process": replace(WHITE, gauss_markov=(process(2e-5, 50.0),)),
     "ramp": replace(WHITE, R=known(1e-7)),
     "quantisation": replace(WHITE, Q=known(1e-4)),
     "all": replace(
@@ -73,18 +68,11 @@ each_raised = pytest.mark.parametrize("noise", RAISED.values(), ids=RAISED)
 
 
 @given(noises)
-def test_the_pair_bounds_the_curve_and_is_never_below_its_own(noise):
-    pair = bounding(noise)
-    assert pair[0] >= (noise.N.value or noise.N.upper95)
-    assert pair[1] >= (noise.K.value or noise.K.upper95)
+def test_the_pair_bounds_the_curve_and_neither_can_be_lower(noise):
+    pair, own = np.array(bounding(noise)), np.array([noise.N.size, noise.K.size])
+    assert (pair >= own).all()
     assert (bound(pair, HELD) >= (1 - 1e-11) * curve(noise, HELD)).all()
     assert (bound(pair) >= 0.999 * curve(noise)).all()
-
-
-@given(noises)
-def test_neither_can_be_lower(noise):
-    pair = np.array(bounding(noise))
-    own = np.array([noise.N.size, noise.K.size])
     for lower in ([0.98, 1.0], [1.0, 0.98]):
         below_own = (pair * lower < own).any()
         assert below_own or (bound(pair * lower) < (1 - 1e-9) * curve(noise)).any()
@@ -95,8 +83,7 @@ def test_no_pair_exceeds_the_curve_less(noise):
     def excess(pair):
         return (bound(pair, HELD) / curve(noise, HELD)).sum()
 
-    found = bounding(noise)
-    least = np.inf
+    found, least = bounding(noise), np.inf
     others = np.concatenate([np.linspace(noise.N.size, found[0], 999), found[0] * TAU[TAU > 1]])
     for n in others:
         missing = 3 * (curve(noise, HELD) - n**2 / HELD) / HELD
@@ -107,12 +94,7 @@ def test_no_pair_exceeds_the_curve_less(noise):
 @given(N=sizes | unseen, K=sizes | unseen)
 def test_white_noise_and_walk_alone_stay_as_they_are(N, K):
     assert bounding(AxisNoise(N=N, K=K)) == (N.size, K.size)
-
-
-@each_raised
-def test_what_lies_above_raises(noise):
-    assert (bound((noise.N.size, noise.K.size)) < 0.99 * curve(noise)).any()
-    assert bounding(noise) != (noise.N.size, noise.K.size)
+    assert bounding(AxisNoise(N=limited(0.0), K=limited(0.0))) == (0.0, 0.0)
 
 
 def test_flicker_alone_touches_the_lowest_point_of_the_bound():
@@ -124,27 +106,24 @@ def test_flicker_alone_touches_the_lowest_point_of_the_bound():
 
 
 def test_a_ramp_alone_is_reached_at_the_longest_time():
-    noise = replace(WHITE, R=known(1e-7))
-    N, K = bounding(noise)
+    N, K = bounding(RAISED["ramp"])
     assert N == 8e-5
     assert K == pytest.approx(np.sqrt(1.5 * LONGEST) * 1e-7, rel=1e-9)
 
 
-@pytest.mark.parametrize("tc", [1e5, 1e6])
-def test_a_process_slower_than_the_range_is_a_walk(tc):
-    N, K = bounding(replace(WHITE, K=limited(1e-9), gauss_markov=(process(2e-5, tc),)))
+def test_a_process_slower_than_the_range_is_a_walk():
+    N, K = bounding(replace(WHITE, K=limited(1e-9), gauss_markov=(process(2e-5, 1e5),)))
     assert pytest.approx(8e-5, rel=1e-4) == N
     assert pytest.approx(2e-5, rel=5e-3) == K
 
 
 def test_a_line_raises_nothing():
-    line = Sinusoid(known(1e-2), known(0.05))
+    line, flicker = Sinusoid(known(1e-2), known(0.05)), RAISED["flicker"]
     assert bounding(replace(WHITE, sinusoid=(line,))) == (8e-5, 1e-7)
-    flicker = RAISED["flicker"]
     assert bounding(replace(flicker, sinusoid=(line,))) == bounding(flicker)
 
 
-@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1e6])
+@pytest.mark.parametrize("scale", [1e-12, 1e6])
 @each_raised
 def test_another_unit_gives_the_same(noise, scale):
     def scaled(c):
@@ -157,7 +136,3 @@ def test_another_unit_gives_the_same(noise, scale):
         gauss_markov=tuple(replace(p, q=scaled(p.q)) for p in noise.gauss_markov),
     )
     assert bounding(other) == pytest.approx(np.multiply(bounding(noise), scale), rel=1e-6)
-
-
-def test_nothing_at_all_stays_nothing():
-    assert bounding(AxisNoise(N=limited(0.0), K=limited(0.0))) == (0.0, 0.0)

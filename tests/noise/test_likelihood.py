@@ -7,9 +7,8 @@ import pytest
 from scipy.linalg import null_space
 from scipy.optimize import minimize
 
-from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.likelihood import Likelihood, weighted_nnls
 
-RNG = np.random.default_rng(0)
 # two unit spectra, one flat and one that falls
 K = np.arange(1, 40)
 UNITS = np.column_stack([np.ones(39), 50.0 / K**2])
@@ -17,7 +16,8 @@ RHO = 3.0 / K**1.5
 TRUTH = np.array([2.0, 1.0])
 
 
-def draw(rng=RNG, ramp=1.5):
+def draw(seed=0, ramp=1.5):
+    rng = np.random.default_rng(seed)
     amplitudes = np.sqrt(UNITS @ TRUTH) * rng.standard_normal(39) + ramp * RHO
     return Likelihood(amplitudes, np.zeros(0), np.ones(39), RHO)
 
@@ -30,17 +30,14 @@ def contrasts_value(likelihood, theta):
 
 
 def test_restricted_likelihood_is_that_of_the_contrasts_without_the_ramp():
-    likelihood = draw()
+    likelihood, other = draw(), np.array([0.7, 3.0])
 
     def restricted(theta):
         expected = UNITS @ theta
         return likelihood.value(likelihood.power(likelihood.slope(expected)), expected, True)
 
-    other = np.array([0.7, 3.0])
-    found = restricted(TRUTH) - restricted(other)
-    assert found == pytest.approx(
-        contrasts_value(likelihood, TRUTH) - contrasts_value(likelihood, other), abs=1e-9
-    )
+    dense = contrasts_value(likelihood, TRUTH) - contrasts_value(likelihood, other)
+    assert restricted(TRUTH) - restricted(other) == pytest.approx(dense, abs=1e-9)
 
 
 def test_fit_is_its_maximum():
@@ -55,25 +52,23 @@ def test_fit_is_its_maximum():
     # the scoring ends where the likelihood grows by less than 1e-6
     assert fit.theta == pytest.approx(np.exp(best.x), rel=1e-2)
     assert contrasts_value(likelihood, fit.theta) == pytest.approx(-best.fun, abs=1e-5)
+    half = replace(likelihood, count=0.5 * likelihood.count).fit(UNITS, True, restricted=True)
+    assert half.theta == pytest.approx(fit.theta, rel=1e-3)
 
 
 def test_a_fitted_ramp_takes_no_power_from_the_falling_term():
     plain, restricted = (
-        np.mean(
-            [
-                draw(np.random.default_rng(seed)).fit(UNITS, True, restricted=r).theta
-                for seed in range(400)
-            ],
-            axis=0,
-        )
+        np.mean([draw(seed).fit(UNITS, True, restricted=r).theta for seed in range(400)], axis=0)
         for r in (False, True)
     )
     assert restricted[1] == pytest.approx(TRUTH[1], rel=0.1)
     assert plain[1] < 0.9 * restricted[1]
 
 
-def test_equal_weights_do_not_move_the_maximum():
-    likelihood = draw()
-    half = replace(likelihood, count=0.5 * likelihood.count)
-    one, other = (each.fit(UNITS, True, restricted=True) for each in (likelihood, half))
-    assert other.theta == pytest.approx(one.theta, rel=1e-3)
+def test_least_squares_take_columns_of_any_size_and_number():
+    rng = np.random.default_rng(3)
+    truth, scale = np.array([1.0, 0.0, 2.0]), np.array([1e-60, 1.0, 1e60])
+    units = rng.uniform(1, 2, (30, 3))
+    found = weighted_nnls(units * scale, units @ truth, rng.uniform(1, 2, 30))
+    assert found * scale == pytest.approx(truth, abs=1e-9)
+    assert weighted_nnls(units[:, :0], units @ truth, np.ones(30)).size == 0

@@ -12,24 +12,13 @@ from imuloop.segment.segment import session_columns
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import carlsson_array, xsens
 
-# each with the axis whose rests drift most
-CHIPS = [
-    *((1, 1, "ay"), (1, 3, "ay"), (1, 5, "ay"), (1, 6, "ax"), (1, 7, "ay"), (1, 8, "ax")),
-    *((5, 3, "ay"), (5, 5, "ay"), (5, 6, "ax")),
-]
 
-
-def estimated(samples, axis):
-    """Return the record of all rests and the noise of an axis."""
+def assert_no_walk_by_another_name(samples, axis):
+    """Assert that no process lasts longer than rests show, and that all intervals hold values."""
     segments, _ = session_columns(samples, "multi_position", SegmentSettings())
     record = record_of(Session("poses", "multi_position", samples, segments))
-    values = record.runs(record.cut(record.column(axis)))
-    basis = modes(record.layouts)
-    return basis, estimate_axis(record.layouts, basis, values, NoiseSettings()).noise
-
-
-def assert_no_walk_by_another_name(basis, noise):
-    """Assert that no process lasts longer than rests show, and that all intervals hold values."""
+    values, basis = record.runs(record.cut(record.column(axis))), modes(record.samplings)
+    noise = estimate_axis(record.samplings, basis, values, NoiseSettings()).noise
     assert noise.N.identifiable and noise.N.ci95[0] < noise.N.value < noise.N.ci95[1]
     for process in noise.gauss_markov:
         assert process.tc.value < basis.level / 5
@@ -37,16 +26,18 @@ def assert_no_walk_by_another_name(basis, noise):
             assert 0 <= c.ci95[0] <= c.value <= c.ci95[1] < np.inf
 
 
-@pytest.mark.parametrize(("experiment", "chip", "axis"), CHIPS)
+# each with the axis whose rests drift most
+@pytest.mark.parametrize(
+    ("experiment", "chip", "axis"), [(1, 1, "ay"), (1, 6, "ax"), (1, 7, "ay"), (5, 6, "ax")]
+)
 def test_rests_of_the_array_that_drift(recordings, experiment, chip, axis):
-    samples = carlsson_array(recordings, experiment, chip)
-    assert_no_walk_by_another_name(*estimated(samples, axis))
+    assert_no_walk_by_another_name(carlsson_array(recordings, experiment, chip), axis)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 5, 6, 8])
+@pytest.mark.parametrize("seed", [0, 5, 8])
 def test_half_a_count_of_dither(recordings, seed):
     samples, rng = xsens(recordings), np.random.default_rng(seed)
     for axes, counts in ((ACCELERATION, 415), (ANGULAR_RATE, 4768)):
         x = np.rint(samples[list(axes)].to_numpy() * counts)
         samples[list(axes)] = np.rint(x + rng.choice([-0.5, 0.5], x.shape)) / counts
-    assert_no_walk_by_another_name(*estimated(samples, "az"))
+    assert_no_walk_by_another_name(samples, "az")

@@ -1,88 +1,167 @@
-"""Spectra of window means against covariances, and fits of many at once against each alone."""
+"""Spectrum and autocorrelation against scipy, definitions, closed forms and simulated records."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from scipy.fft import dct
+from scipy.signal import lfilter, welch
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel
-from imuloop.core.samples import CHANNELS
-from imuloop.noise.likelihood import log_likelihood
-from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
-from imuloop.noise.spectrum import likeliest
+from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.noise import spectrum as module
+from imuloop.noise.allan import allan_variance
+from imuloop.noise.representations import COLUMNS, WORDS, empty, label, representations
+from imuloop.noise.sampling import Sampling
+from imuloop.noise.settings import NoiseSettings
+from imuloop.noise.spectrum import (
+    LAGS,
+    POINTS,
+    autocorrelation,
+    power_spectrum,
+    segment_lengths,
+)
 
-
-def known(value):
-    return Coefficient(value, None, None, True)
-
-
-def transformed(noise, n=400):
-    """Return θ and the diagonal of the covariance of cosine coefficients, windows of length 1."""
-    transform, start = dct(np.eye(n), norm="ortho", axis=0), np.arange(n)
-    model = NoiseModel("d", dict.fromkeys(CHANNELS, noise))
-    covariance = model.pose_mean_covariance(np.column_stack([start, start + 1]))[0]
-    return np.pi * np.arange(1, n) / n, np.diag(transform @ covariance @ transform.T)[1:]
-
-
-@pytest.mark.parametrize("name, tolerance", [("N", 1e-9), ("K", 1e-6), ("B", 0.05)])
-def test_unit_spectra_are_the_variances_of_the_coefficients(name, tolerance):
-    theta, variance = transformed(AxisNoise(**{name: known(1.0)}))
-    expected = mean_spectra(theta)[:, "QNBK".index(name)]
-    # flicker: the ends of the record count in the first few
-    inner = slice(8, None) if name == "B" else slice(None)
-    np.testing.assert_allclose(expected[inner], variance[inner], rtol=tolerance)
+RATE = 50.0
+EVERY = NoiseSettings(
+    views=("psd", "autocorrelation", "total", "modified", "hadamard"), m_samples=(2, 3)
+)
 
 
-@pytest.mark.parametrize("tc", [2.0, 8.0])
-def test_the_spectrum_of_a_process(tc):
-    process = GaussMarkov(known(np.sqrt(2 / tc)), known(tc))
-    theta, variance = transformed(AxisNoise(gauss_markov=(process,)))
-    np.testing.assert_allclose(gauss_markov_mean_spectrum(theta, tc)[5:], variance[5:], rtol=0.07)
-    # all of the variance of means, 2 (Tc/τ)² (τ/Tc - 1 + exp(-τ/Tc)), is in the spectrum
-    fine = (np.arange(20000) + 0.5) * np.pi / 20000
-    mean = 2 * tc**2 * (1 / tc - 1 + np.exp(-1 / tc))
-    assert gauss_markov_mean_spectrum(fine, tc).mean() == pytest.approx(mean, rel=1e-6)
+def tabulated(stretches, settings, axis="gx"):
+    lengths = tuple(map(len, stretches))
+    starts = np.cumsum([0, *(n + 100 for n in lengths[:-1])])
+    sampling = Sampling(RATE, tuple(starts), lengths, tuple(range(len(lengths))))
+    return pd.DataFrame(representations(sampling, stretches, axis, settings))
 
 
-def test_a_fit_of_its_own_spectrum_is_exact():
-    theta = np.pi * np.arange(1, 500) / 500
-    units = mean_spectra(theta)
-    true = np.array([0.3, 2.0, 0.5, 1e-3])
-    found = likeliest(units @ true, np.full(499, 10), units)
-    np.testing.assert_allclose(found, true, rtol=0.05, atol=1e-3)
+def coefficient(value):
+    return Coefficient(value, (value, value), value, True)
 
 
-def test_many_fits_at_once_are_those_of_each_and_no_other_is_likelier():
+def test_segments_span_both_ends_of_the_spectrum():
+    assert segment_lengths(15) == []
+    assert segment_lengths(1000) == [256]
+    assert segment_lengths(17_280_000) == [1 << 23, 1 << 17, 1 << 11]
+
+
+@pytest.mark.parametrize("length", [300, 400_000])
+def test_each_point_is_a_mean_over_what_scipy_gives(length):
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(length) + 0.01 * np.cumsum(rng.standard_normal(length)) + 9.8
+    f, density, _ = power_spectrum([x], RATE)
+    longest, *_ = lengths = segment_lengths(length)
+    grids = {n: welch(x, RATE, nperseg=n) for n in lengths}
+    edges = np.geomspace(1.5 * RATE / longest, RATE / 2, POINTS + 1)
+    assert f[0] == pytest.approx(2 * RATE / longest)
+    for point, value in zip(f, density, strict=True):
+        k = np.searchsorted(edges, point) - 1
+        n = next((n for n in lengths[::-1] if edges[k] >= 16 * RATE / n), longest)
+        grid, expected = grids[n]
+        inside = (grid >= edges[k]) & (grid < edges[k + 1]) & (grid < RATE / 2)
+        assert point == pytest.approx(grid[inside].mean())
+        assert value == pytest.approx(expected[inside].mean(), rel=1e-9)
+
+
+def test_low_end_of_a_long_record_is_that_of_the_whole_transform(monkeypatch):
+    """Quantisation is the worst case for the means that stand in: all its power lies above."""
     rng = np.random.default_rng(1)
-    units = rng.uniform(0.1, 2, size=(3, 1, 30, 3)) ** 4
-    count = rng.integers(2, 40, size=30)
-    power = rng.chisquare(count, size=(4, 30)) / count
-    found = likeliest(power, count, units)
-    assert found.shape == (3, 4, 3) and np.all(found >= 0)
-    value = log_likelihood(power, count, (units @ found[..., None])[..., 0])
-    for i in range(3):
-        for j in range(4):
-            alone = likeliest(power[j], count, units[i, 0])
-            np.testing.assert_allclose(found[i, j], alone, rtol=1e-9, atol=1e-12)
-    for _ in range(20):
-        other = found * rng.uniform(0.8, 1.25, size=found.shape)
-        expected = (units @ other[..., None])[..., 0]
-        assert np.all(log_likelihood(power, count, expected) <= value + 0.05)
+    length = 1_000_000
+    x = 30 * np.diff(rng.standard_normal(length + 1)) + 0.1 * rng.standard_normal(length)
+    f, density, _ = power_spectrum([x], RATE)
+    assert segment_lengths(length)[0] > module.TRANSFORM
+    monkeypatch.setattr(module, "TRANSFORM", 1 << 30)
+    _, whole, _ = power_spectrum([x], RATE)
+    # the ends of a segment hold different samples
+    first = f < 17 * RATE / segment_lengths(length)[1]
+    ratio = density[first] / whole[first]
+    assert ratio.mean() == pytest.approx(1, abs=0.01) and ratio.std() < 0.1
+    np.testing.assert_allclose(density[~first], whole[~first])
 
 
-@pytest.mark.parametrize("share", [0.0, 1e-9, 1e-3])
-def test_a_coefficient_that_happens_to_be_as_good_as_zero_does_not_count_alone(share):
-    """Each unit is the same in that bin: by it alone they cannot be told apart."""
+def test_cuts_and_levels_do_not_enter():
     rng = np.random.default_rng(2)
-    frequency = np.geomspace(1e-3, 1, 30)
-    times = np.array([3.0, 30, 300])
-    red = 1 / (1 + (2 * np.pi * frequency[:, None] * times) ** 2)
-    units = np.column_stack([np.ones(30), red])
-    count = np.geomspace(1, 300, 30).round()
-    power = (units @ [1.0, 0, 50, 0]) * rng.chisquare(count, size=(200, 30)) / count
-    power[:, 0] *= share
-    found = likeliest(power, count, units)
-    assert np.all(np.isfinite(found)) and np.all(found >= 0)
-    value = log_likelihood(power, count, (units @ found[..., None])[..., 0])
-    truth = log_likelihood(power, count, units @ [1.0, 0, 50, 0])
-    assert np.all(value >= truth - 0.05)
-    np.testing.assert_allclose(np.median(found[:, 0]), 1.0, rtol=0.03)
+    stretches = [rng.standard_normal(n) for n in (5000, 200, 12, 9000)]
+    moved = [x + 1e6 * i for i, x in enumerate(stretches)]
+    for found, expected in zip(
+        power_spectrum(moved, RATE), power_spectrum(stretches, RATE), strict=True
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+    _, found, _ = autocorrelation(moved)
+    np.testing.assert_allclose(found, autocorrelation(stretches)[1], atol=1e-9)
+
+
+def test_intervals_of_white_noise_cover():
+    """95 % of the points of 60 records hold 2 N^2; the band of the autocorrelation its lags."""
+    rng = np.random.default_rng(3)
+    inside = {"psd": [], "autocorrelation": []}
+    for _ in range(60):
+        table = tabulated([rng.standard_normal(n) for n in (30_000, 9000, 9001)], NoiseSettings())
+        for view, rows in table.groupby("view"):
+            value = 2 / RATE if view == "psd" else rows.value
+            inside[view].append((rows.ci_low <= value) & (value <= rows.ci_high))
+    thirds = [part.mean() for part in np.array_split(inside["psd"], 3, axis=1)]
+    assert thirds == pytest.approx([0.95] * 3, abs=0.015)
+    assert np.mean(inside["autocorrelation"]) == pytest.approx(0.95, abs=0.015)
+
+
+def test_spectrum_of_simulated_noise_is_the_models():
+    """White noise, a Gauss-Markov process and a walk against `AxisNoise.density`."""
+    rng = np.random.default_rng(4)
+    n_samples, n, k, q, tc = 400_000, 0.02, 2e-3, 0.05, 3.0
+    x = n * np.sqrt(RATE) * rng.standard_normal(n_samples)
+    x += k / np.sqrt(RATE) * np.cumsum(rng.standard_normal(n_samples))
+    decay = np.exp(-1 / (RATE * tc))
+    step = q * np.sqrt(tc / 2 * (1 - decay**2))
+    x += lfilter([1], [1, -decay], step * rng.standard_normal(n_samples))
+    f, density, edf = power_spectrum([x], RATE)
+    model = AxisNoise(N=coefficient(n), K=coefficient(k)).density(f, RATE)
+    model = model + 2 * q**2 / (tc**-2 + (2 * np.pi * f) ** 2)
+    score = (density / model - 1) / np.sqrt(2 / edf)
+    # a sampled process folds what lies above half the rate: not there
+    score = score[f < RATE / 8]
+    assert np.abs(score.mean()) < 4 / np.sqrt(len(score))
+    assert score.std() == pytest.approx(1, abs=0.15)
+
+
+def test_autocorrelation_is_its_definition():
+    rng = np.random.default_rng(5)
+    # several blocks of the transform, lags longer than the short stretches
+    stretches = [np.cumsum(rng.standard_normal(n)) for n in (150_000, 37, 1, 70_001)]
+    lags, value, pairs = autocorrelation(stretches)
+    assert lags[0] == 1 and lags[-1] == 15_000 and len(lags) <= LAGS
+    centred = [x - x.mean() for x in stretches]
+    power = sum(y @ y for y in centred) / sum(map(len, centred))
+    for k in range(0, len(lags), 9):
+        lag = lags[k]
+        products = [y[lag:] @ y[: len(y) - lag] for y in centred if len(y) > lag]
+        assert pairs[k] == sum(len(y) - lag for y in centred if len(y) > lag)
+        assert value[k] == pytest.approx(sum(products) / pairs[k] / power, abs=1e-12)
+
+
+def test_tables_hold_what_the_settings_ask_for():
+    x = [np.random.default_rng(8).standard_normal(n) for n in (3000, 500)]
+    table = tabulated(x, EVERY, "gy")
+    assert tuple(table.columns) == COLUMNS == tuple(empty())
+    assert set(table["axis"]) == {"gy"}
+    assert list(table["view"].unique()) == [*EVERY.views, "m_sample_2", "m_sample_3"]
+    assert not table[["x", "value"]].isna().any(axis=None)
+    bounded = ~table["view"].str.startswith("m_sample")
+    assert table.loc[bounded, ["ci_low", "ci_high"]].notna().all(axis=None)
+    deviations = table[~table["view"].isin(["psd", "autocorrelation"])]
+    assert deviations.groupby("view").first()["x"].to_numpy() == pytest.approx(1 / RATE)
+    two = table[table["view"] == "m_sample_2"]
+    expected = allan_variance(x, np.rint(two["x"] * RATE).astype(int))
+    assert two["value"].to_numpy() ** 2 == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("length", [1, 9, 16, 40])
+@pytest.mark.parametrize("level", [0.0, 9.8])
+def test_short_or_constant_output_gives_what_there_is(length, level):
+    with np.errstate(all="raise"):
+        table = tabulated([np.full(length, level)], EVERY)
+    assert not (table["view"] == "autocorrelation").any()
+    assert table["value"].to_numpy() == pytest.approx(0, abs=1e-12)
+
+
+def test_each_view_has_words_of_its_own():
+    assert label("m_sample_3").startswith("3-sample deviation: of 3 consecutive averages")
+    words = [label(view) for view in WORDS if view != "m_sample"]
+    assert len(set(words)) == len(words)

@@ -17,12 +17,14 @@ from imuloop.plan.information import Information
 from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
 from imuloop.plan.session import FULL_TURN_S
 from imuloop.simulate.simulate import simulate_session
-from imuloop.simulate.truth import Session, example_truth
+from imuloop.simulate.truth import SessionTruth, example_truth
 from plan.planned_log import simulate_plan
 
 SENSORS = ("accelerometer", "gyroscope")
 HOLD_S, MOVE_S = 4.0, 2.0
-SESSION = Session("multi_position", 3, poses=14, rest_s=(HOLD_S, HOLD_S), move_s=(MOVE_S, MOVE_S))
+SESSION = SessionTruth(
+    "multi_position", 3, poses=14, rest_s=(HOLD_S, HOLD_S), move_s=(MOVE_S, MOVE_S)
+)
 TRUTH = example_truth(sessions={"multi_position": SESSION})
 NOISE = known_noise(TRUTH)
 

@@ -5,11 +5,13 @@ recurrence on p. 108, deviations in tables 30 (p. 107) and 31 (p. 108). Compared
 other copies of these tables, allantools' tests/nbs14 among them.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from imuloop.noise.allan import allan_variance
-from imuloop.noise.deviations import hadamard_variance, modified_variance, total_variance
+from imuloop.noise.deviations import deviation_variance
 
 NINE = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])
 # hadamard: the overlapping one
@@ -48,9 +50,7 @@ def plain_variance(stretches, factors):
 VARIANCES = {
     "plain": plain_variance,
     "overlapping": allan_variance,
-    "hadamard": hadamard_variance,
-    "modified": modified_variance,
-    "total": total_variance,
+    **{name: partial(deviation_variance, name) for name in ("hadamard", "modified", "total")},
 }
 
 

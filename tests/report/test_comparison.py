@@ -3,24 +3,19 @@
 import csv
 import json
 
-import numpy as np
 import pytest
 
 from imuloop.core.noise_model import NoiseModel
 from imuloop.noise.filters import bounding
 from imuloop.report.figures.comparison import (
-    DASHES,
     allan_comparison,
-    line_style,
     parameter_comparison,
 )
-from imuloop.report.figures.drawing import PALETTE
 from imuloop.report.summary import PAIRS
 from imuloop.report.tables.comparison import (
     COLUMNS,
     best_devices,
     best_words,
-    cells,
     filter_cells,
     verdict_parts,
     verdict_rank,
@@ -43,16 +38,6 @@ def test_the_smallest_size_is_the_best_and_a_limit_counts_as_its_size():
     assert best_devices([*devices, _summary(K=_size(None, 1.0))], "K") == {4}
     assert best_devices([*devices, _summary(K=_size(None, 2.5))], "K") == {0}
     assert best_devices(devices[:1], "K") == set()
-
-
-def test_cells_are_sorted_by_their_size_in_si():
-    a = _summary(accelerometer_bias={"value": -0.5, "std": 0.1, "axis": "z"})
-    b = _summary(accelerometer_B=_size(None, 2e-3))
-    (first, second) = cells([a, b], "accelerometer")
-    keys = [column.key for column in COLUMNS["accelerometer"]]
-    assert first[keys.index("accelerometer_bias")].value == 0.5
-    assert second[keys.index("accelerometer_B")].value == 2e-3
-    assert second[keys.index("accelerometer_bias")].value is None
 
 
 def test_two_allan_curves_are_compared_where_both_are_and_one_is_told():
@@ -133,14 +118,6 @@ def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flic
     assert [c.text for c in filter_cells(summaries["nothing"])] == ["—"] * 5
 
 
-@pytest.mark.parametrize(("limit", "words"), [(False, "axis z"), (True, "z, not seen: 95 % limit")])
-def test_what_was_not_raised_is_as_it_was_estimated(limit, words):
-    density = {"value": 1.25e-4, "axis": "z", "limit": limit, "raised_from": None}
-    _, cell, *others = filter_cells({"filter": {"accelerometer_N": density}})
-    assert (cell.text, cell.below, cell.value) == ("1.25e-04", words, 1.25e-4)
-    assert [c.text for c in others] == ["—"] * 3
-
-
 def test_misalignments_are_those_that_were_estimated(summaries, results):
     sensor = json.loads((results / "board" / "calibration.json").read_text())["accelerometer"]
     found = dict(
@@ -165,11 +142,6 @@ def test_every_parameter_has_a_picture_with_all_devices_that_have_it(summaries):
     assert "xy" in pictures["comparison.accelerometer_misalignment"].svg
     assert "zx" not in pictures["comparison.accelerometer_misalignment"].svg
     assert "zx" in pictures["comparison.gyroscope_misalignment"].svg
-
-
-def test_twenty_one_devices_have_lines_of_their_own():
-    looks = {line_style(i) for i in range(len(PALETTE) * len(DASHES))}
-    assert len(looks) == 21 and np.ptp([c for c, _ in looks]) == 6
 
 
 def test_a_label_that_a_spreadsheet_would_run(summaries, tmp_path):

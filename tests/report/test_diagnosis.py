@@ -8,9 +8,8 @@ import pytest
 
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
-from imuloop.report.effect_units import data_sheet, spans
+from imuloop.report.effect_units import data_sheet
 from imuloop.report.figures.bias import temperatures
-from imuloop.report.numbers import joined, p_text, percent
 from imuloop.report.section import diagnosis_parts
 from imuloop.report.tables.candidates import (
     constants_text,
@@ -46,19 +45,6 @@ def test_one_in_the_unit_of_a_data_sheet(si, shown, stimulus, added):
     display = data_sheet(si)
     assert display.unit == shown
     assert added / stimulus * display.factor == pytest.approx(1, rel=1e-12)
-
-
-def test_an_unknown_unit_stays_as_it_is():
-    assert (data_sheet("m^2").unit, data_sheet("m^2").factor) == ("m²", 1.0)
-
-
-def test_values_of_two_units_are_two_spans():
-    values = {"a": G / 1e3, "b": 3 * G / 1e3, "c": 2e-6, "d": None}
-    units = {"a": "m/s^2", "b": "m/s^2", "c": "1"}
-    assert [t.replace("\u202f", " ") for t in spans(values, units)] == [
-        "1.0 to 3.0 mg",
-        "2.0 ppm",
-    ]
 
 
 def test_the_ranking_does_not_depend_on_the_order_of_the_file(devices):
@@ -110,14 +96,6 @@ def test_a_residual_goes_with_what_is_no_chance_among_all_probes():
     # sure, but next to nothing
     assert leading({"correlates": [probe("temperature", 0.01, 0.0)]}) is None
     assert leading({}) is None and leading({"correlates": None}) is None
-
-
-def test_shares_and_lists_in_words():
-    assert [percent(s).replace("\u202f", " ") for s in (1.0, 0.9964, 0.62, None)] == [
-        *("100 %", "> 99 %", "62 %", "—"),
-    ]
-    assert [joined(list("abc")[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
-    assert p_text(0.0).replace("\u202f", " ") == "p < 10⁻¹⁰"
 
 
 def test_effects_of_the_other_kind_of_data_are_named(devices):

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.noise.views import COLUMNS, label, power_spectrum
+from imuloop.noise.representations import COLUMNS, label, power_spectrum
 from imuloop.report.figures.allan import definitions, deviation_pictures
 from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
 from imuloop.report.noise_units import COEFFICIENTS, quantities
@@ -104,13 +104,6 @@ def test_what_the_record_does_not_show_has_a_limit_and_the_record_it_would_take(
     assert row_of(coefficient_table(board, "gyroscope"), "N, z")["Remark"] == ""
 
 
-def test_what_no_record_would_show_is_said(board):
-    axes = copy.deepcopy(board.noise["axes"])
-    axes["gx"]["R"]["needed_s"] = None
-    table = coefficient_table(with_noise(board, axes=axes), "gyroscope")
-    assert row_of(table, "R, x")["Remark"] == "no record of up to a year would show it"
-
-
 def test_an_interval_from_zero_names_what_could_be_there_instead(board):
     axes = copy.deepcopy(board.noise["axes"])
     axes["ax"]["K"] = {**known(1e-5), "ci95": [0.0, 2e-5]}
@@ -182,23 +175,6 @@ def test_four_definitions_of_bias_stability_are_told_apart(board):
         "Bias stability 2: std of 10 s means, m/s²",
         "Bias stability 2: std of 100 s means, m/s²",
     ]
-
-
-def test_the_runs_of_the_poses_stand_in_for_static_sessions(board):
-    effect = {
-        "name": "turn_on_bias",
-        "constants": {"runs": 3},
-        "parameters": {"s2x": 2e-2, "s2y": 0.0, "s2z": 1e-2, "s3x": -2e-2, "s3y": 0.0, "s3z": 1e-2},
-    }
-    diagnosis = {"sensors": {"accelerometer": {"poses": {"effects": [effect]}}}}
-    # offsets of the three runs: 0, 2, -2; -2, 1, 1 in 1e-2 m/s^2
-    device = replace(with_noise(board, repeatability=None), diagnosis=diagnosis)
-    run = row_of(stability_table(device, "accelerometer"), "3. Run")
-    assert "turn_on_bias" in run["Definition"]
-    assert [run[axis].split("\n")[0] for axis in "xyz"] == ["0.0200", "0", "0.0173"]
-    assert (
-        "turn_on_bias" not in row_of(stability_table(device, "gyroscope"), "3. Run")["Definition"]
-    )
 
 
 def test_density_carries_the_model_and_says_where_the_record_leaves_it(board, record):

@@ -3,15 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 from scipy.signal import lfilter
 
 from imuloop.core.samples import CHANNELS, Samples
 from imuloop.segment.disturbance import (
-    distance_beyond,
     robust_covariance,
     squared_distance,
-    steepest,
     undisturbed,
 )
 from imuloop.segment.segment import segment_session, session_columns
@@ -47,13 +44,6 @@ def coloured(seed):
     x += 0.05 * np.sin(6 * np.pi * u)
     x[:, 3:] = np.round(x[:, 3:] / 0.00106) * 0.00106
     return pd.DataFrame(x, columns=CHANNELS)
-
-
-@pytest.mark.parametrize(("k", "m"), [(3, 17), (6, 54), (6, 20_000)])
-def test_distance_beyond_is_that_of_hotelling(k, m):
-    for probability in (1e-14, 1e-7, 0.2):
-        f = distance_beyond(probability, k, m) / (k * (m - 1) * (m + 1) / (m * (m - k)))
-        assert stats.f.sf(f, k, m - k) == pytest.approx(probability, rel=1e-9)
 
 
 @pytest.mark.parametrize("session", [static_log(0, N), coloured(100)], ids=["white", "coloured"])
@@ -166,21 +156,6 @@ def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
         columns, found = session_columns(Samples(path), "static", SETTINGS, threads)
         assert found == metadata
         pd.testing.assert_frame_equal(pd.DataFrame(columns), segments, check_exact=True)
-
-
-def test_the_steepest_change_is_that_of_each_support():
-    """Against each support by itself, with supports that overlap and some that do not."""
-    rng = np.random.default_rng(12)
-    x = np.cumsum(rng.normal(size=(3000, 6)), axis=0)
-    rows = Samples(pd.DataFrame(x, columns=CHANNELS))
-    covariance, width = np.diag(rng.uniform(1, 2, 6)), 64
-    found = np.sort(rng.choice(2800, 40, replace=False))
-    expected = []
-    for start in found:
-        total = np.concatenate([np.zeros((1, 6)), np.cumsum(x[start : start + 190], axis=0)])
-        change = total[64:] - 2 * total[32:-32] + total[:-64]
-        expected.append(start + np.argmax(np.sum(change**2 / np.diag(covariance), axis=1)))
-    assert steepest(rows, found, width, covariance).tolist() == expected
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e30])

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.segment.steady import shortest_half, unsteady_samples
+from imuloop.segment.steady import unsteady_samples
 from segment.logs import G, pose_log, random_turns, rests_of
 
 SETTINGS = SegmentSettings()
@@ -127,13 +127,3 @@ def test_a_device_that_trembles_everywhere_loses_nothing():
     samples, truth = g_sensitive_log(3)
     samples = spoilt(samples, truth, lambda n, rng: tremor(n, rng) / 5, 2)
     assert segment_session(samples, "multi_position", SETTINGS)[1]["poses"] == 21
-
-
-def test_the_shortest_half_is_normal_and_does_not_see_the_other():
-    x = np.random.default_rng(3).normal(2.0, 0.5, 4000)
-    np.testing.assert_allclose(shortest_half(x), (2.0, 0.5), atol=0.12)
-    x[:1600] = 1e6
-    centre, spread = shortest_half(x)
-    # half of all is five sixths of what is left: 1.38 σ on each side instead of 0.67
-    assert centre == pytest.approx(2.0, abs=0.1)
-    assert spread == pytest.approx(0.5 * 1.383 / 0.674, rel=0.1)

@@ -38,7 +38,7 @@ def read(tmp_path, truth):
 def test_reads_what_is_written(tmp_path):
     truth = read(tmp_path, content())
     # YAML takes 1e-3 for text
-    assert truth.accelerometer.noise.N == (1e-3, 2e-3, 3e-3)
+    assert truth.accelerometer.noise.N.tolist() == [1e-3, 2e-3, 3e-3]
     assert truth.accelerometer.noise.gauss_markov[0].tc == 9
     assert truth.gyroscope.raw_unit == "deg/s" and truth.gravity == 9.80665
     assert truth.sessions["rest"].disturbances[0].size == 2

@@ -5,19 +5,17 @@ import signal
 
 import pytest
 
-from bench.fuzz.chain import run
+from bench.fuzz.chain import recordings, run
 from bench.fuzz.chain.cases import make
 from bench.fuzz.chain.judge import Page
-from bench.fuzz.chain.recordings import SIMULATED
 from imuloop import chain
 
 
 @pytest.fixture(autouse=True)
 def simulated_alone(monkeypatch):
     """Take replicas alone, which need no recording of others."""
-    families = tuple((f"{name}/multi_position",) for name in SIMULATED)
-    monkeypatch.setattr("bench.fuzz.chain.cases.FAMILIES", families)
-    monkeypatch.setattr(run, "FAMILIES", families)
+    families = tuple((f"{name}/multi_position",) for name in recordings.SIMULATED)
+    monkeypatch.setattr(recordings, "FAMILIES", families)
 
 
 def test_a_case_is_made_of_its_number_alone(tmp_path):
@@ -25,7 +23,7 @@ def test_a_case_is_made_of_its_number_alone(tmp_path):
     for number in (3, 1, 3):
         folder = tmp_path / str(len(made))
         folder.mkdir()
-        words = make(number, folder).told
+        words = make(number, folder).words
         made.append((words, {path.name: path.read_bytes() for path in folder.iterdir()}))
     assert made[0] == made[2] != made[1]
 

@@ -39,7 +39,7 @@ def main():
                 print(f"{ends.total()} cases in {seconds:.0f} s, {faulty} faulty", flush=True)
             if faults:
                 faulty += 1
-                print(f"case {number}, {end}", *make(number, Path(folder)).told, sep="\n  ")
+                print(f"case {number}, {end}", *make(number, Path(folder)).words, sep="\n  ")
                 print(*(f"  ! {fault}" for fault in faults), sep="\n", flush=True)
     print(", ".join(f"{n} {end}" for end, n in sorted(ends.items())))
     print(f"{options.cases} cases in {time.monotonic() - start:.0f} s, {faulty} faulty")
@@ -50,7 +50,7 @@ def one(number, folder):
     """Run one case and say what came out."""
     folder.mkdir(parents=True, exist_ok=True)
     case = make(number, folder)
-    print(f"case {number}", *case.told, sep="\n  ", flush=True)
+    print(f"case {number}", *case.words, sep="\n  ", flush=True)
     end, faults = judge(case, folder / "results")
     print(end, *(f"  ! {fault}" for fault in faults), sep="\n")
     return bool(faults)

@@ -5,14 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from bench.fuzz.chain import recordings
 from bench.fuzz.chain.harm import HARMS, other_kind
 from bench.fuzz.chain.log import MOST_ROWS, SENSORS, UNITS, Log
-from bench.fuzz.chain.recordings import FAMILIES, recording
-from imuloop.core.units import STANDARD_GRAVITY
-
-NAMES = ("t", "ax", "ay", "az", "gx", "gy", "gz")
-# units of time, in s
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+from imuloop.core.samples import SENSORS as AXES
+from imuloop.core.units import STANDARD_GRAVITY, TIME
 
 
 @dataclass(frozen=True)
@@ -25,61 +22,46 @@ class Case:
         Of the case.
     entry : dict
         The device in a config.
-    told : tuple of str
+    words : tuple of str
         What each session was made of, and its harms.
     """
 
     number: int
     entry: dict
-    told: tuple
+    words: tuple
 
 
 def make(number, folder):
-    """Write the logs of a case into a folder and return the Case.
-
-    Raises
-    ------
-    NotAtHand
-        If it is made of a recording that this machine does not have.
-    """
+    """Write the logs of a case into a folder and return the Case; may raise NotAtHand."""
     rng = np.random.default_rng(number)
-    family = FAMILIES[rng.integers(len(FAMILIES))]
+    families = recordings.FAMILIES
+    family = families[rng.integers(len(families))]
     name = family[rng.integers(len(family))]
-    first = recording(name)
-    units = {sensor: ["SI", "count", "other"][rng.integers(3)] for sensor in SENSORS}
-    written = {
-        sensor: {"SI": next(iter(UNITS[sensor])), "count": "count"}.get(
-            unit, list(UNITS[sensor])[rng.integers(1, len(UNITS[sensor]))]
-        )
-        for sensor, unit in units.items()
-    }
-    nominal, sessions, told = {}, {}, []
+    first = recordings.recording(name)
+    # SI, counts and other units alike
+    written = {}
+    for sensor, (si, *others) in UNITS.items():
+        written[sensor] = [si, "count", others[rng.integers(len(others))]][rng.integers(3)]
+    nominal, sessions, words = {}, {}, []
     for k in range(rng.choice([1, 2, 3], p=[0.6, 0.25, 0.15])):
         if k and rng.random() < 0.3:
-            family = FAMILIES[rng.integers(len(FAMILIES))]
+            family = families[rng.integers(len(families))]
         if k and rng.random() < 0.5:
             name = family[rng.integers(len(family))]
-        log = stretch(rng, recording(name), first.count, written)
+        log = stretch(rng, recordings.recording(name), first.count, written)
         harms = harm(rng, log)
-        nominal |= {
-            key.removeprefix("nominal."): log.declared.pop(key)
-            for key in list(log.declared)
-            if key.startswith("nominal.")
-        }
+        for sensor in SENSORS:
+            if other := log.declared.pop(f"nominal.{sensor}", None):
+                nominal[sensor] = other
+            elif log.declared[sensor] == "count":
+                nominal.setdefault(sensor, first.count[sensor])
         path, declared = write(rng, log, folder / f"log {k}")
-        kind = log.kind
-        sessions[f"session_{k + 1}"] = {"kind": kind, "file": str(path), **declared}
+        sessions[f"session_{k + 1}"] = {"kind": log.kind, "file": str(path), **declared}
         listed = "; ".join(harms) or "no harm"
-        told.append(f"{name} as {kind} ({path.name}, {declared['units']}): {listed}")
-    counts = {s for each in sessions.values() for s in SENSORS if is_count(each, s)}
-    nominal = {sensor: nominal.get(sensor, first.count[sensor]) for sensor in sorted(counts)}
+        words.append(f"{name} as {log.kind} ({path.name}, {declared['units']}): {listed}")
     gravity = first.gravity if rng.random() < 0.7 else STANDARD_GRAVITY
     entry = {"gravity": gravity, "nominal": nominal, "sessions": sessions}
-    return Case(number, entry, tuple(told))
-
-
-def is_count(session, sensor):
-    return session["units"][sensor] == "count"
+    return Case(number, entry, tuple(words))
 
 
 def stretch(rng, source, count, written):
@@ -108,25 +90,29 @@ def stretch(rng, source, count, written):
 
 def harm(rng, log):
     """Do harm to a log; return what was done."""
-    told = []
+    done = []
     for _ in range(rng.choice([0, 1, 1, 1, 2, 2, 3, 5], p=[0.04] + [0.96 / 7] * 7)):
         if len(log):
             each = HARMS[rng.integers(len(HARMS))]
             with np.errstate(all="ignore"):
-                told.append(f"{each.__name__} {each(rng, log)}".rstrip())
-    return told
+                done.append(f"{each.__name__} {each(rng, log)}".rstrip())
+    return done
 
 
 def write(rng, log, stem):
     """Write a log; return its path and how it is declared."""
     columns, units = {}, dict(log.declared)
-    time = list(TIMES)[rng.integers(4)] if rng.random() < 0.4 else "s"
-    if log.rate is None:
-        columns["t"] = stamps(log.t, time)
-        units["time"] = time
-    for sensor, names in zip(SENSORS, (NAMES[1:4], NAMES[4:]), strict=True):
-        values = logged(log, sensor)
-        columns |= dict(zip(names, values.T, strict=True))
+    time = list(TIME)[rng.integers(4)] if rng.random() < 0.4 else "s"
+    with np.errstate(all="ignore"):
+        if log.rate is None:
+            columns["t"], units["time"] = whole(log.t / TIME[time], time != "s"), time
+        for sensor, names in zip(SENSORS, AXES.values(), strict=True):
+            unit, count, values = log.written[sensor], log.count[sensor], log.x[sensor]
+            if unit == "count":
+                values = whole(values / count["scale"] + count["offset"], True)
+            else:
+                values = values / UNITS[sensor][unit]
+            columns |= dict(zip(names, values.T, strict=True))
     if log.temperature is not None:
         columns["temp"] = log.temperature
     table = pd.DataFrame(columns)
@@ -143,22 +129,8 @@ def write(rng, log, stem):
     return path, declared
 
 
-def stamps(t, unit):
-    """Return times in a unit, whole numbers but for s where they can be."""
-    with np.errstate(all="ignore"):
-        t = t / TIMES[unit]
-    if unit == "s" or not (np.abs(t) < 2**62).all():
-        return t
-    return np.round(t).astype(np.int64)
-
-
-def logged(log, sensor):
-    """Return the values of a sensor as they are written."""
-    unit, x = log.written[sensor], log.x[sensor]
-    with np.errstate(all="ignore"):
-        if unit != "count":
-            return x / UNITS[sensor][unit]
-        counts = np.round(x / log.count[sensor]["scale"] + log.count[sensor]["offset"])
-    if not (np.abs(counts) < 2**31).all():
-        return counts
-    return counts.astype(np.int32)
+def whole(x, rounded):
+    """Return numbers, whole ones where they are to be and can be."""
+    if not rounded or not (np.abs(x) < 2**62).all():
+        return x
+    return np.round(x).astype(np.int64)

@@ -2,9 +2,32 @@
 
 import numpy as np
 
-from bench.fuzz.chain import harm_values
-from bench.fuzz.chain.log import KINDS, MOST_ROWS, SENSORS, UNITS, middle, sensor_of, size, some
+from bench.fuzz.chain.log import KINDS, MOST_ROWS, SENSORS, UNITS
 from imuloop.core.units import STANDARD_GRAVITY
+
+
+def some(rng, log, most=0.3):
+    """Return which rows are in one to four stretches."""
+    rows = np.zeros(len(log), dtype=bool)
+    for _ in range(rng.integers(1, 5)):
+        first = rng.integers(0, len(log) + 1)
+        rows[first : first + int(len(log) * most * rng.random() ** 2) + 1] = True
+    return rows
+
+
+def size(rng, low, high):
+    """Return a number between two, any order of size alike."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def middle(rng, log):
+    """Return a row in the inner part of a log."""
+    return int(len(log) * rng.uniform(0.1, 0.9))
+
+
+def sensor_of(rng):
+    return SENSORS[rng.integers(2)]
+
 
 # --- time
 
@@ -15,17 +38,10 @@ def dropped(rng, log):
     return f"{share:.2g} of the samples"
 
 
-def gaps(rng, log):
-    if rng.random() < 0.5:
-        rows = some(rng, log, 0.15)
-        log.take(~rows)
-        return f"{rows.sum()} rows cut"
-    at, seconds = [], []
-    for _ in range(rng.integers(1, 6)):
-        at.append(middle(rng, log))
-        seconds.append(size(rng, 0.05, 1e4))
-        log.t[at[-1] :] += seconds[-1]
-    return f"of {np.round(seconds, 3)} s at rows {at}"
+def cut(rng, log):
+    rows = some(rng, log, 0.15)
+    log.take(~rows)
+    return f"{rows.sum()} rows"
 
 
 def jitter(rng, log):
@@ -43,13 +59,13 @@ def bursts(rng, log):
 
 
 def clock_jumps(rng, log):
-    told = []
+    jumps = []
     for _ in range(rng.choice([1, 1, 2, 3])):
         row, by = middle(rng, log), size(rng, 1e-3, 1e8) * rng.choice([-1, 1])
         by = float(rng.choice([by, 1.7e9, -1.7e9, 3.15e7, -10.0]))
         log.t[row:] += by
-        told.append(f"{by:.4g} s at row {row}")
-    return ", ".join(told)
+        jumps.append(f"{by:.4g} s at row {row}")
+    return ", ".join(jumps)
 
 
 def repeated(rng, log):
@@ -59,8 +75,7 @@ def repeated(rng, log):
 
 
 def shuffled(rng, log):
-    first = middle(rng, log)
-    rows = np.arange(len(log))
+    first, rows = middle(rng, log), np.arange(len(log))
     rows[first:] = np.roll(rows[first:], rng.integers(1, max(len(log) - first, 2)))
     log.take(rows)
     return f"from row {first}"
@@ -69,24 +84,21 @@ def shuffled(rng, log):
 def wrong_rate(rng, log):
     factor = float(rng.choice([0.25, 0.5, 2, 4, 0.96, 1.04]))
     log.t = log.t * factor
-    if rng.random() < 0.3 and len(log):
+    if rng.random() < 0.3:
         log.rate = 1 / log.step
     return f"by {1 / factor:g}"
 
 
-def other_rate(rng, log):
+def resampled(rng, log):
     rate = float(rng.choice([5, 10, 20, 50, 200, 400, 1000, 2000]))
-    if rng.random() < 0.4 or len(log) < 2:
-        log.t = np.arange(len(log)) / rate
-        return f"stamped as {rate:g} Hz"
     n = min(int((log.t[-1] - log.t[0]) * rate), MOST_ROWS)
     at = np.linspace(0, min(n / rate / log.step, len(log) - 1), max(n, 1)).astype(int)
     log.take(at)
     log.t = np.arange(len(log)) / rate
-    noise = {sensor: 0.5 * log.count[sensor]["scale"] for sensor in SENSORS}
-    for sensor, std in noise.items():
-        log.x[sensor] = log.x[sensor] + std * rng.normal(size=log.x[sensor].shape)
-    return f"resampled to {rate:g} Hz"
+    for sensor, values in log.x.items():
+        noise = 0.5 * log.count[sensor]["scale"] * rng.normal(size=values.shape)
+        log.x[sensor] = values + noise
+    return f"to {rate:g} Hz"
 
 
 def short(rng, log):
@@ -98,41 +110,20 @@ def short(rng, log):
 # --- what was done with the device
 
 
-def _moving(log):
-    """Return which rows lie in seconds of motion."""
+def only(rng, log):
+    """Keep seconds of motion, or those of rest."""
     n = max(round(1 / log.step), 4)
     parts = np.arange(len(log)) // n
-    w, f = log.x["angular_rate"], log.x["acceleration"]
-    each = np.bincount(parts)
-    spread = np.zeros(len(each))
-    for x in (w.sum(axis=1), f.sum(axis=1) / STANDARD_GRAVITY):
+    each, spread = np.bincount(parts), 0.0
+    for x in (log.x["angular_rate"].sum(axis=1), log.x["acceleration"].sum(axis=1) / 10):
         mean = np.bincount(parts, x) / each
-        spread += np.bincount(parts, (x - mean[parts]) ** 2) / each
-    return (spread > 3 * np.quantile(spread, 0.2))[parts]
-
-
-def only_rest(rng, log):
-    log.take(~_moving(log))
-    log.restamp()
-    return f"{len(log)} rows"
-
-
-def only_motion(rng, log):
-    moving = _moving(log)
-    if moving.any():
-        log.take(moving)
-        log.restamp()
-    return f"{len(log)} rows"
-
-
-def only_handling(rng, log):
-    amount = size(rng, 0.3, 20)
-    steps = rng.normal(size=(len(log), 3)) * amount
-    for sensor, factor in (("acceleration", 1.0), ("angular_rate", 0.2)):
-        shake = np.cumsum(steps * factor, axis=0)
-        shake -= shake[np.maximum(np.arange(len(log)) - 25, 0)]
-        log.x[sensor] = log.x[sensor] + shake / 5
-    return f"by {amount:.3g}"
+        spread = spread + np.bincount(parts, (x - mean[parts]) ** 2) / each
+    moving = (spread > 3 * np.quantile(spread, 0.2))[parts]
+    rest = rng.random() < 0.5 or not moving.any()
+    step = log.step
+    log.take(~moving if rest else moving)
+    log.t = np.arange(len(log)) * step
+    return f"{'rest' if rest else 'motion'}, {len(log)} rows"
 
 
 def few_poses(rng, log):
@@ -142,40 +133,149 @@ def few_poses(rng, log):
     return f"{share:.2g} of the log"
 
 
-def one_pose(rng, log):
-    rest = np.flatnonzero(~_moving(log))
-    runs = np.split(rest, np.flatnonzero(np.diff(rest) > 1) + 1)
-    longest = max(runs, key=len)
-    again = int(rng.integers(1, 5))
-    log.take(np.tile(longest, again))
-    log.restamp()
-    return f"{len(longest)} rows, {again} times"
+# --- values
 
 
-# --- temperature
+def clipped(rng, log):
+    sensor = sensor_of(rng)
+    most = np.abs(log.x[sensor]).max(initial=0.0)
+    limit = rng.choice([1.05 * STANDARD_GRAVITY, 1.5, most * rng.uniform(0.2, 1.0)])
+    log.x[sensor] = np.clip(log.x[sensor], -limit, limit)
+    return f"{sensor} at {limit:.3g}"
 
 
-def temperature_off(rng, log):
-    n, way = len(log), rng.integers(9)
-    course = np.linspace(0, 1, n)
-    log.temperature = [
-        np.full(n, 25.0),
-        np.where(np.arange(n) < middle(rng, log), 20.0, 60.0),
-        np.full(n, 1e300),
-        np.full(n, -400.0),
-        np.where(rng.random(n) < size(rng, 1e-3, 1), np.nan, 20 + 20 * course),
-        np.full(n, np.nan),
-        np.round(20 + 20 * course),
-        20 + 20 * np.sin(3 * course) + 0.01 * rng.normal(size=n),
-        np.where(rng.random(n) < 0.001, 1e38, 20 + course),
-    ][way]
-    what = "constant, a jump, 1e300, -400, missing here and there, missing, in whole degrees, "
-    return (what + "a course, spikes").split(", ")[way]
+def wrapped(rng, log):
+    sensor = sensor_of(rng)
+    limit = float(rng.choice([5, 7, 8.5] if sensor == "acceleration" else [0.2, 1, 4]))
+    log.x[sensor] = (log.x[sensor] + limit) % (2 * limit) - limit
+    return f"{sensor} at {limit:g}"
 
 
-def no_temperature(rng, log):
-    log.temperature = None
-    return ""
+def requantised(rng, log):
+    sensor, step = sensor_of(rng), size(rng, 1e-4, 3.0)
+    log.x[sensor] = np.round(log.x[sensor] / step) * step
+    return f"{sensor} to {step:.3g}"
+
+
+def spikes(rng, log):
+    sensor, height = sensor_of(rng), size(rng, 10, 1e38) * rng.choice([-1, 1])
+    rows = rng.integers(0, len(log), rng.choice([1, 1, 2, 5, 50]))
+    log.x[sensor][rows, rng.integers(3)] = height
+    return f"{len(rows)} of {height:.3g} in {sensor}"
+
+
+def stuck(rng, log):
+    sensor, axis = sensor_of(rng), rng.integers(3)
+    first = middle(rng, log) if rng.random() < 0.6 else 0
+    value = 0.0 if rng.random() < 0.3 else log.x[sensor][first, axis]
+    axes = slice(None) if rng.random() < 0.2 else axis
+    log.x[sensor][first:, axes] = value
+    return f"{sensor} axis {axes} at {value:.3g} from row {first}"
+
+
+def padded(rng, log):
+    rows = some(rng, log)
+    for sensor in SENSORS if rng.random() < 0.5 else [sensor_of(rng)]:
+        log.x[sensor][rows] = 0.0
+    return f"zeros in {rows.sum()} rows"
+
+
+def other_axes(rng, log):
+    sensor, order, signs = sensor_of(rng), rng.permutation(3), rng.choice([-1.0, 1.0], 3)
+    log.x[sensor] = log.x[sensor][:, order] * signs
+    return f"{sensor} to {order} by {signs}"
+
+
+def copied(rng, log):
+    sensor, other = sensor_of(rng), sensor_of(rng)
+    a, b = rng.integers(3, size=2)
+    log.x[sensor][:, a] = log.x[other][:, b]
+    return f"{other} {b} as {sensor} {a}"
+
+
+def changes(rng, log):
+    sensor, row = sensor_of(rng), middle(rng, log)
+    factor = float(rng.choice([1, 0.5, 2, 1.01, 0.1, -1, 1e-6]))
+    offset = rng.choice([0, 5.0, 0.5, 0.02]) * rng.choice([-1, 1], 3)
+    log.x[sensor][row:] = log.x[sensor][row:] * factor + offset
+    return f"{sensor} by {factor:g} and {offset} from row {row}"
+
+
+def drifting(rng, log):
+    sensor, direction = sensor_of(rng), rng.normal(size=3)
+    course = np.linspace(0, 1, len(log))
+    course = [course, np.exp(-5 * course), np.sin(9 * course)][rng.integers(3)]
+    amount = size(rng, 1e-4, 1.0)
+    log.x[sensor] = log.x[sensor] + amount * course[:, None] * direction
+    if rng.random() < 0.5:
+        log.temperature = 20 + 30 * course + 0.02 * rng.normal(size=len(log))
+    return f"{sensor} by {amount:.3g}"
+
+
+def scaled(rng, log):
+    sensor = sensor_of(rng)
+    factor = float(rng.choice([1e-200, 1e-30, 1e-6, 0.5, 2, 4, 1e6, 1e30, 1e200]))
+    log.x[sensor] = log.x[sensor] * factor
+    return f"{sensor} by {factor:g}"
+
+
+def noisy(rng, log):
+    sensor, amount = sensor_of(rng), size(rng, 1e-3, 30)
+    noise = rng.normal(size=log.x[sensor].shape)
+    if rng.random() < 0.3:
+        noise = np.sin(rng.uniform(0.006, 3) * np.arange(len(log)))[:, None] * rng.normal(size=3)
+    log.x[sensor] = log.x[sensor] + amount * noise
+    return f"{sensor} by {amount:.3g}"
+
+
+def without_noise(rng, log):
+    parts = int(rng.integers(2, 40))
+    for sensor in SENSORS:
+        pieces = np.array_split(log.x[sensor], parts)
+        log.x[sensor] = np.concatenate([0 * p + p.mean(axis=0) if len(p) else p for p in pieces])
+    return f"{parts} means"
+
+
+def smoothed(rng, log):
+    n = int(rng.integers(2, 50))
+    for sensor in SENSORS:
+        total = np.cumsum(log.x[sensor], axis=0)
+        total[n:] = (total[n:] - total[:-n]).copy()
+        log.x[sensor] = total / np.minimum(np.arange(1, len(log) + 1), n)[:, None]
+    return f"over {n} rows"
+
+
+def corrected(rng, log):
+    f = log.x["acceleration"]
+    if rng.random() < 0.5:
+        log.x["acceleration"] = STANDARD_GRAVITY * f / np.linalg.norm(f, axis=1)[:, None]
+        return "norm to gravity"
+    log.x["acceleration"] = f - f.mean(axis=0)
+    return "gravity taken out"
+
+
+def missing(rng, log):
+    rows, value = rng.random(len(log)) < size(rng, 1e-4, 0.2), rng.choice([np.nan, np.inf, -np.inf])
+    sensor = sensor_of(rng)
+    log.x[sensor][rows, rng.integers(3)] = value
+    return f"{rows.sum()} of {value} in {sensor}"
+
+
+def temperature(rng, log):
+    n, course = len(log), np.linspace(0, 1, len(log))
+    courses = {
+        "constant": np.full(n, 25.0),
+        "a jump": np.where(np.arange(n) < middle(rng, log), 20.0, 60.0),
+        "1e300": np.full(n, 1e300),
+        "missing here and there": np.where(rng.random(n) < 0.1, np.nan, 20 + 20 * course),
+        "missing": np.full(n, np.nan),
+        "in whole degrees": np.round(20 + 20 * course),
+        "spikes": np.where(rng.random(n) < 0.001, 1e38, 20 + course),
+        "none": None,
+    }
+    what = list(courses)[rng.integers(len(courses))]
+    log.temperature = courses[what]
+    return what
 
 
 # --- what is declared
@@ -192,10 +292,10 @@ def wrong_count(rng, log):
     sensor = sensor_of(rng)
     log.written[sensor] = log.declared[sensor] = "count"
     factor = float(rng.choice([0.5, 2, 4, 1.5, 10, 0.1, 1e5, 1e300]))
-    told = {"scale": factor * log.count[sensor]["scale"]}
-    told["offset"] = float(rng.choice([0, 32768, 1e6]))
-    log.declared[f"nominal.{sensor}"] = told
-    return f"{sensor} {told}"
+    offset = float(rng.choice([0, 32768, 1e6]))
+    nominal = {"scale": factor * log.count[sensor]["scale"], "offset": offset}
+    log.declared[f"nominal.{sensor}"] = nominal
+    return f"{sensor} {nominal}"
 
 
 def second_header(rng, log):
@@ -209,31 +309,7 @@ def other_kind(rng, log):
     return log.kind
 
 
-HARMS = (
-    *(
-        harm_values.clipped,
-        harm_values.requantised,
-        harm_values.dithered,
-        harm_values.wrapped,
-        harm_values.spikes,
-        harm_values.stuck,
-        harm_values.held,
-        harm_values.padded,
-        harm_values.swapped,
-        harm_values.mirrored,
-    ),
-    *(
-        harm_values.copied,
-        harm_values.scale_changes,
-        harm_values.offset_changes,
-        harm_values.drifting,
-        harm_values.scaled,
-        harm_values.noisy,
-        harm_values.without_noise,
-        harm_values.smoothed,
-    ),
-    *(harm_values.line, harm_values.corrected, harm_values.missing),
-    *(dropped, gaps, jitter, bursts, clock_jumps, repeated, shuffled, wrong_rate, other_rate),
-    *(short, only_rest, only_motion, only_handling, few_poses, one_pose),
-    *(temperature_off, no_temperature, wrong_unit, wrong_count, second_header, other_kind),
-)
+HARMS = (dropped, cut, jitter, bursts, clock_jumps, repeated, shuffled, wrong_rate, resampled)
+HARMS += (short, only, few_poses, clipped, wrapped, requantised, spikes, stuck, padded, other_axes)
+HARMS += (copied, changes, drifting, scaled, noisy, without_noise, smoothed, corrected, missing)
+HARMS += (temperature, wrong_unit, wrong_count, second_header, other_kind)

@@ -181,7 +181,7 @@ def calibrate(device):
 
 def diagnose(device):
     """Write diagnosis, calibration, attitude, tables of poses and moves, corrected Allan curves."""
-    from imuloop.calibrate.calibrate import told
+    from imuloop.calibrate.calibrate import with_sessions
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
     from imuloop.core.tables import write_sessions, write_table
@@ -222,7 +222,7 @@ def diagnose(device):
         diagnosis = found.content | {"next_recording": next_recording(*what)}
         attitude, series = validate_attitude(device.name, device.gravity, found, settings)
         if "why" in attitude:
-            attitude["why"] = told(attitude["why"], device.sessions)
+            attitude["why"] = with_sessions(attitude["why"], device.sessions)
         tables = {"attitude": series, **found.tables}
         write(diagnosis, found.calibration, found.allan, attitude, tables)
 

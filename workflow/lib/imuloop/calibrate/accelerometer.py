@@ -13,23 +13,15 @@ _UPPER = ((0, 0, 1), (1, 2, 2))
 
 @dataclass(frozen=True)
 class AccelerometerModel:
-    """``x = T (K (y - b) - e)`` with T upper triangular, from the mean y of each pose.
+    """``x = T (K (y - b) - e)`` with T upper triangular, from the mean y of n poses."""
 
-    Attributes
-    ----------
-    y : ndarray, shape (n, 3)
-        Mean specific force of each pose, m/s^2 as logged.
-    design : ndarray, shape (n, 3, p)
-        Derivative of e with respect to the parameters of the effects; p may be 0.
-    gravity : float
-        Local gravity, m/s^2.
-    known : ndarray, shape (n, 3), or 0
-        Part of e that is known, m/s^2.
-    """
-
+    # m/s^2 as logged, (n, 3)
     y: np.ndarray
+    # derivative of e with respect to the parameters of the effects, (n, 3, p)
     design: np.ndarray
+    # m/s^2
     gravity: float
+    # part of e that is known, m/s^2, (n, 3)
     known: np.ndarray | float = 0.0
 
     def start(self):

@@ -54,7 +54,7 @@ def without_pose(sessions, kind):
     return f"no {kind} session with a pose" + (f": {', '.join(became)}" if became else "")
 
 
-def told(reason, sessions):
+def with_sessions(reason, sessions):
     """Return a reason; of poses that are missing also what became of the sessions."""
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
@@ -212,7 +212,7 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)
     for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
-        named = (replace(s, not_testable=told(s.not_testable, sessions)) for s in sensors)
+        named = (replace(s, not_testable=with_sessions(s.not_testable, sessions)) for s in sensors)
         Calibration(device, gravity, *named).to_json(path)
 
 

@@ -52,29 +52,17 @@ class Path:
 
 @dataclass(frozen=True)
 class GyroscopeModel:
-    """``w = T (K (y - b) - e)``, from the mean rate of each pose and every rotation between poses.
+    """``w = T (K (y - b) - e)``, from the mean rate of n poses and every rotation between them."""
 
-    Attributes
-    ----------
-    rate : ndarray, shape (n, 3)
-        Mean angular rate of each pose, rad/s as logged.
-    rate_design : ndarray, shape (n, 3, p)
-        Derivative of e at the poses.
-    rotations : Rotations
-        Rotations, m of them.
-    rotation_design : ndarray, shape (m, k, 3, p)
-        Derivative of e along the rotations.
-    directions : ndarray, shape (n, 3)
-        Unit vector of calibrated specific force at each pose.
-    rate_known, rotation_known : ndarray, shape (n, 3) and (m, k, 3), or 0
-        Part of e that is known, rad/s.
-    """
-
+    # mean angular rate of each pose, rad/s as logged, (n, 3), and the derivative of e, (n, 3, p)
     rate: np.ndarray
     rate_design: np.ndarray
+    # m rotations of k samples, and the derivative of e along them, (m, k, 3, p)
     rotations: Rotations
     rotation_design: np.ndarray
+    # unit vector of calibrated specific force at each pose, (n, 3)
     directions: np.ndarray
+    # part of e that is known, rad/s, (n, 3) and (m, k, 3)
     rate_known: np.ndarray | float = 0.0
     rotation_known: np.ndarray | float = 0.0
     # the last path, which depends on no direction: residuals and covariance at one x share it

@@ -19,37 +19,26 @@ UNEVEN = 0.1
 
 @dataclass(frozen=True)
 class Poses:
-    """Means over static poses.
+    """Means over n static poses, arrays with a row per pose."""
 
-    Attributes
-    ----------
-    session, run : ndarray of int, shape (n,)
-        Which session each pose belongs to, and which run (`imuloop.core.segments.runs`): no two
-        sessions share one, and noise of different runs is independent.
-    start_s, end_s : ndarray, shape (n,)
-        First and last instant, s on the session's clock.
-    duration_s, n : ndarray, shape (n,)
-        Seconds at rest, less than end - start where a rest was interrupted, and samples.
-    f, w : ndarray, shape (n, 3)
-        Mean specific force (m/s^2) and angular rate (rad/s), SI as logged.
-    variance : ndarray, shape (n, 6)
-        Sample variance of the six channels within the pose.
-    temperature : ndarray, shape (n,), or None
-        Mean temperature, degC; None unless every session logs one.
-    rounded : ndarray, shape (n, 6), or None
-        Variance that rounding adds to the six means (`rounded_means`).
-    """
-
+    # session, and run (`imuloop.core.segments.runs`): no two sessions share one, and noise of
+    # different runs is independent
     session: np.ndarray
     run: np.ndarray
+    # first and last instant, s on the session's clock
     start_s: np.ndarray
     end_s: np.ndarray
+    # seconds at rest, less than end - start where a rest was interrupted, and samples
     duration_s: np.ndarray
     n: np.ndarray
+    # mean specific force, m/s^2, and angular rate, rad/s, (n, 3), SI as logged
     f: np.ndarray
     w: np.ndarray
+    # sample variance of the six channels within the pose, (n, 6)
     variance: np.ndarray
+    # mean, degC; None unless every session logs one
     temperature: np.ndarray | None
+    # variance that rounding adds to the six means (`rounded_means`), (n, 6)
     rounded: np.ndarray | None = None
 
     def __len__(self):
@@ -116,34 +105,23 @@ class Poses:
 
 @dataclass(frozen=True)
 class Rotations:
-    """Angular rate between consecutive poses, padded to one length with steps of zero.
+    """Angular rate between consecutive poses, m of k samples, padded with steps of zero."""
 
-    Attributes
-    ----------
-    first : ndarray of int, shape (m,)
-        Pose that each rotation starts from; it ends at the next.
-    start_s, end_s : ndarray, shape (m,)
-        First and last sample, s.
-    t : ndarray, shape (m, k)
-        Time of the samples, s.
-    w, f : ndarray, shape (m, k, 3)
-        Angular rate (rad/s) and specific force (m/s^2), SI as logged.
-    temperature : ndarray, shape (m, k), or None
-        Temperature, degC.
-    uneven : ndarray of bool, shape (m, k - 1), or None
-        Steps over which samples are missing; None where no sample is, and stamps do not scatter.
-    added_at, added : ndarray, shape (m, g) and (m, g, 3, 3), or None
-        Steps about which the time stamps add an error to the turn, and its covariance, rad².
-    """
-
+    # pose that each starts from, (m,); it ends at the next
     first: np.ndarray
+    # first and last sample, s
     start_s: np.ndarray
     end_s: np.ndarray
+    # time of the samples, s, (m, k), angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
     t: np.ndarray
     w: np.ndarray
     f: np.ndarray
+    # degC, (m, k)
     temperature: np.ndarray | None
+    # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
+    # scatter
     uneven: np.ndarray | None = None
+    # steps about which time stamps add an error to the turn, (m, g), and its covariance, rad²
     added_at: np.ndarray | None = None
     added: np.ndarray | None = None
 

@@ -192,9 +192,7 @@ def _moved(change):
 
 def _comment(change, sensor):
     """Return what is to be said of a change, beside its numbers."""
-    from imuloop.validate.drift import is_bias
-
-    if not is_bias(change.name):
+    if not change.is_bias:
         return "DRIFTED" if change.drifted else ""
     allowed = data_sheet(change.unit)
     bound = f"noise and {number(max(sensor.turn_on) * allowed.factor, 2)} {allowed.unit} at turn-on"

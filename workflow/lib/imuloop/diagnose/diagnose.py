@@ -6,7 +6,13 @@ import numpy as np
 
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.calibrate import best, read_poses, read_recording, told, usable
+from imuloop.calibrate.calibrate import (
+    best,
+    read_poses,
+    read_recording,
+    usable,
+    with_sessions,
+)
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
@@ -137,7 +143,7 @@ def diagnose_device(
     solutions = {sensor: each.solution for sensor, each in found.items()}
     for each in found.values():
         if "why" in each.content:
-            each.content["why"] = told(each.content["why"], sessions)
+            each.content["why"] = with_sessions(each.content["why"], sessions)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
     anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"

@@ -2,10 +2,11 @@
 
 from imuloop.core.samples import SENSORS
 from imuloop.export.densities import (
+    KALIBR,
     NAMES,
     UNITS,
     calibration_left_out,
-    density_field,
+    density_fields,
     heading,
     noise_left_out,
 )
@@ -29,16 +30,12 @@ def text(device):
         for term in NAMES
         for density in [device.density(axis, term)]
     ]
+    body = heading(device, TITLE, "in the form of its imu.yaml; all fields SI")
+    for sensor in SENSORS:
+        keys = {key: found for key, found in KALIBR.items() if found[0] == sensor}
+        body += comment(sensor.capitalize()) + density_fields(device, keys) + "\n"
     return (
-        heading(device, TITLE, "in the form of its imu.yaml; all fields SI")
-        + comment("Accelerometer")
-        + density_field(device, "accelerometer_noise_density", "accelerometer", "N")
-        + density_field(device, "accelerometer_random_walk", "accelerometer", "K")
-        + "\n"
-        + comment("Gyroscope")
-        + density_field(device, "gyroscope_noise_density", "gyroscope", "N")
-        + density_field(device, "gyroscope_random_walk", "gyroscope", "K")
-        + "\n"
+        body
         + "rostopic: '/imu0'  # not ours: the topic of the bag\n"
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + comment("Each axis, as estimated:", *each)

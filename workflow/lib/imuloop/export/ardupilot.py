@@ -9,11 +9,12 @@ from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
     bias_reference,
+    common_temperatures,
     left_out,
+    range_lines,
     scale_and_offset,
     scale_left_out,
 )
-from imuloop.export.seen import common_temperatures, seen_lines
 
 FILE = "ardupilot.param"
 TITLE = "ArduPilot parameters, text of Mission Planner and MAVProxy"
@@ -32,7 +33,7 @@ def parameter(name, value):
 
 
 def triple(name, values):
-    """Return three lines, one an axis."""
+    """Return a line per axis."""
     return "".join(
         parameter(f"{name}_{axis}", value) for axis, value in zip("XYZ", values, strict=True)
     )
@@ -45,16 +46,6 @@ def text(device):
     k = 1 … 3, with z the SI value as logged and θc the temperature CALTEMP, clipped too, of the
     offsets; the gyroscope has no SCAL. That is K (raw - b) - e with SCAL = K/unit,
     P = (e(θ) - e(35))/SCAL, OFFS = b in SI + e(θc)/SCAL.
-
-    Parameters
-    ----------
-    device : Exported
-        The device.
-
-    Raises
-    ------
-    Lacking
-        Where nothing was measured.
 
     References
     ----------
@@ -76,7 +67,7 @@ def text(device):
     )
     for name, sensor in sensors.items():
         body += "#\n" + comment(*left_out(device, name, (BIAS,) if span else ()))
-        body += comment(*(f"{name}: {line}" for line in seen_lines(sensor, BIAS, HELD)))
+        body += comment(*(f"{name}: {line}" for line in range_lines(sensor, BIAS, HELD)))
         body += offsets(name, sensor, span)
     if span is None:
         return body

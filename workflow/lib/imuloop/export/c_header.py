@@ -9,8 +9,7 @@ from imuloop.core.errors import one_line
 from imuloop.core.samples import SENSORS
 from imuloop.export.densities import UNITS
 from imuloop.export.exported import MODEL, number, numbers
-from imuloop.export.per_axis import BIAS, left_out
-from imuloop.export.seen import seen_lines
+from imuloop.export.per_axis import BIAS, left_out, range_lines
 
 FILE = "imu_calibration.h"
 TITLE = "C99 header, plain numbers and functions that apply them"
@@ -18,7 +17,7 @@ TITLE = "C99 header, plain numbers and functions that apply them"
 # of what is held to no range
 LARGEST = np.finfo(float).max
 HELD = "imu_calibration_held"
-HOLDING = f"""\
+HOLDING = f"""
 #ifndef {HELD.upper()}
 #define {HELD.upper()}
 /* x, held between low and high; what is zero acts on another axis */
@@ -45,18 +44,7 @@ ${unread}    for (i = 0; i < 3; ++i) {
 
 
 def text(device):
-    """Return the header.
-
-    Parameters
-    ----------
-    device : Exported
-        The device.
-
-    Raises
-    ------
-    Lacking
-        Where nothing was measured.
-    """
+    """Return the header."""
     device.need_calibration()
     prefix = re.sub(r"\W", "_", device.device, flags=re.ASCII)
     guard = f"IMU_CALIBRATION_{prefix.upper()}_H"
@@ -69,8 +57,8 @@ def text(device):
         cold, warm = device.temperature_range
         body += remark(f"Temperatures of the logs: {cold:g} to {warm:g} degC.")
     body += f"#ifndef {guard}\n#define {guard}\n"
-    if any(effect.seen for effect in device.calibration.effects):
-        body += "\n" + HOLDING
+    if device.calibration.effects:
+        body += HOLDING
     for sensor in SENSORS:
         body += "\n" + sensor_text(device, sensor, f"{prefix}_{sensor}")
     return body + "\n#endif\n"
@@ -83,11 +71,11 @@ def sensor_text(device, sensor_name, name):
     body = remark(*left_out(device, sensor_name, tuple(EFFECTS), aligned=True))
     if not device.measured(sensor_name):
         body += remark(f"The {sensor_name} has no calibration: {sensor.not_testable}")
-    body += remark(f"b: bias, {unit}, subtracted from raw") + vector(f"{name}_b", sensor.b)
-    body += remark(f"K: scale factor, {si} per {unit}, multiplies") + vector(f"{name}_K", sensor.K)
-    body += remark("T: misalignment, row by row, multiplies last") + matrix(f"{name}_T", sensor.T)
+    body += remark(f"b: bias, {unit}, subtracted from raw") + array(f"{name}_b", sensor.b)
+    body += remark(f"K: scale factor, {si} per {unit}, multiplies") + array(f"{name}_K", sensor.K)
+    body += remark("T: misalignment, row by row, multiplies last") + array(f"{name}_T", sensor.T)
     for effect in (BIAS, "g_sensitivity"):
-        body += remark(*seen_lines(sensor, effect, "held to that"))
+        body += remark(*range_lines(sensor, effect, "held to that"))
     terms = ""
     for index, fitted in enumerate(e for e in sensor.effects if e.name in EFFECTS):
         arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
@@ -111,20 +99,29 @@ def remark(*lines):
     return "".join(f"/* {line} */\n" for line in safe)
 
 
-def vector(name, values):
-    """Return an array of three numbers."""
-    return f"static const double {name}[3] = {{{numbers(values)}}};\n"
+def array(name, values):
+    """Return an array of three numbers or of three rows."""
+    rows = [f"{{{numbers(row)}}}" for row in np.atleast_2d(values)]
+    if np.ndim(values) == 1:
+        return f"static const double {name}[3] = {rows[0]};\n"
+    return f"static const double {name}[3][3] = {{{', '.join(rows)}}};\n"
 
 
-def matrix(name, values):
-    """Return an array of three rows."""
-    rows = ", ".join(f"{{{numbers(row)}}}" for row in values)
-    return f"static const double {name}[3][3] = {{{rows}}};\n"
+def ends(fitted, name, keys):
+    """Return arrays of the ends to which derivatives by parameters are held."""
+    low, high = np.transpose([fitted.seen.get(key, (-LARGEST, LARGEST)) for key in keys.flat])
+    return "".join(
+        array(f"{name}_{end}", values.reshape(keys.shape))
+        for end, values in (("low", low), ("high", high))
+    )
 
 
-def by_axis(fitted, kind):
-    """Return an effect's parameters of a kind, x, y, z."""
-    return [fitted.values[f"{kind}{axis}"] for axis in "xyz"]
+def per_axis(fitted, name, kind, derivative):
+    """Return arrays of the parameters of a kind and the ends of the derivative, and it held."""
+    keys = np.array([f"{kind}{axis}" for axis in "xyz"])
+    arrays = array(f"{name}_{kind}", [fitted.values[key] for key in keys])
+    arrays += ends(fitted, f"{name}_{kind}", keys)
+    return arrays, f"{HELD}({derivative}, {name}_{kind}_low[i], {name}_{kind}_high[i])"
 
 
 def warmer(fitted):
@@ -132,46 +129,30 @@ def warmer(fitted):
     return f"(temperature - {number(fitted.effect.reference_temperature)})"
 
 
-def ends(fitted, keys):
-    """Return between what the derivatives with respect to parameters were seen, low and high."""
-    return np.transpose([fitted.seen.get(key, (-LARGEST, LARGEST)) for key in keys])
-
-
-def held(fitted, name, kind, derivative):
-    """Return arrays and the expression of a derivative, held to what the data of an effect show."""
-    if not fitted.seen:
-        return "", derivative
-    low, high = ends(fitted, [f"{kind}{axis}" for axis in "xyz"])
-    arrays = vector(f"{name}_{kind}_low", low) + vector(f"{name}_{kind}_high", high)
-    return arrays, f"{HELD}({derivative}, {name}_{kind}_low[i], {name}_{kind}_high[i])"
-
-
 def bias_temperature(fitted, name):
     """Return the arrays and the expression of ``Σ_k c_ki (θ - θ0)^k``."""
-    arrays, warmth = held(fitted, name, "c1", warmer(fitted))
-    terms = []
-    for k in range(1, fitted.effect.order + 1):
-        arrays += vector(f"{name}_c{k}", by_axis(fitted, f"c{k}"))
+    arrays, warmth = per_axis(fitted, name, "c1", warmer(fitted))
+    terms = [f"{name}_c1[i] * {warmth}"]
+    for k in range(2, fitted.effect.order + 1):
+        arrays += array(f"{name}_c{k}", [fitted.values[f"c{k}{axis}"] for axis in "xyz"])
         terms.append(f"{name}_c{k}[i] * {' * '.join([warmth] * k)}")
     return arrays, f"({' + '.join(terms)})"
 
 
 def scale_temperature(fitted, name):
-    """Return the array and the expression of ``sT_i (θ - θ0) y_i``."""
-    more, product = held(fitted, name, "sT", f"{warmer(fitted)} * output")
-    return vector(f"{name}_sT", by_axis(fitted, "sT")) + more, f"{name}_sT[i] * {product}"
+    """Return the arrays and the expression of ``sT_i (θ - θ0) y_i``."""
+    arrays, product = per_axis(fitted, name, "sT", f"{warmer(fitted)} * output")
+    return arrays, f"{name}_sT[i] * {product}"
 
 
 def g_sensitivity(fitted, name):
-    """Return the matrix and the expression of ``Σ_j G_ij f_j``."""
-    G = [[fitted.values[f"G{i}{j}"] for j in range(3)] for i in range(3)]
-    arrays, terms = matrix(f"{name}_G", G), []
-    if fitted.seen:
-        low, high = ends(fitted, fitted.effect.parameters).reshape(2, 3, 3)
-        arrays += matrix(f"{name}_low", low) + matrix(f"{name}_high", high)
-    for j in range(3):
-        f = f"{HELD}(f[{j}], {name}_low[i][{j}], {name}_high[i][{j}])" if fitted.seen else f"f[{j}]"
-        terms.append(f"{name}_G[i][{j}] * {f}")
+    """Return the matrices and the expression of ``Σ_j G_ij f_j``."""
+    keys = np.reshape(list(fitted.effect.parameters), (3, 3))
+    arrays = array(f"{name}_G", fitted.vector.reshape(3, 3)) + ends(fitted, name, keys)
+    terms = (
+        f"{name}_G[i][{j}] * {HELD}(f[{j}], {name}_low[i][{j}], {name}_high[i][{j}])"
+        for j in range(3)
+    )
     return arrays, f"({' + '.join(terms)})"
 
 

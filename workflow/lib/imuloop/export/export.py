@@ -1,4 +1,4 @@
-"""The folder of a device's exports: a file a tool, and README.txt that says what is in them."""
+"""The folder of a device's exports: a file per tool, and README.txt that says what is in them."""
 
 import hashlib
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 # a calibration may hold any effect of the library
 import imuloop.effects  # noqa: F401
 from imuloop.core.errors import Lacking, one_line
-from imuloop.core.files import read_json, replaced, write_json
+from imuloop.core.files import read_json, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.export import (
@@ -81,10 +81,9 @@ def export_files(exported):
     for each in FORMATS:
         try:
             files[each.FILE] = each.text(exported)
+            carried.append(f"{each.FILE}: {each.TITLE}")
         except Lacking as reason:
             left_out.append(f"{each.FILE} ({each.TITLE}): {reason}")
-            continue
-        carried.append(f"{each.FILE}: {each.TITLE}")
     lines = [
         f"Calibration and noise of {exported.label} ({exported.device}) for other tools.",
         f"All of it, with covariances: ../calibration.json and ../noise.json; {MODEL}.",
@@ -93,12 +92,12 @@ def export_files(exported):
         "Files:",
         *(carried or ["none"]),
     ]
-    if left_out:
-        lines += ["", "Not written:", *left_out]
-    if limits := exported.limits():
-        lines += ["", "Not fully calibrated:", *limits]
-    if exported.notes:
-        lines += ["", "On the noise:", *exported.notes]
+    for title, more in (
+        ("Not written:", left_out),
+        ("Not fully calibrated:", exported.limits()),
+        ("On the noise:", exported.notes),
+    ):
+        lines += ["", title, *more] if more else []
     files[README] = "".join(f"{one_line(line)}\n" for line in lines)
     return files
 
@@ -121,34 +120,25 @@ def write_exports(folder, files, failed=None):
         Text by the file's name.
     failed : dict, optional
         What went wrong where there is nothing to write.
-
-    Raises
-    ------
-    MachineFault
-        If the disk is full.
     """
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     # of a run that was killed
     for left in folder.parent.glob(f".{folder.name}.*"):
         shutil.rmtree(left, ignore_errors=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
+        # made by hand: what tempfile makes is for its owner alone
+        new = Path(temporary) / "new"
+        new.mkdir()
         for name, text in files.items():
-            with replaced(temporary / name) as partial:
-                partial.write_text(text, encoding="utf-8", newline="\n")
-        # mkdtemp is private by default; results are for everybody who may read the folder
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o777 & ~mask)
+            (new / name).write_text(text, encoding="utf-8", newline="\n")
         if folder.exists():
             shutil.rmtree(folder)
-        temporary.rename(folder)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        os.rename(new, folder)
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
-    content = {"sha256": hashes} | ({"failed": failed} if failed else {})
-    write_json(folder.with_suffix(".json"), content)
+    write_json(
+        folder.with_suffix(".json"), {"sha256": hashes} | ({"failed": failed} if failed else {})
+    )
 
 
 def listed(path):

@@ -1,6 +1,5 @@
 """What an export is made of: a device's calibration and noise, its numbers and words as text."""
 
-import json
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -53,13 +52,7 @@ class Density:
 
 
 def estimated(noise, axis, term):
-    """Return coefficient `term` (Q, N, B, K or R) of the AxisNoise `noise` of `axis`.
-
-    Raises
-    ------
-    Lacking
-        If the noise was not estimated.
-    """
+    """Return coefficient `term` (Q, N, B, K or R) of an AxisNoise; Lacking without an estimate."""
     coefficient = getattr(noise, term)
     if coefficient.size is None:
         raise Lacking(f"no noise: {term} of {axis} is neither known nor limited")
@@ -67,13 +60,7 @@ def estimated(noise, axis, term):
 
 
 def for_filter(noise, axis, term):
-    """Return N or K of the AxisNoise `noise` of `axis`, raised so that both bound its Allan curve.
-
-    Raises
-    ------
-    Lacking
-        If the noise was not estimated.
-    """
+    """Return N or K of an AxisNoise, raised so that both bound its Allan curve."""
     own = {each: estimated(noise, axis, each) for each in "NK"}[term]
     value = dict(zip("NK", bounding(noise), strict=True))[term]
     return own if value == own.value else replace(own, value=value, raised_from=own.value)
@@ -81,12 +68,12 @@ def for_filter(noise, axis, term):
 
 @dataclass(frozen=True)
 class Exported:
-    """A device as every format takes it.
+    """A device as every format takes it; what it does not have raises Lacking.
 
     Attributes
     ----------
     device, label : str
-        As in the config; the label is untrusted text, see `comment` and `quoted`.
+        As in the config; the label is untrusted text, see `comment`.
     calibration : Calibration
         The final one.
     noise : NoiseModel
@@ -106,11 +93,6 @@ class Exported:
     rate_hz: float | None
     notes: tuple[str, ...] = ()
     temperature_range: tuple[float, float] | None = None
-
-    @property
-    def gravity(self):
-        """Local gravity, m/s^2."""
-        return self.calibration.gravity
 
     def sensor(self, name):
         """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
@@ -140,22 +122,8 @@ class Exported:
             raise Lacking("the rate of the logs is not known: no session could be used")
         return self.rate_hz
 
-    def matrix(self, name):
-        """Return ``M = T K``, shape (3, 3), SI per raw unit: ``x = M (raw - b)`` without effects.
-
-        `raw` is in ``sensor(name).raw_unit``, as logged.
-        """
-        sensor = self.sensor(name)
-        return sensor.T * sensor.K
-
     def density(self, axis, term):
-        """Return coefficient `term` (Q, N, B, K or R) of a channel as it was estimated.
-
-        Raises
-        ------
-        Lacking
-            If the noise was not estimated.
-        """
+        """Return coefficient `term` (Q, N, B, K or R) of a channel as it was estimated."""
         return estimated(self.noise.axes[axis], axis, term)
 
     def worst(self, sensor, term):
@@ -163,12 +131,13 @@ class Exported:
         densities = (for_filter(self.noise.axes[axis], axis, term) for axis in SENSORS[sensor])
         return max(densities, key=lambda density: density.value)
 
-    def effects(self, sensor):
-        """Return a line for each effect of a sensor: name, equation, sizes, constants."""
+    def effects(self, sensor, carried=()):
+        """Return a line for each effect of a sensor but some: name, equation, sizes, constants."""
         lines = []
         for fitted in self.sensor(sensor).effects:
-            units = fitted.effect.units(sensor)
-            largest = {}
+            if fitted.name in carried:
+                continue
+            units, largest = fitted.effect.units(sensor), {}
             for name, value in fitted.values.items():
                 largest[units[name]] = max(abs(value), largest.get(units[name], 0.0))
             sizes = ", ".join(f"{value:.2g} {unit}" for unit, value in largest.items())
@@ -198,8 +167,3 @@ def numbers(values, separator=", "):
 def comment(*lines, mark="#"):
     """Return lines as comments; each stays one line, whatever text it holds."""
     return "".join(f"{mark} {one_line(line)}".rstrip() + "\n" for line in lines)
-
-
-def quoted(text):
-    """Return text in double quotes, as YAML, JSON and C read it; on one line."""
-    return json.dumps(one_line(text), ensure_ascii=False)

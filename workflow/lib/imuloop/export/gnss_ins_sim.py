@@ -34,16 +34,6 @@ def text(device):
     time constant `b_corr`. Ours: the strongest Gauss-Markov process of an axis; without one, one
     whose Allan deviation is at its peak as high as the floor of B.
 
-    Parameters
-    ----------
-    device : Exported
-        The device.
-
-    Raises
-    ------
-    Lacking
-        Where the noise is not known.
-
     References
     ----------
     gnss-ins-sim, sim/imu_model.py (IMU.__init__: keys and units), pathgen/pathgen.py (acc_gen,

@@ -1,32 +1,26 @@
-"""The text calibrations of imu_tk, one a sensor."""
+"""The text calibrations of imu_tk, one per sensor."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 
 from imuloop.core.errors import Lacking
-from imuloop.export.densities import heading
+from imuloop.export.densities import UNITS, heading
 from imuloop.export.exported import comment, numbers
 
 
-def calibration_text(device, sensor):
+def text(sensor, device):
     """Return a sensor's file: T, K as a diagonal matrix, b; ``x = T K (raw - b)``.
 
     Comments stand below the numbers: its reader takes the first 21 and stops.
-
-    Raises
-    ------
-    Lacking
-        If nothing of the sensor was measured.
     """
-    found = device.sensor(sensor)
+    found, si = device.sensor(sensor), UNITS[sensor]["B"]
     if found.method == "nominal":
         raise Lacking(f"no calibration ({found.not_testable})")
-    rows = [*found.T, None, *np.diag(found.K), None, *([each] for each in found.b), None]
-    body = "".join("\n" if row is None else numbers(row, " ") + "\n" for row in rows)
-    si = "m/s^2" if sensor == "accelerometer" else "rad/s"
+    parts = found.T, np.diag(found.K), found.b[:, None]
     return (
-        body
+        "".join("".join(f"{numbers(row, ' ')}\n" for row in part) + "\n" for part in parts)
         + heading(device, f"imu_tk, {sensor}; comments are below, where its reader has stopped")
         + comment(
             "x = T K (raw - b), the same model, sign and matrices as in imu_tk:",
@@ -41,11 +35,7 @@ def calibration_text(device, sensor):
     )
 
 
-def _format(sensor, file):
-    return SimpleNamespace(
-        FILE=file, TITLE=f"imu_tk, {sensor}", text=lambda device: calibration_text(device, sensor)
-    )
-
-
-ACCELEROMETER = _format("accelerometer", "imu_tk_acc.calib")
-GYROSCOPE = _format("gyroscope", "imu_tk_gyro.calib")
+ACCELEROMETER, GYROSCOPE = (
+    SimpleNamespace(FILE=file, TITLE=f"imu_tk, {sensor}", text=partial(text, sensor))
+    for sensor, file in (("accelerometer", "imu_tk_acc.calib"), ("gyroscope", "imu_tk_gyro.calib"))
+)

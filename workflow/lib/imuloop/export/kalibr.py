@@ -1,8 +1,9 @@
 """Kalibr's imu.yaml: noise densities of one inertial sensor."""
 
 from imuloop.export.densities import (
+    KALIBR,
     calibration_left_out,
-    density_field,
+    density_fields,
     heading,
     noise_left_out,
 )
@@ -20,10 +21,7 @@ def text(device):
     """
     return (
         heading(device, TITLE, "(kalibr_calibrate_imu_camera --imu); all fields SI")
-        + density_field(device, "accelerometer_noise_density", "accelerometer", "N")
-        + density_field(device, "accelerometer_random_walk", "accelerometer", "K")
-        + density_field(device, "gyroscope_noise_density", "gyroscope", "N")
-        + density_field(device, "gyroscope_random_walk", "gyroscope", "K")
+        + density_fields(device, KALIBR)
         + 'rostopic: "/imu0"  # not ours: the topic of the bag\n'
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + noise_left_out(device)

@@ -1,5 +1,7 @@
 """A script that makes MATLAB's ``imuSensor`` measure as the device does."""
 
+from functools import partial
+
 import numpy as np
 
 from imuloop.core.samples import SENSORS
@@ -9,10 +11,11 @@ from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
     bias_reference,
+    effects_of,
     left_out,
+    range_lines,
     scale_and_offset,
 )
-from imuloop.export.seen import seen_lines
 
 FILE = "matlab_imu_sensor.m"
 TITLE = "MATLAB imuSensor, a model of the device for simulation"
@@ -23,10 +26,11 @@ STANDARD = 25.0
 POLES = 1000
 # effects: of the first the slope, of the other a matrix to apply by hand
 CARRIED = (BIAS, "g_sensitivity")
-VARIABLES = {"accelerometer": "accel", "gyroscope": "gyro"}
+# name of the variable, and sign: imuSensor's accelerometer reads gravity less acceleration
+VARIABLES = {"accelerometer": ("accel", -1.0), "gyroscope": ("gyro", 1.0)}
+DENSITIES = {"NoiseDensity": "N", "RandomWalk": "K", "BiasInstability": "B"}
 HELD = "imuSensor holds it to no range"
-# imuSensor's accelerometer reads gravity less acceleration, the negative of specific force
-SIGN = {"accelerometer": -1.0, "gyroscope": 1.0}
+remark = partial(comment, mark="%")
 
 
 def text(device):
@@ -40,16 +44,6 @@ def text(device):
     ``RandomWalk/sqrt(rate)`` where NoiseType is single-sided; BiasInstability drives Kasdin's
     filter for 1/f: our N, K and B.
 
-    Parameters
-    ----------
-    device : Exported
-        The device.
-
-    Raises
-    ------
-    Lacking
-        Where nothing was measured, or the rate or the noise is not known.
-
     References
     ----------
     MathWorks, imuSensor, accelparams, gyroparams, fractalcoef: reference pages, "Algorithms".
@@ -57,7 +51,7 @@ def text(device):
     """
     device.need_calibration()
     rate = device.need_rate()
-    body = comment(
+    body = remark(
         f"{device.label} ({device.device}): a model of the sensor, for imuSensor, R2023b on.",
         f"It is no correction. Ours, {MODEL}, SI, is turned round: truth in, logged value out.",
         "NoiseDensity, RandomWalk, BiasInstability: N, K, B of IEEE Std 952, continuous; imuSensor",
@@ -66,74 +60,62 @@ def text(device):
         "Not carried of the noise: quantisation Q, ramp R, Gauss-Markov processes, sinusoids.",
         "Not measured, left as they are: MeasurementRange, Resolution.",
         "TemperatureScaleFactor is left: no negative one is allowed, and it scales the bias too.",
-        mark="%",
     )
     for name in SENSORS:
         body += "\n" + sensor_text(device, name)
     return body + (
         f"\nimu = imuSensor('accel-gyro', 'SampleRate', {number(rate)}, ...\n"
         "    'Accelerometer', accel, 'Gyroscope', gyro);\n"
-        + comment(
-            "[a, w] = imu(acceleration, angularVelocity, orientation); logged: -a, w; SI",
-            mark="%",
-        )
+        + remark("[a, w] = imu(acceleration, angularVelocity, orientation); logged: -a, w; SI")
     )
 
 
 def sensor_text(device, name):
     """Return the lines of one sensor."""
-    sensor, variable, sign = device.sensor(name), VARIABLES[name], SIGN[name]
+    sensor, (variable, sign) = device.sensor(name), VARIABLES[name]
     unit = UNITS[name]["B"]
     scale, bias = scale_and_offset(sensor)
     reference = bias_reference(sensor)
-    slope = np.zeros(3)
     if reference is not None:
         c = bias_polynomial(sensor, reference)
         slope = c[1] / scale
         bias = bias + (c[0] / scale) + slope * (STANDARD - reference)
-    matrix = 100 * np.linalg.inv(sensor.T) / scale[:, None]
 
     def field(key, values, what):
-        return f"{variable}.{key} = [{numbers(values, ' ')}]; {comment(what, mark='%')}"
+        rows = "; ".join(numbers(row, " ") for row in np.atleast_2d(values))
+        return f"{variable}.{key} = [{rows}]; {remark(what)}"
 
-    lines = comment(*left_out(device, name, CARRIED, aligned=True), mark="%")
+    lines = remark(*left_out(device, name, CARRIED, aligned=True))
     if not device.measured(name):
-        lines += comment(f"The {name} has no calibration: {sensor.not_testable}", mark="%")
+        lines += remark(f"The {name} has no calibration: {sensor.not_testable}")
     lines += f"{variable} = {variable}params;\n"
     negated = ", negated with the reading" if sign < 0 else ""
     lines += field("ConstantBias", sign * bias, f"{unit}: b in SI, at {STANDARD:g} degC{negated}")
-    rows = "; ".join(numbers(row, " ") for row in matrix)
-    lines += f"{variable}.AxesMisalignment = [{rows}]; "
-    lines += comment("per cent: 100 (unit/K) inverse of T, scale factor included", mark="%")
-    for key, term in (
-        ("NoiseDensity", "N"),
-        ("RandomWalk", "K"),
-        ("BiasInstability", "B"),
-    ):
+    words = "per cent: 100 (unit/K) inverse of T, scale factor included"
+    lines += field("AxesMisalignment", 100 * np.linalg.inv(sensor.T) / scale[:, None], words)
+    for key, term in DENSITIES.items():
         densities = [device.density(axis, term) for axis in SENSORS[name]]
-        limits = [d.words for d in densities if d.limit]
-        words = "; ".join([f"{UNITS[name][term]}: {term}", *limits])
-        lines += field(key, [d.value for d in densities], words)
+        words = [f"{UNITS[name][term]}: {term}", *(d.words for d in densities if d.limit)]
+        lines += field(key, [d.value for d in densities], "; ".join(words))
     lines += f"{variable}.NoiseType = 'single-sided'; "
-    lines += comment("of imuSensor: so that N and K are what the samples show", mark="%")
+    lines += remark("of imuSensor: so that N and K are what the samples show")
     lines += f"{variable}.BiasInstabilityCoefficients = fractalcoef({POLES}); "
-    lines += comment(f"flicker, for periods up to {POLES} samples", mark="%")
+    lines += remark(f"flicker, for periods up to {POLES} samples")
     if reference is not None:
         words = f"{unit}/K: slope of {BIAS} at {reference:g} degC, times unit/K{negated}"
         lines += field("TemperatureBias", sign * slope, words)
-        lines += comment(*seen_lines(sensor, BIAS, HELD), mark="%")
+        lines += remark(*range_lines(sensor, BIAS, HELD))
         if c[2:].any():
             curve = ", ".join(f"{np.abs(c[k]).max():.2g} {unit}/K^{k}" for k in (2, 3))
-            lines += comment(f"Not carried of {BIAS}: its curvature, up to {curve}", mark="%")
-    for fitted in (e for e in sensor.effects if e.name == "g_sensitivity"):
-        G = np.reshape([fitted.values[key] for key in fitted.effect.parameters], (3, 3))
-        rows = "; ".join(numbers(row, " ") for row in G / scale[:, None])
+            lines += remark(f"Not carried of {BIAS}: its curvature, up to {curve}")
+    for fitted in effects_of(sensor, "g_sensitivity"):
+        G = fitted.vector.reshape(3, 3) / scale[:, None]
+        rows = "; ".join(numbers(row, " ") for row in G)
         lines += f"gSensitivity = [{rows}]; "
-        lines += comment("(rad/s)/(m/s^2): g_sensitivity, times unit/K", mark="%")
-        lines += comment(
+        lines += remark(
+            "(rad/s)/(m/s^2): g_sensitivity, times unit/K",
             "Not carried by AccelerationBias, which takes the acceleration without gravity and on",
             "navigation axes. Add by hand: w + f*gSensitivity', f the specific force on body axes.",
-            *seen_lines(sensor, fitted.name, HELD),
-            mark="%",
+            *range_lines(sensor, fitted.name, HELD),
         )
     return lines

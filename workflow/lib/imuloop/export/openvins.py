@@ -2,9 +2,15 @@
 
 import numpy as np
 
-from imuloop.export.densities import density_field, effect_lines, heading, noise_left_out
+from imuloop.export.densities import (
+    KALIBR,
+    density_fields,
+    effect_lines,
+    heading,
+    noise_left_out,
+)
 from imuloop.export.exported import comment, number, numbers
-from imuloop.export.seen import seen_lines
+from imuloop.export.per_axis import effects_of, range_lines, scale_and_offset
 
 FILE = "openvins_kalibr_imu_chain.yaml"
 TITLE = "OpenVINS"
@@ -22,13 +28,17 @@ def text(device):
 
     with Da = Ta^-1, Dw = Tw^-1 and each R the transpose of that in the file. Its model "rpng" keeps
     the upper triangles of Da and Dw. Ours of the accelerometer is upper triangular; the
-    gyroscope's M = T K is Q U, a rotation and an upper triangular matrix.
+    gyroscope's M = T K is Q U, a rotation and an upper triangular matrix. From
+    ``T (K (raw - b) - G f) = M (raw - b - K^-1 G f)``, Tg = K^-1 G.
     """
-    acceleration, bias_a = in_si(device.sensor("accelerometer"))
-    rate, bias_g = in_si(device.sensor("gyroscope"))
-    rotation, upper = np.linalg.qr(rate)
+    force, turn = device.sensor("accelerometer"), device.sensor("gyroscope")
+    (scale_a, bias_a), (scale_g, bias_g) = scale_and_offset(force), scale_and_offset(turn)
+    rotation, upper = np.linalg.qr(turn.T * scale_g)
     signs = np.sign(np.diag(upper))
     rotation, upper = rotation * signs, signs[:, None] * upper
+    Tg = np.zeros((3, 3))
+    for fitted in effects_of(turn, G):
+        Tg = fitted.vector.reshape(3, 3) / scale_g[:, None]
     return (
         "%YAML:1.0\n"
         + heading(device, f"{TITLE}: relative_config_imu of its estimator_config.yaml; all SI")
@@ -37,46 +47,30 @@ def text(device):
             "and not into this file; to start it at ours, put into estimator_config.yaml:",
             f"init_dyn_bias_g: [{numbers(bias_g)}] (rad/s)",
             f"init_dyn_bias_a: [{numbers(bias_a)}] (m/s^2)",
-            f"gravity_mag: {number(device.gravity)}",
+            f"gravity_mag: {number(device.calibration.gravity)}",
         )
         + "imu0:\n"
         + matrix("T_i_b", np.eye(4), "identity: body axes are the accelerometer's")
-        + density_field(device, "accelerometer_noise_density", "accelerometer", "N", "  ")
-        + density_field(device, "accelerometer_random_walk", "accelerometer", "K", "  ")
-        + density_field(device, "gyroscope_noise_density", "gyroscope", "N", "  ")
-        + density_field(device, "gyroscope_random_walk", "gyroscope", "K", "  ")
+        + density_fields(device, KALIBR, "  ")
         + '  rostopic: "/imu0"  # not ours: the topic\n'
         + "  time_offset: 0.0  # not ours\n"
         + f"  update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + '  model: "rpng"  # upper triangular Da and Dw, which ours are\n'
         + matrix("Tw", np.linalg.inv(upper), "inverse of Dw; gyroscope's M = T K = R_GYROtoIMU Dw")
         + matrix("R_IMUtoGYRO", rotation.T, "from the accelerometer's axes to the gyroscope's")
-        + matrix("Ta", np.linalg.inv(acceleration), "inverse of Da, the accelerometer's M = T K")
-        + matrix("R_IMUtoACC", np.eye(3), "identity: body axes are the accelerometer's")
-        + matrix("Tg", g_sensitivity(device), "K^-1 G, rad/s per m/s^2; zero where none was found")
-        + comment(
-            *seen_lines(device.sensor("gyroscope"), G, "OpenVINS holds it to no range"),
-            *effect_lines(device, carried=(G,)),
+        + matrix(
+            "Ta", np.linalg.inv(force.T * scale_a), "inverse of Da, the accelerometer's M = T K"
         )
-        + comment("Not carried: covariances of all these, temperature.", *device.limits())
+        + matrix("R_IMUtoACC", np.eye(3), "identity: body axes are the accelerometer's")
+        + matrix("Tg", Tg, "K^-1 G, rad/s per m/s^2; zero where none was found")
+        + comment(
+            *range_lines(turn, G, "OpenVINS holds it to no range"),
+            *effect_lines(device, carried=(G,)),
+            "Not carried: covariances of all these, temperature.",
+            *device.limits(),
+        )
         + noise_left_out(device)
     )
-
-
-def in_si(sensor):
-    """Return ``M = T K``, dimensionless, and b, both for samples in SI as logged."""
-    return sensor.T * sensor.K / sensor.raw_unit.scale, sensor.raw_unit.to_si(sensor.b)
-
-
-def g_sensitivity(device):
-    """Return Tg, as ``T (K (raw - b) - G f) = M (raw - b - K^-1 G f)``; zero without the effect."""
-    sensor = device.sensor("gyroscope")
-    found = [each for each in sensor.effects if each.name == G]
-    if not found:
-        return np.zeros((3, 3))
-    values = found[0].values
-    matrix = np.array([[values[f"G{i}{j}"] for j in range(3)] for i in range(3)])
-    return (sensor.raw_unit.scale / sensor.K)[:, None] * matrix
 
 
 def matrix(key, values, words):

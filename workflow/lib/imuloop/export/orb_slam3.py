@@ -2,7 +2,7 @@
 
 from imuloop.export.densities import (
     calibration_left_out,
-    density_field,
+    density_fields,
     heading,
     noise_left_out,
 )
@@ -10,6 +10,12 @@ from imuloop.export.exported import comment, number
 
 FILE = "orb_slam3_imu.yaml"
 TITLE = "ORB-SLAM3"
+KEYS = {
+    "IMU.NoiseGyro": ("gyroscope", "N"),
+    "IMU.NoiseAcc": ("accelerometer", "N"),
+    "IMU.GyroWalk": ("gyroscope", "K"),
+    "IMU.AccWalk": ("accelerometer", "K"),
+}
 
 
 def text(device):
@@ -21,10 +27,7 @@ def text(device):
     return (
         "%YAML:1.0\n"
         + heading(device, f"{TITLE}: the lines of its settings on the sensor; all fields SI")
-        + density_field(device, "IMU.NoiseGyro", "gyroscope", "N")
-        + density_field(device, "IMU.NoiseAcc", "accelerometer", "N")
-        + density_field(device, "IMU.GyroWalk", "gyroscope", "K")
-        + density_field(device, "IMU.AccWalk", "accelerometer", "K")
+        + density_fields(device, KEYS)
         + f"IMU.Frequency: {number(device.need_rate())}  # Hz, of the logs\n"
         + comment("Not ours: IMU.T_b_c1, where the camera sits; body axes are the accelerometer's")
         + noise_left_out(device)

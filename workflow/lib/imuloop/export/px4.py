@@ -9,38 +9,30 @@ from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
     bias_reference,
+    common_temperatures,
     left_out,
     scale_and_offset,
     scale_left_out,
 )
-from imuloop.export.seen import common_temperatures
 
 FILE = "px4.params"
 TITLE = "PX4 parameters, text of QGroundControl"
 
-# vehicle and component, and the types of MAVLink
-VEHICLE = "1\t1"
+# types of MAVLink
 REAL32, INT32 = 9, 6
 # names of each sensor in the calibration and in the temperature calibration
 NAMES = {"accelerometer": ("ACC", "A"), "gyroscope": ("GYRO", "G")}
 
 
-def single(value):
-    """Return a number as text that reads back as the same float32, which PX4 keeps."""
-    return f"{np.float32(value):.9g}"
-
-
 def parameter(name, value, kind=REAL32):
-    """Return a line: vehicle, component, name, value, type, with tabs between."""
-    return f"{VEHICLE}\t{name}\t{single(value) if kind == REAL32 else value}\t{kind}\n"
+    """Return a line: vehicle, component, name, value as the same float32, type; tabs between."""
+    shown = f"{np.float32(value):.9g}" if kind == REAL32 else value
+    return f"1\t1\t{name}\t{shown}\t{kind}\n"
 
 
-def triple(form, values):
-    """Return three lines, `form` with each axis: X, Y, Z and 0, 1, 2."""
-    return "".join(
-        parameter(form.format(axis=axis, index=index), value)
-        for index, (axis, value) in enumerate(zip("XYZ", values, strict=True))
-    )
+def triple(form, keys, values):
+    """Return three lines, `form` with the key of each axis."""
+    return "".join(parameter(form.format(*each), v) for *each, v in zip(keys, values, strict=True))
 
 
 def text(device):
@@ -49,16 +41,6 @@ def text(device):
     ``x = (z - thermal - OFF) SCALE``, ``thermal = Σ_k Xk (clip(θ, TMIN, TMAX) - TREF)^k`` with z
     the SI value as logged; the gyroscope has no SCALE. That is K (raw - b) - e with
     SCALE = K/unit, OFF = b in SI, Xk = c_k/SCALE.
-
-    Parameters
-    ----------
-    device : Exported
-        The device.
-
-    Raises
-    ------
-    Lacking
-        Where nothing was measured.
 
     References
     ----------
@@ -95,16 +77,15 @@ def sensor_text(device, name):
         )
     else:
         lines += comment(f"OFF: bias b of the {name} in {unit}, subtracted before the scale")
-        lines += triple(f"CAL_{calibration}0_{{axis}}OFF", offset)
+        lines += triple(f"CAL_{calibration}0_{{}}OFF", "XYZ", offset)
         if name == "accelerometer":
             lines += comment("SCALE: K over its nominal value, multiplies")
-            lines += triple("CAL_ACC0_{axis}SCALE", scale)
+            lines += triple("CAL_ACC0_{}SCALE", "XYZ", scale)
         else:
             lines += comment(*scale_left_out(scale))
     if span is None:
         return lines
-    reference = bias_reference(sensor)
-    tc = f"TC_{thermal}0_"
+    reference, tc = bias_reference(sensor), f"TC_{thermal}0_"
     lines += comment(
         f"Effect {BIAS}: Xk in {unit} per K^k before the scale, so c_k K_nominal/K; subtracted.",
         "TMIN, TMAX: where the effect was seen, degC; outside PX4 holds the value at the end.",
@@ -113,7 +94,7 @@ def sensor_text(device, name):
     )
     lines += parameter(f"TC_{thermal}_ENABLE", 1, INT32)
     for k, c in enumerate(bias_polynomial(sensor, reference)):
-        lines += triple(f"{tc}X{k}_{{index}}", c / scale)
+        lines += triple(f"{tc}X{k}_{{}}", "012", c / scale)
     for end, value in zip(("TREF", "TMIN", "TMAX"), (reference, *span), strict=True):
         lines += parameter(tc + end, value)
     return lines

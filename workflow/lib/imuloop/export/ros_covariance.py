@@ -8,12 +8,20 @@ from imuloop.export.exported import comment, number, numbers
 
 FILE = "ros_imu_covariance.yaml"
 TITLE = "ROS sensor_msgs/Imu"
-_UNITS = {"accelerometer": "(m/s^2)^2", "gyroscope": "(rad/s)^2"}
+KEYS = {
+    "angular_velocity_covariance": ("gyroscope", "(rad/s)^2"),
+    "linear_acceleration_covariance": ("accelerometer", "(m/s^2)^2"),
+}
 
 
 def text(device):
     r"""Return the file: the message's fields, row by row; a sample's variance is :math:`N^2 r`."""
-    rate = device.need_rate()
+    rate, fields = device.need_rate(), ""
+    for key, (sensor, unit) in KEYS.items():
+        densities = [device.density(axis, "N") for axis in SENSORS[sensor]]
+        words = "; ".join([unit, *(density.words for density in densities if density.limit)])
+        covariance = np.diag([density.value**2 * rate for density in densities])
+        fields += f"{key}: [{numbers(covariance)}]  {comment(words)}"
     return (
         heading(device, f"the covariance fields of {TITLE}; row by row, axes x, y, z; SI")
         + comment(
@@ -22,19 +30,10 @@ def text(device):
         )
         + "orientation_covariance: [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
         + "  # -1 first: the message has no orientation\n"
-        + _field(device, "angular_velocity_covariance", "gyroscope", rate)
-        + _field(device, "linear_acceleration_covariance", "accelerometer", rate)
+        + fields
         + comment(
             "Not carried: noise that is correlated in time (random walk K, flicker B, quantisation",
             "Q, Gauss-Markov processes, lines), bias and its uncertainty; temperature.",
         )
         + calibration_left_out(device)
     )
-
-
-def _field(device, key, sensor, rate):
-    densities = [device.density(axis, "N") for axis in SENSORS[sensor]]
-    limits = [density.words for density in densities if density.limit]
-    words = "; ".join([_UNITS[sensor], *limits])
-    covariance = np.diag([density.value**2 * rate for density in densities])
-    return f"{key}: [{numbers(covariance)}]  {comment(words)}"

@@ -8,7 +8,7 @@ from imuloop.export.exported import comment, number
 FILE = "vins_fusion_imu.yaml"
 TITLE = "VINS-Fusion"
 # key, sensor, coefficient, unit
-FIELDS_OF_NOISE = (
+KEYS = (
     ("acc_n", "accelerometer", "N", "m/s^2"),
     ("gyr_n", "gyroscope", "N", "rad/s"),
     ("acc_w", "accelerometer", "K", "m/s^3"),
@@ -24,9 +24,9 @@ def text(device):
     rate. So n is the standard deviation of a sample, :math:`N \sqrt{r}`, and w that of the bias'
     rate of change held over a step, :math:`K \sqrt{r}`: :math:`dt^2 K^2 r = K^2 dt`.
     """
-    rate = device.need_rate()
+    rate, gravity = device.need_rate(), device.calibration.gravity
     lines = []
-    for key, sensor, term, unit in FIELDS_OF_NOISE:
+    for key, sensor, term, unit in KEYS:
         density = device.worst(sensor, term).times(sqrt(rate))
         words = f"{NAMES[term]}: {term} sqrt(rate), {unit}, discrete; worst axis: {density.words}"
         lines.append(f"{key}: {number(density.value)}  {comment(words)}")
@@ -39,7 +39,7 @@ def text(device):
             "(as for Kalibr) do not belong here.",
         )
         + "".join(lines)
-        + f"g_norm: {number(device.gravity)}  # m/s^2, that the accelerometer was calibrated to\n"
+        + f"g_norm: {number(gravity)}  # m/s^2, that the accelerometer was calibrated to\n"
         + comment(
             "Every sample enters two steps of the propagation, each time as if it were another,",
             "with half its weight: it expects half of the white noise's variance. Its authors'",

@@ -84,13 +84,13 @@ _UNITS = {
     for quantity, spellings in _SPELLINGS.items()
 }
 _UNITS["interval"] = _UNITS["time"]
-# units that can be declared
-_READ = {
-    "time": TIME,
-    "interval": TIME,
-    "temperature": TEMPERATURE,
-    "acceleration": (*ACCELERATION, "count (with nominal)"),
-    "angular_rate": (*ANGULAR_RATE, "count (with nominal)"),
+# units that are read, the first where neither the config nor the log says; count needs nominal
+UNITS = {
+    "time": (*TIME,),
+    "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
+    "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
+    "temperature": (*TEMPERATURE,),
+    "interval": (*TIME,),
 }
 
 
@@ -157,7 +157,7 @@ def unknown_unit(quantity, text):
     """Return the error of a log that states a unit that is not known."""
     return ImuloopError(
         f"units.{quantity}: the log says '{text[:80]}', which is no unit that is read; declare "
-        f"the right one of {', '.join(_READ[quantity])}"
+        f"the right one of {', '.join(UNITS[quantity])}"
     )
 
 

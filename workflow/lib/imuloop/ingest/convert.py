@@ -62,17 +62,14 @@ class Counts:
 def si_batches(
     log, *, units, raw_units, rate, time_range, counts, step=None, usual=None, timeline=None
 ):
-    """Give the samples of a log, batch by batch.
+    """Give the samples of a log, batch by batch, `t` strictly increasing from 0.
 
     Parameters
     ----------
     log : RawLog
         Log being read.
-    units : dict
-        Unit of ``time``, ``temperature`` and ``interval``, and of the sensors, whose increments
-        become rates.
-    raw_units : dict
-        ``acceleration`` and ``angular_rate`` to `RawUnit`.
+    units, raw_units : dict
+        Unit of each quantity, increments of the sensors become rates; `RawUnit` of each sensor.
     rate : float or None
         Hz; stamps rows by their number where the log has no stamps.
     time_range : (start, end) or None
@@ -85,11 +82,6 @@ def si_batches(
         Usual step of the stamps, s; that of increments after a gap.
     timeline : imuloop.ingest.pps.Timeline, optional
         GNSS time over the stamps; `t` is then in it.
-
-    Yields
-    ------
-    pyarrow.RecordBatch
-        Columns as in `imuloop.core.samples`, `t` strictly increasing from 0.
 
     Raises
     ------

@@ -12,18 +12,10 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
-from imuloop.core.units import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    INCREMENTS,
-    STANDARD_GRAVITY,
-    TEMPERATURE,
-    TIME,
-    raw_unit,
-)
+from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import bursts, clocks, increments, quality
 from imuloop.ingest import pps as marks
-from imuloop.ingest.columns import stated_unit, unknown_unit
+from imuloop.ingest.columns import UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
@@ -34,14 +26,6 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows a row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _SENSORS = ("acceleration", "angular_rate")
-# units that are read, the first where neither the config nor the log says
-_UNITS = {
-    "time": (*TIME,),
-    "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
-    "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
-    "temperature": (*TEMPERATURE,),
-    "interval": (*TIME,),
-}
 
 
 def ingest(
@@ -73,31 +57,17 @@ def ingest(
 
     Parameters
     ----------
-    device, session : str
-        Names.
-    kind : str or None
-        What was done with the device, where that is known.
+    device, session, kind : str
+        Names, and what was done with the device, None where that is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of `sources`.
     samples_path, quality_path : path-like
         Files to write, each in one step.
-    format : str, optional
-        Name in `imuloop.ingest.formats.FORMATS`; found from the files if None.
+    format, columns, units, rate, time_range, pps, nominal, full_scale : optional
+        As in the config; what is not declared is found from the log, units else SI.
     sources : dict, optional
         Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source, for
         the record; found from the number of paths if None.
-    columns, units : dict, optional
-        As in the config; what is not declared is found from the log, units else SI.
-    rate : float, optional
-        Hz, where the log has no time column.
-    time_range : (start, end), optional
-        Half-open crop: seconds from the log's first stamp, or ISO 8601; None is an open end.
-    pps : dict, optional
-        ``counter`` and ``time`` of 1PPS marks, columns of the log or of the source ``pps``.
-    nominal : dict, optional
-        Quantity to ``scale`` and ``offset`` of raw counts.
-    full_scale : dict, optional
-        ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s).
     gravity : float
         Local gravity, m/s^2.
     batch_rows, threads : int
@@ -273,7 +243,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     """
     reason, failed = why
     log = RawLog(batches=iter(()), temperature=False, found={})
-    units = {quantity: known[0] for quantity, known in _UNITS.items()}
+    units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
     with replaced(samples_path) as temporary:
@@ -325,7 +295,7 @@ def used_units(log, declared):
         If one is no unit.
     """
     used, doubts = {}, []
-    for quantity, known in _UNITS.items():
+    for quantity, known in UNITS.items():
         unit = used[quantity] = declared.get(quantity) or log.units.get(quantity) or known[0]
         if log.units.get(quantity, unit) != unit:
             stated = log.units[quantity]

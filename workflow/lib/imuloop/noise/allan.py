@@ -1,7 +1,7 @@
 """Overlapping Allan deviation of records that may be cut into stretches."""
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from imuloop.core.tables import table
 
@@ -12,19 +12,9 @@ CHUNK = 32768
 
 
 def averaging_factors(length, settings):
-    """Return log-spaced averaging factors m, tau = m / rate.
+    """Return log-spaced averaging factors m, tau = m / rate, for the longest stretch's samples.
 
-    Parameters
-    ----------
-    length : int
-        Samples of the longest stretch.
-    settings : NoiseSettings
-        Points a decade and longest averaging time.
-
-    Returns
-    -------
-    ndarray of int, shape (k,)
-        Ascending from 1; empty where the stretch is too short for any.
+    Ascending from 1, shape (k,); empty where the stretch is too short for any.
     """
     longest = int(length * settings.longest_tau_share)
     if longest < 1:
@@ -39,34 +29,13 @@ def terms(factors, length, span=2):
     return np.where(count < 2, 0, count)
 
 
-def integral(x):
-    """Return the cumulative sum of x without its mean, from 0 on; without it no digits are lost."""
-    total = np.zeros(len(x) + 1)
-    np.subtract(x, np.mean(x), out=total[1:])
-    return np.cumsum(total, out=total)
-
-
 def pooled_mean_square(stretches, factors, span, squares):
-    r"""Return a mean over all overlapping terms of all stretches.
+    """Return a mean over all overlapping terms of all stretches, shape (k,).
 
     No term reaches over the end of a stretch, so that what lies between two stretches, be it a
-    gap, a knock or a lasting change of level, does not enter.
-
-    Parameters
-    ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit.
-    factors : array_like of int, shape (k,)
-        Averaging factors m.
-    span : int
-        Averages of m samples that a term covers: M_s = n_s + 1 - span m terms in a stretch.
-    squares : callable
-        squares(integral, m, i, j) gives the sum over the terms that start at samples i to j - 1.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Not-a-number where no stretch is long enough.
+    gap, a knock or a lasting change of level, does not enter. A stretch of n samples has
+    n + 1 - span m terms; `squares(X, m, i, j)` gives the sum over those that start at samples i to
+    j - 1, X the integral of the output without its mean, shape (n + 1,).
     """
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
@@ -75,17 +44,20 @@ def pooled_mean_square(stretches, factors, span, squares):
         weight += count
         if not count.any():
             continue
-        summed = integral(x)
+        # without the mean no digits are lost
+        integral = np.zeros(len(x) + 1)
+        np.subtract(x, np.mean(x), out=integral[1:])
+        np.cumsum(integral, out=integral)
         # chunk by chunk, so that the short averages of all factors find their samples in the cache
         for start in range(0, count.max(), CHUNK):
             for k in np.flatnonzero(count > start):
                 end = min(start + CHUNK, count[k])
-                total[k] += squares(summed, factors[k], start, end)
+                total[k] += squares(integral, factors[k], start, end)
     return np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
 
 
 def allan_variance(stretches, factors):
-    r"""Return the overlapping Allan variance, pooled over stretches.
+    r"""Return the overlapping Allan variance, pooled over stretches, shape (k,), unit squared.
 
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
@@ -95,51 +67,29 @@ def allan_variance(stretches, factors):
     stretches : sequence of array_like, shape (n_s,)
         Evenly sampled output, any unit; no term reaches over the end of a stretch.
     factors : array_like of int, shape (k,)
-        Averaging factors m.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Unit of the output squared; not-a-number where no stretch is long enough.
+        Averaging factors m; not-a-number where no stretch is long enough.
 
     References
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
+
+    def squares(x, m, i, j):
+        middle = x[i + m : j + m]
+        second = x[i + 2 * m : j + 2 * m] - middle
+        second -= middle
+        second += x[i:j]
+        return second @ second
+
     factors = np.asarray(factors)
-    mean_square = pooled_mean_square(stretches, factors, 2, _second_differences)
-    return mean_square / (2.0 * factors**2.0)
-
-
-def _second_differences(x, m, i, j):
-    """Return the sum of squares of the second differences over m samples from i to j - 1."""
-    middle = x[i + m : j + m]
-    second = x[i + 2 * m : j + 2 * m] - middle
-    second -= middle
-    second += x[i:j]
-    return second @ second
+    return pooled_mean_square(stretches, factors, 2, squares) / (2.0 * factors**2.0)
 
 
 def allan_table(axis, tau, variance, edf, stage="raw"):
-    """Return one axis' rows of allan.parquet.
+    """Return one axis' rows of allan.parquet: the deviation with its 95 % interval.
 
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    tau : array_like, shape (k,)
-        Averaging times, s.
-    variance : array_like, shape (k,)
-        Allan variance, unit of the axis squared.
-    edf : array_like, shape (k,)
-        Equivalent degrees of freedom; edf s^2 / sigma^2 follows chi-square.
-    stage : str
-        'raw' or 'corrected'.
-
-    Returns
-    -------
-    dict of ndarray
-        Deviation with its 95 % interval.
+    Averaging times `tau` in s, Allan variance in the unit of the axis squared and equivalent
+    degrees of freedom, shape (k,) each; edf s^2 / sigma^2 follows chi-square.
     """
     variance = np.asarray(variance)
     low, high = (np.sqrt(end) for end in interval(variance, np.asarray(edf)))
@@ -148,4 +98,4 @@ def allan_table(axis, tau, variance, edf, stage="raw"):
 
 def interval(variance, edf):
     """Return the 95 % interval of a variance by chi-square with `edf` degrees of freedom."""
-    return tuple(variance * edf / (2 * gammaincinv(edf / 2, p)) for p in (0.975, 0.025))
+    return tuple(variance * edf / chdtri(edf, above) for above in (0.025, 0.975))

@@ -6,14 +6,14 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, Sinusoid
 from imuloop.noise.intervals import axis_noise
-from imuloop.noise.layout import Layout
 from imuloop.noise.likelihood import DIGITS, Likelihood
 from imuloop.noise.lines import find_line, mains, means
 from imuloop.noise.misfit import band, groups, misfit, weights
 from imuloop.noise.modes import modes
-from imuloop.noise.needed import needed_seconds
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
-from imuloop.noise.terms import Search, Terms
+from imuloop.noise.record_length import record_seconds
+from imuloop.noise.sampling import Sampling
+from imuloop.noise.selection import ORDER, Selection, correlation_times
 
 # lines at most, with what they leave
 LINES = 8
@@ -45,20 +45,20 @@ class AxisEstimate:
 
 def estimate_record(x, rate, settings):
     """Return the AxisEstimate of one unbroken record `x`, shape (n,), of `rate` in Hz."""
-    layout = Layout(rate, (0,), (len(x),), (0,))
-    return estimate_axis([layout], modes([layout]), [[np.asarray(x, float)]], settings)
+    sampling = Sampling(rate, (0,), (len(x),), (0,))
+    return estimate_axis([sampling], modes([sampling]), [[np.asarray(x, float)]], settings)
 
 
-def estimate_axis(layouts, basis, values, settings, start=None):
-    """Estimate the noise of one axis.
+def estimate_axis(samplings, basis, values, settings, start=None):
+    """Return the AxisEstimate of one axis.
 
     Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
-    are left out, and the terms are chosen (`terms.Search`). Where the spectrum leaves them beyond
+    are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
     chance, frequencies that hold many values count less, and the terms are chosen once more.
 
     Parameters
     ----------
-    layouts : sequence of Layout
+    samplings : sequence of Sampling
         One a session.
     basis : Modes
         Of the same sessions.
@@ -76,89 +76,117 @@ def estimate_axis(layouts, basis, values, settings, start=None):
     """
     if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-    lines, search = find_lines(layouts, basis, values, settings, start)
-    highest = _highest(search)
+    lines, selection = find_lines(samplings, basis, values, settings, start)
+    highest = _highest(selection)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
     if highest < basis.frequency.max():
-        search = _counted(search, count)
-    terms = search.select()
-    epsilon = _misfit(search, terms, count, number, settings.significance)
+        selection = selection.weighted(count)
+    terms = selection.supported
+    fit = selection.fit(terms)
+    ratio = selection.likelihood.ratio(fit.ramp, selection.units(terms) @ fit.theta)
+    epsilon = misfit(ratio, count, number, len(terms), settings.significance)
     if epsilon.any():
-        search = _counted(search, count * weights(epsilon, count, number))
-        terms = search.select()
-    noise = axis_noise(search, terms)
+        selection = selection.weighted(count * weights(epsilon, count, number))
+        terms = selection.supported
+    noise = axis_noise(selection, terms)
     noise = replace(
         noise,
-        **_lengths(noise, search, terms, settings),
+        **_with_lengths(noise, selection.squares(terms), basis.dt, settings.significance),
         sinusoid=tuple(_sinusoid(line, 1 / basis.dt) for line in lines),
     )
     return AxisEstimate(noise, float(epsilon.max()), highest)
 
 
-def find_lines(layouts, basis, values, settings, start=None):
-    """Find lines and take them out one by one, each against the noise fitted beside those before.
+def find_lines(samplings, basis, values, settings, start=None):
+    """Return the lines, and the Selection of what remains; arguments as of `estimate_axis`.
 
-    Parameters
-    ----------
-    layouts, basis, values, settings, start
-        As `estimate_axis` takes them.
-
-    Returns
-    -------
-    lines : list of Line
-        Without those that one before has left where it wandered; they too are taken out.
-    search : Search
-        Of what remains.
+    Lines are found and taken out one by one, each against the noise fitted beside those before.
+    What one before has left where it wandered is taken out too, but is no line.
     """
     lines, digits = [], (DIGITS * max(abs(x).max() for each in values for x in each)) ** 2
     while True:
         likelihood = Likelihood(*basis.amplitudes(values), basis.count, basis.ramp, digits)
         levels = settings.significance, settings.hump_significance
-        search = Search(basis, likelihood, *levels, start)
-        if len(lines) == LINES or likelihood.is_rounding(search.fit(search.select()).ramp):
+        selection = Selection(basis, likelihood, *levels, start)
+        if len(lines) == LINES:
             break
-        density = _density(search, search.select())
-        line = find_line(layouts, values, density, settings.hump_significance)
-        line = line or _slow_line(layouts, values, search)
+        if likelihood.is_rounding(selection.fit(selection.supported).ramp):
+            break
+        line = find_line(samplings, values, _density(selection), settings.hump_significance)
+        line = line or _slow_line(samplings, values, selection)
         if line is None:
             break
         lines.append(line)
-        values = line.subtract(layouts, values)
+        values = line.subtract(samplings, values)
     own = [
         line
         for i, line in enumerate(lines)
         if not any(before.left(line, 1 / basis.dt) for before in lines[:i])
     ]
-    return own, search
+    return own, selection
 
 
-def _slow_line(layouts, values, search):
+def _slow_line(samplings, values, selection):
     """Return a line of few periods that the fitted terms hold for noise, or None.
 
     What stands out from its neighbours alone is kept from the fit of the terms, and is a line if it
     then stands out from these. It is sought in the means of the blocks: a faster line is one mode
     among many, too narrow for any term to follow.
     """
-    basis, level = search.modes, search.hump_level
-    closed = [layout.close_up(x) for layout, x in zip(layouts, values, strict=True)]
-    slow = means([layout.closed_up() for layout in layouts], closed, basis.m)
-    flat = basis.dt * np.mean(search.likelihood.power())
+    basis, level = selection.modes, selection.hump_level
+    closed = [sampling.close_up(x) for sampling, x in zip(samplings, values, strict=True)]
+    slow = means([sampling.closed_up() for sampling in samplings], closed, basis.m)
+    flat = basis.dt * np.mean(selection.likelihood.power())
     line = find_line(*slow, lambda f: np.full_like(f, flat), level)
     if line is None:
         return None
-    width = 1 / (basis.m * basis.dt * max(wave.end - wave.begin for wave in line.waves))
+    width = 1 / (basis.m * basis.dt * max(part.end - part.begin for part in line.parts))
     apart = abs(basis.frequency - line.frequency) > width
-    search = _counted(search, search.likelihood.count * apart)
-    density = _density(search, search.select())
+    density = _density(selection.weighted(selection.likelihood.count * apart))
     # the means tell in no time whether the whole record is worth another look
     found = find_line(*slow, density, level)
-    return found and find_line(layouts, values, density, level)
+    return found and find_line(samplings, values, density, level)
 
 
-def _counted(search, count):
-    """Return a search with another weight of the rows."""
-    return replace(search, likelihood=replace(search.likelihood, count=count))
+def _density(selection):
+    """Return the one-sided density of the supported terms as a function of frequency, SI^2/Hz."""
+    dt, theta = selection.modes.dt, selection.squares(selection.supported)
+
+    def density(frequency):
+        total = densities(frequency, dt) @ [theta.get(name, 0.0) for name in NAMES]
+        for tc in correlation_times(theta):
+            total += theta[tc] * gauss_markov_density(frequency, dt, tc)
+        # white noise of the size of rounding
+        return 2 * np.maximum(total, selection.likelihood.floor * dt)
+
+    return density
+
+
+def _highest(selection):
+    """Return the highest frequency of the band that no filter has touched, Hz."""
+    basis, likelihood = selection.modes, selection.likelihood
+    plain = selection.units(NAMES)
+
+    def predict(rows):
+        counted = selection.weighted(np.where(rows, likelihood.count, 0.0)).likelihood
+        return likelihood.above_rounding(plain @ counted.fit(plain, True).theta)
+
+    power = likelihood.above_rounding(likelihood.power())
+    return band(basis.frequency, basis.count, power, predict)
+
+
+def _with_lengths(noise, theta, dt, level):
+    """Return the coefficients that are not supported, with the record that would show them."""
+    squares = [theta.get(name, 0.0) for name in NAMES]
+    processes = [(theta[tc], tc) for tc in correlation_times(theta)]
+    lengths = {}
+    for name in ORDER:
+        c = getattr(noise, name)
+        if not c.identifiable and c.upper95:
+            seconds = record_seconds(name, c.upper95, squares, processes, dt, level)
+            lengths[name] = replace(c, needed_s=seconds)
+    return lengths
 
 
 def _sinusoid(line, rate):
@@ -173,55 +201,3 @@ def _sinusoid(line, rate):
         coefficient(line.frequency, line.frequency_ci95),
         mains(line.frequency, rate),
     )
-
-
-def _density(search, terms):
-    """Return the one-sided density of fitted terms as a function of frequency, SI^2/Hz."""
-    fit, dt = search.fit(terms), search.modes.dt
-    theta = dict(zip((*terms.names, *terms.times), fit.theta, strict=True))
-
-    def density(frequency):
-        total = densities(frequency, dt) @ [theta.get(name, 0.0) for name in NAMES]
-        for tc in terms.times:
-            total += theta[tc] * gauss_markov_density(frequency, dt, tc)
-        # white noise of the size of rounding
-        return 2 * np.maximum(total, search.likelihood.floor * dt)
-
-    return density
-
-
-def _highest(search):
-    """Return the highest frequency of the band that no filter has touched, Hz."""
-    basis, likelihood = search.modes, search.likelihood
-    plain = search.units(Terms(NAMES))
-
-    def predict(rows):
-        fit = replace(likelihood, count=np.where(rows, likelihood.count, 0.0)).fit(plain, True)
-        return likelihood.above_rounding(plain @ fit.theta)
-
-    power = likelihood.above_rounding(likelihood.power())
-    return band(basis.frequency, basis.count, power, predict)
-
-
-def _misfit(search, terms, count, number, level):
-    """Return by how much each group of frequencies leaves the fitted terms."""
-    fit = search.fit(terms)
-    ratio = search.likelihood.ratio(fit.ramp, search.units(terms) @ fit.theta)
-    return misfit(ratio, count, number, len(terms), level)
-
-
-def _lengths(noise, search, terms, settings):
-    """Return the coefficients that are not supported, with the record that would show them."""
-    fit = search.fit(terms)
-    theta = dict(zip((*terms.names, *terms.times), fit.theta, strict=True))
-    squares = [theta.get(name, 0.0) for name in NAMES]
-    processes = [(theta[tc], tc) for tc in terms.times]
-    lengths = {}
-    for name in (*NAMES, "R"):
-        c = getattr(noise, name)
-        if not c.identifiable and c.upper95:
-            seconds = needed_seconds(
-                name, c.upper95, squares, processes, search.modes.dt, settings.significance
-            )
-            lengths[name] = replace(c, needed_s=seconds)
-    return lengths

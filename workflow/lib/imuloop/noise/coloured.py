@@ -3,15 +3,23 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import dct
 from scipy.special import log_ndtr, ndtri
 
 from imuloop.core.fisher import fisher
 from imuloop.core.noise_model import Coefficient, GaussMarkov
 from imuloop.core.root import root
-from imuloop.noise.likelihood import log_likelihood
+from imuloop.noise.likelihood import log_likelihood, weighted_nnls
+from imuloop.noise.modes import binned
 from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
-from imuloop.noise.spectrum import CLOSE, likeliest, spectra
 
+# bins of the spectrum a decade
+BINS = 12
+# a fit ends where the likelihood grows by less
+CLOSE, ROUNDS = 1e-4, 60
+# share of the largest power that a bin has at least at first: one coefficient may happen to be as
+# good as 0, and then it alone would count
+LEAST = 1e-6
 # correlation times that are tried a decade, from so many windows to such a share of the record
 TIMES = 4
 SHORTEST, LONGEST = 2.0, 1 / 16
@@ -19,6 +27,108 @@ SHORTEST, LONGEST = 2.0, 1 / 16
 ESTIMATED = 4
 # of errors with and without a process: more says no more
 _LARGEST_RATIO = 1e9
+
+
+def coefficients(values):
+    """Return θ, (n - 1,), and squares, (n - 1, 3), of the cosine transform of means (n, 3)."""
+    n = len(values)
+    squares = dct(values - values.mean(axis=0), norm="ortho", axis=0)[1:] ** 2
+    return np.pi * np.arange(1, n) / n, squares
+
+
+@dataclass(frozen=True)
+class WindowSpectrum:
+    """The spectra of window means of the three axes, in bins.
+
+    `theta`, shape (m,), is the mean of 2π frequency times window length, `count`, (m,), the number
+    of coefficients, `power`, (3, m), their mean square, SI squared.
+    """
+
+    theta: np.ndarray
+    count: np.ndarray
+    power: np.ndarray
+
+    @classmethod
+    def of(cls, parts):
+        """Return that of several `coefficients`, pooled."""
+        theta = np.concatenate([t for t, _ in parts])
+        squares = np.concatenate([s for _, s in parts])
+        number = np.floor(BINS * np.log10(theta / theta.min()) + 1e-9).astype(int)
+        _, number, count = np.unique(number, return_inverse=True, return_counts=True)
+        power = np.array([binned(column, number) for column in squares.T])
+        return cls(binned(theta, number), count, power)
+
+    @property
+    def correlation_times(self):
+        """The correlation times to try, in lengths of a window."""
+        longest = LONGEST * np.pi / self.theta[0]
+        count = max(1, int(np.floor(TIMES * np.log10(max(longest / SHORTEST, 1)))) + 1)
+        return SHORTEST * 10 ** (np.arange(count) / TIMES)
+
+    def units(self, tc):
+        """Return the spectra of unit Q, N, B, K and of a process of variance 1, shape (m, 5)."""
+        process = gauss_markov_mean_spectrum(self.theta, tc)
+        return np.column_stack([mean_spectra(self.theta), process])
+
+    def value(self, units, variances):
+        """Return the log-likelihood of variances, shape (3, p), of each axis."""
+        return log_likelihood(self.power, self.count, variances @ units.T)
+
+
+def most_likely(power, count, units):
+    """Return the likeliest variances of `units`, shape (m, p), none negative, shape (p,).
+
+    Non-negative least squares, the weights those of the last fit, until the likelihood stays;
+    `power` and `count`, shape (m,), are the mean square of the coefficients and their number.
+    """
+    floor, last = 1e-9 * power.max(), -np.inf
+    expected = np.maximum(power, LEAST * power.max())
+    for _ in range(ROUNDS):
+        found = weighted_nnls(units, power, count / expected**2)
+        new = np.maximum(units @ found, floor)
+        value = log_likelihood(power, count, new)
+        if abs(value - last) < CLOSE:
+            break
+        # half steps in the logarithm do not swing to and fro
+        expected, last = np.sqrt(expected * new), value
+    return found
+
+
+@dataclass(frozen=True)
+class _Fits:
+    """Fits of the three axes, without a process and with one of each of c correlation times.
+
+    `log_p`, shape (c,), is that of the likelihood ratio, the axes combined; `plain` and `wide` are
+    variances, shape (3, 4) and (c, 3, 5); `best` is the most telling correlation time's index.
+    """
+
+    times: np.ndarray
+    log_p: np.ndarray
+    plain: np.ndarray
+    wide: np.ndarray
+
+    @classmethod
+    def of(cls, spectrum):
+        times, units = spectrum.correlation_times, mean_spectra(spectrum.theta)
+        # an axis that never changes has no noise, and no process beside it
+        live = np.flatnonzero(spectrum.power.any(axis=1))
+        plain, wide = np.zeros((3, 4)), np.zeros((len(times), 3, 5))
+        log_p = np.zeros((3, len(times)))
+        for axis in live:
+            power, count = spectrum.power[axis], spectrum.count
+            plain[axis] = most_likely(power, count, units)
+            without = log_likelihood(power, count, units @ plain[axis])
+            for i, tc in enumerate(times):
+                with_it = spectrum.units(tc)
+                wide[i, axis] = most_likely(power, count, with_it)
+                gain = log_likelihood(power, count, with_it @ wide[i, axis]) - without
+                # half of chance gives no gain
+                log_p[axis, i] = log_ndtr(-np.sqrt(2 * gain)) if gain > 10 * CLOSE else 0.0
+        return cls(times, fisher(log_p), plain, wide)
+
+    @property
+    def best(self):
+        return int(np.argmin(self.log_p))
 
 
 @dataclass(frozen=True)
@@ -29,14 +139,10 @@ class Coloured:
     ----------
     log_p : float
         Logarithm of the p-value, times the number of correlation times.
-    tc : float
-        The most telling correlation time, s.
-    tries : int
-        Number of correlation times.
-    variances : ndarray, shape (3, 5)
-        Q², N², B², K² and the variance of the process on each axis, SI.
-    std : ndarray, shape (3, 5)
-        Their standard errors.
+    tc, tries : float and int
+        The most telling correlation time, s, of so many.
+    variances, std : ndarray, shape (3, 5)
+        Q², N², B², K² and the variance of the process on each axis, SI, and standard errors.
     """
 
     log_p: float
@@ -58,147 +164,56 @@ class Coloured:
         return np.array([q, np.divide(error, q, out=np.zeros(3), where=there)])
 
     def beside(self, noise, place):
-        """Return an axis' noise with the process, and with the flicker and walk found beside it.
-
-        Parameters
-        ----------
-        noise : AxisNoise
-            Noise of the axis.
-        place : int
-            The axis.
-        """
+        """Return the AxisNoise of an axis with the process, flicker and walk as found beside it."""
         if not self.variances[place, 4] > 0:
             return noise
         term = GaussMarkov(Coefficient.of(*self.drive[:, place]), Coefficient.of(self.tc, 0.0))
 
-        def root(j):
+        def coefficient(j):
             if not self.variances[place, j] > 0:
                 return Coefficient()
             value = np.sqrt(self.variances[place, j])
             return Coefficient.of(value, self.std[place, j] / (2 * value))
 
-        return replace(noise, B=root(2), K=root(3), gauss_markov=(term,))
+        return replace(noise, B=coefficient(2), K=coefficient(3), gauss_markov=(term,))
 
 
-def correlation_times(axes):
-    """Return the correlation times to try for spectra, in lengths of a window."""
-    longest = LONGEST * np.pi / axes[0].theta[0]
-    count = max(1, int(np.floor(TIMES * np.log10(max(longest / SHORTEST, 1)))) + 1)
-    return SHORTEST * 10 ** (np.arange(count) / TIMES)
-
-
-@dataclass(frozen=True)
-class _Fits:
-    """Fits of the three axes, without a process and with one of each correlation time.
-
-    Attributes
-    ----------
-    times : ndarray, shape (c,)
-        Correlation times, lengths of a window.
-    log_p : ndarray, shape (c,)
-        Of the likelihood ratio, the axes combined.
-    plain, wide : ndarray, shape (3, 4) and (c, 3, 5)
-        Variances.
-    """
-
-    times: np.ndarray
-    log_p: np.ndarray
-    plain: np.ndarray
-    wide: np.ndarray
-
-    @classmethod
-    def of(cls, parts):
-        """Return the fits of several parts, three axes each; bins that one lacks count nothing."""
-        bins = max(len(axes[0].theta) for axes in parts)
-        times = [correlation_times(axes) for axes in parts]
-        tries = max(map(len, times))
-
-        def beside(arrays, fill=1.0):
-            found = np.full((len(parts), *arrays[0].shape[:-1], bins), fill)
-            for own, values in zip(found, arrays, strict=True):
-                own[..., : values.shape[-1]] = values
-            return found
-
-        power = beside([np.array([axis.power for axis in axes]) for axes in parts])
-        count = beside([axes[0].count for axes in parts], 0.0)
-        # an axis that never changes has no noise, and no process beside it
-        dead = ~power.any(axis=2)
-        power[dead] = 1.0
-        # one array a time, for all axes; the last time again where a part has fewer
-        each = [np.append(t, t[-1:].repeat(tries - len(t))) for t in times]
-        wide = [_units(axes[0].theta, t) for axes, t in zip(parts, each, strict=True)]
-        wide = beside([w.swapaxes(1, 2) for w in wide]).swapaxes(2, 3)[:, :, None]
-        plain, count = wide[:, 0, :, :, :4], count[:, None]
-        without = likeliest(power, count, plain)
-        with_it = likeliest(power[:, None], count[:, None], wide)
-        gain = _value(power[:, None], count[:, None], wide, with_it)
-        gain = gain - _value(power, count, plain, without)[:, None]
-        # half of chance gives no gain
-        gain[np.broadcast_to(dead[:, None], gain.shape)] = 0.0
-        without[dead] = 0.0
-        log_p = np.where(gain > 10 * CLOSE, log_ndtr(-np.sqrt(2 * np.maximum(gain, 0))), 0.0)
-        return [
-            cls(t, fisher(np.moveaxis(p, 1, 0))[: len(t)], *fits)
-            for t, p, *fits in zip(times, log_p, without, with_it, strict=True)
-        ]
-
-    @property
-    def best(self):
-        """Index of the most telling correlation time."""
-        return int(np.argmin(self.log_p))
-
-
-def coloured(axes, length):
-    """Return the Coloured test of the three axes' spectra of windows of `length`, s."""
-    (fits,) = _Fits.of([axes])
-    best, times = fits.best, fits.times
-    variances, std = zip(
-        *(
-            _estimate(axis, times[best], v, length)
-            for axis, v in zip(axes, fits.wide[best], strict=True)
-        ),
-        strict=True,
-    )
+def coloured(spectrum, length):
+    """Return the Coloured test of the WindowSpectrum of windows of `length`, s."""
+    fits = _Fits.of(spectrum)
+    tc, variances = fits.times[fits.best], fits.wide[fits.best]
+    # from windows of unit length to SI
+    si = np.array([length**2, length, 1.0, 1 / length, 1.0])
     return Coloured(
-        float(fits.log_p[best] + np.log(len(times))),
-        float(times[best] * length),
-        len(times),
-        np.array(variances),
-        np.array(std),
+        float(fits.log_p[fits.best] + np.log(len(fits.times))),
+        float(tc * length),
+        len(fits.times),
+        variances * si,
+        np.array([_errors(spectrum.units(tc), spectrum.count, v) for v in variances]) * si,
     )
 
 
-def _estimate(axis, tc, variances, length):
-    """Return Q², N², B², K² and the variance of the process, and standard errors."""
-    units = _units(axis.theta, tc)
+def _errors(units, count, variances):
+    """Return the standard errors of variances, 0 where they are."""
     there = np.flatnonzero(variances > 0)
-    relative = units[:, there] * np.sqrt(axis.count / 2)[:, None] / (units @ variances)[:, None]
-    std = np.zeros(5)
-    size = np.linalg.norm(relative, axis=0)
+    relative = units[:, there] * np.sqrt(count / 2)[:, None] / (units @ variances)[:, None]
+    size, std = np.linalg.norm(relative, axis=0), np.zeros(len(variances))
     information = (relative / size).T @ (relative / size)
     std[there] = np.sqrt(np.diag(np.linalg.pinv(information, hermitian=True))) / size
-    # from windows of unit length to SI
-    unit = np.array([length**2, length, 1.0, 1 / length, 1.0])
-    return variances * unit, std * unit
+    return std
 
 
-def limits(test, axes, length, threshold, power):
+def limits(test, spectrum, length, threshold, power):
     """Return the smallest q of each axis that would have been found, and at which time.
 
     The expected spectrum with a process of variance v is fitted without it: the root of twice the
     loss of likelihood is normal about its expectation. Held-out blocks have to be likelier, too.
-    The time is the most telling one of those at which some size would be found.
-
-    Returns
-    -------
-    float
-        Correlation time, s.
-    list of float or None
-        Of each axis, SI; None where flicker and walk would imitate a process of any size.
+    The time, s, is the most telling one of those at which some size would be found; q is in SI,
+    None where flicker and walk would imitate a process of any size.
     """
 
     def chance(p):
-        alone = np.full((len(axes) - 1, *p.shape), np.log(0.5))
+        alone = np.full((len(spectrum.power) - 1, *p.shape), np.log(0.5))
         return fisher([p, *alone]) + np.log(test.tries) - threshold
 
     needed = -ndtri(np.exp(root(chance, -700.0, 0.0))[0]) + ndtri(power)
@@ -206,37 +221,47 @@ def limits(test, axes, length, threshold, power):
     # know, c, its variance d² + 2 c: that it is one for certain needs more
     certain, lost = ndtri(0.975) + ndtri(power), ESTIMATED / 2
     needed = max(needed, np.sqrt((certain + np.sqrt(certain**2 + 4 * lost)) ** 2 - 2 * lost))
-    times = sorted(correlation_times(axes), key=lambda tc: abs(np.log(tc * length / test.tc)))
+    times = sorted(spectrum.correlation_times, key=lambda tc: abs(np.log(tc * length / test.tc)))
     for tc in times:
-        found = _limits(axes, tc, needed)
+        found = _limits(spectrum, tc, needed)
         if any(found):
             break
     return float(tc * length), [v and float(np.sqrt(2 * v / (tc * length))) for v in found]
 
 
-def _limits(axes, tc, needed):
-    """Return the variance of a process at which the root of twice the loss is as needed."""
-    theta, count = axes[0].theta, axes[0].count
-    plain, process = mean_spectra(theta), gauss_markov_mean_spectrum(theta, tc)
-    base = likeliest(np.array([axis.power for axis in axes]), count, plain) @ plain.T
+def _limits(spectrum, tc, needed):
+    """Return the variance of each axis' process at which the root of twice the loss is as needed.
+
+    None where it is at no variance.
+    """
+    count, plain = spectrum.count, mean_spectra(spectrum.theta)
+    process = gauss_markov_mean_spectrum(spectrum.theta, tc)
+    bases = [plain @ most_likely(power, count, plain) for power in spectrum.power]
 
     def excess(log_v, base):
-        expected = base + np.exp(log_v)[..., None] * process
-        seen = likeliest(expected, count, plain) @ plain.T
+        expected = base + np.exp(log_v) * process
+        seen = plain @ most_likely(expected, count, plain)
         loss = log_likelihood(expected, count, expected) - log_likelihood(expected, count, seen)
-        return np.sqrt(np.maximum(2 * loss, 0.0)) - needed
+        return np.sqrt(max(2 * loss, 0.0)) - needed
 
-    tried = (np.log(base.min(axis=1) / process.max()) - 4) + np.arange(0.0, 32.0, 2.0)[:, None]
-    enough = excess(tried, base) > 0
-    enough[0] = False
-    high = tried[enough.argmax(axis=0), np.arange(len(axes))]
-    there = enough.any(axis=0)
-    found = [None] * len(axes)
-    if there.any():
-        seen, high = base[there], high[there]
-        sizes = np.exp(root(lambda log_v: excess(log_v, seen), high - 2, high, 1e-4))
-        for place, v in zip(np.flatnonzero(there), sizes.tolist(), strict=True):
-            found[place] = v
+    brackets, found = {}, [None] * len(bases)
+    for axis, base in enumerate(bases):
+        tried = np.log(base.min() / process.max()) - 4 + np.arange(2.0, 32.0, 2.0)
+        above = next((u for u in tried if excess(u, base) > 0), None)
+        if above is not None:
+            brackets[axis] = above
+    if brackets:
+        high = np.array(list(brackets.values()))
+        sizes = root(
+            lambda log_v: np.array(
+                [excess(u, bases[axis]) for u, axis in zip(log_v, brackets, strict=True)]
+            ),
+            high - 2,
+            high,
+            1e-4,
+        )
+        for axis, size in zip(brackets, sizes, strict=True):
+            found[axis] = float(np.exp(size))
     return found
 
 
@@ -255,36 +280,22 @@ def held_out_ratio(folds, draws, seed):
 
     Returns
     -------
-    float
-        The ratio; below 1 where the process predicts better.
-    list of float
-        Its 95 % interval, whole blocks drawn again.
+    float, list of float
+        The ratio, below 1 where the process predicts better, and its 95 % interval, whole blocks
+        drawn again.
     """
     gains, number = [], 0
-    fits_of_all = _Fits.of([spectra(others) for others, _ in folds])
-    for fits, (_, own) in zip(fits_of_all, folds, strict=True):
-        held = spectra(own)
-        power, count = np.array([axis.power for axis in held]), held[0].count
-        units = _units(held[0].theta, fits.times[fits.best])
+    for others, own in folds:
+        fits, held = _Fits.of(WindowSpectrum.of(others)), WindowSpectrum.of(own)
+        units = held.units(fits.times[fits.best])
         # of an axis that never changes in the other blocks they know no noise
         known = fits.plain.any(axis=1)
-        gain = _value(power[known], count, units, fits.wide[fits.best][known])
-        gains.append((gain - _value(power[known], count, units[:, :4], fits.plain[known])).sum())
-        number += len(held) * count.sum()
+        held = replace(held, power=held.power[known])
+        gain = held.value(units, fits.wide[fits.best][known])
+        gains.append((gain - held.value(units[:, :4], fits.plain[known])).sum())
+        number += 3 * held.count.sum()
     drawn = np.random.default_rng(seed).integers(len(gains), size=(draws, len(gains)))
     losses = -len(gains) * np.array(gains)[drawn].mean(axis=1) / number
     # of a block that the others call impossible the ratio has no bound
     ratio, *ratios = np.exp(np.minimum([-sum(gains) / number, *losses], np.log(_LARGEST_RATIO)))
     return float(ratio), [float(q) for q in np.quantile(ratios, [0.025, 0.975])]
-
-
-def _value(power, count, units, variances):
-    """Return the log-likelihood of variances of unit spectra."""
-    return log_likelihood(power, count, (units @ variances[..., None])[..., 0])
-
-
-def _units(theta, tc):
-    """Return the unit spectra, the process of each correlation time last, shape (..., m, 5)."""
-    process = gauss_markov_mean_spectrum(theta, np.asarray(tc)[..., None])
-    plain = np.broadcast_to(mean_spectra(theta), (*process.shape, 4))
-    return np.concatenate([plain, process[..., None]], axis=-1)

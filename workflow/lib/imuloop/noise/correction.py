@@ -9,29 +9,18 @@ from imuloop.core.noise_model import Coefficient, NoiseModel, Sinusoid
 from imuloop.core.rest_log import other_sensor
 from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
 from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
 
 # lines nearer than this share of their frequency are one
 SAME_LINE = 0.05
 
 
 def corrected(session, log, calibration, found):
-    """Return samples of a session less what the effects of both sensors add.
+    """Return samples of a session by column, SI as logged, less what effects add.
 
-    Parameters
-    ----------
-    session : str
-        Its name.
-    log : RestLog
-        Its samples.
-    calibration : Calibration
-        Turns SI as logged into ``K (raw - b)``.
-    found : dict of str to tuple of FittedEffect
-        Effects of each sensor.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Columns by name, SI as logged.
+    `log` is a RestLog, `found` the FittedEffects of each sensor; the calibration turns SI as logged
+    into ``K (raw - b)``.
     """
     t, changed = log.t, {name: log.column(name) for name in CHANNELS}
     levels = {s: [np.nanmean(changed[name]) for name in names] for s, names in SENSORS.items()}
@@ -58,25 +47,7 @@ def corrected(session, log, calibration, found):
 
 
 def noise_again(device, data, calibration, found, noise_settings):
-    """Return the noise of the corrected samples, and their Allan tables by session.
-
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    data : StaticData
-        Samples and segments.
-    calibration : Calibration
-        Base calibration.
-    found : dict of str to tuple of FittedEffect
-        Effects of each sensor.
-    noise_settings : NoiseSettings
-        Settings of the noise stage.
-    """
-    # needed only where something was found, and long to load
-    from imuloop.noise.noise import estimate_noise
-    from imuloop.noise.records import Session
-
+    """Return the NoiseModel of the corrected StaticData, and their Allan tables by session."""
     sessions = [
         Session(
             name,
@@ -90,8 +61,7 @@ def noise_again(device, data, calibration, found, noise_settings):
     alone = replace(noise_settings, views=(), m_samples=())
     result = estimate_noise(device, sessions, alone, uncut=False)
     tables = {
-        name: {c: np.asarray(table[c]) for c in table}
-        | {"stage": np.full(len(table["tau_s"]), "corrected")}
+        name: table | {"stage": np.full(len(table["tau_s"]), "corrected")}
         for name, table in result.allan.items()
         if len(table["tau_s"])
     }
@@ -99,7 +69,7 @@ def noise_again(device, data, calibration, found, noise_settings):
 
 
 def with_found_noise(model, found, processes, lines=True):
-    """Return a noise model with the processes, and lines if wanted, that were found.
+    """Return a NoiseModel with the processes, and lines if wanted, that were found.
 
     A line that was taken out of the record is noise elsewhere: there its phase is not known.
 
@@ -107,22 +77,19 @@ def with_found_noise(model, found, processes, lines=True):
     ----------
     model : NoiseModel
         Noise without them.
-    found : dict of str to tuple of FittedEffect
-        Effects of each sensor.
-    processes : dict of str to Coloured
-        Noise with a correlation time of the sensors that have it.
+    found, processes : dict
+        By sensor its FittedEffects, and its Coloured noise with a correlation time if it has any.
     lines : bool
         Whether lines are wanted.
     """
     axes = dict(model.axes)
-    for sensor, effects in found.items():
-        for effect in effects:
-            if lines and isinstance(effect.effect, SinusoidEffect):
-                for place, name in enumerate(SENSORS[sensor]):
-                    axes[name] = _with_line(axes[name], effect, place)
-    for sensor, test in processes.items():
-        for place, name in enumerate(SENSORS[sensor]):
-            axes[name] = test.beside(axes[name], place)
+    for sensor, names in SENSORS.items():
+        of_lines = [e for e in found.get(sensor, ()) if isinstance(e.effect, SinusoidEffect)]
+        for place, name in enumerate(names):
+            for effect in of_lines if lines else ():
+                axes[name] = _with_line(axes[name], effect, place)
+            if sensor in processes:
+                axes[name] = processes[sensor].beside(axes[name], place)
     return NoiseModel(model.device, axes)
 
 

@@ -2,164 +2,74 @@
 
 from functools import cache
 
+import allantools
 import numpy as np
 
-from imuloop.noise import allan
-from imuloop.noise.allan import CHUNK, integral, pooled_mean_square, terms
+from imuloop.noise.allan import interval, pooled_mean_square, terms
 
 # decades of tau on each side over which the slope of a curve is taken
 SLOPE_DECADES = 0.5
 # share of a stretch up to which the reflected ends leave the total variance that of Allan
 REFLECTED = 0.05
-# exponents of S(f) ~ f^alpha for which the degrees of freedom are known, lowest and highest
-EXPONENTS = {"hadamard": (-3, 1), "modified": (-2, 2), "total": (-2, 1)}
+# function of allantools, and exponents of S(f) ~ f^alpha for which the degrees of freedom are
+# known, lowest and highest
+DEVIATIONS = {
+    "total": (allantools.totdev, -2, 1),
+    "modified": (allantools.mdev, -2, 2),
+    "hadamard": (allantools.ohdev, -3, 1),
+}
 
 
-def hadamard_variance(stretches, factors):
-    r"""Return the overlapping Hadamard variance, pooled over stretches.
+def deviation_variance(name, stretches, factors):
+    """Return the total, modified Allan or overlapping Hadamard variance, pooled over stretches.
 
-    Third differences of the integral X, so that a ramp of the output does not enter:
-
-    .. math:: \sigma_H^2 = \langle (X_{i+3m} - 3 X_{i+2m} + 3 X_{i+m} - X_i)^2 \rangle / 6 m^2
+    The total one is without the correction for its bias at long averages under flicker and walk
+    (-24 % and -38 % of the variance at half the record).
 
     Parameters
     ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit.
-    factors : array_like of int, shape (k,)
-        Averaging factors m.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Unit of the output squared; not-a-number where no stretch is long enough.
+    name : {'total', 'modified', 'hadamard'}
+        Which.
+    stretches, factors
+        As `imuloop.noise.allan.allan_variance` takes them; the same unit comes out, shape (k,).
 
     References
     ----------
-    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (20).
-    """
-
-    def squares(x, m, i, j):
-        third = _third_differences(x, m, i, j)
-        return third @ third
-
-    factors = np.asarray(factors)
-    return pooled_mean_square(stretches, factors, 3, squares) / (6.0 * factors**2.0)
-
-
-def _third_differences(x, m, i, j):
-    """Return the third differences over m samples from i to j - 1."""
-    third = x[i + m : j + m] - x[i + 2 * m : j + 2 * m]
-    third *= 3.0
-    third += x[i + 3 * m : j + 3 * m]
-    third -= x[i:j]
-    return third
-
-
-def modified_variance(stretches, factors):
-    r"""Return the modified Allan variance, pooled over stretches.
-
-    The second differences d of the integral are averaged over m samples before the square, which
-    tells quantisation from white noise of the integral; averages of the output they are not.
-
-    .. math:: \mathrm{mod}\,\sigma^2 = \Big\langle \Big(\frac 1 m
-        \sum_{i=j}^{j+m-1} d_i\Big)^2 \Big\rangle / 2 m^2,\quad d_i = X_{i+2m} - 2X_{i+m} + X_i
-
-    Parameters, Returns
-    -------------------
-    As `hadamard_variance`.
-
-    References
-    ----------
-    NIST SP 1065, eq. (14).
+    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eqs. (14), (20),
+    (25).
     """
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    for stretch in stretches:
-        # one phase more than samples: M = (n + 1) + 1 - 3m
-        count = terms(factors, len(stretch) + 1, 3)
-        weight += count
-        x = integral(stretch)
-        for k in np.flatnonzero(count):
-            total[k] += _squares_of_moving_sums(x, factors[k], count[k])
-    mean_square = np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
-    return mean_square / (2.0 * factors**4.0)
+    for x in stretches:
+        count = _count(name, len(x), factors)
+        used = np.flatnonzero(count)
+        if len(used):
+            # without the mean no digits are lost
+            taus, deviation, *_ = DEVIATIONS[name][0](
+                x - np.mean(x), rate=1.0, data_type="freq", taus=factors[used]
+            )
+            at = np.searchsorted(factors, np.rint(taus))
+            total[at] += count[at] * deviation**2
+            weight[at] += count[at]
+    return np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
 
 
-def _squares_of_moving_sums(x, m, count):
-    """Return the sum of squares of the sums over m neighbouring second differences."""
-    # from one sum to the next a difference enters and one leaves: together a third difference
-    moving = np.sum(x[2 * m : 3 * m] - 2 * x[m : 2 * m] + x[:m])
-    total = moving**2
-    for i in range(0, count - 1, CHUNK):
-        sums = _third_differences(x, m, i, min(i + CHUNK, count - 1))
-        sums[0] += moving
-        np.cumsum(sums, out=sums)
-        total += sums @ sums
-        moving = sums[-1]
-    return total
-
-
-def total_variance(stretches, factors):
-    r"""Return the total variance, pooled over stretches.
-
-    The Allan variance of a record whose integral is continued at both ends by its own reflection,
-    X_{-j} = 2 X_0 - X_j, so that each sample but the outermost is the centre of a term at any m.
-
-    Parameters, Returns
-    -------------------
-    As `hadamard_variance`; factors below the length of a stretch.
-
-    References
-    ----------
-    NIST SP 1065, eq. (25); without the correction for its bias at long averages under flicker
-    and walk (-24 % and -38 % of the variance at half the record).
-    """
-    factors = np.asarray(factors)
-    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    for stretch in stretches:
-        used = np.flatnonzero(factors < len(stretch))
-        if not len(used):
-            continue
-        count = len(stretch) - 1
-        weight[used] += count
-        x = integral(stretch)
-        reach = int(factors[used].max())
-        x = np.concatenate([2 * x[0] - x[reach:0:-1], x, 2 * x[-1] - x[-2 : -reach - 2 : -1]])
-        for start in range(0, count, CHUNK):
-            stop = min(start + CHUNK, count)
-            i, j = reach + 1 + start, reach + 1 + stop
-            for k in used:
-                m = factors[k]
-                second = x[i + m : j + m] - x[i:j]
-                second -= x[i:j]
-                second += x[i - m : j - m]
-                total[k] += second @ second
-    mean_square = np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
-    return mean_square / (2.0 * factors**2.0)
+def _count(name, length, factors):
+    """Return the terms of a stretch at each factor, 0 where it is too short."""
+    if name == "total":
+        return np.where(factors < length, length - 1, 0)
+    # of the modified variance one phase more than samples
+    return terms(factors, length + (name == "modified"), 3)
 
 
 def m_sample_variance(stretches, factors, samples):
-    r"""Return the M-sample variance without dead time, pooled over stretches.
+    r"""Return the M-sample variance without dead time, pooled over stretches, shape (k,).
 
-    The mean over all groups of M consecutive averages of their sample variance,
+    The mean over all groups of M consecutive averages of their sample variance; M = 2 is the Allan
+    variance. A group begins at every sample.
 
     .. math:: \sigma^2(M, \tau) = \Big\langle \frac{1}{M-1} \sum_{k=1}^M
         (\bar x_k - \bar x)^2 \Big\rangle
-
-    M = 2 is the Allan variance. A group begins at every sample.
-
-    Parameters
-    ----------
-    stretches, factors
-        As for `hadamard_variance`.
-    samples : int
-        Averages a group, M; 2 or more.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Unit of the output squared; not-a-number where no stretch is long enough.
 
     References
     ----------
@@ -167,49 +77,33 @@ def m_sample_variance(stretches, factors, samples):
     """
 
     def squares(x, m, i, j):
-        mean = (x[i + samples * m : j + samples * m] - x[i:j]) / samples
-        total = 0.0
-        for first in range(0, samples * m, m):
-            part = x[i + first + m : j + first + m] - x[i + first : j + first]
-            part -= mean
-            total += part @ part
-        return total
+        averages = [x[i + k * m : j + k * m] for k in range(samples + 1)]
+        return np.var(np.diff(averages, axis=0), axis=0, ddof=1).sum()
 
     factors = np.asarray(factors)
-    mean_square = pooled_mean_square(stretches, factors, samples, squares)
-    return mean_square / ((samples - 1) * factors**2.0)
+    return pooled_mean_square(stretches, factors, samples, squares) / factors**2.0
 
 
-def interval(name, lengths, factors, variance):
-    """Return the 95 % interval of a variance by the noise that the slope of its curve tells.
+def deviation_interval(name, lengths, factors, variance):
+    """Return the 95 % interval of a pooled variance by the noise that the slope of its curve shows.
 
-    Parameters
-    ----------
-    name : str
-        'hadamard', 'modified' or 'total'.
-    lengths : sequence of int
-        Samples of each stretch; stretches count as independent.
-    factors : array_like of int, shape (k,)
-        Averaging factors m.
-    variance : array_like, shape (k,)
-        The variance, pooled.
-
-    Returns
-    -------
-    low, high : ndarray, shape (k,)
-        Not-a-number where the table of degrees of freedom has no entry.
+    For stretches of `lengths` samples, which count as independent; not-a-number where the table of
+    degrees of freedom has no entry.
 
     References
     ----------
     C. A. Greenhall and W. J. Riley, PTTI 2003; NIST SP 1065, table 7 (total).
     """
-    edf = np.array(
-        [
-            _edf(name, lengths, int(m), exponent)
-            for m, exponent in zip(factors, _exponents(name, factors, variance), strict=True)
+    edf = []
+    for m, exponent in zip(factors, _exponents(name, factors, variance), strict=True):
+        counts = [(_count(name, n, m), n) for n in lengths]
+        parts = [
+            count**2 / _freedom(name, int(n) + 1, int(m), int(exponent))
+            for count, n in counts
+            if count
         ]
-    )
-    return allan.interval(variance, edf)
+        edf.append(sum(count for count, _ in counts) ** 2 / sum(parts) if parts else np.nan)
+    return interval(variance, np.array(edf, float))
 
 
 def _exponents(name, factors, variance):
@@ -222,35 +116,17 @@ def _exponents(name, factors, variance):
         if near.sum() > 1:
             exponents[i] = np.rint(-1 - np.polyfit(decades[near], logarithm[near], 1)[0])
     # a sensor's curve turns upwards; at its uncertain end a steeper fall is chance
-    return np.clip(np.minimum.accumulate(exponents), *EXPONENTS[name])
-
-
-def _edf(name, lengths, m, exponent):
-    """Return the degrees of freedom of a mean over stretches, weighted by their terms."""
-    phases = np.asarray(lengths) + 1
-    count = {
-        "total": np.where(phases - 1 > m, phases - 2, 0),
-        "hadamard": terms(m, phases - 1, 3),
-        "modified": terms(m, phases, 3),
-    }[name]
-    parts = [
-        each**2 / _edf_of_stretch(name, int(n), m, int(exponent))
-        for each, n in zip(count, phases, strict=True)
-        if each
-    ]
-    return count.sum() ** 2 / sum(parts) if parts else np.nan
+    return np.clip(np.minimum.accumulate(exponents), *DEVIATIONS[name][1:])
 
 
 @cache
-def _edf_of_stretch(name, phases, m, exponent):
-    """Return the degrees of freedom by the tables; not-a-number where they have no entry."""
-    # half a second, and only for those who ask for these views
-    from allantools import edf_greenhall, edf_totdev
-
+def _freedom(name, phases, m, exponent):
+    """Return the degrees of freedom of a stretch; not-a-number where the tables have no entry."""
+    edf = allantools.edf_greenhall
     if name == "hadamard":
-        return edf_greenhall(exponent, 3, m, phases, overlapping=True)
+        return edf(exponent, 3, m, phases, overlapping=True)
     if name == "modified":
-        return edf_greenhall(exponent, 2, m, phases, overlapping=True, modified=True)
+        return edf(exponent, 2, m, phases, overlapping=True, modified=True)
     if m <= REFLECTED * phases:
-        return edf_greenhall(exponent, 2, m, phases, overlapping=True)
-    return edf_totdev(phases, m, exponent) if exponent <= 0 else np.nan
+        return edf(exponent, 2, m, phases, overlapping=True)
+    return allantools.edf_totdev(phases, m, exponent) if exponent <= 0 else np.nan

@@ -22,9 +22,9 @@ def bounding(noise):
         N^2/\tau + K^2 \tau/3 \ge \sigma^2(\tau),
         \quad 0.1\,\mathrm{s} \le \tau \le 1000\,\mathrm{s}
 
-    with N and K at least those of the axis. Of all such pairs the one that exceeds the curve least:
-    the sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over times evenly spaced in
-    :math:`\log\tau` is smallest, a linear program in :math:`N^2, K^2`.
+    with N and K at least those of the axis, or their 95 % upper limits. Of all such pairs the one
+    that exceeds the curve least: the sum of :math:`(N^2/\tau + K^2 \tau/3)/\sigma^2(\tau)` over
+    times evenly spaced in :math:`\log\tau` is smallest, a linear program in :math:`N^2, K^2`.
 
     Quantisation, flicker, Gauss-Markov processes and the ramp are bounded: the ramp is
     deterministic, but a filter has no state for it and sees a bias that moves. Lines are not: they
@@ -33,14 +33,12 @@ def bounding(noise):
     Parameters
     ----------
     noise : AxisNoise
-        N and K known, or limited: then at least the 95 % upper limit is returned.
+        N and K known, or limited.
 
     Returns
     -------
-    N : float
-        m/s^2/sqrt(Hz) or rad/s/sqrt(Hz).
-    K : float
-        m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
+    N, K : float
+        m/s^2/sqrt(Hz) or rad/s/sqrt(Hz), and m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
 
     References
     ----------

@@ -1,15 +1,16 @@
 """Coefficients with intervals, and limits of those that are not supported."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import compress
 from math import exp, inf, log, sqrt
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
 from imuloop.noise.processes import NAMES
-from imuloop.noise.terms import NOTHING
+from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
 CLOSE, ALIKE = 1e-5, 1e-4
@@ -24,7 +25,7 @@ FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
 SMALL = 1e-3
 
 
-def axis_noise(search, terms):
+def axis_noise(selection, terms):
     r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are those of the supported terms alone, so that together they are the spectrum that
@@ -40,136 +41,49 @@ def axis_noise(search, terms):
 
     Parameters
     ----------
-    search : Search
+    selection : Selection
         Of one axis.
-    terms : Terms
+    terms : tuple
         The supported ones.
-
-    Returns
-    -------
-    AxisNoise
 
     References
     ----------
     D. Fletcher and D. Turek, J. Agric. Biol. Environ. Stat. 17 (2012) 38.
     """
-    fit = search.fit(terms, True)
-    values = dict(zip(terms.names, np.sqrt(fit.theta), strict=False))
-    if terms.ramp:
-        values["R"] = abs(fit.ramp)
+    fit = selection.fit(terms, True)
+    theta = dict(zip(variances(terms), fit.theta, strict=True))
     coefficients = {}
-    for name in (*NAMES, "R"):
-        profiles = [_profile(search, name, model) for model in _models(search, terms, name)]
-        if name in values:
-            coefficients[name] = _coefficient(profiles, values[name])
+    for name in ORDER:
+        profiles = [_profile(selection, name, model) for model in _models(selection, terms, name)]
+        if name in terms:
+            value = abs(fit.ramp) if name == "R" else np.sqrt(theta[name])
+            coefficients[name] = _coefficient(profiles, value)
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
-            coefficients[name] = _limit(profiles, 2 if name == "R" else 1)
-    processes = tuple(_process(search, terms, fit, i) for i in range(len(terms.times)))
-    return AxisNoise(**coefficients, gauss_markov=processes)
+            tail = _Tail(profiles)
+            limit = tail.crossing(tail.near, 1 - 0.05 / (2 if name == "R" else 1))
+            coefficients[name] = Coefficient(None, None, limit, False)
+    processes = (_process(selection, terms, tc, theta[tc]) for tc in correlation_times(terms))
+    return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
 
-def _models(search, terms, name):
+def _models(selection, terms, name):
     """Return the models that hold a term: with and without each of those that may stand in.
 
     One in which such a term comes out as zero is the model without it.
     """
-    free = [t for t in FREE if t in search.candidates and t != name]
-    base = terms.plus("N").plus(name)
+    free = [t for t in FREE if t in selection.candidates and t != name]
+    base = plus(plus(terms, "N"), name)
     for t in free:
-        base = base.without(t)
+        base = without(base, t)
     models = [base]
     for t in free:
-        models += [model.plus(t) for model in models]
-    return [m for m in models if all(_there(search, t, m) for t in free if t in m.names)]
+        models += [plus(model, t) for model in models]
 
+    def there(t, model):
+        return selection.fit(model).value - selection.fit(without(model, t)).value > NOTHING
 
-def _there(search, name, model):
-    return search.fit(model).value - search.fit(model.without(name)).value > NOTHING
-
-
-def _profile(search, name, model):
-    """Return the profile likelihood of a coefficient in a model."""
-    rest = model.without(name)
-    units = search.units(rest)
-    if name == "R":
-        likeliest = search.fit(model)
-        sign, best, start = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp), likeliest.theta
-        size = search.likelihood.ramp_error(units @ start)
-
-        def fit(x, start):
-            return search.likelihood.fit(units, sign * x, start=start)
-
-    else:
-        unit = search.modes.units[:, NAMES.index(name)]
-        likeliest = search.fit(model, True)
-        place = model.names.index(name)
-        best, start = np.sqrt(likeliest.theta[place]), np.delete(likeliest.theta, place)
-
-        def fit(x, start):
-            return search.likelihood.fit(units, rest.ramp, x**2 * unit, start, True)
-
-        expected = search.units(model) @ likeliest.theta
-        best = max(best, _small(unit, expected))
-        size = np.sqrt(search.likelihood.error(unit, expected))
-    weight = search.fit(model).value - len(model)
-    known = {best: start}
-
-    def value(x):
-        # from the nearest one that is known
-        found = fit(x, known[min(known, key=lambda other: abs(other - x))])
-        known[x] = found.theta
-        return found.value
-
-    return _Profile(weight, best, max(best, size), likeliest.value, value)
-
-
-def _process(search, terms, fit, place):
-    """Return a Gauss-Markov process, q and tc profiled over each other beside flicker and walk.
-
-    Where one of these takes its place, the interval of q goes down to zero, and that of tc is all
-    that can be tried.
-    """
-    # loads for a quarter of a second, and few records show such a process
-    from scipy.optimize import minimize_scalar
-
-    tc, rest = terms.times[place], terms.plus("N").without(terms.times[place])
-    q = np.sqrt(2 * fit.theta[len(terms.names) + place] / tc)
-    for name in ("B", "K"):
-        rest = rest.plus(name) if name in search.candidates else rest
-    units, times = search.units(rest), search.modes.correlation_times
-    around = np.log(np.clip(tc * np.exp([-3.0, 3.0]), times[0], times[-1]))
-
-    def highest(value):
-        """Return the largest value over the correlation times, and where it is."""
-        found = minimize_scalar(lambda u: -value(np.exp(u)), bounds=around, method="bounded")
-        return max((value(x), float(x)) for x in (tc, np.exp(found.x)))
-
-    def of_tc(x):
-        return search.fit(rest.plus(x), True).value
-
-    def of_q(x):
-        def value(tc):
-            fixed = x**2 * tc / 2 * search.modes.gauss_markov(tc)
-            return search.likelihood.fit(units, rest.ramp, fixed, restricted=True).value
-
-        return highest(value)[0]
-
-    top, likeliest = highest(of_tc)
-    wide = rest.plus(likeliest)
-    theta, unit = search.fit(wide, True).theta, likeliest / 2 * search.modes.gauss_markov(likeliest)
-    expected = search.units(wide) @ theta
-    best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
-    near = max(best, np.sqrt(search.likelihood.error(unit, expected)))
-    return GaussMarkov(
-        _coefficient([_Profile(0.0, best, near, top, of_q)], q),
-        _coefficient([_Profile(0.0, likeliest, tc, top, of_tc)], tc, times[0], times[-1]),
-    )
-
-
-def _small(unit, expected):
-    """Return a coefficient that is small beside what is there, where another takes its place."""
-    return SMALL * np.sqrt(np.min(expected / unit))
+    return [m for m in models if all(there(t, m) for t in free if t in m and t != "R")]
 
 
 @dataclass(frozen=True)
@@ -183,7 +97,7 @@ class _Profile:
     best: float
     near: float
     top: float
-    value: object
+    value: Callable
 
     def deviate(self, x):
         """Return the signed root of twice the loss of log-likelihood at x."""
@@ -191,24 +105,99 @@ class _Profile:
         return loss if x > self.best else -loss
 
 
+def _profile(selection, name, model):
+    """Return the _Profile of one of the five coefficients in a model."""
+    rest, likelihood = without(model, name), selection.likelihood
+    units = selection.units(rest)
+    if name == "R":
+        likeliest = selection.fit(model)
+        sign, best, start = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp), likeliest.theta
+        size = likelihood.ramp_error(units @ start)
+
+        def fit(x, start):
+            return likelihood.fit(units, sign * x, start=start)
+
+    else:
+        unit = selection.modes.units[:, NAMES.index(name)]
+        likeliest = selection.fit(model, True)
+        place = model.index(name)
+        best, start = np.sqrt(likeliest.theta[place]), np.delete(likeliest.theta, place)
+
+        def fit(x, start):
+            return likelihood.fit(units, "R" in rest, x**2 * unit, start, True)
+
+        expected = selection.units(model) @ likeliest.theta
+        best = max(best, _small(unit, expected))
+        size = np.sqrt(likelihood.error(unit, expected))
+    known = {best: start}
+
+    def value(x):
+        # from the nearest one that is known
+        found = fit(x, known[min(known, key=lambda other: abs(other - x))])
+        known[x] = found.theta
+        return found.value
+
+    weight = selection.fit(model).value - len(model)
+    return _Profile(weight, best, max(best, size), likeliest.value, value)
+
+
+def _process(selection, terms, tc, variance):
+    """Return a Gauss-Markov process, q and tc profiled over each other beside flicker and walk.
+
+    Where one of these takes its place, the interval of q goes down to zero, and that of tc is all
+    that can be tried.
+    """
+    modes, likelihood = selection.modes, selection.likelihood
+    rest = without(plus(terms, "N"), tc)
+    for name in ("B", "K"):
+        rest = plus(rest, name) if name in selection.candidates else rest
+    units, times = selection.units(rest), modes.correlation_times
+    around = np.log(np.clip(tc * np.exp([-3.0, 3.0]), times[0], times[-1]))
+
+    def highest(value):
+        """Return the largest value over the correlation times, and where it is."""
+        found = minimize_scalar(lambda u: -value(np.exp(u)), bounds=around, method="bounded")
+        return max((value(x), float(x)) for x in (tc, np.exp(found.x)))
+
+    def of_tc(x):
+        return selection.fit(plus(rest, x), True).value
+
+    def of_q(x):
+        def value(tc):
+            fixed = x**2 * tc / 2 * modes.gauss_markov(tc)
+            return likelihood.fit(units, "R" in rest, fixed, restricted=True).value
+
+        return highest(value)[0]
+
+    top, likeliest = highest(of_tc)
+    wide = plus(rest, likeliest)
+    theta, unit = selection.fit(wide, True).theta, likeliest / 2 * modes.gauss_markov(likeliest)
+    expected = selection.units(wide) @ theta
+    best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
+    near = max(best, np.sqrt(likelihood.error(unit, expected)))
+    return GaussMarkov(
+        _coefficient([_Profile(0.0, best, near, top, of_q)], np.sqrt(2 * variance / tc)),
+        _coefficient([_Profile(0.0, likeliest, tc, top, of_tc)], tc, times[0], times[-1]),
+    )
+
+
+def _small(unit, expected):
+    """Return a coefficient that is small beside what is there, where another takes its place."""
+    return SMALL * np.sqrt(np.min(expected / unit))
+
+
 class _Tail:
     """Tail area below a coefficient, averaged over models; as a normal deviate nearly straight.
 
-    Attributes
-    ----------
-    near : float
-        Where to begin, by the heaviest model.
-    ends : tuple of two floats
-        Logarithms of the values between which it is known.
-    points : list of (float, float)
-        Logarithms of values and the deviates there, as far as they are known.
+    `near` is where to begin, by the heaviest model, `ends` are logarithms of the values between
+    which it is known, `points` the logarithms of values, with their deviates, so far.
     """
 
-    def __init__(self, profiles, low, high):
+    def __init__(self, profiles, low=0.0, high=inf):
         weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
-        used = weight > NEGLIGIBLE * weight.sum()
-        self.profiles, self.weight = list(compress(profiles, used)), weight[used]
-        self.weight /= self.weight.sum()
+        used = np.flatnonzero(weight > NEGLIGIBLE * weight.sum())
+        self.profiles = [profiles[i] for i in used]
+        self.weight = weight[used] / weight[used].sum()
         self.near = self.profiles[int(self.weight.argmax())].near
         self.ends = (log(low) if low else -inf, log(high))
         self.points = []
@@ -261,9 +250,3 @@ def _coefficient(profiles, value, low=0.0, high=inf):
     value, tail = float(value), _Tail(profiles, low, high)
     low, high, upper = (tail.crossing(value or tail.near, p) for p in (0.025, 0.975, 0.95))
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)
-
-
-def _limit(profiles, sides):
-    """Return the upper limit of a coefficient that is not supported."""
-    tail = _Tail(profiles, 0.0, inf)
-    return Coefficient(None, None, tail.crossing(tail.near, 1 - 0.05 / sides), False)

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-
-from imuloop.noise.nonnegative import nonnegative
+from scipy.optimize import nnls
 
 # the fit ends where the log-likelihood grows by less
 CLOSE, ROUNDS = 1e-6, 100
@@ -20,18 +19,24 @@ def log_likelihood(power, count, expected):
     return -np.vecdot(count, np.log(expected) + power / expected) / 2
 
 
+def weighted_nnls(units, target, weight):
+    """Return x >= 0 that minimises ``Σ w (y - U x)²``, for columns U of any size, shape (p,)."""
+    if not units.shape[1]:
+        # scipy's ends the process
+        return np.zeros(0)
+    root = np.sqrt(weight)
+    columns = units * root[:, None]
+    size = np.linalg.norm(columns, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    return nnls(columns / size, root * target)[0] / size
+
+
 @dataclass(frozen=True)
-class Fit:
+class MaximumLikelihood:
     """Most likely variances.
 
-    Attributes
-    ----------
-    theta : ndarray, shape (p,)
-        Factors of the unit spectra, none negative.
-    ramp : float
-        Ramp, SI/s; 0 where it was not fitted.
-    value : float
-        Logarithm of the likelihood, without its constant.
+    `theta`, shape (p,), are factors of the unit spectra, none negative; `ramp` in SI/s is 0 where
+    it was not fitted; `value` is the logarithm of the likelihood, without its constant.
     """
 
     theta: np.ndarray
@@ -77,7 +82,7 @@ class Likelihood:
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=False, fixed=0.0, start=None, restricted=False):
-        r"""Return the Fit of unit spectra.
+        r"""Return the MaximumLikelihood of unit spectra.
 
         Fisher's scoring, each step a non-negative least squares, halved until the likelihood grows.
         A fitted ramp takes power from the modes that hold it. The restricted likelihood allows for
@@ -110,57 +115,47 @@ class Likelihood:
         power = self.power(slope)
         floor = max(self.floor, ROUNDING * np.max(fixed))
         size = units.max(axis=0) if units.size else np.ones(units.shape[1])
-        columns = np.ascontiguousarray((units / size).T)
+        units = units / size
 
         def spectrum(theta):
-            """Return count over expected squares, these, and their logarithms summed."""
-            expected = np.maximum(theta @ columns + fixed, floor)
-            return self.count / expected, expected, self.count @ np.log(expected)
-
-        def value(share, logarithm):
-            total = logarithm + share @ power
-            if restricted:
-                total += self._weight * np.log(share[:slow] @ self._squares)
-            return float(-total / 2)
+            return np.maximum(units @ theta + fixed, floor)
 
         if start is None:
-            theta = _solve(columns, power - fixed, self.count / np.maximum(power, floor) ** 2)
+            theta = weighted_nnls(units, power - fixed, self.count / np.maximum(power, floor) ** 2)
             if not theta.any():
-                theta = np.full(len(columns), power.mean())
+                theta = np.full(len(theta), power.mean())
         else:
             theta = start * size
-        share, expected, logarithm = spectrum(theta)
-        last, growth = -np.inf, np.inf
+        expected, last, growth = spectrum(theta), -np.inf, np.inf
         for _ in range(ROUNDS):
+            weight = self.count / expected
             if ramp is True:
-                weight = share[:slow] * self.rho
-                seen = weight @ self.rho
-                slope = weight @ self.slow / seen
+                slope = self.slope(expected)
                 power[:slow] = (self.slow - slope * self.rho) ** 2
             target = power - fixed
             if restricted:
-                target[:slow] += self._weight / seen * self._squares
-            found = value(share, logarithm)
+                target[:slow] += self._weight / self._information(expected).sum() * self.rho**2
+            found = self.value(power, expected, restricted)
             before, growth = growth, found - last
             # near the maximum each step grows it by the same share of the one before
             steady = start is not None and before < np.inf
             if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
             last = found
-            new = _solve(columns, target, share / expected, theta > 0)
+            new = weighted_nnls(units, target, weight / expected)
             for part in (1.0, 0.5, 0.25, 0.1, 0.03):
                 trial = theta + part * (new - theta)
                 there = spectrum(trial)
-                if value(there[0], there[2]) >= found:
-                    theta, (share, expected, logarithm) = trial, there
+                if self.value(power, there, restricted) >= found:
+                    theta, expected = trial, there
                     break
-        return Fit(theta / size, float(slope), found)
+        return MaximumLikelihood(theta / size, float(slope), found)
 
     def value(self, power, expected, restricted=False):
         """Return the log-likelihood of an expected spectrum, or the restricted one."""
         value = log_likelihood(power, self.count, expected)
         if restricted:
-            value -= self._weight * np.log(self._seen(expected).sum()) / 2
+            value -= self._weight * np.log(self._information(expected).sum()) / 2
         return float(value)
 
     def error(self, unit, expected):
@@ -169,7 +164,12 @@ class Likelihood:
 
     def ramp_error(self, expected):
         """Return the standard error of a ramp for a spectrum, SI/s."""
-        return 1 / np.sqrt(self._seen(self.above_rounding(expected)).sum())
+        return 1 / np.sqrt(self._information(self.above_rounding(expected)).sum())
+
+    def slope(self, expected):
+        """Return the most likely ramp for a spectrum, SI/s."""
+        weight = self.count[: len(self.rho)] * self.rho / expected[: len(self.rho)]
+        return float(weight @ self.slow / (weight @ self.rho))
 
     @cached_property
     def floor(self):
@@ -189,27 +189,12 @@ class Likelihood:
         return self.above_rounding(self.power(ramp)) / self.above_rounding(expected)
 
     @cached_property
-    def _squares(self):
-        return self.rho**2
-
-    @cached_property
     def _weight(self):
         """Weight of the modes that hold a ramp."""
-        return self.count[: len(self.rho)] @ self._squares / self._squares.sum()
+        squares = self.rho**2
+        return self.count[: len(squares)] @ squares / squares.sum()
 
-    def _seen(self, expected):
-        """Return what each slow mode tells of a ramp, 1/(SI/s)^2."""
+    def _information(self, expected):
+        """Return the information of each slow mode on a ramp, 1/(SI/s)^2."""
         slow = len(self.rho)
-        return self.count[:slow] * self._squares / expected[:slow]
-
-    def slope(self, expected):
-        """Return the most likely ramp for a spectrum, SI/s."""
-        slow = len(self.rho)
-        weight = self.count[:slow] * self.rho / expected[:slow]
-        return float(weight @ self.slow / (weight @ self.rho))
-
-
-def _solve(columns, target, weight, likely=None):
-    """Return the non-negative weighted least squares."""
-    weighted = columns * weight
-    return nonnegative(weighted @ columns.T, weighted @ target, likely)
+        return self.count[:slow] * self.rho**2 / expected[:slow]

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy.special import stdtrit
 
-from imuloop.noise.layout import Layout
-from imuloop.noise.periodogram import SHORTEST, band_of, one_frequency, over_band, periodogram
-from imuloop.noise.waves import Wave, chunks, cut, fit_wave, follow, highest
+from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
+from imuloop.noise.sampling import Sampling
+from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, follow, strongest_frequency
 
 # relative difference of the clocks of two sessions, within which a line is the same
 SAME_CLOCK = 1e-4
@@ -20,106 +20,69 @@ WANDER, CLOCK = 1e-3, 2e-4
 class Line:
     """Sinusoid of one axis.
 
-    Attributes
-    ----------
-    frequency, frequency_ci95 : float, tuple of two floats
-        Hz, with its 95 % interval.
-    amplitude, amplitude_ci95 : float, tuple of two floats
-        SI of the axis, with its 95 % interval, in the session where it stands out most.
-    p_value : float
-        Probability that noise alone shows such a peak anywhere in the searched band.
-    waves : tuple of Wave
-        What is removed. More than one a session where frequency, phase or amplitude wander; then
-        `frequency` is the mean weighted with the power and `amplitude` the root mean square, low
-        by what the line wanders within a part.
+    Frequency in Hz, and amplitude, SI of the axis, in the session where it stands out most, with
+    95 % intervals. `parts` are what is removed: more than one a session where frequency, phase or
+    amplitude wander; then `frequency` is the mean weighted with the power and `amplitude` the root
+    mean square, low by what the line wanders within a part.
     """
 
     frequency: float
     frequency_ci95: tuple[float, float]
     amplitude: float
     amplitude_ci95: tuple[float, float]
-    p_value: float
-    waves: tuple[Wave, ...]
+    parts: tuple[FittedSinusoid, ...]
 
-    def subtract(self, layouts, values):
-        """Return the values without the line; sessions that do not show it are not copied.
-
-        Parameters
-        ----------
-        layouts : sequence of Layout
-        values : sequence of sequences of ndarray
-            As `find_line` takes them.
-
-        Returns
-        -------
-        list of lists of ndarray
-        """
-        shown = {wave.session for wave in self.waves}
+    def subtract(self, samplings, values):
+        """Return the values without the line; sessions that do not show it are not copied."""
+        shown = {part.session for part in self.parts}
         result = [
             [np.array(x, float) if i in shown else x for x in stretches]
             for i, stretches in enumerate(values)
         ]
-        for wave in self.waves:
-            layout, parts = cut(layouts[wave.session], result[wave.session], wave.begin, wave.end)
-            for group, _, _, waves in chunks(layout, wave.frequency):
-                line, at = np.array([wave.cosine, wave.sine]) @ waves, 0
-                for i, part in group:
-                    parts[i][part] -= line[at : at + part.stop - part.start]
-                    at += part.stop - part.start
+        for part in self.parts:
+            part.subtract(samplings[part.session], result[part.session])
         return result
 
     def left(self, line, rate):
-        """Return whether a later line is what this one left: within 1/T of a wave of time T."""
+        """Return whether a later line is what this one left: within 1/T of a part of time T."""
         beside = {
-            wave.session
-            for wave in self.waves
-            if abs(wave.frequency - line.frequency) * (wave.end - wave.begin) <= rate
+            part.session
+            for part in self.parts
+            if abs(part.frequency - line.frequency) * (part.end - part.begin) <= rate
         }
-        return beside.issuperset(wave.session for wave in line.waves)
+        return beside.issuperset(part.session for part in line.parts)
 
 
-def means(layouts, values, size):
-    """Return the layouts and the values of the means of `size` samples: slow lines at no cost."""
-    layouts_of_means, values_of_means = [], []
-    for layout, stretches in zip(layouts, values, strict=True):
-        kept = [i for i, n in enumerate(layout.lengths) if n >= size]
+def means(samplings, values, size):
+    """Return samplings and values of the means of `size` samples: slow lines at no cost."""
+    samplings_of_means, values_of_means = [], []
+    for sampling, stretches in zip(samplings, values, strict=True):
+        kept = [i for i, n in enumerate(sampling.lengths) if n >= size]
         if not kept:
             continue
-        blocks = [stretches[i][: layout.lengths[i] // size * size] for i in kept]
+        blocks = [stretches[i][: sampling.lengths[i] // size * size] for i in kept]
         values_of_means.append([x.reshape(-1, size).mean(axis=1) for x in blocks])
-        starts, lengths = ([of[i] // size for i in kept] for of in (layout.starts, layout.lengths))
-        levels = tuple(layout.levels[i] for i in kept)
-        layouts_of_means.append(Layout(layout.rate / size, tuple(starts), tuple(lengths), levels))
-    return layouts_of_means, values_of_means
+        starts, lengths = (
+            tuple(of[i] // size for i in kept) for of in (sampling.starts, sampling.lengths)
+        )
+        levels = tuple(sampling.levels[i] for i in kept)
+        samplings_of_means.append(Sampling(sampling.rate / size, starts, lengths, levels))
+    return samplings_of_means, values_of_means
 
 
-def find_line(layouts, values, spectrum, level):
-    r"""Return the sinusoid that stands out most from the noise, if chance does not explain it.
+def find_line(samplings, values, spectrum, level):
+    """Return the sinusoid that stands out most from the noise, if chance does not explain it.
 
-    The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)` of each session, level
-    means and one slope removed, gaps filled with zeros, padded to twice the record, is divided by
-    the spectrum and by the local background: the largest of the medians of I/S in the block of
-    frequencies around and in the two beside it. So a misfit of the smooth model, its slope, and a
-    band of neighbouring lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent
-    frequencies) raise the background and are no lines. With a spectrum that is right up to a local
-    factor, I/S is exponential, and
-
-    .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
-
-    where x is the ratio at its maximum, M the largest of the medians of m exponentials and
-    :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` counts the independent frequencies of the band B
-    (Baluev's bound on the maximum over a continuous frequency).
-
-    A line that wanders is told from many by halving: where the halves of the record, each with a
-    frequency, phase and amplitude of its own, explain more than the whole and chance, it is
-    followed through them, and is still one line.
-
-    Sessions are tested one by one and W adds over them: the clocks of two sessions differ by more
-    than the width 1/T of a line, so that powers at one frequency do not add.
+    The largest ratio of the periodogram to the spectrum and its local background, see
+    `Periodogram`, is a line where the chance of it is below the level. A line that wanders is one
+    line: where the halves of the record, each with a frequency, phase and amplitude of its own,
+    explain more than the whole and chance, it is followed through them. Sessions are tested one by
+    one and their independent frequencies W add: the clocks of two sessions differ by more than the
+    width 1/T of a line, so that powers at one frequency do not.
 
     Parameters
     ----------
-    layouts : sequence of Layout
+    samplings : sequence of Sampling
         One a session.
     values : sequence of sequences of ndarray
         Samples of each clean stretch of each session, SI.
@@ -135,112 +98,49 @@ def find_line(layouts, values, spectrum, level):
 
     References
     ----------
-    R. V. Baluev, MNRAS 385 (2008) 1279. Median, largest of neighbours: H. Rohling, IEEE Trans.
-    Aerosp. Electron. Syst. 19 (1983) 608. Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans.
-    Inf. Theory 20 (1974) 591.
+    Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591.
     """
-    searches = [periodogram(*session, spectrum) for session in zip(layouts, values, strict=True)]
-    live = {i: search for i, search in enumerate(searches) if search is not None}
+    every = [Periodogram.of(*each, spectrum) for each in zip(samplings, values, strict=True)]
+    live = {i: found for i, found in enumerate(every) if found is not None}
     if not live:
         return None
-    peaks = {i: search.strongest() for i, search in live.items()}
+    peaks = {i: found.strongest() for i, found in live.items()}
     best = min(peaks, key=lambda i: peaks[i][0])
-    independent = sum(s.band.independent for s in live.values())
-    if over_band(peaks[best][0], independent) > level:
+    independent = sum(found.band.independent for found in live.values())
+    if chance_over_band(peaks[best][0], independent) > level:
         return None
-    search = live[best]
-    wave = fit_wave(layouts[best], values[best], peaks[best][1], best)
-    p_value = over_band(search.chance(wave), independent)
-    if p_value > level:
+    fitted = fit_sinusoid(samplings[best], values[best], peaks[best][1], best)
+    if chance_over_band(live[best].chance(fitted), independent) > level:
         return None
-    density = search.density_of_parts(wave.frequency)
-    waves = {best: follow(layouts[best], values[best], wave, density)}
-    for i in live.keys() - {best}:
-        span = live[i].band.span
-        if wave.frequency * span < SHORTEST:
-            continue
-        reach = 1 / search.band.span + 1 / span + SAME_CLOCK * wave.frequency
-        near = highest(layouts[i], values[i], wave.frequency, reach)
-        same = fit_wave(layouts[i], values[i], near, i)
-        if over_band(live[i].chance(same), 2 * reach * span) <= level:
-            density = live[i].density_of_parts(same.frequency)
-            waves[i] = follow(layouts[i], values[i], same, density)
+    parts = {}
+    for i, found in live.items():
+        span, same = found.band.span, fitted
+        if i != best:
+            if fitted.frequency * span < SHORTEST:
+                continue
+            reach = 1 / live[best].band.span + 1 / span + SAME_CLOCK * fitted.frequency
+            near = strongest_frequency(samplings[i], values[i], fitted.frequency, reach)
+            same = fit_sinusoid(samplings[i], values[i], near, i)
+            if chance_over_band(found.chance(same), 2 * reach * span) > level:
+                continue
+        density, _ = found.density(same.frequency)
+        parts[i] = follow(samplings[i], values[i], same, density)
     return Line(
-        *_summary(waves[best], layouts[best].rate, *search.density(wave.frequency)),
-        p_value=p_value,
-        waves=tuple(wave for i in sorted(waves) for wave in waves[i]),
+        *_summary(parts[best], samplings[best].rate, *live[best].density(fitted.frequency)),
+        parts=tuple(each for i in sorted(parts) for each in parts[i]),
     )
 
 
-def detection_limit(layouts, spectrum, frequency, level, probability=0.9):
-    r"""Return the amplitude of a line that `find_line` finds with the given probability.
-
-    Twice I/S is non-central chi-square with two degrees of freedom and
-    :math:`\lambda = A^2 n/(r S)`. The session with the lowest limit counts.
-
-    Parameters
-    ----------
-    layouts, spectrum, level
-        As `find_line` takes them.
-    frequency : float
-        Hz.
-    probability : float, optional
-        1.
-
-    Returns
-    -------
-    float
-        SI of the axis; infinite where the frequency is not searched.
-    """
-    # load for a second, and no estimate needs them
-    from scipy import optimize, stats
-
-    bands = [band for band in map(band_of, layouts) if band is not None]
-    independent = sum(band.independent for band in bands)
-    limit = np.inf
-    for band in bands:
-        if not band.edges[0] <= frequency / band.step < band.edges[-1]:
-            continue
-        near = band.near(frequency)
-        m, sides = band.sizes[near].min(), near.stop - near.start
-        ratio = optimize.brentq(
-            lambda x, *of: over_band(one_frequency(x, *of), independent) - level,
-            0.1,
-            1e6,
-            (m, sides),
-        )
-        half = (m + 1) / 2
-        # the line itself, some three values wide, lies in the block that it is compared with
-        share = special.betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
-        background = -np.log1p(-share)
-        noncentrality = optimize.brentq(
-            lambda v, x: stats.ncx2.sf(2 * x, 2, v) - probability, 0, 1e8, (ratio * background,)
-        )
-        density = spectrum(np.array([frequency]))[0]
-        limit = min(limit, float(np.sqrt(noncentrality * band.rate * density / band.samples)))
-    return limit
-
-
 def mains(frequency, rate):
-    r"""Return which mains harmonic lies at a frequency, itself or folded by the sampling.
+    """Return which mains harmonic lies at a frequency, itself or folded by the sampling, or None.
 
-    A harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`. The window to either side is 1.2
-    per mille of :math:`h f_0`: 50 mHz of 50 Hz for mains' own wander, and 200 ppm for the clock
-    behind the time stamps, whose error scales all logged frequencies, r too. Nothing is named
-    within a window of zero, where any slow line would be, nor where the window is wider than
-    0.8 % of the band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz,
-    1 % at 1 kHz, below 10 % at any rate.
-
-    Parameters
-    ----------
-    frequency, rate : float
-        Hz. Where the rate is only nominal, a missing name says nothing.
-
-    Returns
-    -------
-    str or None
-        E.g. ``50 Hz mains, alias of its 2nd harmonic``; the lowest harmonic that fits, both mains
-        where both do.
+    E.g. ``50 Hz mains, alias of its 2nd harmonic``; the lowest harmonic that fits, both mains where
+    both do. A harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`. The window to either side
+    is 1.2 per mille of :math:`h f_0`: 50 mHz of 50 Hz for mains' own wander, and 200 ppm for the
+    clock behind the time stamps, whose error scales all logged frequencies, r too. Nothing is named
+    within a window of zero, where any slow line would be, nor where the window is wider than 0.8 %
+    of the band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 %
+    at 1 kHz, below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:
@@ -255,26 +155,26 @@ def mains(frequency, rate):
     return " or ".join(names) or None
 
 
-def _summary(waves, rate, density, freedom):
+def _summary(parts, rate, density, freedom):
     """Return frequency, amplitude and their intervals, averaged over the parts of a session."""
     variance = density * rate / 2
-    t = special.stdtrit(freedom, 0.975)
+    t = stdtrit(freedom, 0.975)
     f, c, s, d_amplitude, d_frequency = np.array(
-        [(w.frequency, w.cosine, w.sine, w.amplitude_std, w.frequency_std) for w in waves]
+        [(p.frequency, p.cosine, p.sine, p.amplitude_std, p.frequency_std) for p in parts]
     ).T
     share = d_amplitude**-2 / np.sum(d_amplitude**-2)
     power = share * (c**2 + s**2)
     # each part beyond the first takes noise of its own
     noise = 2 * variance / np.sum(d_amplitude**-2)
     # a mean square less the noise in it, of which chance may leave nothing
-    amplitude = np.sqrt(max(power.sum() - (len(waves) - 1) * noise, 0.0))
+    amplitude = np.sqrt(max(power.sum() - (len(parts) - 1) * noise, 0.0))
     power /= power.sum()
     frequency = power @ f
     a_error = t * np.sqrt(noise / 2)
     f_error = t * np.sqrt(variance * np.sum((power * d_frequency) ** 2))
-    if len(waves) > 1:
-        scatter = np.sum(power**2 * (f - frequency) ** 2) * len(waves) / (len(waves) - 1)
-        f_error = max(f_error, special.stdtrit(len(waves) - 1, 0.975) * np.sqrt(scatter))
+    if len(parts) > 1:
+        scatter = np.sum(power**2 * (f - frequency) ** 2) * len(parts) / (len(parts) - 1)
+        f_error = max(f_error, stdtrit(len(parts) - 1, 0.975) * np.sqrt(scatter))
     # neither is below zero
     return (
         float(frequency),

@@ -1,7 +1,7 @@
 """Where a spectrum leaves its model: a band that a filter emptied, and what counts less."""
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, psi, zeta
+from scipy.special import chdtrc, chdtri, polygamma, psi
 
 # rows are compared with the model in groups of at least so many values, at most so many a decade
 VALUES, GROUPS = 8, 24
@@ -31,44 +31,31 @@ def misfit(ratio, count, number, terms, level):
     Power over expected power r of n values is a chi-square over n: its logarithm has the mean
     :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean
     square in the groups around (half a decade to each side) beyond that variance is
-    :math:`\epsilon^2`, where that is no chance.
+    :math:`\epsilon^2`, where that is no chance, shape (g,).
 
     Parameters
     ----------
-    ratio : ndarray, shape (r,)
-        Mean square over the expected one, 1.
-    count : ndarray, shape (r,)
-        Values behind each row; 0 where it was left out.
+    ratio, count : ndarray, shape (r,)
+        Mean square over the expected one, 1, and values behind each row; 0 where it was left out.
     number : ndarray of int, shape (r,)
         Group of each row.
-    terms : int
-        Terms that were fitted.
-    level : float
-        Level of the test of the whole spectrum.
-
-    Returns
-    -------
-    ndarray, shape (g,)
-        Standard deviation by which each group leaves the model, 1; zeros where the whole spectrum
-        does not leave it.
+    terms, level : int and float
+        Terms that were fitted, and level of the test of the whole spectrum.
     """
     n = np.bincount(number, count)
     used = n > 0
     half = np.where(used, n, 2.0) / 2
     r = np.bincount(number, count * ratio) / np.maximum(n, 1)
     logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
-    # the trigamma function
-    variance = zeta(2, half)
+    variance = polygamma(1, half)
     square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
     dof = used.sum() - terms
     if dof < 2 or chdtrc(dof, (square / variance)[used].sum()) >= level:
         return np.zeros(len(n))
 
     def around(values):
-        total = np.concatenate([[0.0], np.cumsum(np.where(used, values, 0.0))])
-        place = np.arange(len(n))
-        low = np.maximum(place - TOGETHER, 0)
-        return total[np.minimum(place + TOGETHER + 1, len(n))] - total[low]
+        values = np.where(used, values, 0.0)
+        return np.convolve(values, np.ones(2 * TOGETHER + 1))[TOGETHER : TOGETHER + len(n)]
 
     near = np.maximum(around(1.0), 1)
     chance = chdtri(near, level / 10)
@@ -83,22 +70,12 @@ def weights(epsilon, count, number):
 
 
 def band(frequency, count, power, predict):
-    """Return the highest frequency below which no octave lacks power.
+    """Return the highest frequency below which no octave lacks power, Hz.
 
     An octave at the top is predicted from all that lies below it. Where it lacks more than a
     quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
-
-    Parameters
-    ----------
-    frequency, count, power : ndarray, shape (r,)
-        Of each row: Hz, values, SI squared.
-    predict : callable
-        Takes a mask of rows, returns the spectrum fitted to these, shape (r,).
-
-    Returns
-    -------
-    float
-        Hz.
+    Frequency, values and mean square of each row, shape (r,); `predict` takes a mask of rows and
+    returns the spectrum fitted to these, shape (r,).
     """
     highest = frequency.max()
     for _ in range(OCTAVES):

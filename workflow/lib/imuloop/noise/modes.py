@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.fft import dct, rfft
+from scipy.interpolate import CubicSpline
 
 from imuloop.noise.processes import (
     distances,
@@ -23,23 +24,15 @@ BINS, TIMES = 24, 8
 
 
 def expected_squares(covariance):
-    r"""Return the expected squares of a cosine transform, for any covariance.
+    r"""Return the expected squares of a cosine transform, for any covariance, shape (..., n - 1).
 
     .. math:: E c_k^2 = \frac{1}{n} \left[ \sum_{|d|<n} \gamma_d (n - |d|) \cos \omega d
         - \frac{2}{\sin \omega} \sum_{d \ge 0} \gamma_d \sin \omega d \right],
-        \quad \omega = \pi k/n
+        \quad \omega = \pi k/n, \quad k = 1 \dots n - 1
 
-    for the orthonormal DCT-II of n values whose covariance is Toeplitz; by one Fourier transform.
-
-    Parameters
-    ----------
-    covariance : array_like, shape (..., n)
-        At lags 0 ... n-1; it may be a generalised one, since the modes k > 0 are contrasts.
-
-    Returns
-    -------
-    ndarray, shape (..., n - 1)
-        For k = 1 ... n-1.
+    for the orthonormal DCT-II of n values whose covariance is Toeplitz, at lags 0 ... n - 1 in
+    `covariance`, shape (..., n); by one Fourier transform. It may be a generalised one, since the
+    modes k > 0 are contrasts.
     """
     covariance = np.asarray(covariance, float)
     n = covariance.shape[-1]
@@ -60,6 +53,21 @@ class _Level:
     start: np.ndarray
     even: bool
     basis: np.ndarray
+
+    @classmethod
+    def of(cls, start, m):
+        """Return the blocks of m samples that begin at `start`."""
+        n = len(start)
+        if (np.diff(start) == m).all():
+            phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
+            return cls(start, True, np.sqrt(2 / n) * np.cos(phase))
+        walk = -distances(start) / 2.0
+        walk -= walk.mean(axis=0)
+        walk -= walk.mean(axis=1, keepdims=True)
+        # the level, the null direction of the walk, goes far above all others
+        top = 2 * np.trace(walk) + 1
+        vectors = np.linalg.eigh(walk + top / n)[1]
+        return cls(start, False, vectors[:, :-1][:, ::-1])
 
     def units(self, m, dt):
         """Return the expected squares of the contrasts for unit Q, N, B, K, shape (4, k - 1)."""
@@ -85,17 +93,16 @@ class _Level:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks that share a slope, at most `BLOCKS` of one session."""
+    """Blocks that share a slope, at most `BLOCKS` of one session: stretch and first sample there.
+
+    `start` is the first sample of each block in the session.
+    """
 
     session: int
     stretch: np.ndarray
     offset: np.ndarray
+    start: np.ndarray
     levels: tuple[_Level, ...]
-
-    @property
-    def start(self):
-        """First sample of each block."""
-        return np.concatenate([level.start for level in self.levels])
 
     def contrasts(self, x):
         """Return the contrasts of the levels, of a value a block."""
@@ -123,12 +130,8 @@ class Modes:
         Interval of the samples, s.
     m : int
         Samples of a block.
-    span : float
-        Longest session, s.
-    level : float
-        Longest time without a new level, s.
-    number : int
-        Samples that the blocks hold.
+    span, level : float
+        Longest session, and longest time without a new level, s.
     frequency : ndarray, shape (r,)
         Of each row, Hz: slow modes one by one, then the bins of the fast ones.
     count : ndarray, shape (r,)
@@ -143,32 +146,21 @@ class Modes:
     m: int
     span: float
     level: float
-    number: int
     frequency: np.ndarray
     count: np.ndarray
     units: np.ndarray
     ramp: np.ndarray
-    _layouts: tuple
+    _samplings: tuple
     _pieces: tuple
     _bins: np.ndarray
 
     def amplitudes(self, values):
-        """Return the slow modes' amplitudes and the fast ones' mean squares.
+        """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
 
-        Parameters
-        ----------
-        values : list of list of ndarray
-            Samples of each stretch of each session.
-
-        Returns
-        -------
-        slow : ndarray, shape (s,)
-            SI, with sign.
-        fast : ndarray, shape (r - s,)
-            SI squared; the straight line of each piece is taken out before.
+        `values` are the samples of each stretch of each session. The straight line of each piece is
+        taken out of the fast ones before.
         """
-        each = zip(self._layouts, values, strict=True)
-        values = [layout.close_up(stretches) for layout, stretches in each]
+        values = [s.close_up(x) for s, x in zip(self._samplings, values, strict=True)]
         slow, squares = [], np.zeros(self.m - 1)
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
         for piece in self._pieces:
@@ -200,7 +192,7 @@ class Modes:
         near = int(np.abs(self.correlation_times - tc).argmin())
         if self.correlation_times[near] == tc:
             return self._rows[near]
-        return np.exp(self._gauss_markov(np.log(tc)))
+        return np.exp(self._spline(np.log(tc)))
 
     @cached_property
     def correlation_times(self):
@@ -209,10 +201,7 @@ class Modes:
         return 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
 
     @cached_property
-    def _gauss_markov(self):
-        # loads for a third of a second, and few records show such a process
-        from scipy.interpolate import CubicSpline
-
+    def _spline(self):
         return CubicSpline(np.log(self.correlation_times), np.log(self._rows))
 
     @cached_property
@@ -226,25 +215,13 @@ class Modes:
         return np.concatenate([*slow, fast], axis=1)
 
 
-def modes(layouts):
-    """Return the modes of sessions of one rate.
-
-    Parameters
-    ----------
-    layouts : sequence of Layout
-        At least one, with at least one stretch of two samples.
-
-    Returns
-    -------
-    Modes
-    """
-    given, layouts = tuple(layouts), [layout.closed_up() for layout in layouts]
-    dt = 1 / np.average([x.rate for x in layouts], weights=[sum(x.lengths) for x in layouts])
-    m = _block_length([n for layout in layouts for n in layout.lengths])
-    pieces = _with_contrasts(layouts, m)
-    if not pieces:
-        # a block a level, as of bursts of two samples
-        m, pieces = 1, _with_contrasts(layouts, 1)
+def modes(samplings):
+    """Return the Modes of Samplings of one rate, one a session, with two samples or more."""
+    closed = [sampling.closed_up() for sampling in samplings]
+    dt = 1 / np.average([s.rate for s in closed], weights=[sum(s.lengths) for s in closed])
+    m = _block_length([n for sampling in closed for n in sampling.lengths])
+    # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
+    m, pieces = next((k, p) for k in (m, 1) if (p := _with_contrasts(closed, k)))
     units = [level.units(m, dt).T for piece in pieces for level in piece.levels]
     # that at which a walk has so much power: exact for an unbroken record
     frequency = [1 / (2 * np.pi * np.sqrt(each[:, 3] * m * dt)) for each in units]
@@ -257,35 +234,38 @@ def modes(layouts):
         units.append(np.column_stack([binned(s, bins) for s in squares]))
         frequency.append(binned(k / (2 * m * dt), bins))
     slow = sum(len(r) for r in ramp)
-    count = np.concatenate([np.ones(slow), blocks * np.bincount(bins, minlength=0)])
     return Modes(
         dt=dt,
         m=m,
-        span=max((x.starts[-1] + x.lengths[-1] - x.starts[0]) / x.rate for x in layouts),
-        level=max(_longest_level(x) for x in layouts),
-        number=blocks * m,
+        span=max((s.starts[-1] + s.lengths[-1] - s.starts[0]) / s.rate for s in closed),
+        level=max(_longest_level(s) for s in closed),
         frequency=np.concatenate(frequency),
-        count=count,
+        count=np.concatenate([np.ones(slow), blocks * np.bincount(bins, minlength=0)]),
         units=np.concatenate(units),
         ramp=np.concatenate(ramp),
-        _layouts=given,
+        _samplings=tuple(samplings),
         _pieces=tuple(pieces),
         _bins=bins,
     )
 
 
-def _with_contrasts(layouts, m):
-    """Return the pieces of all layouts that have more blocks than levels."""
-    pieces = [p for number, layout in enumerate(layouts) for p in _pieces(number, layout, m)]
+def binned(values, bins):
+    """Return the mean over each bin."""
+    return np.bincount(bins, values) / np.bincount(bins) if len(bins) else np.empty(0)
+
+
+def _with_contrasts(samplings, m):
+    """Return the pieces of all sessions that have more blocks than levels."""
+    pieces = [p for number, sampling in enumerate(samplings) for p in _pieces(number, sampling, m)]
     return [p for p in pieces if len(p.stretch) > len(p.levels)]
 
 
-def _longest_level(layout):
+def _longest_level(sampling):
     """Return the longest time from start to end of stretches of one level, s."""
-    level, start = np.asarray(layout.levels), np.asarray(layout.starts)
-    end = start + np.asarray(layout.lengths)
-    spans = [end[level == i].max() - start[level == i].min() for i in np.unique(level)]
-    return max(spans) / layout.rate
+    start, level = np.asarray(sampling.starts), sampling.level
+    end = start + np.asarray(sampling.lengths)
+    spans = [end[level == i].max() - start[level == i].min() for i in range(level.max() + 1)]
+    return max(spans) / sampling.rate
 
 
 def _block_length(lengths):
@@ -297,38 +277,18 @@ def _block_length(lengths):
     return int(m)
 
 
-def _pieces(session, layout, m):
+def _pieces(session, sampling, m):
     """Return the pieces of a session, none of more than `BLOCKS` blocks."""
-    number = np.array([n // m for n in layout.lengths])
+    number = np.array([n // m for n in sampling.lengths])
     stretch = np.repeat(np.arange(len(number)), number)
     offset = np.concatenate([m * np.arange(n) for n in number])
-    start = np.asarray(layout.starts)[stretch] + offset
-    level = np.asarray(layout.levels)[stretch]
+    start = np.asarray(sampling.starts)[stretch] + offset
+    level = sampling.level[stretch]
     if not len(start):
         # every stretch is shorter than a block
         return
     for part in np.array_split(np.arange(len(start)), -(-len(start) // (BLOCKS + BLOCKS // 8))):
         # levels follow each other, so that a contrast of one is free of a walk in another
         ends = np.flatnonzero(np.diff(level[part])) + 1
-        levels = tuple(_level(each, m) for each in np.split(start[part], ends))
-        yield _Piece(session, stretch[part], offset[part], levels)
-
-
-def _level(start, m):
-    """Return the blocks of one level that begin at `start`."""
-    n = len(start)
-    if (np.diff(start) == m).all():
-        phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
-        return _Level(start, True, np.sqrt(2 / n) * np.cos(phase))
-    walk = -distances(start) / 2.0
-    walk -= walk.mean(axis=0)
-    walk -= walk.mean(axis=1, keepdims=True)
-    # the level, the null direction of the walk, goes far above all others
-    top = 2 * np.trace(walk) + 1
-    vectors = np.linalg.eigh(walk + top / n)[1]
-    return _Level(start, False, vectors[:, :-1][:, ::-1])
-
-
-def binned(values, bins):
-    """Return the mean over each bin."""
-    return np.bincount(bins, values) / np.bincount(bins) if len(bins) else np.empty(0)
+        levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
+        yield _Piece(session, stretch[part], offset[part], start[part], levels)

@@ -1,15 +1,16 @@
 """Periodogram of the clean stretches of a session, over its local background."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import pairwise
 from math import log
 
 import numpy as np
-from scipy import fft, special
+from scipy import fft
+from scipy.special import betainc
 
-from imuloop.noise.layout import CHUNK
-from imuloop.noise.waves import extent
+from imuloop.noise.sampling import CHUNK
 
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
@@ -28,12 +29,20 @@ SPARSEST = 16
 SURE = 1e-9
 
 
+def is_sparse(sampling):
+    """Return whether less than 1/`SPARSEST` of a session was recorded."""
+    first, last = sampling.extent
+    return last + 1 - first > SPARSEST * sum(sampling.lengths)
+
+
 @dataclass(frozen=True)
 class Band:
     """What is searched in one session.
 
-    `edges` of the blocks in steps of the padded transform, `sizes` the independent values in each;
-    `independent` is W of `find_line`.
+    `rate` in Hz and `span`, first to last sample, in s; `samples` that are there, and `padded` of
+    the transform; `edges`, shape (b + 1,), of the blocks of the background in steps of the
+    transform, and `sizes`, (b,), the independent values in each; `independent` is W of
+    `Periodogram`.
     """
 
     rate: float
@@ -44,47 +53,114 @@ class Band:
     sizes: np.ndarray
     independent: float
 
-    @cached_property
-    def nodes(self):
-        """Places in each block between which a spectrum is straight."""
-        return [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(self.edges)]
+    @classmethod
+    @cache
+    def of(cls, sampling):
+        """Return the band of a session, None where it is too short or too sparse."""
+        if is_sparse(sampling):
+            return None
+        starts, lengths = np.array(sampling.starts), np.array(sampling.lengths)
+        (first, last), n = sampling.extent, int(lengths.sum())
+        samples = last + 1 - first
+        # frequencies in units of rate/n, the distance of independent ones
+        low = SHORTEST * n / samples
+        enough = max(ENOUGH, WIDTH_HZ * n / sampling.rate)
+        sizes, k = [], low
+        while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
+            sizes.append(size)
+            k += size
+        if not sizes:
+            return None
+        padded = REMAINDERS * fft.next_fast_len(-(-2 * samples // REMAINDERS))
+        edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
+        edges[-1] = int((n / 2 - low) * padded / n)
+        middle = starts + (lengths - 1) / 2
+        spread = (middle - np.average(middle, weights=lengths)) ** 2 + (lengths**2 - 1) / 12
+        turns = np.sqrt(4 * np.pi * np.average(spread, weights=lengths))
+        return cls(
+            rate=sampling.rate,
+            samples=n,
+            span=samples / sampling.rate,
+            padded=padded,
+            edges=edges,
+            sizes=np.array(sizes),
+            independent=float((edges[-1] - edges[0]) / padded * turns),
+        )
 
     @property
     def step(self):
         """Distance of the frequencies of the padded transform, Hz."""
         return self.rate / self.padded
 
-    def near(self, frequency):
-        """Return the block of a frequency in Hz and those beside it."""
-        at = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
-        block = int(np.clip(at, 0, self.sizes.size - 1))
+    def near(self, block):
+        """Return a block and those beside it."""
         return slice(max(block - 1, 0), min(block + 2, self.sizes.size))
+
+    def at(self, frequency):
+        """Return the block of a frequency in Hz and those beside it."""
+        block = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
+        return self.near(int(np.clip(block, 0, self.sizes.size - 1)))
 
 
 @dataclass(frozen=True)
-class Search:
-    """Periodogram over spectrum of one session, and the medians of its blocks."""
+class Periodogram:
+    r"""Periodogram over spectrum of one session, and the medians of its blocks.
+
+    The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)`, level means and one
+    slope removed, gaps filled with zeros, padded to twice the record, is divided by the spectrum
+    and by the local background: the largest of the medians of I/S in the block of frequencies
+    around and in the two beside it. So a misfit of the smooth model, its slope, and a band of
+    neighbouring lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent frequencies)
+    raise the background and are no lines. With a spectrum that is right up to a local factor, I/S
+    is exponential, and
+
+    .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
+
+    where x is the ratio at its maximum, M the largest of the medians of m exponentials and
+    :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` counts the independent frequencies of the band B
+    (Baluev's bound on the maximum over a continuous frequency).
+
+    References
+    ----------
+    R. V. Baluev, MNRAS 385 (2008) 1279. Median, largest of neighbours: H. Rohling, IEEE Trans.
+    Aerosp. Electron. Syst. 19 (1983) 608.
+    """
 
     band: Band
-    spectrum: object
+    spectrum: Callable
     ratio: np.ndarray
     medians: np.ndarray
+
+    @classmethod
+    def of(cls, sampling, values, spectrum):
+        """Return that of one session, None where it is too short or has no noise."""
+        band = Band.of(sampling)
+        # of what never changes rounding alone is left
+        if band is None or not any(np.ptp(x) for x in values):
+            return None
+        nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(band.edges)]
+        density = spectrum(band.step * np.concatenate(nodes)) * (band.samples * band.rate / 2)
+        if not (density > 0).all():
+            return None
+        # a power of two that keeps squares within single precision
+        size = 2.0 ** np.rint(np.log2(density.max()) / 2)
+        density = np.split(density / size**2, np.cumsum([len(each) for each in nodes])[:-1])
+        # single precision: its rounding lies 14 decades below the variance
+        power = _squares(_filled(sampling, values, band.padded // 2, size))
+        medians = np.empty(band.sizes.size)
+        for b, (i, j) in enumerate(pairwise(band.edges)):
+            power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
+            # every other one: those between are not independent
+            medians[b] = np.median(power[i:j:2])
+        ratio = power[band.edges[0] : band.edges[-1]]
+        return cls(band, spectrum, ratio, medians) if medians.all() else None
 
     def strongest(self):
         """Return the least chance, at one frequency, that a peak may have, and its place in Hz."""
         edges = self.band.edges - self.band.edges[0]
         peaks = np.maximum.reduceat(self.ratio, edges[:-1])
-        near = [slice(max(b - 1, 0), min(b + 2, peaks.size)) for b in range(peaks.size)]
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        ratios = [x / 0.81 / self.medians[n].max() for x, n in zip(peaks, near, strict=True)]
-        sizes = [(int(self.band.sizes[n].min()), n.stop - n.start) for n in near]
-        # no chance is below exp(-x E M), so that most need not be calculated
-        least = np.exp([-x * mean_highest(*of) for x, of in zip(ratios, sizes, strict=True)])
-        chances = np.ones(peaks.size)
-        for b in np.argsort(least, kind="stable"):
-            if least[b] > max(chances.min(), SURE):
-                break
-            chances[b] = one_frequency(ratios[b], *sizes[b])
+        chances = np.array([self._chance(x / 0.81, self.band.near(b)) for b, x in enumerate(peaks)])
         # a strong line leaks into other blocks, where it is weaker
         b = int(np.where(chances <= max(chances.min(), SURE), peaks, 0).argmax())
         top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
@@ -94,122 +170,49 @@ class Search:
             place += np.clip((right - left) / (4 * centre - 2 * (left + right)), -0.5, 0.5)
         return chances[b], place * self.band.step
 
-    def chance(self, wave):
-        """Return the chance of a peak as high as a fitted wave at one frequency."""
-        density = self.spectrum(np.array([wave.frequency]))[0]
-        return self._chance(
-            wave.explained / (self.band.rate * density), self.band.near(wave.frequency)
-        )
+    def chance(self, sinusoid):
+        """Return the chance of a peak as high as a fitted sinusoid at one frequency."""
+        density = self.spectrum(np.array([sinusoid.frequency]))[0]
+        ratio = sinusoid.explained / (self.band.rate * density)
+        return self._chance(ratio, self.band.at(sinusoid.frequency))
 
     def _chance(self, ratio, near):
-        background, sizes = self.medians[near].max(), self.band.sizes[near]
-        return one_frequency(ratio / background, sizes.min(), sizes.size)
+        sizes = self.band.sizes[near]
+        return chance_at_one(ratio / self.medians[near].max(), sizes.min(), sizes.size)
 
     def density(self, frequency):
         """Return the local density and its degrees of freedom; a median has 48 % of a mean's."""
-        near = self.band.near(frequency)
+        near = self.band.at(frequency)
         sizes = self.band.sizes[near]
         scale = np.average(self.medians[near], weights=sizes) / log(2)
         return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
 
-    def density_of_parts(self, frequency):
-        """Return the density in parts of the session, of which no frequency is empty.
 
-        Where a log repeats itself, most frequencies of the whole are.
-        """
-        return max(self.density(frequency)[0], self.spectrum(np.array([frequency]))[0])
-
-
-def is_sparse(layout):
-    """Return whether less than 1/`SPARSEST` of a session was recorded."""
-    first, last = extent(layout)
-    return last + 1 - first > SPARSEST * sum(layout.lengths)
+def chance_at_one(x, m, sides):
+    """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
+    if x <= 0:
+        return 1.0
+    s = np.geomspace(1e-4, 1e3, 700)
+    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s / x)) ** sides
+    return np.trapezoid(np.exp(-s) * below, s)
 
 
-@cache
-def band_of(layout):
-    """Return what is searched in a session, None where it is too short or too sparse."""
-    if is_sparse(layout):
-        return None
-    starts, lengths = np.array(layout.starts), np.array(layout.lengths)
-    n, samples = int(lengths.sum()), int((starts + lengths).max() - starts.min())
-    # frequencies in units of rate/n, the distance of independent ones
-    low = SHORTEST * n / samples
-    enough = max(ENOUGH, WIDTH_HZ * n / layout.rate)
-    sizes, k = [], low
-    while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
-        sizes.append(size)
-        k += size
-    if not sizes:
-        return None
-    padded = REMAINDERS * fft.next_fast_len(-(-2 * samples // REMAINDERS))
-    edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
-    edges[-1] = int((n / 2 - low) * padded / n)
-    middle = starts + (lengths - 1) / 2
-    spread = (middle - np.average(middle, weights=lengths)) ** 2 + (lengths**2 - 1) / 12
-    turns = np.sqrt(4 * np.pi * np.average(spread, weights=lengths))
-    return Band(
-        rate=layout.rate,
-        samples=n,
-        span=samples / layout.rate,
-        padded=padded,
-        edges=edges,
-        sizes=np.array(sizes),
-        independent=float((edges[-1] - edges[0]) / padded * turns),
-    )
-
-
-def periodogram(layout, stretches, spectrum):
-    """Return the Search of one session, None where it is too short or has no noise."""
-    band = band_of(layout)
-    # of what never changes rounding alone is left
-    if band is None or not any(np.ptp(x) for x in stretches):
-        return None
-    nodes = band.nodes
-    density = spectrum(band.step * np.concatenate(nodes)) * (band.samples * band.rate / 2)
-    if not (density > 0).all():
-        return None
-    # a power of two that keeps squares within single precision
-    size = 2.0 ** np.rint(np.log2(density.max()) / 2)
-    density = np.split(density / size**2, np.cumsum([len(each) for each in nodes])[:-1])
-    # single precision: its rounding lies 14 decades below the variance
-    power = _squares(_filled(layout, stretches, band.padded // 2, size))
-    medians = np.empty(band.sizes.size)
-    for b, (i, j) in enumerate(pairwise(band.edges)):
-        power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
-        # every other one: those between are not independent
-        medians[b] = _median(power[i:j:2])
-    ratio = power[band.edges[0] : band.edges[-1]]
-    return Search(band, spectrum, ratio, medians) if medians.all() else None
-
-
-def _median(x):
-    """Return the median; of a block numpy's own takes several times as long."""
-    half = len(x) // 2
-    if len(x) % 2:
-        return np.partition(x, half)[half]
-    return np.partition(x, (half - 1, half))[half - 1 : half + 1].sum() / 2
+def chance_over_band(chance, independent):
+    """Return the chance of a peak anywhere from that at one frequency."""
+    chance = max(chance, 1e-300)
+    return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
 def _squares(x):
-    r"""Return the squares of the Fourier transform of x and as many zeros behind.
+    r"""Return the squares of the Fourier transform of x and as many zeros behind, shape (n + 1,).
 
-    One remainder r of the frequency k = P l + r after the other, so that little more than x and the
-    result is in memory. With M = 2 n/P
+    One remainder r of the frequency k = P l + r after the other, P = `REMAINDERS`, so that little
+    more than x and the result is in memory. With M = 2 n/P
 
     .. math:: X_{Pl+r} = \sum_{j<M} e^{-2\pi i jl/M} e^{-\pi i jr/n}
         \sum_{p<P/2} x_{j+pM} e^{-2\pi i pr/P}
 
     and those above n are the conjugates of the remainder P - r.
-
-    Parameters
-    ----------
-    x : ndarray of float32, shape (n,)
-        n is a multiple of half of P, `REMAINDERS`.
-
-    Returns
-    -------
-    ndarray of float32, shape (n + 1,)
     """
     n, folded = len(x), x.reshape(REMAINDERS // 2, -1)
     size = folded.shape[1]
@@ -230,44 +233,22 @@ def _squares(x):
     return squares
 
 
-def _filled(layout, stretches, padded, size):
+def _filled(sampling, values, padded, size):
     """Return a session over `size`, levels and slope removed, zeros in the gaps and behind."""
-    level, counts = layout.of_level
-    starts, lengths = np.array(layout.starts), np.array(layout.lengths)
-    middles = starts + (lengths - 1) / 2
-    x_mean = np.bincount(level, [np.sum(x) for x in stretches]) / counts
-    t_mean = np.bincount(level, lengths * middles) / counts
-    upper = 0.0
-    for i, part in layout.parts:
-        t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
-        upper += t @ (stretches[i][part] - x_mean[level[i]])
-    slope = upper / (lengths @ ((lengths**2 - 1) / 12 + (middles - t_mean[level]) ** 2))
+    starts, lengths, level = np.array(sampling.starts), np.array(sampling.lengths), sampling.level
+    middles, counts = starts + (lengths - 1) / 2, np.bincount(level, lengths)
+    x_mean = (np.bincount(level, [np.sum(x) for x in values]) / counts)[level]
+    t_mean = (np.bincount(level, lengths * middles) / counts)[level]
+    # chunk by chunk: the times of a record of days need not be there at once
+    parts = [(i, part, starts[i] - t_mean[i]) for i, part in sampling.parts]
+    upper = sum(
+        (np.arange(part.start, part.stop) + t) @ (values[i][part] - x_mean[i])
+        for i, part, t in parts
+    )
+    slope = upper / (lengths @ ((lengths**2 - 1) / 12 + (middles - t_mean) ** 2))
     filled = np.zeros(padded, np.float32)
-    for i, part in layout.parts:
-        t = np.arange(part.start, part.stop) + (starts[i] - t_mean[level[i]])
-        at = starts[i] - starts.min() + part.start
-        filled[at : at + t.size] = (stretches[i][part] - x_mean[level[i]] - slope * t) / size
+    for i, part, t in parts:
+        line = slope * (np.arange(part.start, part.stop) + t)
+        at = starts[i] - starts.min()
+        filled[at + part.start : at + part.stop] = (values[i][part] - x_mean[i] - line) / size
     return filled
-
-
-def one_frequency(x, m, sides):
-    """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
-    if x <= 0:
-        return 1.0
-    s = np.geomspace(1e-4, 1e3, 700)
-    below = special.betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s / x)) ** sides
-    return np.trapezoid(np.exp(-s) * below, s)
-
-
-@cache
-def mean_highest(m, sides):
-    """Return the mean of the largest of `sides` medians of m exponentials of mean 1, or more."""
-    s = np.linspace(0, 6, 400)
-    below = special.betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s)) ** sides
-    return 1.0001 * np.trapezoid(1 - below, s)
-
-
-def over_band(chance, independent):
-    """Return the chance of a peak anywhere from that at one frequency."""
-    chance = max(chance, 1e-300)
-    return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))

@@ -1,6 +1,7 @@
 """The noise processes: covariance of samples, of block means, and spectral density."""
 
 import numpy as np
+from scipy.special import sici
 
 # the variances that a spectrum is a sum of: squares of Q, N, B, K
 NAMES = ("Q", "N", "B", "K")
@@ -9,9 +10,9 @@ SHORT, NEAR = 64, 32
 
 
 def sample_covariances(n, dt):
-    r"""Return the covariance of samples for unit coefficients.
+    r"""Return the covariance of samples at lags 0 to n - 1 for unit Q, N, B, K, shape (4, n), SI.
 
-    At a lag of d samples
+    At a lag of d samples of `dt` in s
 
     - quantisation: :math:`2/\Delta t^2` at d = 0, :math:`-1/\Delta t^2` at d = 1;
     - white: :math:`1/\Delta t` at d = 0;
@@ -22,21 +23,9 @@ def sample_covariances(n, dt):
     Those of flicker and walk are generalised: they hold for contrasts, sums with weights that
     add up to zero.
 
-    Parameters
-    ----------
-    n : int
-        Number of lags, from 0.
-    dt : float
-        Interval of the samples, s.
-
-    Returns
-    -------
-    ndarray, shape (4, n)
-        For Q, N, B, K, SI.
-
     References
     ----------
-    IEEE Std 952-1997, annex C; handbook definition of B by the density B^2/(2 pi |f|).
+    IEEE Std 952-1997, annex C; definition of B by the density B^2/(2 pi |f|).
     """
     d = np.arange(n)
     covariance = np.zeros((4, n))
@@ -53,21 +42,10 @@ def distances(starts):
 
 
 def mean_covariances(d, m, dt):
-    """Return the covariance of means over blocks of m samples for unit coefficients.
+    """Return the covariance of means over m samples for unit Q, N, B, K, shape (4, ...), SI.
 
-    Parameters
-    ----------
-    d : ndarray of int, any shape
-        Distance of two blocks in samples: 0, or m and more.
-    m : int
-        Samples of a block.
-    dt : float
-        Interval of the samples, s.
-
-    Returns
-    -------
-    ndarray, shape (4, ...)
-        For Q, N, B, K, SI; the same processes as in `sample_covariances`.
+    The same processes as in `sample_covariances`; `d` is the distance of two blocks in samples, 0
+    or m and more, `dt` the interval of the samples, s.
     """
     own = d == 0
     quantisation = (2.0 * own - (d == m)) / (m * dt) ** 2
@@ -76,7 +54,7 @@ def mean_covariances(d, m, dt):
 
 
 def gauss_markov_samples(n, dt, tc):
-    """Return the covariance of samples of a Gauss-Markov process of variance 1, shape (..., n).
+    """Return the covariance of n samples of Gauss-Markov processes of variance 1, (..., n).
 
     Lags from 0 for each of the correlation times `tc`, s.
     """
@@ -97,22 +75,11 @@ def gauss_markov_means(d, m, dt, tc):
 
 
 def densities(frequency, dt):
-    r"""Return two-sided spectral densities of sampled noise for unit coefficients.
+    r"""Return two-sided densities of sampled noise for unit Q, N, B, K, shape (k, 4), SI^2/Hz.
 
-    With :math:`\omega = 2\pi f \Delta t`: quantisation :math:`(2 - 2\cos\omega)/\Delta t`,
-    white 1, flicker :math:`1/2\pi f`, walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
-
-    Parameters
-    ----------
-    frequency : array_like, shape (k,)
-        Above 0 up to half the rate, Hz.
-    dt : float
-        Interval of the samples, s.
-
-    Returns
-    -------
-    ndarray, shape (k, 4)
-        For Q, N, B, K, SI^2/Hz.
+    With :math:`\omega = 2\pi f \Delta t` for frequencies in Hz, shape (k,), above 0 up to half the
+    rate: quantisation :math:`(2 - 2\cos\omega)/\Delta t`, white 1, flicker :math:`1/2\pi f`,
+    walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
 
     References
     ----------
@@ -132,18 +99,11 @@ def gauss_markov_density(frequency, dt, tc):
 
 
 def mean_spectra(theta):
-    """Return the spectra of window means for unit Q, N, B, K and windows of unit length.
+    """Return the spectra of window means for unit Q, N, B, K and windows of unit length, (m, 4).
 
-    Parameters
-    ----------
-    theta : ndarray, shape (m,)
-        2π times frequency times length of a window.
-
-    Returns
-    -------
-    ndarray, shape (m, 4)
-        Expected square of the coefficients of an orthonormal cosine transform. The walk's holds
-        exactly but for the ends, flicker is summed over its aliases.
+    Expected squares of the coefficients of an orthonormal cosine transform at `theta`, shape (m,),
+    2π times frequency times length of a window. The walk's holds exactly but for the ends, flicker
+    is summed over its aliases.
     """
     cosine = np.cos(theta)
     aliases = np.abs(theta[:, None] / (2 * np.pi) + np.arange(-8, 9))
@@ -163,9 +123,6 @@ def gauss_markov_mean_spectrum(theta, tc):
 
 def _flicker_samples(d):
     """Return the generalised covariance of flicker at a lag of d samples."""
-    # loads for a quarter of a second, and densities have no need of it
-    from scipy.special import sici
-
     x = np.pi * np.maximum(d, 1)
     return np.where(d > 0, sici(x)[1] - np.euler_gamma - np.log(x), 0.0) / np.pi
 

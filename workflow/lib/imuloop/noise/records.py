@@ -7,19 +7,15 @@ import numpy as np
 
 from imuloop.core.samples import TEMPERATURE, TIME, lost_samples
 from imuloop.core.segments import DISTURBED, STATIC, runs
-from imuloop.noise.layout import Layout
 from imuloop.noise.periodogram import SPARSEST, is_sparse
+from imuloop.noise.sampling import Sampling
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
 # samples that are looked at together
 PART = 1 << 20
-# spread of the sampling interval that is worth a note, share of its mean
-JITTER = 0.05
-# share of missing samples that is worth a note
-LOST = 1e-3
-# range of temperature that is worth a note, K
-TEMPERATURE_RANGE = 2.0
+# what is worth a note: spread of the sampling interval and missing samples, shares; temperature, K
+JITTER, LOST, TEMPERATURE_RANGE = 0.05, 1e-3, 2.0
 
 
 @dataclass(frozen=True)
@@ -28,11 +24,9 @@ class Session:
 
     Attributes
     ----------
-    name : str
-        Name in the config.
-    kind : str
-        'static', 'six_position' or 'multi_position'.
-    samples : Samples, DataFrame or dict
+    name, kind : str
+        Name in the config; 'static', 'six_position' or 'multi_position'.
+    samples : DataFrame or Columns
         Samples, SI; empty where the session was rejected.
     segments : DataFrame or dict
         Segments of these samples by column.
@@ -54,29 +48,28 @@ class Record:
         Whose samples.
     slices : tuple of slice
         One a stretch.
-    layouts : tuple of Layout
+    samplings : tuple of Sampling
         Where in time they lie, one a run (`imuloop.core.segments.runs`).
-    jitter : float
-        Spread of the sampling interval, share of its mean.
-    lost : float
-        Samples missing in gaps of a few, share of those there.
+    jitter, lost : float
+        Spread of the sampling interval, share of its mean; samples missing in gaps of a few, share
+        of those there.
     """
 
     session: Session
     slices: tuple[slice, ...]
-    layouts: tuple[Layout, ...]
+    samplings: tuple[Sampling, ...]
     jitter: float
     lost: float
 
     @property
     def rate(self):
         """Mean sampling rate, Hz."""
-        return self.layouts[0].rate
+        return self.samplings[0].rate
 
     @property
     def lengths(self):
         """Samples of each stretch, gaps of a few samples closed up, shape (s,)."""
-        return np.array([n for layout in self.layouts for n in layout.closed_up().lengths])
+        return np.array([n for sampling in self.samplings for n in sampling.closed_up().lengths])
 
     def column(self, name):
         """Return the values of a column, shape (n,)."""
@@ -88,13 +81,13 @@ class Record:
 
     def runs(self, stretches):
         """Return the stretches of each run, of what `cut` gives."""
-        ends = np.cumsum([len(layout.lengths) for layout in self.layouts])
+        ends = np.cumsum([len(sampling.lengths) for sampling in self.samplings])
         return [stretches[i:j] for i, j in pairwise([0, *ends.tolist()])]
 
     def close_up(self, stretches):
         """Return the stretches that `cut` gives with gaps of a few samples closed up."""
-        each = zip(self.layouts, self.runs(stretches), strict=True)
-        return [x for layout, run in each for x in layout.close_up(run)]
+        each = zip(self.samplings, self.runs(stretches), strict=True)
+        return [x for sampling, run in each for x in sampling.close_up(run)]
 
 
 def record_of(session, disturbed=False):
@@ -117,15 +110,15 @@ def record_of(session, disturbed=False):
     start, end, run = begins[used], ends[used], runs(session.segments)[used]
     t = np.asarray(session.samples[TIME])
     first, last = np.searchsorted(t, start), np.searchsorted(t, end)
-    broken = np.ones(len(used), dtype=bool)
+    level = np.arange(len(used))
     if session.kind == "static":
-        before = np.searchsorted(np.sort(ends[kind == DISTURBED]), start, side="right")
-        broken = np.diff(before, prepend=-1) > 0 if not disturbed else np.arange(len(used)) == 0
-    level = np.cumsum(broken) - 1
+        # the disturbances before each
+        level = np.searchsorted(np.sort(ends[kind == DISTURBED]), start, side="right")
     if disturbed:
         # stretches that follow each other without a gap are one
         new = np.r_[True, start[1:] > end[:-1]]
-        first, last, level, run = first[new], last[np.r_[new[1:], True]], level[new], run[new]
+        first, last, run = first[new], last[np.r_[new[1:], True]], run[new]
+        level = np.zeros(len(first), dtype=int)
     kept = last - first > 1
     first, last, level, run = first[kept], last[kept], level[kept], run[kept]
     if not len(first):
@@ -133,29 +126,22 @@ def record_of(session, disturbed=False):
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
     first, last, of, lost, slots = _parted(t, first, last)
     level, run, interval = level[of], run[of], seconds / slots
-    rate = float(1 / interval)
-    layouts = []
+    rate, samplings = float(1 / interval), []
     for k in np.unique(run):
         i, n = first[run == k], (last - first)[run == k]
         start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(n) - n
         # stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
-        of_run = tuple(level[run == k].tolist())
-        layouts.append(Layout(rate, tuple(start.tolist()), tuple(n.tolist()), of_run))
+        samplings.append(Sampling(rate, *(tuple(x.tolist()) for x in (start, n, level[run == k]))))
     slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
     jitter = _jitter([t[s] for s in slices], interval)
-    return Record(session, slices, tuple(layouts), jitter, float(lost / count))
+    return Record(session, slices, tuple(samplings), jitter, float(lost / count))
 
 
 def _parted(t, first, last):
-    """Return stretches parted where samples are missing.
+    """Return stretches parted where samples are missing, and the stretch each is part of.
 
-    Returns
-    -------
-    first, last, of : ndarray of int, shape (s,)
-        Samples of each, and the stretch it is part of.
-    lost, slots : int
-        Samples missing, and steps of the clock in all stretches.
+    Then the samples missing, and the steps of the clock in all stretches.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][: PART + 1]))
@@ -214,9 +200,8 @@ def all_rests(sessions, notes):
 
 
 def one_rate(records, notes):
-    """Return the records that share the rate of the largest one."""
-    largest = max(records, key=lambda record: record.lengths.sum())
-    kept = []
+    """Return the records that share the rate of the largest one, and note which do not."""
+    largest, kept = max(records, key=lambda record: record.lengths.sum()), []
     for record in records:
         if abs(record.rate / largest.rate - 1) <= RATE_TOLERANCE:
             kept.append(record)
@@ -230,32 +215,31 @@ def one_rate(records, notes):
 
 def note_conditions(record, notes):
     """Note gaps, jitter and temperature of a record."""
-    name = record.session.name
-    if len(record.layouts) > 1:
-        notes.append(
-            f"session {name}: {len(record.layouts) - 1} gap(s) longer than all that was recorded; "
-            "noise is not followed across, each side is a record of its own"
+    found, jumps = [], len(record.samplings) - 1
+    if jumps:
+        found.append(
+            f"{jumps} gap(s) longer than all that was recorded; noise is not followed across, "
+            "each side is a record of its own"
         )
-    if any(map(is_sparse, record.layouts)):
-        notes.append(
-            f"session {name}: gaps leave less than 1/{SPARSEST} of the time: no lines are sought"
-        )
+    if any(map(is_sparse, record.samplings)):
+        found.append(f"gaps leave less than 1/{SPARSEST} of the time: no lines are sought")
     if record.jitter > JITTER:
-        notes.append(
-            f"session {name}: sampling interval scatters by {100 * record.jitter:.2g} %; the "
-            "estimate takes the mean rate"
+        found.append(
+            f"sampling interval scatters by {100 * record.jitter:.2g} %; the estimate takes the "
+            "mean rate"
         )
     if record.lost > LOST:
-        notes.append(
-            f"session {name}: {100 * record.lost:.2g} % of the samples are missing, a few at a "
-            "time; the gaps are closed up, so that K, R and correlation times may be off by as much"
+        found.append(
+            f"{100 * record.lost:.2g} % of the samples are missing, a few at a time; the gaps are "
+            "closed up, so that K, R and correlation times may be off by as much"
         )
     if TEMPERATURE in record.session.samples:
         stretches = record.cut(record.column(TEMPERATURE))
         low = np.fmin.reduce([np.fmin.reduce(x) for x in stretches])
         high = np.fmax.reduce([np.fmax.reduce(x) for x in stretches])
         if high - low > TEMPERATURE_RANGE:
-            notes.append(
-                f"session {name}: temperature went from {low:.1f} to {high:.1f} degC; B, K and R "
-                "hold the bias' dependence on it"
+            found.append(
+                f"temperature went from {low:.1f} to {high:.1f} degC; B, K and R hold the bias' "
+                "dependence on it"
             )
+    notes += [f"session {record.session.name}: {note}" for note in found]

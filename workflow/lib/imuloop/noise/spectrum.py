@@ -1,102 +1,169 @@
-"""The spectrum of window means, in bins, and the likeliest variances of the processes in it."""
-
-from dataclasses import dataclass
+"""Power spectral density and autocorrelation of records that may be cut into stretches."""
 
 import numpy as np
-from scipy.fft import dct
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import welch
+from scipy.signal.windows import hann
 
-from imuloop.noise.likelihood import log_likelihood
-from imuloop.noise.modes import binned
-from imuloop.noise.nonnegative import nonnegative
-
-# bins a decade
-BINS = 12
-# the fit ends where the likelihood grows by less
-CLOSE, ROUNDS = 1e-4, 60
-# share of the largest power that a bin has at least at first: one coefficient may happen to be as
-# good as 0, and then it alone would count
-LEAST = 1e-6
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """The spectrum of one axis in bins.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (m,)
-        Mean of 2π frequency times window length.
-    power : ndarray, shape (m,)
-        Mean square of the coefficients, SI squared.
-    count : ndarray, shape (m,)
-        Number of coefficients.
-    """
-
-    theta: np.ndarray
-    power: np.ndarray
-    count: np.ndarray
+# points of a spectrum, lags of an autocorrelation
+POINTS = 300
+LAGS = 200
+# lag up to this share of the longest stretch
+LAG_SHARE = 0.1
+# up to three lengths of the segments, each this much shorter than the one before, none below 64
+SHORTER, SHORTEST = 64, 64
+# periods a segment that a frequency has at least where a longer segment is at hand
+PERIODS = 16
+# longest transform of a segment; samples that are transformed at a time; shortest block of lags
+TRANSFORM, PIECE, BLOCK = 1 << 17, 1 << 16, 1 << 15
 
 
-def coefficients(values):
-    """Return θ, (n - 1,), and squares, (n - 1, 3), of the cosine transform of means (n, 3)."""
-    n = len(values)
-    squares = dct(values - values.mean(axis=0), norm="ortho", axis=0)[1:] ** 2
-    return np.pi * np.arange(1, n) / n, squares
+def power_spectrum(stretches, rate):
+    r"""Return the one-sided power spectral density by Welch's method, pooled over stretches.
 
+    Segments half overlap and never reach over a cut. Low frequencies come from long segments,
+    high ones from short segments, of which there are more and in stretches of any length.
+    Neighbouring frequencies are averaged in logarithmic bins. With w the Hann window, the
+    coefficients at k and k + d of two segments s samples apart have the squared correlation
 
-def spectra(parts):
-    """Return the Spectrum of each axis of coefficients (θ, squares), pooled."""
-    theta = np.concatenate([t for t, _ in parts])
-    squares = np.concatenate([s for _, s in parts])
-    number = np.floor(BINS * np.log10(theta / theta.min()) + 1e-9).astype(int)
-    _, number, count = np.unique(number, return_inverse=True, return_counts=True)
-    theta = binned(theta, number)
-    return [Spectrum(theta, binned(column, number), count) for column in squares.T]
+    .. math:: \rho^2_{s d} = \Big| \sum_t w_t w_{t+s} e^{-2\pi i d t/L} \Big|^2
+        \Big/ \Big(\sum_t w_t^2\Big)^2
 
-
-def likeliest(power, count, units):
-    """Return the likeliest variances, none negative, of many spectra at once.
-
-    Non-negative least squares, the weights those of the last fit, until the likelihood stays.
-
-    Parameters
-    ----------
-    power : ndarray, shape (..., m)
-        Mean square of the coefficients in m bins.
-    count : ndarray, shape (..., m)
-        Number of coefficients, 0 in a bin that one fit lacks and another has.
-    units : ndarray, shape (..., m, k)
-        Spectra of variance one.
+    for noise that is white within a bin, and a mean over n values has the degrees of freedom
+    2 n^2 over the sum of that over all pairs.
 
     Returns
     -------
-    ndarray, shape (..., k)
-        Variances; the axes before the last are those of power and units together.
+    frequency, density, edf : ndarray, shape (k,)
+        Hz, ascending, at most `POINTS`, without the two lowest and the Nyquist frequency of a
+        segment; unit of the output squared per Hz; and equivalent degrees of freedom. Empty where
+        no stretch has 16 samples.
+
+    References
+    ----------
+    P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967), 70-73.
     """
-    shape = np.broadcast_shapes(power.shape, units.shape[:-1])
-    k = units.shape[-1]
-    power = np.broadcast_to(power, shape).reshape(-1, shape[-1])
-    count = np.broadcast_to(count, shape).reshape(-1, shape[-1])
-    units = np.broadcast_to(units, (*shape, k)).reshape(-1, shape[-1], k)
-    size = units.max(axis=1)
-    units, floor = units / size[:, None], 1e-9 * power.max(axis=1, keepdims=True)
-    found = np.zeros((len(power), k))
-    open_ = np.arange(len(power))
-    expected = np.maximum(power, LEAST * power.max(axis=1, keepdims=True))
-    last, guess = np.full(len(power), -np.inf), np.ones((len(power), k), bool)
-    for _ in range(ROUNDS):
-        weight = count / expected**2
-        weighted = (units * weight[..., None]).swapaxes(1, 2)
-        each = zip(weighted @ units, (weighted @ power[..., None])[..., 0], guess, strict=True)
-        variances = np.array([nonnegative(*one) for one in each])
-        found[open_] = variances
-        new = np.maximum((units @ variances[..., None])[..., 0], floor)
-        value = log_likelihood(power, count, new)
-        more = np.abs(value - last) >= CLOSE
-        if not more.any():
-            break
-        # half steps in the logarithm do not swing to and fro
-        expected = np.sqrt(expected * new)[more]
-        last, guess, open_ = value[more], variances[more] > 0, open_[more]
-        power, count, units, floor = power[more], count[more], units[more], floor[more]
-    return (found / size).reshape(*shape[:-1], k)
+    lengths = segment_lengths(max(map(len, stretches)))
+    if not lengths:
+        return np.empty(0), np.empty(0), np.empty(0)
+    edges = np.geomspace(1.5 * rate / lengths[0], rate / 2, POINTS + 1)
+    rows, last = [], POINTS
+    for length in reversed(lengths):
+        longest = length == lengths[0]
+        first = 0 if longest else int(np.searchsorted(edges, PERIODS * rate / length))
+        density, segments, overlaps = _pooled_welch(stretches, rate, length)
+        index = np.ceil(edges * length / rate).astype(int)
+        for k in range(last - 1, first - 1, -1):
+            i, j = index[k], min(index[k + 1], length // 2)
+            if i < j:
+                edf = _freedom(j - i, segments, overlaps)
+                rows.append(((i + j - 1) / 2 * rate / length, density[i:j].mean(), edf))
+        last = first
+    return tuple(np.array(rows[::-1]).T)
+
+
+def segment_lengths(longest):
+    """Return lengths of segments, powers of 2: from half the longest stretch, where it has 16."""
+    if longest < 16:
+        return []
+    length = 1 << (int(longest // 2).bit_length() - 1)
+    shorter = [length // SHORTER**i for i in (1, 2)]
+    return [length, *(each for each in shorter if each >= SHORTEST)]
+
+
+def _pooled_welch(stretches, rate, length):
+    """Return the density pooled over stretches, the segments, and the pairs that overlap.
+
+    Of segments beyond `TRANSFORM` samples only the lowest share 1 / (2 * 128) of the frequencies
+    is asked for: triangular means leave an alias of 1e-8 there, and their own response is undone.
+    """
+    divisor = max(1, length // TRANSFORM)
+    length //= divisor
+    step, total, segments, overlaps = length // 2, 0.0, 0, 0
+    for stretch in stretches:
+        x = np.asarray(stretch) if divisor == 1 else _triangular_means(stretch, divisor)
+        count = max(0, (len(x) - length) // step + 1)
+        at_once = max(1, PIECE // length)
+        for i in range(0, count, at_once):
+            j = min(i + at_once, count)
+            some = x[i * step : (j + 1) * step]
+            total += (j - i) * welch(some, rate / divisor, nperseg=length)[1]
+        segments += count
+        overlaps += max(0, count - 1)
+    density = total / segments
+    phase = np.pi * np.arange(1, step + 1) / length
+    density[1:] /= (np.sin(phase) / (divisor * np.sin(phase / divisor))) ** 4
+    return density, segments, overlaps
+
+
+def _triangular_means(x, divisor):
+    """Return means of 2 * divisor samples weighted by a triangle, one each divisor samples."""
+    blocks = np.asarray(x)[: len(x) // divisor * divisor].reshape(-1, divisor)
+    rising = (np.arange(divisor) + 0.5) / divisor**2
+    return blocks[:-1] @ rising + blocks[1:] @ rising[::-1]
+
+
+def _squared_correlation(shift, length=64):
+    """Return the squared correlation of coefficients d = 0, 1, ... apart, `shift` samples on."""
+    window = hann(length, sym=False)
+    product = window[shift:] * window[: length - shift]
+    return np.abs(rfft(product, length) / (window @ window))[: length // 4] ** 2
+
+
+# the same segment, and the one half a segment on
+SAME, NEXT = _squared_correlation(0), _squared_correlation(32)
+
+
+def _freedom(frequencies, segments, overlaps):
+    """Return the degrees of freedom of a mean over neighbouring frequencies and all segments."""
+    distance = np.arange(min(frequencies, len(SAME)))
+    pairs = np.where(distance > 0, 2, 1) * (frequencies - distance)
+    correlated = segments * (pairs @ SAME[distance]) + 2 * overlaps * (pairs @ NEXT[distance])
+    return 2 * (frequencies * segments) ** 2 / correlated
+
+
+def autocorrelation(stretches):
+    r"""Return the autocorrelation about the mean of each stretch, pooled over stretches.
+
+    .. math:: \rho_k = \frac{\sum_s \sum_t y_{s,t}\, y_{s,t+k} / n_k}
+        {\sum_s \sum_t y_{s,t}^2 / n_0},\quad n_k = \sum_s \max(0, n_s - k)
+
+    Taking the mean off lowers it by about the variance of that mean over the variance.
+
+    Returns
+    -------
+    lags, value, pairs : ndarray, shape (k,)
+        At most `LAGS` lags in samples, log-spaced up to a tenth of the longest stretch, without 0;
+        the autocorrelation; and n_k. Empty where the output is constant or has under 10 samples a
+        stretch.
+    """
+    lengths = np.array([len(x) for x in stretches])
+    longest = int(lengths.max() * LAG_SHARE)
+    lags = np.unique(np.rint(np.geomspace(1, max(longest, 1), LAGS)).astype(int))[:longest]
+    products, power = np.zeros(len(lags)), 0.0
+    for x in stretches:
+        if len(lags) and np.ptp(x):
+            at_zero, at_lags = _lagged_products(np.asarray(x), lags)
+            power += at_zero
+            products += at_lags
+    if not power:
+        lags, products = lags[:0], products[:0]
+    pairs = np.maximum(lengths[:, None] - lags, 0).sum(axis=0)
+    return lags, products / pairs / (power / lengths.sum() if power else 1.0), pairs
+
+
+def _lagged_products(x, lags):
+    """Return the sums of y_t y_{t+k} at k = 0 and at the lags, y = x without its mean."""
+    mean, reach = x.mean(), min(lags[-1], len(x) - 1)
+    # each block against itself and the next, which stands half a transform on: exp(-i pi k)
+    block = next_fast_len(max(int(reach), BLOCK), real=True)
+    sign = (-1.0) ** np.arange(block + 1)
+    spectrum, before = np.zeros((2, block + 1), dtype=complex)
+    for i in range(0, len(x), block):
+        here = rfft(x[i : i + block] - mean, 2 * block)
+        spectrum += here.real**2 + here.imag**2
+        before *= here
+        spectrum += before
+        before = np.conj(here) * sign
+    products = irfft(spectrum, 2 * block)
+    return products[0], np.where(lags <= reach, products[np.minimum(lags, reach)], 0.0)

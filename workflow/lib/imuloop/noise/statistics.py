@@ -11,21 +11,10 @@ MEANS = {"std_10s": 10.0, "std_100s": 100.0}
 
 
 def summary(stretches, rate):
-    """Return summary figures of one axis.
+    """Return summary figures of one axis of clean output, any unit.
 
-    Parameters
-    ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Clean output, any unit.
-    rate : float
-        Sampling rate, Hz.
-
-    Returns
-    -------
-    dict
-        mean, std, min, q25, median, q75, max and peak_to_peak of the samples; std_10s and
-        std_100s, the standard deviation of consecutive 10 s and 100 s means. Unit of the output;
-        None where a figure needs more data.
+    mean, std, min, q25, median, q75, max and peak_to_peak of the samples; std_10s and std_100s, the
+    standard deviation of consecutive 10 s and 100 s means. None where a figure needs more data.
     """
     # the one copy: sorted in part, then freed of its mean, both in place
     x = np.concatenate([np.asarray(s, dtype=float) for s in stretches])
@@ -74,8 +63,8 @@ def repeatability(means):
     Returns
     -------
     dict or None
-        For each axis `std`, m/s^2 or rad/s, and the number of `sessions`; None for the axes of
-        the accelerometer where the attitudes differ. None as a whole with fewer than two sessions.
+        For each axis `std` and the number of `sessions`; None for the axes of the accelerometer
+        where the attitudes differ. None as a whole with fewer than two sessions.
     """
     if len(means) < 2:
         return None

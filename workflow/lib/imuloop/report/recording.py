@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import HOUR
-from imuloop.noise.needed import needed_seconds
+from imuloop.noise.record_length import record_seconds
 from imuloop.plan.session import INITIAL_REST_S, POSES
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.figures.poses import largest_hole, pose_directions
@@ -274,7 +274,7 @@ def static_record(device):
             target = min(upper, size)
             if target < (1 - WORTH) * upper:
                 known = _processes(axis)
-                seconds = needed_seconds(name, target, *known, 1 / min(rates), MISSED)
+                seconds = record_seconds(name, target, *known, 1 / min(rates), MISSED)
                 if seconds and longest < seconds <= LONGEST_RECORD:
                     wanted.append((seconds, name, channel, upper, target))
     if not wanted:

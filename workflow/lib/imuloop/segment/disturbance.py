@@ -124,7 +124,7 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     deciding = [
         rows.read(axes, 0, min(DECIDING, len(rows))) for axes in (ACCELERATION, ANGULAR_RATE)
     ]
-    search = _Search(
+    search = _WaveletSearch(
         rows=rows,
         widths=[2**level for level in range(1, levels + 1)],
         floor=np.repeat([rounding_variance(x.T) for x in deciding], 3),
@@ -145,7 +145,7 @@ def undisturbed(rows, stretches, step, settings, threads=1):
 
 
 @dataclass(frozen=True)
-class _Search:
+class _WaveletSearch:
     """What a round of the search needs: samples, scales, noise of rounding, probability, guard."""
 
     rows: object

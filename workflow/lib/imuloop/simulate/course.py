@@ -31,7 +31,7 @@ def poses(session, rate, rng):
 
     Parameters
     ----------
-    session : Session
+    session : SessionTruth
         Number and length of rests and moves.
     rate : float
         Hz.
@@ -88,21 +88,7 @@ def at_rest(session, rate, rng):
     A knock is a short burst; a tilt a turn about a horizontal axis that lasts; handling is a
     stretch of wobble, tremor and acceleration that ends in the attitude it began in.
 
-    Parameters
-    ----------
-    session : Session
-        Duration and disturbances, in order of time.
-    rate : float
-        Hz.
-    rng : Generator
-        Source of random numbers.
-
-    Returns
-    -------
-    pieces : list of Piece
-        Rests and disturbances.
-    up : ndarray, shape (3,)
-        Upward direction on body axes at the start.
+    Parameters and what is returned are as of `poses`.
 
     Raises
     ------

@@ -76,10 +76,8 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
         Number of samples, and their distance in s.
     turn : array_like, shape (3,)
         Rotation vector v of the whole move, rad, on body axes at its start.
-    wobble, tremor : float
-        Largest angles φ and ψ, rad.
-    shake : float
-        Size of the linear acceleration, m/s^2.
+    wobble, tremor, shake : float
+        Largest angles φ and ψ, rad, and size of the linear acceleration, m/s^2.
     rng : Generator, optional
         Source of the axes, phases and frequencies of wobble, tremor and shake.
 
@@ -147,10 +145,8 @@ def chain(pieces, up, gravity, rate):
         Rests and moves.
     up : array_like, shape (3,)
         Upward direction on body axes at the start.
-    gravity : float
-        m/s^2.
-    rate : float
-        Samples per second, Hz.
+    gravity, rate : float
+        m/s^2 and Hz.
 
     Returns
     -------

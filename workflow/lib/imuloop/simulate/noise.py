@@ -1,4 +1,7 @@
-"""Noise of known coefficients: each process made from its definition, not from its Allan curve."""
+"""Noise of known coefficients: each process made from its definition, not from its Allan curve.
+
+Each function makes `n` samples, `dt` s apart.
+"""
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len
@@ -52,21 +55,7 @@ def ramp(n, dt, R):
 def gauss_markov(n, dt, q, tc, rng):
     """Return a stationary first-order Gauss–Markov process, ``dx/dt = -x/tc + q·white``.
 
-    Parameters
-    ----------
-    n, dt : int, float
-        Number of samples, and their distance in s.
-    q : float
-        Density of the driving noise, SI/√s; the variance of x is ``q² tc/2``.
-    tc : float
-        Correlation time, s.
-    rng : Generator
-        Source of random numbers.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Samples of the process, exact at their times.
+    `q` is in SI/√s, the correlation time `tc` in s; the variance of x is ``q² tc/2``.
     """
     phi, std = np.exp(-dt / tc), q * np.sqrt(tc / 2)
     drive = rng.standard_normal(n) * std * np.sqrt(1 - phi**2)
@@ -85,38 +74,26 @@ def steps(n, dt, size, times):
 
 
 def axis_noise(n, dt, noise, axis, seed):
-    """Return the sum of one axis' processes.
+    """Return the sum of one axis' processes, shape (n,), SI.
 
-    Parameters
-    ----------
-    n, dt : int, float
-        Number of samples, and their distance in s.
-    noise : Noise
-        Coefficients.
-    axis : int
-        Which of the three.
-    seed : SeedSequence
-        Every process draws from a child of it, so that one does not move another.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Noise, SI.
+    Each draws from a child of the SeedSequence `seed`, so that one does not move another.
     """
-    first, second, third, fourth, *rest = (
-        np.random.default_rng(s)
-        for s in seed.spawn(4 + len(noise.gauss_markov) + len(noise.sinusoid))
-    )
+    children = seed.spawn(4 + len(noise.gauss_markov) + len(noise.sinusoid))
+    rngs = iter([np.random.default_rng(child) for child in children])
     total = ramp(n, dt, noise.R[axis])
-    processes = (white, "N", first), (quantisation, "Q", second), (flicker, "B", third)
-    for process, name, rng in (*processes, (walk, "K", fourth)):
-        value = getattr(noise, name)[axis]
+    for process, value in (
+        (white, noise.N[axis]),
+        (quantisation, noise.Q[axis]),
+        (flicker, noise.B[axis]),
+        (walk, noise.K[axis]),
+    ):
+        rng = next(rngs)
         if value:
             total += process(n, dt, value, rng)
-    for term, rng in zip(noise.gauss_markov, rest, strict=False):
-        total += gauss_markov(n, dt, term.q[axis], term.tc, rng)
-    for term, rng in zip(noise.sinusoid, rest[len(noise.gauss_markov) :], strict=True):
-        total += sinusoid(n, dt, term.amplitude[axis], term.frequency, rng)
+    for term in noise.gauss_markov:
+        total += gauss_markov(n, dt, term.q[axis], term.tc, next(rngs))
+    for term in noise.sinusoid:
+        total += sinusoid(n, dt, term.amplitude[axis], term.frequency, next(rngs))
     for term in noise.steps:
         total += steps(n, dt, term.size[axis], term.times)
     return total

@@ -1,12 +1,13 @@
-"""A sensor: from what is true to what is logged."""
+"""A sensor and a thermometer: from what is true to what is logged."""
 
 import numpy as np
+from scipy.signal import lfilter
 
 from imuloop.simulate.noise import axis_noise
 
 
 def output(truth, x, channels):
-    """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``.
+    """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, (n, 3), SI.
 
     e depends on the output itself: solved by repeated substitution, whose error falls by the
     size of de/du, a few per cent at most, in each of four rounds.
@@ -19,11 +20,6 @@ def output(truth, x, channels):
         True specific force (m/s^2) or angular rate (rad/s) on body axes.
     channels : callable
         Gives `Channels` of an output.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Output on the sensor's own axes, SI.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -37,7 +33,7 @@ def output(truth, x, channels):
 
 
 def logged(truth, u, bias, dt, seed):
-    """Return what is logged: ``raw = (u + noise)/K + b``, rounded to the step.
+    """Return what is logged: ``raw = (u + noise)/K + b``, rounded to the step, (n, 3).
 
     Parameters
     ----------
@@ -50,15 +46,36 @@ def logged(truth, u, bias, dt, seed):
     dt : float
         Distance of samples, s.
     seed : SeedSequence
-        One child an axis.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Raw units.
+        One child per axis.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):
         noise = axis_noise(len(u), dt, truth.noise, axis, child)
         raw[:, axis] = (u[:, axis] + noise) / truth.K[axis] + bias[axis]
-    return np.round(raw / truth.step) * truth.step if truth.step else raw
+    return rounded(raw, truth.step)
+
+
+def rounded(x, step):
+    """Return values as multiples of a step; 0 leaves them."""
+    return np.round(x / step) * step if step else x
+
+
+def lagged(x, dt, tc):
+    """Return the first-order lag ``tc dy/dt = x - y`` of a signal, shape (n,), from ``y = x`` on.
+
+    Exact for a signal that is linear between its samples, `dt` s apart; `tc` 0 leaves it.
+    """
+    if not tc:
+        return x
+    phi = np.exp(-dt / tc)
+    share = (1 - phi) * tc / dt
+    return lfilter([1 - share, share - phi], [1, -phi], x, zi=[share * x[0]])[0]
+
+
+def logged_temperature(thermometer, temperature, dt, seed):
+    """Return the temperature that a Thermometer logs of a device's, shape (n,), degC."""
+    shown = lagged(temperature, dt, thermometer.lag_s)
+    if thermometer.noise:
+        noise = np.random.default_rng(seed).standard_normal(len(shown))
+        shown = shown + thermometer.noise * noise
+    return rounded(shown, thermometer.step)

@@ -12,11 +12,10 @@ import pyarrow.parquet as pq
 from imuloop.core.effect import Channels
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import replaced
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, TEMPERATURE, TIME
+from imuloop.core.samples import METADATA_KEY, SENSORS, TEMPERATURE, TIME
 from imuloop.simulate.course import at_rest, poses
 from imuloop.simulate.motion import chain
-from imuloop.simulate.sensor import logged, output
-from imuloop.simulate.thermal import lagged, read_out
+from imuloop.simulate.sensor import lagged, logged, logged_temperature, output
 
 
 def _seeds(truth, session, seed):
@@ -27,13 +26,7 @@ def _seeds(truth, session, seed):
 
 
 def true_motion(truth, session, seed=None):
-    """Return the motion behind `simulate_session` of the same arguments.
-
-    Returns
-    -------
-    Motion
-        True attitude, specific force, angular rate and rests.
-    """
+    """Return the Motion behind `simulate_session` of the same arguments."""
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
     course = at_rest if plan.kind == "static" else poses
@@ -67,31 +60,27 @@ def simulate_session(truth, session, seed=None):
     if session not in truth.sessions:
         known = ", ".join(truth.sessions)
         raise ImuloopError(f"{truth.name}: no session '{session}'; it has {known}")
-    plan = truth.sessions[session]
-    sensors = {"accelerometer": truth.accelerometer, "gyroscope": truth.gyroscope}
-    effects = [fitted.effect for sensor in sensors.values() for fitted in sensor.effects]
+    plan, dt = truth.sessions[session], 1 / truth.rate
+    effects = [e.effect for name in SENSORS for e in getattr(truth, name).effects]
     if not plan.temperature and any("temperature" in effect.needs for effect in effects):
         raise ImuloopError(f"{truth.name}.{session}: an effect needs a temperature profile")
-    motion = true_motion(truth, session, seed)
-    temperature = None
+    motion, temperature = true_motion(truth, session, seed), None
     if plan.temperature:
         around = np.interp(motion.t, *np.transpose(plan.temperature))
-        temperature = lagged(around, 1 / truth.rate, plan.thermal_s)
-    force, rate = motion.specific_force, motion.angular_rate
+        temperature = lagged(around, dt, plan.thermal_s)
+    true = [motion.specific_force, motion.angular_rate]
     _, *sensor_seeds, thermal_seed = _seeds(truth, session, seed)
-    seeds = dict(zip(sensors, sensor_seeds, strict=True))
     log = {TIME: motion.t}
-    for name, x, other, columns in (
-        ("accelerometer", force, rate, ACCELERATION),
-        ("gyroscope", rate, force, ANGULAR_RATE),
-    ):
-        sensor = sensors[name]
-        u = output(sensor, x, lambda u, other=other: Channels(motion.t, u, other, temperature))
+    for k, (name, columns) in enumerate(SENSORS.items()):
+        sensor, other = getattr(truth, name), true[1 - k]
+        u = output(
+            sensor, true[k], lambda u, other=other: Channels(motion.t, u, other, temperature)
+        )
         bias = np.add(sensor.b, (plan.turn_on or {}).get(name, 0.0))
-        raw = logged(sensor, u, bias, 1 / truth.rate, seeds[name])
+        raw = logged(sensor, u, bias, dt, sensor_seeds[k])
         log |= dict(zip(columns, raw.T, strict=True))
     if temperature is not None:
-        log[TEMPERATURE] = read_out(truth.thermometer, temperature, 1 / truth.rate, thermal_seed)
+        log[TEMPERATURE] = logged_temperature(truth.thermometer, temperature, dt, thermal_seed)
     return pd.DataFrame(log)
 
 

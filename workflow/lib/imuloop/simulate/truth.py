@@ -16,7 +16,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class GaussMarkov:
+class GaussMarkovProcess:
     """First-order Gauss–Markov process: density `q` per axis, SI/√s; correlation time `tc`, s."""
 
     q: tuple
@@ -24,7 +24,7 @@ class GaussMarkov:
 
 
 @dataclass(frozen=True)
-class Sinusoid:
+class SpectralLine:
     """Sinusoid of random phase: `amplitude` per axis, SI; `frequency`, Hz."""
 
     amplitude: tuple
@@ -32,8 +32,8 @@ class Sinusoid:
 
 
 @dataclass(frozen=True)
-class Steps:
-    """Popcorn: the bias jumps by `size` per axis, SI, at each of `times`, s, there and back."""
+class Popcorn:
+    """The bias jumps by `size` per axis, SI, at each of `times`, s, there and back."""
 
     size: tuple
     times: tuple
@@ -45,7 +45,7 @@ class Noise:
 
     Attributes
     ----------
-    Q, N, B, K, R : tuple of 3 floats
+    Q, N, B, K, R : sequence of 3 floats
         Quantisation (SI·s), white (SI/√Hz), flicker (SI), walk (SI/√s), ramp (SI/s).
     gauss_markov, sinusoid, steps : tuple
         Further processes.
@@ -56,9 +56,9 @@ class Noise:
     B: tuple = ZERO
     K: tuple = ZERO
     R: tuple = ZERO
-    gauss_markov: tuple[GaussMarkov, ...] = ()
-    sinusoid: tuple[Sinusoid, ...] = ()
-    steps: tuple[Steps, ...] = ()
+    gauss_markov: tuple[GaussMarkovProcess, ...] = ()
+    sinusoid: tuple[SpectralLine, ...] = ()
+    steps: tuple[Popcorn, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,8 @@ class SensorTruth:
         Unit that is logged: m/s^2, rad/s, count, …
     T : ndarray, shape (3, 3)
         Misalignment, unit diagonal.
-    K : ndarray, shape (3,)
-        Scale factor, SI per raw unit.
-    b : ndarray, shape (3,)
-        Bias, raw units.
+    K, b : ndarray, shape (3,)
+        Scale factor, SI per raw unit, and bias, raw units.
     noise : Noise
         SI, added to the sensor's output.
     step : float
@@ -103,12 +101,10 @@ class Disturbance:
     ----------
     kind : {'knock', 'tilt', 'handling'}
         Burst of acceleration, lasting turn, or seconds of motion that end where they began.
-    time_s : float
-        Start, s.
+    time_s, duration_s : float
+        Start and length, s.
     size : float
         m/s^2 of a knock, degrees of a tilt or of handling.
-    duration_s : float
-        s.
     axis : tuple of 3 floats, optional
         Body axis of a tilt (its level part counts); at random if not given.
     """
@@ -128,10 +124,8 @@ class Vibration:
     ----------
     share : float
         Part of the poses during which it runs; never the first.
-    rms : tuple of 2 floats
-        Smallest and largest acceleration, root mean square, m/s^2.
-    frequency : tuple of 2 floats
-        Lowest and highest, Hz.
+    rms, frequency : tuple of 2 floats
+        Smallest and largest acceleration, root mean square, m/s^2, and frequency, Hz.
     """
 
     share: float
@@ -147,10 +141,8 @@ class Thermometer:
     ----------
     lag_s : float
         Time constant with which it follows the temperature of the device, s.
-    noise : float
-        Standard deviation of a sample, K.
-    step : float
-        Step to which it is rounded, K; 0 for none.
+    noise, step : float
+        Standard deviation of a sample, and step to which it is rounded, K; 0 for none.
     """
 
     lag_s: float = 0.0
@@ -159,7 +151,7 @@ class Thermometer:
 
 
 @dataclass(frozen=True)
-class Session:
+class SessionTruth:
     """One log to be made.
 
     Attributes
@@ -170,10 +162,8 @@ class Session:
         Number from which all of the session's random numbers follow.
     up : tuple of 3 floats
         Upward direction on body axes, static or before the first pose; six faces begin with z up.
-    duration_s : float
-        Length of a static session, s.
-    disturbances : tuple of Disturbance
-        Of a static session, in order of time.
+    duration_s, disturbances : float, tuple of Disturbance
+        Of a static session: length, s, and what happens, in order of time.
     initial_rest_s : float
         First rest of the other kinds, s.
     poses : int
@@ -185,8 +175,7 @@ class Session:
     rest_s, move_s : tuple of 2 floats
         Shortest and longest rest and move, s.
     turns_about_vertical : int
-        Poses that are turned slowly about the vertical and held again, not seen by the
-        accelerometer.
+        Poses that are turned slowly about the vertical, unseen by the accelerometer, held again.
     vibration : Vibration, optional
         Of the poses (multi_position).
     temperature : tuple of (float, float)
@@ -218,37 +207,36 @@ class Session:
 
 @dataclass(frozen=True)
 class Truth:
-    """A simulated device.
-
-    Attributes
-    ----------
-    name : str
-        Name in the logs' metadata.
-    accelerometer, gyroscope : SensorTruth
-        Its sensors.
-    sessions : dict of str to Session
-        Its logs.
-    gravity : float
-        m/s^2.
-    rate : float
-        Samples per second, Hz.
-    thermometer : Thermometer
-        Of the logs that hold a temperature.
-    """
+    """A simulated device: name in the logs' metadata, sensors, logs, m/s^2, Hz."""
 
     name: str
     accelerometer: SensorTruth
     gyroscope: SensorTruth
-    sessions: dict[str, Session]
+    sessions: dict[str, SessionTruth]
     gravity: float = STANDARD_GRAVITY
     rate: float = 100.0
     thermometer: Thermometer = Thermometer()
 
 
 KINDS = {
-    Session: ("static", "six_position", "multi_position"),
+    SessionTruth: ("static", "six_position", "multi_position"),
     Disturbance: ("knock", "tilt", "handling"),
 }
+# what a key of a mapping holds: a part, or a tuple of parts
+PARTS = {
+    "accelerometer": SensorTruth,
+    "gyroscope": SensorTruth,
+    "thermometer": Thermometer,
+    "vibration": Vibration,
+    "noise": Noise,
+}
+TUPLES = {
+    "disturbances": Disturbance,
+    "gauss_markov": GaussMarkovProcess,
+    "sinusoid": SpectralLine,
+    "steps": Popcorn,
+}
+UNITS = {"accelerometer": (*ACCELERATION, "count"), "gyroscope": (*ANGULAR_RATE, "count")}
 
 
 def read_truth(path):
@@ -261,78 +249,46 @@ def read_truth(path):
     """
     content = yaml.safe_load(Path(path).read_text())
     try:
-        sensors = {
-            name: _sensor(content[name], f"{path}: {name}", units)
-            for name, units in (("accelerometer", ACCELERATION), ("gyroscope", ANGULAR_RATE))
-        }
-        sessions = {
-            name: _session(values, f"{path}: sessions.{name}")
-            for name, values in content["sessions"].items()
-        }
-        parts = {**sensors, "sessions": sessions}
-        parts["thermometer"] = _made(
-            Thermometer, content.get("thermometer", {}), f"{path}: thermometer"
-        )
-        return _made(Truth, content | parts, str(path))
+        for name, units in UNITS.items():
+            if (unit := content[name]["raw_unit"]) not in units:
+                known = ", ".join(units)
+                raise ImuloopError(f"{path}: {name}.raw_unit: '{unit}' is not one of {known}")
+        return _made(Truth, content, f"{path}: ")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ImuloopError(f"{path}: not a truth: {error!r}") from error
 
 
 def _made(cls, content, where):
-    """Return a dataclass of a mapping, or say which key it does not have."""
+    """Return a dataclass of a mapping, or say what is wrong with a key; `where` goes before it."""
     names = [field.name for field in fields(cls)]
     for key in content:
         if key not in names:
-            raise ImuloopError(f"{where}.{key}: no such key{did_you_mean(key, names)}")
+            raise ImuloopError(f"{where}{key}: no such key{did_you_mean(key, names)}")
     kind = content.get("kind")
     if cls in KINDS and kind not in KINDS[cls]:
-        raise ImuloopError(f"{where}.kind: '{kind}' is not one of {', '.join(KINDS[cls])}")
-    return cls(**content)
+        raise ImuloopError(f"{where}kind: '{kind}' is not one of {', '.join(KINDS[cls])}")
+    return cls(**{key: _value(key, value, f"{where}{key}") for key, value in content.items()})
 
 
-def _sensor(content, where, units):
-    """Return a sensor of a mapping."""
-    if content["raw_unit"] not in (*units, "count"):
-        known = ", ".join((*units, "count"))
-        raise ImuloopError(f"{where}.raw_unit: '{content['raw_unit']}' is not one of {known}")
-    noise = dict(content.get("noise", {}))
-    for key, cls in (("gauss_markov", GaussMarkov), ("sinusoid", Sinusoid), ("steps", Steps)):
-        noise[key] = tuple(_made(cls, term, f"{where}.noise.{key}") for term in noise.get(key, ()))
-    for key in set(noise) & set("QNBKR"):
-        noise[key] = tuple(_numbers(noise[key], (3,), f"{where}.noise.{key}"))
-    try:
-        effects = [FittedEffect.from_dict(effect) for effect in content.get("effects", ())]
-    except ImuloopError as error:
-        raise ImuloopError(f"{where}.effects: {error}") from error
-    made = {
-        "T": _numbers(content["T"], (3, 3), f"{where}.T"),
-        "K": _numbers(content["K"], (3,), f"{where}.K"),
-        "b": _numbers(content["b"], (3,), f"{where}.b"),
-        "step": float(content.get("step", 0.0)),
-        "noise": _made(Noise, noise, f"{where}.noise"),
-        "effects": tuple(effects),
-    }
-    return _made(SensorTruth, {**content, **made}, where)
-
-
-def _session(content, where):
-    """Return a session of a mapping."""
-    disturbances = tuple(
-        _made(Disturbance, item, f"{where}.disturbances")
-        for item in content.get("disturbances", ())
-    )
-    made = {**content, "disturbances": disturbances}
-    if "vibration" in content:
-        made["vibration"] = _made(Vibration, content["vibration"], f"{where}.vibration")
-    return _made(Session, made, where)
-
-
-def _numbers(value, shape, where):
-    """Return an array of that shape, or say where it is not."""
-    array = np.asarray(value, dtype=float)
-    if array.shape != shape:
-        raise ImuloopError(f"{where}: shape {array.shape}, needs {shape}")
-    return array
+def _value(key, value, where):
+    """Return what a key of a mapping holds."""
+    if key in PARTS and isinstance(value, dict):
+        return _made(PARTS[key], value, f"{where}.")
+    if key in TUPLES:
+        return tuple(_made(TUPLES[key], each, f"{where}.") for each in value)
+    if key == "sessions":
+        return {k: _made(SessionTruth, each, f"{where}.{k}.") for k, each in value.items()}
+    if key == "effects":
+        try:
+            return tuple(FittedEffect.from_dict(effect) for effect in value)
+        except ImuloopError as error:
+            raise ImuloopError(f"{where}: {error}") from error
+    if key in ("T", "b", *"QNBKR"):
+        array, shape = np.asarray(value, dtype=float), (3, 3) if key == "T" else (3,)
+        if array.shape != shape:
+            raise ImuloopError(f"{where}: shape {array.shape}, needs {shape}")
+        return array
+    return value
 
 
 def example_truth(**changes):
@@ -356,8 +312,8 @@ def example_truth(**changes):
         noise=Noise(N=(1.7e-4, 1.6e-4, 1.5e-4), B=(3e-5, 4e-5, 2.5e-5)),
     )
     sessions = {
-        "static": Session("static", seed=1, duration_s=1800.0),
-        "six_position": Session("six_position", seed=2),
-        "multi_position": Session("multi_position", seed=3),
+        "static": SessionTruth("static", seed=1, duration_s=1800.0),
+        "six_position": SessionTruth("six_position", seed=2),
+        "multi_position": SessionTruth("multi_position", seed=3),
     }
     return replace(Truth("example", accelerometer, gyroscope, sessions), **changes)

@@ -1,12 +1,11 @@
 """Validation: the error of gravity's direction on stretches that no model has seen."""
 
-from itertools import groupby
-
 import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import residuals
+from imuloop.core.tables import joined, table
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.validate.attitude_errors import (
@@ -62,14 +61,10 @@ def validate_attitude(device, gravity, diagnosed, settings):
     dict
         Content of attitude.json.
     dict of str to ndarray
-        Columns of attitude.parquet, a row a stretch, method, model and time.
+        Columns of attitude.parquet, a row per stretch, method, model and time.
     """
     recording, whole = diagnosed.recording, diagnosed.solutions["gyroscope"]
-    sensors, turn = dict(diagnosed.sensors), diagnosed.sensors["gyroscope"]
-    if diagnosed.effects["accelerometer"] is None:
-        # where the poses cannot test it, it is given
-        sensors["accelerometer"] = None
-    effects = {sensor: found or () for sensor, found in diagnosed.effects.items()}
+    force, turn = diagnosed.sensors["accelerometer"], diagnosed.sensors["gyroscope"]
     reason = turn.untestable(recording)
     if reason is None and whole is None:
         reason = "the poses determine no calibration of the gyroscope"
@@ -77,38 +72,35 @@ def validate_attitude(device, gravity, diagnosed, settings):
         return no_attitude(device, reason)
     block = blocks(len(recording.poses), settings)
     keeps = [block != k for k in range(block.max() + 1)]
-    if any(any(s.undetermined(recording, keeps)) for s in sensors.values() if s):
+    fitted = [turn] if diagnosed.effects["accelerometer"] is None else [force, turn]
+    if any(any(sensor.undetermined(recording, keeps)) for sensor in fitted):
         why = f"{len(block)} poses do not determine the model with a block of them held out"
         return no_attitude(device, why)
     try:
-        models = held_out_models(
-            sensors,
-            recording,
-            block,
-            effects,
-            diagnosed.shown,
-            gravity,
-            settings,
-            diagnosed.tests,
-        )
+        models = held_out_models(diagnosed, block, gravity, settings)
     except LinAlgError:
         return no_attitude(device, SINGULAR)
-    u = [_directions(m, recording) for m in models]
-    table = _errors(recording, block, models, u, diagnosed.names)
+    u = np.array([_directions(each, recording) for each in models])
+    errors = _errors(recording, block, models, u[:, MODELS.index("final")], diagnosed.names)
+    # how far the base model's directions are from the final one's, held out
+    apart = angle(u[block, MODELS.index("base"), np.arange(len(block))], _own(u, block))
     content = {
         **_head(device),
         "status": "ok",
-        "effects": [m.effects for m in models],
-        "reference_deg": float(np.degrees(_reference_shift(u, block))),
-        "methods": {m: _summary(table, m, settings) for m in METHODS},
+        "effects": [
+            {s: [e.name for e in getattr(m["final"], s).effects] for s in diagnosed.effects}
+            for m in models
+        ],
+        "reference_deg": float(np.degrees(np.sqrt((apart**2).mean()))),
+        "methods": {m: _summary(errors, m, settings) for m in METHODS},
         "sessions": {
-            name: {m: _summary(chosen(table, session=name), m, settings) for m in METHODS}
-            for name in dict.fromkeys(table["session"])
+            name: {m: _summary(chosen(errors, session=name), m, settings) for m in METHODS}
+            for name in dict.fromkeys(errors["session"])
         },
     }
     floor = _rotation_floor(turn, whole, recording, block)
     content["methods"]["rotation"]["floor_deg"] = float(np.degrees(floor))
-    return content, table
+    return content, errors
 
 
 def no_attitude(device, why):
@@ -121,98 +113,88 @@ def _head(device):
     return {"format": FORMAT, "device": device, "gains": {"k_P": K_P, "k_I": K_I}}
 
 
-def _directions(models, recording):
+def _directions(calibrations, recording):
     """Return gravity's direction at all poses by the accelerometers of `MODELS`, (3, n, 3)."""
     poses, found = recording.poses, []
-    for calibration in models.calibrations.values():
-        force = calibration.accelerometer
+    for name in MODELS:
+        force = calibrations[name].accelerometer
         channels = recording.pose_channels("accelerometer", force.output, poses.w)
         found.append(force.apply(poses.f, channels))
     return np.array(found) / np.linalg.norm(found, axis=-1, keepdims=True)
 
 
-def _reference_shift(directions, block):
-    """Return how far the base model's directions are from the final one's, held out, rad."""
-    base, final = MODELS.index("base"), MODELS.index("final")
-    off = [angle(u[base], u[final])[block == k] for k, u in enumerate(directions)]
-    return np.sqrt((np.concatenate(off) ** 2).mean())
+def _own(directions, block):
+    """Return the final model's direction at each pose, by the model that did not see it, (n, 3)."""
+    return directions[block, MODELS.index("final"), np.arange(len(block))]
 
 
 def _errors(recording, block, models, directions, names):
-    """Return the table of errors: of each stretch, those of all methods and models."""
-    poses, found, filters = recording.poses, [], []
-    reference = MODELS.index("final")
-    # nothing is worked out twice for a final model that is the base model
-    alike = all(m.calibrations["final"] is m.calibrations["base"] for m in models)
-    distinct = MODELS[:reference] if alike else MODELS
+    """Return the table of errors: of each stretch, those of all methods and models.
 
-    def place(stretch):
-        return block[stretch.poses[0]], poses.session[stretch.poses[0]]
-
-    for (k, session), group in groupby(stretches(recording, block), place):
-        calibrations = models[k].calibrations
-        log = recording.logs[session]
-        # effects may depend on all of the log
-        whole = {n: _calibrated(c, log) for n, c in calibrations.items() if _extended(c)}
-        for stretch in group:
-            pieces = [
-                [values[stretch.piece] for values in whole[name]]
-                if name in whole
-                else _calibrated(calibrations[name], log, stretch.piece)
-                for name in distinct
-            ]
-            f, w = (np.array(values) for values in zip(*pieces, strict=True))
-            q, u = attitudes(w, stretch.t), directions[k][reference, stretch.poses]
-            rotation, through = gyroscope_errors(q, stretch, u)
-            found.append((names[session], k, stretch, {"rotation": rotation, "stretch": through}))
-            filters.append((*filter_steps(q, f, stretch), u))
-    for (*_, errors), mahony in zip(found, filter_errors(filters), strict=True):
+    Parameters
+    ----------
+    models : list of dict
+        As of `held_out_models`, a block each.
+    directions : ndarray, shape (blocks, n, 3)
+        Gravity's direction at the poses by the final model of each block.
+    names : list of str
+        Of the sessions.
+    """
+    found, fed, calibrated, last = [], [], None, None
+    for stretch in stretches(recording, block):
+        k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
+        if place != last:
+            # of the whole log: effects may depend on what was before
+            log, last = recording.logs[session], place
+            whole = (models[k][m].calibrated(log.f, log.w, log.t, log.temperature) for m in MODELS)
+            calibrated = [np.array(values) for values in zip(*whole, strict=True)]
+        f, w = (values[:, stretch.piece] for values in calibrated)
+        q, u = attitudes(w, stretch.t), directions[k, stretch.poses]
+        rotation, through = gyroscope_errors(q, stretch, u)
+        found.append((names[session], k, stretch, {"rotation": rotation, "stretch": through}))
+        fed.append((*filter_steps(q, f, stretch), u))
+    for (*_, errors), mahony in zip(found, filter_errors(fed), strict=True):
         errors["mahony"] = mahony
-    each = [min(i, len(distinct) - 1) for i in range(len(MODELS))]
-    parts = [
-        _rows(method, values[each], number, *about)
-        for number, (*about, errors) in enumerate(found)
-        for method, values in errors.items()
-    ]
-    return {
-        name: np.concatenate([part[name] for part in parts]).astype(kind)
-        for name, kind in COLUMNS.items()
-    }
+    rows = joined(
+        [
+            _rows(method, values, number, *about)
+            for number, (*about, errors) in enumerate(found)
+            for method, values in errors.items()
+        ]
+    )
+    return {name: rows[name].astype(kind) for name, kind in COLUMNS.items()}
 
 
 def _rows(method, errors, number, session, block, stretch):
     """Return the rows of one stretch and method; errors in rad, a first axis for the models."""
     arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
     if method == "rotation":
-        t, after, at = arrive[1:], arrive[1:] - leave[:-1], np.repeat("arrival", len(arrive) - 1)
+        t, after, at = arrive[1:], arrive[1:] - leave[:-1], ["arrival"] * (len(arrive) - 1)
     else:
         t = np.column_stack([arrive, leave])[1:].ravel()
-        after, at = t - leave[0], np.tile(["arrival", "departure"], len(t) // 2)
-    models, n = len(MODELS), len(t)
-    same = {"session": session, "stretch": number, "block": block, "method": method}
-    return {name: np.repeat(value, models * n) for name, value in same.items()} | {
-        "model": np.repeat(MODELS, n),
-        "t_s": np.tile(t, models),
-        "after_s": np.tile(after, models),
-        "at": np.tile(at, models),
-        "error_deg": np.degrees(errors).ravel(),
-    }
+        after, at = t - leave[0], ["arrival", "departure"] * (len(t) // 2)
+    per_model = [
+        table(COLUMNS, session, number, block, method, model, t, after, "", np.degrees(e).ravel())
+        | {"at": np.array(at, dtype=object)}
+        for model, e in zip(MODELS, errors, strict=True)
+    ]
+    return joined(per_model)
 
 
-def chosen(table, **values):
+def chosen(rows, **values):
     """Return the rows of a table, a dict of columns, that have some values."""
-    rows = np.all([table[name] == value for name, value in values.items()], axis=0)
-    return {name: column[rows] for name, column in table.items()}
+    keep = np.all([rows[name] == value for name, value in values.items()], axis=0)
+    return {name: column[keep] for name, column in rows.items()}
 
 
-def _summary(table, method, settings):
+def _summary(rows, method, settings):
     """Return what attitude.json holds of a method: errors of each model when a turn is over."""
-    by_model = {m: chosen(table, method=method, at="arrival", model=m) for m in MODELS}
+    by_model = {m: chosen(rows, method=method, at="arrival", model=m) for m in MODELS}
     if method == "stretch":
         # the last arrival of each
         last = np.append(np.diff(by_model["base"]["stretch"]) != 0, True)
-        by_model = {m: {n: c[last] for n, c in rows.items()} for m, rows in by_model.items()}
-    errors = {model: rows["error_deg"] for model, rows in by_model.items()}
+        by_model = {m: {n: c[last] for n, c in each.items()} for m, each in by_model.items()}
+    errors = {model: each["error_deg"] for model, each in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
     low, high = ratio_interval(by_model["base"]["block"], base, final, settings)
     return {
@@ -235,18 +217,5 @@ def _rotation_floor(turn, whole, recording, block):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
     ends, kind = turn.rows(recording)
-    variance = np.diag(
-        held_out_covariance(turn.covariance(whole, recording), jacobian, block[ends])
-    )
-    return np.sqrt(2 * variance[kind == 1].mean())
-
-
-def _calibrated(calibration, log, piece=slice(None)):
-    """Return calibrated specific force and angular rate of a piece of a log, (n, 3) each."""
-    temperature = None if log.temperature is None else log.temperature[piece]
-    return calibration.calibrated(log.f[piece], log.w[piece], log.t[piece], temperature)
-
-
-def _extended(calibration):
-    """Return whether a calibration has effects."""
-    return calibration.accelerometer.effects or calibration.gyroscope.effects
+    covariance = held_out_covariance(turn.covariance(whole, recording), jacobian, block[ends])
+    return np.sqrt(2 * np.diag(covariance)[kind == 1].mean())

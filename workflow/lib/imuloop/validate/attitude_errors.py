@@ -38,21 +38,9 @@ class Stretch:
 
 
 def stretches(recording, block):
-    """Return the longest stretches whose rotations follow each other within a block.
+    """Return the longest stretches whose rotations follow each other within a block, in order.
 
-    A rotation belongs to the block of the pose that it starts from.
-
-    Parameters
-    ----------
-    recording : Recording
-        Poses, n of them, rotations and logs.
-    block : ndarray of int, shape (n,)
-        Block of each pose.
-
-    Returns
-    -------
-    list of Stretch
-        In order of time.
+    A rotation belongs to the block (ndarray of int, shape (n,), of each pose) that it starts from.
     """
     first = recording.rotations.first
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(block[first]) != 0)) + 1
@@ -83,8 +71,7 @@ def attitudes(w, t):
         Time, s.
     """
     turned = prefix_product(exponential(step_vectors(w, np.diff(t))))
-    start = np.zeros((*turned.shape[:-2], 1, 4))
-    start[..., 0] = 1.0
+    start = np.broadcast_to([1.0, 0, 0, 0], (*turned.shape[:-2], 1, 4))
     return np.concatenate([start, turned], axis=-2)
 
 
@@ -123,7 +110,7 @@ def gyroscope_errors(q, stretch, u):
 
 
 def filter_steps(q, f, stretch):
-    """Return what the filter is fed on a stretch: at each step turn, direction of force, time.
+    """Return what the filter is fed on a stretch.
 
     Parameters
     ----------
@@ -155,12 +142,8 @@ def filter_steps(q, f, stretch):
     size = np.linalg.norm(force, axis=-1, keepdims=True)
     # without specific force, where the accelerometer was not read, nothing corrects
     force = np.divide(force, size, out=np.zeros_like(force), where=size > 0)
-    return (
-        turns.swapaxes(0, 1),
-        force.swapaxes(0, 1),
-        np.diff(t[at]),
-        np.searchsorted(at, wanted) - 1,
-    )
+    marks = np.searchsorted(at, wanted) - 1
+    return turns.swapaxes(0, 1), force.swapaxes(0, 1), np.diff(t[at]), marks
 
 
 def filter_errors(fed):
@@ -176,28 +159,18 @@ def filter_errors(fed):
     list of ndarray, shape (r, p - 1, 2)
         Of each model at the first and the last sample of each pose but the first, rad.
     """
-    longest = max(len(steps) for _, _, steps, *_ in fed)
-
-    def beside(index, fill):
-        # one column a stretch and model; a stretch that is over stands still
-        arrays = []
-        for each in fed:
-            values = each[index]
-            more = np.broadcast_to(fill(values), (longest - len(values), *values.shape[1:]))
-            arrays.append(np.concatenate([values, more]))
-        return np.concatenate(arrays, axis=1)
-
-    turns, force = beside(0, lambda v: np.eye(3)), beside(1, lambda v: v[-1:])
-    models = fed[0][0].shape[1]
-    steps = np.zeros((longest, len(fed)))
-    for column, (_, _, dt, *_) in enumerate(fed):
-        steps[: len(dt), column] = dt
-    found = mahony(turns, force, np.repeat(steps, models, axis=1), force[0])
-    errors = []
-    for column, (*_, marks, u) in enumerate(fed):
-        v = found[marks][:, :, column * models : (column + 1) * models]
-        errors.append(angle(v, u[1:, None, None]).transpose(2, 0, 1))
-    return errors
+    longest, models = max(len(dt) for _, _, dt, *_ in fed), fed[0][0].shape[1]
+    # a stretch that is over stands still
+    turns = np.tile(np.eye(3), (longest, len(fed), models, 1, 1))
+    force, steps = np.zeros((longest, len(fed), models, 3)), np.zeros((longest, len(fed), 1))
+    for column, (turn, direction, dt, *_) in enumerate(fed):
+        n = len(dt)
+        turns[:n, column], force[:n, column], steps[:n, column, 0] = turn, direction, dt
+    found = mahony(turns, force, steps, force[0])
+    return [
+        angle(found[marks, column], u[1:, None, None]).transpose(2, 0, 1)
+        for column, (*_, marks, u) in enumerate(fed)
+    ]
 
 
 def mahony(turns, force, steps, start):
@@ -211,18 +184,18 @@ def mahony(turns, force, steps, start):
 
     Parameters
     ----------
-    turns : ndarray, shape (s, r, 3, 3)
-        Turn of each step, of r filters that run beside each other.
-    force : ndarray, shape (s, r, 3)
+    turns : ndarray, shape (s, ..., 3, 3)
+        Turn of each step, of filters that run beside each other.
+    force : ndarray, shape (s, ..., 3)
         Direction of specific force.
-    steps : ndarray, shape (s, r)
+    steps : ndarray, shape (s, ...)
         Time steps, s.
-    start : ndarray, shape (r, 3)
+    start : ndarray, shape (..., 3)
         Direction to start from.
 
     Returns
     -------
-    ndarray, shape (s, r, 3)
+    ndarray, shape (s, ..., 3)
         Direction after each step.
 
     References
@@ -230,31 +203,17 @@ def mahony(turns, force, steps, start):
     Mahony, Hamel, Pflimlin, "Nonlinear complementary filters on the special orthogonal group",
     IEEE Transactions on Automatic Control 53 (2008), section V, here for one direction.
     """
-    found, before = np.empty((*force.shape, 1)), start[..., None]
+    found, v = np.empty((*force.shape, 1)), start[..., None]
     # -[β ×] holds the bias; with σ = a × v its change -k_I σ adds k_I (a vᵀ - v aᵀ)
-    slant = np.zeros((len(start), 3, 3))
-    dt = np.repeat(steps[..., None], 3, axis=-1)
-    pull, learn = K_P * dt * force, K_I * dt * force
-    # thousands of small steps: every array is there before the first
-    v, turned, outer = np.empty_like(before), np.empty_like(before), np.empty_like(slant)
-    along = np.empty((len(start), 1, 1))
-    row, back = v.swapaxes(1, 2), outer.swapaxes(1, 2)
-    each = zip(turns, dt[..., None], pull[..., None], learn[:, :, None], found, strict=True)
-    for turn, step, a, b, at in each:
-        np.matmul(turn, before, out=v)
-        np.matmul(slant, v, out=turned)
-        turned *= step
-        v += turned
-        np.matmul(v, b, out=outer)
-        slant += back
-        slant -= outer
+    slant = np.zeros((*start.shape, 3))
+    dt, a = steps[..., None, None], force[..., None]
+    pull, learn = K_P * dt * a, K_I * dt * a
+    for k, turn in enumerate(turns):
+        v = turn @ v
+        v = v + dt[k] * (slant @ v)
+        outer = learn[k] @ v.swapaxes(-1, -2)
+        slant = slant + outer - outer.swapaxes(-1, -2)
         # v × σ = a - v (v · a)
-        np.matmul(row, a, out=along)
-        np.subtract(1, along, out=along)
-        v *= along
-        v += a
-        np.matmul(row, v, out=along)
-        np.sqrt(along, out=along)
-        np.divide(v, along, out=at)
-        before = at
+        v = v * (1 - v.swapaxes(-1, -2) @ pull[k]) + pull[k]
+        v = found[k] = v / np.sqrt(v.swapaxes(-1, -2) @ v)
     return found[..., 0]

@@ -1,6 +1,6 @@
 """Calibrations of a device that never saw a block of its poses: as logged, base model, final."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,129 +14,75 @@ MODELS = ("raw", "base", "final")
 BLOCK, FEWEST = 5, 4
 
 
-@dataclass(frozen=True)
-class HeldOutModels:
-    """The calibrations that judge one block of poses.
-
-    Attributes
-    ----------
-    calibrations : dict of str to Calibration
-        One for each of `MODELS`; the final one is the base model itself where no effect was added.
-    effects : dict of str to tuple of str
-        Effects of the final one by sensor, chosen without the block.
-    """
-
-    calibrations: dict[str, Calibration]
-    effects: dict[str, tuple[str, ...]]
-
-
 def blocks(count, settings):
     """Return the block of each pose: parts that follow each other in time."""
     parts = min(count, settings.folds, max(FEWEST, count // BLOCK))
     return np.arange(count) * parts // max(count, 1)
 
 
-def held_out_models(sensors, recording, block, effects, told, gravity, settings, tests):
+def held_out_models(diagnosed, block, gravity, settings):
     """Return the models of a device that do not see one block of poses, block by block.
 
-    As in the diagnosis, effects are looked for only where all poses together show one.
+    As in the diagnosis, effects are looked for only where all poses together show one. An
+    accelerometer that the poses cannot test is given.
 
     Parameters
     ----------
-    sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
-        How each is fitted; an accelerometer that the poses do not determine is None.
-    recording : Recording
-        All poses and rotations.
+    diagnosed : Diagnosed
+        The diagnosis of the device.
     block : ndarray of int, shape (n,)
         The block of each pose.
-    effects : dict of str to tuple of Effect
-        Effects by sensor that all poses together show.
-    told : dict of str to (tuple of Effect, callable or None)
-        By sensor the effects that other records show, and what these tell, as of PoseProblem.
     gravity : float
         m/s^2.
     settings : DiagnoseSettings
         Settings.
-    tests : int
-        Number of tests that share the significance.
 
     Returns
     -------
-    list of HeldOutModels
-        One a block.
+    list of dict of str to Calibration
+        Per block, by name in `MODELS`; the final one is the base model where no effect was added.
     """
-    arguments = recording, settings, tests, block
-    final = _Fitted.of(sensors, effects, told, *arguments)
-    base = final
-    if any(effects.values()) or any(shown for shown, _ in told.values()):
-        force = replace(sensors["gyroscope"].accelerometer, effects=())
-        plain = sensors | {"gyroscope": replace(sensors["gyroscope"], accelerometer=force)}
-        nothing = dict.fromkeys(effects, ())
-        base = _Fitted.of(plain, nothing, dict.fromkeys(effects, ((), None)), *arguments)
-    units = [(sensors["accelerometer"] or sensors["gyroscope"].accelerometer), sensors["gyroscope"]]
-    raw = Calibration(
-        "",
-        gravity,
-        *(SensorCalibration.nominal(getattr(u, "unit", None) or u.raw_unit, None) for u in units),
-    )
-    found = []
-    for k in range(block.max() + 1):
-        whole = Calibration("", gravity, *final.without(k))
-        simple = whole if base is final else Calibration("", gravity, *base.without(k))
-        if not (whole.accelerometer.effects or whole.gyroscope.effects):
-            simple = whole
-        found.append(
-            HeldOutModels(
-                {"raw": raw, "base": simple, "final": whole},
-                {
-                    "accelerometer": tuple(e.name for e in whole.accelerometer.effects),
-                    "gyroscope": tuple(e.name for e in whole.gyroscope.effects),
-                },
-            )
-        )
-    return found
+    sensors = dict(diagnosed.sensors)
+    if diagnosed.effects["accelerometer"] is None:
+        sensors["accelerometer"] = None
+    effects = {sensor: found or () for sensor, found in diagnosed.effects.items()}
+    nothing = dict.fromkeys(effects, ())
 
+    def choices(sensors, searched, shown):
+        def problem(name, directions=None):
+            how = settings, diagnosed.tests, block, *shown[name], directions
+            return Choices(pose_problem(sensors[name], diagnosed.recording, *how))
 
-@dataclass(frozen=True)
-class _Fitted:
-    """Both sensors with what each may choose; the accelerometer's is None where it is given."""
+        if not sensors["accelerometer"]:
+            return {"accelerometer": None, "gyroscope": problem("gyroscope")}
+        force = problem("accelerometer")
 
-    force: Choices | None
-    turn: Choices
-    searched: dict
+        def directions(out):
+            return directions_without(force, out, searched["accelerometer"])
 
-    @classmethod
-    def of(cls, sensors, effects, told, recording, settings, tests, block):
-        """Return them; a sensor without an effect in all poses is not searched."""
-        force, directions = None, None
-        if sensors["accelerometer"]:
-            force = Choices(
-                pose_problem(
-                    sensors["accelerometer"],
-                    recording,
-                    settings,
-                    tests,
-                    block,
-                    *told["accelerometer"],
-                )
-            )
+        return {"accelerometer": force, "gyroscope": problem("gyroscope", directions)}
 
-            def directions(out):
-                return directions_without(force, out, effects["accelerometer"])
-
-        turn = pose_problem(
-            sensors["gyroscope"], recording, settings, tests, block, *told["gyroscope"], directions
-        )
-        return cls(force, Choices(turn), effects)
-
-    def without(self, k):
-        """Return the calibrations of accelerometer and gyroscope that do not see a block."""
+    def without(choices, searched, k):
         found, out = [], frozenset({k})
-        for choices, name in ((self.force, "accelerometer"), (self.turn, "gyroscope")):
-            if choices is None:
-                found.append(self.turn.problem.sensor.accelerometer)
+        for name, each in choices.items():
+            if each is None:
+                found.append(choices["gyroscope"].problem.sensor.accelerometer)
                 continue
-            problem = choices.problem
-            base = choices.choice(out).base if self.searched[name] else ()
-            found.append(fitted_calibration(problem.sensor, problem.fitted(base, out)))
-        return found
+            base = each.choice(out).base if searched[name] else ()
+            found.append(fitted_calibration(each.problem.sensor, each.problem.fitted(base, out)))
+        return Calibration("", gravity, *found)
+
+    given, turn = sensors["gyroscope"].accelerometer, sensors["gyroscope"]
+    force_unit = sensors["accelerometer"].unit if sensors["accelerometer"] else given.raw_unit
+    raw = (SensorCalibration.nominal(unit, None) for unit in (force_unit, turn.unit))
+    raw = Calibration("", gravity, *raw)
+    final = base = choices(sensors, effects, diagnosed.shown)
+    if any(effects.values()) or any(found for found, _ in diagnosed.shown.values()):
+        turn = replace(turn, accelerometer=replace(given, effects=()))
+        base = choices(sensors | {"gyroscope": turn}, nothing, dict.fromkeys(effects, ((), None)))
+    models = []
+    for k in range(block.max() + 1):
+        whole = without(final, effects, k)
+        simple = whole if base is final or not whole.effects else without(base, nothing, k)
+        models.append({"raw": raw, "base": simple, "final": whole})
+    return models

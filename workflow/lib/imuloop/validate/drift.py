@@ -7,12 +7,14 @@ from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.stats import chi2, norm
 
 from imuloop.core.errors import ImuloopError
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
-from imuloop.validate.departure import (
+from imuloop.validate.drift_residuals import (
     BASE,
-    accelerometer_problem,
-    gyroscope_problem,
+    BIASES,
+    SCALES,
+    accelerometer_residuals,
+    gyroscope_residuals,
     testable,
 )
 
@@ -52,6 +54,11 @@ class Change:
     p_value: float
     p_holm: float = 1.0
     drifted: bool = False
+
+    @property
+    def is_bias(self):
+        """Whether it is of a bias."""
+        return self.name in BIASES or self.name.startswith("b along")
 
 
 @dataclass(frozen=True)
@@ -123,8 +130,8 @@ class Drift:
     @property
     def bias_only(self):
         """Whether what has drifted are biases alone."""
-        changed = [c.name for s in self.sensors.values() for c in s.changes if c.drifted]
-        return bool(changed) and all(is_bias(name) for name in changed)
+        changed = [c for s in self.sensors.values() for c in s.changes if c.drifted]
+        return bool(changed) and all(change.is_bias for change in changed)
 
     def to_dict(self):
         """Return what a JSON file holds."""
@@ -136,11 +143,6 @@ class Drift:
         }
 
 
-def is_bias(name):
-    """Return whether a change's name is that of a bias."""
-    return name in ("b0", "b1", "b2") or name.startswith("b along")
-
-
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
     """Test whether the parameters of a calibration still hold in a new log.
 
@@ -149,7 +151,7 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     ``S = Σ + J C Jᵀ``, of the noise and of the calibration's own errors C. The change of those
     parameters that the log determines is the δ of least ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If it
     determines all of them, δ is the difference to a new calibration, and its covariance the sum
-    of both. Two families of tests share the level: each parameter by itself, and one χ² test a
+    of both. Two families of tests share the level: each parameter by itself, and one χ² test per
     sensor of all together; each family after Holm.
 
     Parameters
@@ -185,36 +187,36 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     """
     if not len(recording.poses):
         raise ImuloopError("the log holds no rest: nothing can be tested")
-    recording = recording.of_new_runs()
-    poses = recording.poses
-    force = accelerometer_problem(calibration, recording, noise, gravity or calibration.gravity)
-    allowed = {
-        sensor: _turn_on(
-            getattr(calibration, sensor), noise, axes, None if turn_on is None else turn_on[k]
-        )
-        for k, (sensor, axes) in enumerate(
-            (("accelerometer", ACCELERATION), ("gyroscope", ANGULAR_RATE))
-        )
-    }
-    found = {}
-    try:
-        found["accelerometer"] = _test(
-            force, allowed["accelerometer"], poses, noise, ACCELERATION, level
-        )
-        turn = gyroscope_problem(calibration, recording, noise, force, found["accelerometer"][1])
-        found["gyroscope"] = _test(turn, allowed["gyroscope"], poses, noise, ANGULAR_RATE, level)
-    except LinAlgError as error:
-        name = "gyroscope" if found else "accelerometer"
-        raise ImuloopError(
-            f"nothing can be tested: the calibration of the {name} is so far from the log, or its "
-            "errors are so large, that rounding leaves nothing of the noise"
-        ) from error
-    sensors = _judged({name: result for name, (result, _) in found.items()}, level)
+    recording, gravity = recording.of_new_runs(), gravity or calibration.gravity
+    allowed = {}
+    for (name, axes), given in zip(SENSORS.items(), turn_on or (None, None), strict=True):
+        allowed[name] = _turn_on(getattr(calibration, name), noise, axes, given)
+    found, change = {}, None
+    force = accelerometer_residuals(calibration, recording, noise, gravity)
+    for name in SENSORS:
+        try:
+            residuals = force
+            if name == "gyroscope":
+                residuals = gyroscope_residuals(calibration, recording, noise, force, change)
+            unknown = recording.poses.unknown_noise(noise, SENSORS[name])
+            if isinstance(residuals, str):
+                found[name], change = SensorDrift(name, None, why=residuals), None
+            elif unknown:
+                untested = residuals.estimated
+                found[name], change = SensorDrift(name, None, untested=untested, why=unknown), None
+            else:
+                found[name], change = _test(residuals, allowed[name], level)
+        except LinAlgError as error:
+            raise ImuloopError(
+                f"nothing can be tested: the calibration of the {name} is so far from the log, or "
+                "its errors are so large, that rounding leaves nothing of the noise"
+            ) from error
+    sensors = _judged(found, level)
     if all(sensor.drifted is None for sensor in sensors.values()):
         why = "; ".join(f"{name}: {sensor.why}" for name, sensor in sensors.items())
         raise ImuloopError(f"nothing can be tested: {why}")
     rotations = 0 if recording.rotations is None else len(recording.rotations)
-    return Drift(calibration.device, level, len(poses), rotations, sensors)
+    return Drift(calibration.device, level, len(recording.poses), rotations, sensors)
 
 
 def _turn_on(sensor, noise, axes, given):
@@ -230,23 +232,18 @@ def _turn_on(sensor, noise, axes, given):
     return tuple(float(_FLICKER * (noise.axes[axis].B.value or 0.0)) for axis in axes)
 
 
-def _test(problem, turn_on, poses, noise, axes, level):
+def _test(residuals, turn_on, level):
     """Return the test of one sensor, and change and covariance of all parameters if it drifted."""
-    if isinstance(problem, str):
-        sensor = "accelerometer" if axes == ACCELERATION else "gyroscope"
-        return SensorDrift(sensor, None, why=problem), None
-    if reason := poses.unknown_noise(noise, axes):
-        return SensorDrift(problem.sensor, None, untested=problem.estimated, why=reason), None
-    prior = problem.covariance.copy()
-    biases = [problem.names.index(name) for name in ("b0", "b1", "b2")]
+    old, prior = residuals.old, residuals.old.covariance.copy()
+    biases = [old.names.index(name) for name in BIASES]
     prior[biases, biases] += np.square(turn_on)
-    basis, names, untested, why = testable(problem)
-    r, jacobian = problem.residuals(problem.x)
-    excess = problem.excess
+    basis, names, units, untested, why = testable(residuals)
+    r, jacobian = residuals.function(old.x)
+    excess = residuals.excess
     for attempt in range(2):
-        expected = excess * problem.noise + jacobian @ prior @ jacobian.T
+        expected = excess * residuals.noise + jacobian @ prior @ jacobian.T
         root = cholesky(expected, lower=True)
-        change, covariance, left = _solve(problem, basis, root)
+        change, covariance, left = _solve(residuals, basis, root)
         dof = len(r) - len(change)
         if attempt or dof < 1 or chi2.sf(left, dof) >= MISFIT:
             break
@@ -255,14 +252,16 @@ def _test(problem, turn_on, poses, noise, axes, level):
     if not np.all(np.diag(covariance) > 0):
         raise LinAlgError("rounding leaves a covariance indefinite")
     std = np.sqrt(np.diag(covariance))
-    scale = np.array([problem.scale(name) for name in names])
-    joint = float(change @ np.linalg.solve(covariance, change))
+    # the change of a scale factor is relative
+    factor = [1 / old.x[old.names.index(n)] if n in SCALES else 1.0 for n in names]
+    rows = zip(names, units, change.tolist(), std.tolist(), factor, strict=True)
     changes = [
-        Change(name, problem.unit(name), c * f, s * f, c / s, float(2 * norm.sf(abs(c / s))))
-        for name, c, s, f in zip(names, change.tolist(), std.tolist(), scale.tolist(), strict=True)
+        Change(name, unit, c * f, s * f, c / s, float(2 * norm.sf(abs(c / s))))
+        for name, unit, c, s, f in rows
     ]
+    joint = float(change @ np.linalg.solve(covariance, change))
     result = SensorDrift(
-        problem.sensor,
+        residuals.sensor,
         False,
         tuple(changes),
         untested,
@@ -270,43 +269,32 @@ def _test(problem, turn_on, poses, noise, axes, level):
         joint,
         len(change),
         float(chi2.sf(joint, len(change))),
-        residuals=problem.summary(r, np.diag(expected)),
+        residuals=residuals.summary(r, np.diag(expected)),
         misfit=left / dof if dof > 0 else None,
         turn_on=turn_on,
     )
     # chance among the joint test and the single ones, as `_judged` has it for one sensor
     p = min(result.p_value, min(c.p_value for c in changes) * len(changes))
-    if p < level / 2 and set(BASE[problem.sensor]) <= set(names):
+    if p < level / 2 and set(BASE[residuals.sensor]) <= set(names):
         return result, (basis @ change, basis @ covariance @ basis.T)
     return result, None
 
 
-def _solve(problem, basis, root):
+def _solve(residuals, basis, root):
     """Return the δ of least ``(r + J δ)ᵀ S⁻¹ (r + J δ)``, its covariance, the least value."""
     change = np.zeros(basis.shape[1])
     # nearly linear: the second step is for changes that are large
     for _ in range(3):
-        r, jacobian = problem.residuals(problem.x + basis @ change)
+        r, jacobian = residuals.function(residuals.old.x + basis @ change)
         design = solve_triangular(root, jacobian @ basis, lower=True)
         change = change - np.linalg.lstsq(design, solve_triangular(root, r, lower=True))[0]
-    r, _ = problem.residuals(problem.x + basis @ change)
+    r, _ = residuals.function(residuals.old.x + basis @ change)
     left = solve_triangular(root, r, lower=True)
     return change, np.linalg.inv(design.T @ design), float(left @ left)
 
 
 def holm(p_values):
-    """Return p-values that hold for a whole family, after Holm.
-
-    Parameters
-    ----------
-    p_values : array_like, shape (m,)
-        One a test.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        In the same order; at most 1.
-    """
+    """Return p-values that hold for a whole family, shape (m,), after Holm."""
     p = np.asarray(p_values, dtype=float)
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
@@ -317,17 +305,17 @@ def holm(p_values):
 def _judged(sensors, level):
     """Return the tests of both sensors with what they say of each other's chance."""
     tested = [name for name, s in sensors.items() if s.changes]
-    single = iter(holm([c.p_value for name in tested for c in sensors[name].changes]))
-    joint = dict(zip(tested, holm([sensors[name].p_value for name in tested]), strict=True))
+    single = iter(holm([c.p_value for name in tested for c in sensors[name].changes]).tolist())
+    joint = dict(zip(tested, holm([sensors[n].p_value for n in tested]).tolist(), strict=True))
     for name in tested:
-        changes = []
-        for each in sensors[name].changes:
-            p = float(next(single))
-            changes.append(replace(each, p_holm=p, drifted=p < level / 2))
+        changes = [
+            replace(change, p_holm=p, drifted=p < level / 2)
+            for change, p in zip(sensors[name].changes, single, strict=False)
+        ]
         sensors[name] = replace(
             sensors[name],
             changes=tuple(sorted(changes, key=lambda c: c.p_value)),
-            p_holm=float(joint[name]),
-            drifted=bool(joint[name] < level / 2 or any(c.drifted for c in changes)),
+            p_holm=joint[name],
+            drifted=joint[name] < level / 2 or any(c.drifted for c in changes),
         )
     return sensors

@@ -8,8 +8,14 @@ from imuloop.diagnose.content import untried
 from imuloop.diagnose.records.static import derivative, fold_of
 from imuloop.diagnose.residuals import size
 from imuloop.effects.gauss_markov import GaussMarkov
-from imuloop.noise.coloured import Coloured, coloured, held_out_ratio, limits
-from imuloop.noise.spectrum import coefficients, spectra
+from imuloop.noise.coloured import (
+    Coloured,
+    WindowSpectrum,
+    coefficients,
+    coloured,
+    held_out_ratio,
+    limits,
+)
 
 # means without a gap between them that a spectrum needs
 LEAST_IN_SPECTRUM = 16
@@ -23,10 +29,10 @@ class Process:
     ----------
     test : Coloured
         Test.
-    spectra : list of Spectrum
+    spectrum : WindowSpectrum
         Of the three axes, effects taken out.
     window : float
-        Length of the windows of the spectra, s.
+        Length of the windows of the spectrum, s.
     share : float
         By how much it shrinks the error that held-out means are expected to have.
     ratio : list of float
@@ -36,7 +42,7 @@ class Process:
     """
 
     test: Coloured
-    spectra: list
+    spectrum: WindowSpectrum
     window: float
     share: float
     ratio: list
@@ -89,7 +95,7 @@ def find_process(fine, choices):
     whole, parts = left(frozenset())
     if not whole or not all(parts):
         return None
-    window, axes, pairs = float(np.median(fine[0].length)), spectra(whole), []
+    window, spectrum, pairs = float(np.median(fine[0].length)), WindowSpectrum.of(whole), []
     for k in range(problem.parts):
         # without an effect every part's search leaves the same
         if choices.choice().base:
@@ -98,7 +104,7 @@ def find_process(fine, choices):
         pairs.append((others, parts[k]))
     share, ratio = held_out_ratio(pairs, problem.settings.draws, problem.settings.seed)
     threshold = choices.search().threshold(len(choices.choice().base))
-    return Process(coloured(axes, window), axes, window, share, ratio, threshold)
+    return Process(coloured(spectrum, window), spectrum, window, share, ratio, threshold)
 
 
 def process_entry(sensor, process, after):
@@ -130,7 +136,7 @@ def process_candidate(sensor, process, after, power):
     if process is None:
         return untried(name, "not_observable", "too few means without a gap for a spectrum")
     test, threshold = process.test, process.threshold
-    tc, found = limits(test, process.spectra, process.window, threshold, power)
+    tc, found = limits(test, process.spectrum, process.window, threshold, power)
     if process.found:
         status, tc = "added", test.tc
         why = (

@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
-from imuloop.noise.views import label
+from imuloop.noise.representations import label
 from imuloop.report.figures.drawing import AXES, INK, PALETTE, fill, picture, write_csv
 from imuloop.report.noise_units import quantities
 from imuloop.report.numbers import coefficient_text, missing, number, with_unit

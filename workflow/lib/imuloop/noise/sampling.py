@@ -1,4 +1,4 @@
-"""Where in time the clean stretches of a session lie."""
+"""When the clean stretches of a session were sampled."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,17 +13,15 @@ CHUNK = 8192
 
 
 @dataclass(frozen=True)
-class Layout:
+class Sampling:
     """Clean stretches of one session on its grid of samples; gaps keep their place in time.
 
     Attributes
     ----------
     rate : float
         Sampling rate, Hz.
-    starts : tuple of int
-        First sample of each stretch, counted from the session's start.
-    lengths : tuple of int
-        Samples of each stretch.
+    starts, lengths : tuple of int
+        First sample of each stretch, counted from the session's start, and its samples.
     levels : tuple of int
         Stretches of equal number share a level (across a gap); a disturbance may have moved the
         device, so that a new number, hence a level of its own, begins after it.
@@ -34,11 +32,15 @@ class Layout:
     lengths: tuple[int, ...]
     levels: tuple[int, ...]
 
+    @property
+    def extent(self):
+        """First and last sample."""
+        return min(self.starts), int(np.add(self.starts, self.lengths).max()) - 1
+
     @cached_property
-    def of_level(self):
-        """The level of each stretch as 0, 1, ..., and the samples of each level."""
-        level = np.unique(self.levels, return_inverse=True)[1]
-        return level, np.bincount(level, self.lengths)
+    def level(self):
+        """The level of each stretch as 0, 1, ..., shape (s,)."""
+        return np.unique(self.levels, return_inverse=True)[1]
 
     @property
     def parts(self):
@@ -59,6 +61,16 @@ class Layout:
             groups[-1].append((i, part))
         return groups
 
+    def cut(self, values, begin, end):
+        """Return the sampling and the values, as views, from sample `begin` to before `end`."""
+        kept = [
+            (max(a, begin), x[max(begin - a, 0) : max(end - a, 0)], level)
+            for a, x, level in zip(self.starts, values, self.levels, strict=True)
+            if a < end and a + len(x) > begin
+        ]
+        starts, parts, levels = zip(*kept, strict=True) if kept else ((), (), ())
+        return Sampling(self.rate, starts, tuple(len(x) for x in parts), levels), parts
+
     @cached_property
     def _first(self):
         """First of the stretches that gaps of a few samples part."""
@@ -68,14 +80,12 @@ class Layout:
         return np.flatnonzero(np.append(True, new))
 
     def closed_up(self):
-        """Return the layout with gaps of a few samples closed up.
+        """Return the sampling with gaps of a few samples closed up.
 
         White noise stays white and flicker flicker. What a walk or a ramp does within the gaps
         falls to the samples that are there, so that they seem larger by up to the share that is
         missing. A line does not stay one.
         """
-        if len(self._first) == len(self.starts):
-            return self
         return replace(
             self,
             starts=tuple(np.array(self.starts)[self._first].tolist()),
@@ -83,9 +93,9 @@ class Layout:
             levels=tuple(np.array(self.levels)[self._first].tolist()),
         )
 
-    def close_up(self, stretches):
+    def close_up(self, values):
         """Return the values of stretches, one array each, as `closed_up` has them."""
         if len(self._first) == len(self.starts):
-            return stretches
-        edges = [*self._first.tolist(), len(stretches)]
-        return [np.concatenate(stretches[i:j]) for i, j in pairwise(edges)]
+            return values
+        edges = [*self._first.tolist(), len(values)]
+        return [np.concatenate(values[i:j]) for i, j in pairwise(edges)]

@@ -1,10 +1,15 @@
-"""Which noise terms a record supports."""
+"""Which noise terms a record supports.
+
+The terms of a model are a tuple: of Q, N, B, K in this order, 'R' for a ramp, and the correlation
+times of Gauss-Markov processes in s.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import erfc, sqrt
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from imuloop.noise.processes import NAMES
 
@@ -22,57 +27,33 @@ LEEWAY = 4.0
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # from short rests, each at a level of its own, it would be carried on over all that lies between
 LASTING = 1 / 8
+ORDER = (*NAMES, "R")
+
+
+def without(terms, term):
+    """Return the terms without one."""
+    return tuple(t for t in terms if t != term)
+
+
+def plus(terms, term):
+    """Return the terms with one more, in order."""
+    every = (*terms, term)
+    return (*(t for t in ORDER if t in every), *correlation_times(every))
+
+
+def variances(terms):
+    """Return the terms that a spectrum is a sum of: all but a ramp."""
+    return without(terms, "R")
+
+
+def correlation_times(terms):
+    """Return the correlation times of the Gauss-Markov processes, s."""
+    return tuple(t for t in terms if not isinstance(t, str))
 
 
 @dataclass(frozen=True)
-class Terms:
-    """Terms of a model.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of Q, N, B, K.
-    ramp : bool
-        Whether there is a ramp.
-    times : tuple of float
-        Correlation times of the Gauss-Markov processes, s.
-    """
-
-    names: tuple[str, ...] = ()
-    ramp: bool = False
-    times: tuple[float, ...] = ()
-
-    def __len__(self):
-        return len(self.names) + self.ramp + len(self.times)
-
-    def without(self, term):
-        """Return the terms without one: a name, 'R' or a correlation time."""
-        if term == "R":
-            return replace(self, ramp=False)
-        return replace(
-            self,
-            names=tuple(n for n in self.names if n != term),
-            times=tuple(t for t in self.times if t != term),
-        )
-
-    def plus(self, term):
-        """Return the terms with one more."""
-        if term == "R":
-            return replace(self, ramp=True)
-        if isinstance(term, str):
-            return replace(self, names=tuple(n for n in NAMES if n in (*self.names, term)))
-        return replace(self, times=(*self.times, term))
-
-    def __iter__(self):
-        yield from self.names
-        if self.ramp:
-            yield "R"
-        yield from self.times
-
-
-@dataclass(frozen=True)
-class Search:
-    """The likelihood of one axis as a function of the terms.
+class Selection:
+    """The likelihood of one axis as a function of the terms, and the choice of these.
 
     Attributes
     ----------
@@ -93,21 +74,31 @@ class Search:
     start: np.ndarray | None = None
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
+    def weighted(self, count):
+        """Return the same with other weights of the rows."""
+        return replace(self, likelihood=replace(self.likelihood, count=count))
+
     def units(self, terms):
         """Return the unit spectra of terms, ramp excepted, shape (r, p)."""
-        columns = [self.modes.units[:, NAMES.index(name)] for name in terms.names]
-        columns += [self.modes.gauss_markov(tc) for tc in terms.times]
-        if not columns:
-            return np.zeros((len(self.modes.frequency), 0))
-        return np.column_stack(columns)
+        modes = self.modes
+        columns = [
+            modes.units[:, NAMES.index(t)] if isinstance(t, str) else modes.gauss_markov(t)
+            for t in variances(terms)
+        ]
+        return np.column_stack(columns) if columns else np.zeros((len(modes.frequency), 0))
 
     def fit(self, terms, restricted=False):
-        """Return the Fit of these terms."""
-        key = terms, restricted and terms.ramp
+        """Return the MaximumLikelihood of these terms."""
+        ramp = "R" in terms
+        key = terms, restricted and ramp
         if key not in self._fits:
             units = self.units(terms)
-            self._fits[key] = self.likelihood.fit(units, terms.ramp, restricted=restricted)
+            self._fits[key] = self.likelihood.fit(units, ramp, restricted=restricted)
         return self._fits[key]
+
+    def squares(self, terms):
+        """Return the fitted variance of each term, ramp excepted, SI squared."""
+        return dict(zip(variances(terms), self.fit(terms).theta, strict=True))
 
     def p_value(self, term, gain):
         """Return the probability of such a gain of log-likelihood by a term that is not there.
@@ -118,13 +109,6 @@ class Search:
         if term == "R":
             return one
         return min(1.0, one / 2 * (1.0 if isinstance(term, str) else self.tests))
-
-    def _chance(self, term, terms, without):
-        """Return the p-value of a term in a model beside that without it."""
-        return self.p_value(term, self.fit(terms).value - self.fit(without).value)
-
-    def _level(self, term):
-        return self.level if isinstance(term, str) else self.hump_level
 
     @property
     def times(self):
@@ -143,47 +127,49 @@ class Search:
     def candidates(self):
         """Terms that the record can tell from each other."""
         lasting = self.modes.level >= LASTING * self.modes.span
-        return (*NAMES, "R") if lasting else tuple(n for n in NAMES if n != "K")
+        return ORDER if lasting else without(NAMES, "K")
 
-    def select(self):
-        """Return the supported terms.
+    @cached_property
+    def supported(self):
+        """The supported terms.
 
         Those of the non-negative fit, less what fails its test, worst first; then what passes
         beside them, best first, a Gauss-Markov process only where no other does; and again.
         """
-        return self._selected
-
-    @cached_property
-    def _selected(self):
-        names = tuple(n for n in NAMES if n in self.candidates)
+        names = variances(self.candidates)
         start = None if self.start is None else self.start[[NAMES.index(n) for n in names]]
-        full = self.likelihood.fit(self.units(Terms(names)), start=start)
-        terms = Terms(tuple(n for n, v in zip(names, full.theta, strict=True) if v > 0))
+        full = self.likelihood.fit(self.units(names), start=start)
+        terms = tuple(n for n, v in zip(names, full.theta, strict=True) if v > 0)
         seen = []
         while terms not in seen:
             seen.append(terms)
             terms = self._grown(self._shrunk(terms))
         return self._shrunk(terms)
 
+    def _chance(self, term, terms, rest):
+        """Return the p-value of a term in a model beside that without it."""
+        return self.p_value(term, self.fit(terms).value - self.fit(rest).value)
+
     def _shrunk(self, terms):
         while len(terms) > 1:
-            p = {t: self._chance(t, terms, terms.without(t)) / self._level(t) for t in terms}
+            levels = {t: self.level if isinstance(t, str) else self.hump_level for t in terms}
+            p = {t: self._chance(t, terms, without(terms, t)) / levels[t] for t in terms}
             # no sensor is without white noise: it goes last of those that fail
             failed = [t for t in p if p[t] > 1]
             worst = max([t for t in failed if t != "N"] or p, key=p.get)
-            rest = terms.without(worst)
-            if p[worst] <= 1 or not (rest.names or rest.times):
+            rest = without(terms, worst)
+            if p[worst] <= 1 or not variances(rest):
                 break
             terms = rest
         return terms
 
     def _grown(self, terms):
-        absent = [t for t in self.candidates if t not in tuple(terms)]
-        p = {t: self._chance(t, terms.plus(t), terms) for t in absent}
+        absent = [t for t in self.candidates if t not in terms]
+        p = {t: self._chance(t, plus(terms, t), terms) for t in absent}
         best = min(p, key=p.get, default=None)
         if best is not None and p[best] <= self.level:
-            return terms.plus(best)
-        if len(terms.times) == MOST or not len(self.times):
+            return plus(terms, best)
+        if len(correlation_times(terms)) == MOST or not len(self.times):
             return terms
         base = self.fit(terms)
         # most are not there: none of it is close to the best fit, and few are worth a fit
@@ -193,13 +179,13 @@ class Search:
             return terms
         times = self.times[LEEWAY * expected >= highest].tolist()
         values = [
-            self.likelihood.fit(self.units(terms.plus(tc)), terms.ramp, start=start).value
+            self.likelihood.fit(self.units(plus(terms, tc)), "R" in terms, start=start).value
             for tc in times
         ]
         tc = times[int(np.argmax(values))]
         if self.p_value(tc, max(values) - base.value) > self.hump_level:
             return terms
-        return self._refined(terms.plus(tc))
+        return self._refined(plus(terms, tc))
 
     def _expected_gains(self, terms, fit):
         r"""Return the gain of log-likelihood by each process as its derivatives at zero tell.
@@ -218,22 +204,18 @@ class Search:
 
     def _refined(self, terms):
         """Return the terms with the most likely correlation times."""
-        # loads for a quarter of a second, and few records show such a process
-        from scipy.optimize import minimize_scalar
-
         step = np.log(self.times[1] / self.times[0]) if len(self.times) > 1 else 0.3
-        for _ in range(2 if len(terms.times) > 1 else 1):
-            for place, tc in enumerate(terms.times):
+        processes = correlation_times(terms)
+        for _ in range(2 if len(processes) > 1 else 1):
+            for place in range(len(terms) - len(processes), len(terms)):
 
-                def cost(x, place=place, terms=terms):
-                    return -self.fit(replaced(terms, place, np.exp(x))).value
+                def moved(x, place=place, terms=terms):
+                    return (*terms[:place], float(np.exp(x)), *terms[place + 1 :])
 
-                around = np.log(tc) + np.array([-1.5, 1.5]) * step
-                found = minimize_scalar(cost, bounds=around, method="bounded")
-                terms = replaced(terms, place, float(np.exp(found.x)))
+                found = minimize_scalar(
+                    lambda x, moved=moved: -self.fit(moved(x)).value,
+                    bounds=np.log(terms[place]) + np.array([-1.5, 1.5]) * step,
+                    method="bounded",
+                )
+                terms = moved(found.x)
         return terms
-
-
-def replaced(terms, place, tc):
-    """Return the terms with another correlation time."""
-    return replace(terms, times=(*terms.times[:place], tc, *terms.times[place + 1 :]))

@@ -1,8 +1,9 @@
 """How long a record would have to be to show a term."""
 
-from statistics import NormalDist
+from bisect import bisect_left
 
 import numpy as np
+from scipy.special import ndtri
 
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
@@ -13,8 +14,8 @@ POWER = 0.9
 BINS, LONGEST = 12, 3.2e7
 
 
-def needed_seconds(name, value, theta, processes, dt, level):
-    r"""Return the length of an unbroken record in which a term would be found nine times in ten.
+def record_seconds(name, value, theta, processes, dt, level):
+    r"""Return the seconds of an unbroken record in which a term would be found nine times in ten.
 
     The record's expected spectrum with the term is fitted without it. The root of twice the loss
     of log-likelihood is normal about its expectation, so that it has to reach
@@ -22,36 +23,28 @@ def needed_seconds(name, value, theta, processes, dt, level):
 
     Parameters
     ----------
-    name : str
-        Q, N, B, K or R.
-    value : float
-        Size of the term, SI.
+    name, value : str and float
+        Q, N, B, K or R, and its size, SI.
     theta : ndarray, shape (4,)
         Squares of Q, N, B, K of the record; that of the term itself counts as 0.
     processes : sequence of (float, float)
         Variance, SI squared, and correlation time, s, of Gauss-Markov processes.
-    dt : float
-        Interval of the samples, s.
-    level : float
-        Level of the test.
+    dt, level : float
+        Interval of the samples, s, and level of the test.
 
     Returns
     -------
     float or None
-        Seconds, to a tenth; None where no record that can be made would show it.
+        To a tenth; None where no record that can be made would show it.
     """
-    quantile = NormalDist().inv_cdf
-    wanted = quantile(POWER) - quantile(level / 2 if name == "R" else level)
+    wanted = ndtri(POWER) - ndtri(level / 2 if name == "R" else level)
 
     def shown(seconds):
         return _expected_root(name, value, theta, processes, dt, seconds / dt) >= wanted
 
     lengths = 100 * dt * 1.1 ** np.arange(np.log(LONGEST / (100 * dt)) / np.log(1.1))
-    low, high = 0, len(lengths)
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if shown(lengths[middle]) else (middle + 1, high)
-    return float(lengths[low]) if low < len(lengths) else None
+    shortest = bisect_left(lengths, True, key=shown)
+    return float(lengths[shortest]) if shortest < len(lengths) else None
 
 
 def _expected_root(name, value, theta, processes, dt, n):
@@ -60,10 +53,9 @@ def _expected_root(name, value, theta, processes, dt, n):
     count = np.diff(edges).astype(float)
     k = np.sqrt(edges[:-1] * (edges[1:] - 1.0))
     frequency = k / (2 * n * dt)
-    units = densities(frequency, dt) / dt
-    base = sum(
-        (v * gauss_markov_density(frequency, dt, tc) / dt for v, tc in processes), np.zeros(len(k))
-    )
+    units, base = densities(frequency, dt) / dt, np.zeros(len(k))
+    for v, tc in processes:
+        base += v * gauss_markov_density(frequency, dt, tc) / dt
     own = NAMES.index(name) if name in NAMES else -1
     others = [i for i in range(4) if i != own]
     spectrum = base + units[:, others] @ np.asarray(theta)[others]

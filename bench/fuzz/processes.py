@@ -1,0 +1,81 @@
+"""Cases shared out to processes, each watched by the clock: what crashes or hangs is a fault."""
+
+import multiprocessing
+import os
+import resource
+import tempfile
+import time
+from collections import deque
+from contextlib import contextmanager
+from multiprocessing.connection import wait
+from pathlib import Path
+
+# in memory, where there is such a place
+QUICK = Path("/dev/shm")
+# bytes that a case may take besides those of the libraries
+MEMORY = 1 << 30
+
+
+@contextmanager
+def scratch():
+    """Give a folder that is gone afterwards, in memory where there is such a place."""
+    place = QUICK if os.access(QUICK, os.W_OK) else None
+    with tempfile.TemporaryDirectory(prefix="fuzz-", dir=place) as folder:
+        yield Path(folder)
+
+
+def limit_memory():
+    """Hold this process to `MEMORY` more than it has, and let it leave no core."""
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def shared_out(numbers, workers, limit, serve, *arguments, batch):
+    """Yield number, end and faults of each case; one that ends its process has a fault.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        The cases.
+    workers : int
+        Processes at once.
+    limit : float
+        A case that takes longer is stopped, s.
+    serve : callable
+        ``serve(pipe, numbers, *arguments)`` sends end and faults of one case after the other.
+    *arguments
+        Of `serve`.
+    batch : int
+        Cases of a process.
+    """
+    context, waiting, running = multiprocessing.get_context("fork"), deque(numbers), {}
+    while waiting or running:
+        while waiting and len(running) < workers:
+            share = deque(waiting.popleft() for _ in range(min(batch, len(waiting))))
+            here, there = context.Pipe(duplex=False)
+            process = context.Process(target=serve, args=(there, list(share), *arguments))
+            process.start()
+            there.close()
+            running[here] = [process, share, time.monotonic()]
+        latest = min(began for *_, began in running.values()) + limit
+        done = wait(running, max(0, latest - time.monotonic()))
+        for pipe, (process, share, began) in list(running.items()):
+            late = time.monotonic() > began + limit
+            if pipe in done:
+                try:
+                    found = pipe.recv()
+                except EOFError:
+                    process.join()
+                    found = "crash", [f"the process ended with {process.exitcode}"]
+            elif late:
+                found = "hang", [f"not done within {limit} s"]
+            else:
+                continue
+            yield share.popleft(), *found
+            running[pipe][2] = time.monotonic()
+            if found[0] in ("crash", "hang") or not share:
+                process.kill()
+                process.join()
+                del running[pipe]
+                waiting.extendleft(reversed(share))

@@ -1,0 +1,51 @@
+"""The devices of both configs, brought and ingested as the workflow does."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+import yaml
+
+from imuloop import chain
+from imuloop.chain import Device
+from imuloop.config import STAGES, fetched, resolve, source_path
+from imuloop.core.errors import ImuloopError
+from imuloop.ingest.sources import fetch
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+CACHE = REPOSITORY / "data/cache"
+CONFIGS = "config/measured.yaml", "config.yaml"
+
+
+@cache
+def devices():
+    """Return the resolved config of the devices that were measured, by name."""
+    found = {}
+    for path in CONFIGS:
+        found |= resolve(yaml.safe_load((REPOSITORY / path).read_text()))
+    return {name: device for name, device in found.items() if fetched({name: device})}
+
+
+def missing(name):
+    """Bring the recordings of a device; return why one is not at hand, or None."""
+    try:
+        for place, source in fetched({name: devices()[name]}).items():
+            if not (CACHE / place).exists():
+                fetch(source, CACHE / place, mirror=os.environ.get("IMULOOP_MIRROR"))
+    except ImuloopError as error:
+        return str(error)
+    return None
+
+
+def ingested(name, folder):
+    """Ingest the sessions of a device into a folder and return the `Device`."""
+    device = devices()[name]
+    settings = {key: device[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
+    kinds = {session: each["kind"] for session, each in device["sessions"].items()}
+    made = Device(name, folder, kinds, **settings)
+    for session, each in device["sessions"].items():
+        paths = [source_path(source, CACHE) for source in each["sources"].values()]
+        declared = {key: value for key, value in each.items() if key != "kind"}
+        if failures := chain.ingest(made, session, declared, paths):
+            raise ImuloopError(str(failures[0]))
+    return made

@@ -1,0 +1,217 @@
+"""Parameters of PX4 and ArduPilot, read as their tools do and applied by their formulas."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from export.devices import (
+    COLD,
+    WARM,
+    carried,
+    device,
+    fitted,
+    narrow_device,
+    warm_device,
+    warm_samples,
+    with_sensor,
+)
+from imuloop.core.model import SensorCalibration
+from imuloop.core.samples import SENSORS
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.export import ardupilot, px4
+
+# float32: half a unit of its last place, relative
+HALF = 2.0**-24
+BIAS = ("bias_temperature",)
+SHORT = {"accelerometer": ("ACC", "A"), "gyroscope": ("GYRO", "G")}
+
+
+def vector(found, form, keys="XYZ"):
+    return np.array([found[form.format(key)] for key in keys], dtype=float)
+
+
+class Px4:
+    module = px4
+
+    @staticmethod
+    def load(text):
+        """Return the parameters as QGroundControl reads them: five fields between tabs."""
+        found = {}
+        for line in text.splitlines():
+            if line.startswith("#"):
+                continue
+            vehicle, component, name, value, kind = line.split("\t")
+            assert (vehicle, component) == ("1", "1") and name not in found and len(name) <= 16
+            found[name] = {"9": np.float32, "6": np.int32}[kind](value)
+        return found
+
+    @staticmethod
+    def temperature_span(found, sensor):
+        letter = SHORT[sensor][1]
+        return found[f"TC_{letter}0_TMIN"], found[f"TC_{letter}0_TMAX"]
+
+    @staticmethod
+    def offset_and_scale(found, sensor):
+        scale = vector(found, "CAL_ACC0_{}SCALE") if sensor == "accelerometer" else 1.0
+        return vector(found, f"CAL_{SHORT[sensor][0]}0_{{}}OFF"), scale
+
+    @classmethod
+    def thermal(cls, found, sensor, temperature):
+        """Return a polynomial of the temperature held inside TMIN and TMAX."""
+        tc = f"TC_{SHORT[sensor][1]}0_"
+        if f"{tc}TREF" not in found:
+            return 0.0
+        low, high = map(float, cls.temperature_span(found, sensor))
+        d = np.clip(temperature, low, high) - float(found[f"{tc}TREF"])
+        return sum(vector(found, f"{tc}X{k}_{{}}", "012") * d[:, None] ** k for k in range(4))
+
+
+class ArduPilot:
+    module = ardupilot
+
+    @staticmethod
+    def load(text):
+        """Return the parameters: NAME,VALUE a line, from # on a comment; kept as float32."""
+        found = {}
+        for line in text.splitlines():
+            if content := line.split("#")[0].strip():
+                name, value = content.split(",")
+                assert name not in found and len(name) <= 16
+                found[name] = np.float32(value)
+        return found
+
+    @staticmethod
+    def temperature_span(found, sensor):
+        return found["INS_TCAL1_TMIN"], found["INS_TCAL1_TMAX"]
+
+    @staticmethod
+    def offset_and_scale(found, sensor):
+        scale = vector(found, "INS_ACCSCAL_{}") if sensor == "accelerometer" else 1.0
+        return vector(found, f"INS_{SHORT[sensor][0][:3]}OFFS_{{}}"), scale
+
+    @classmethod
+    def thermal(cls, found, sensor, temperature):
+        """Return P(θ) - P(CALTEMP), a polynomial about 35 degC inside TMIN and TMAX."""
+        if "INS_TCAL1_ENABLE" not in found:
+            return 0.0
+        name = SHORT[sensor][0][:3]
+        low, high = map(float, cls.temperature_span(found, sensor))
+
+        def polynomial(theta):
+            d = np.atleast_1d(np.clip(theta, low, high) - 35.0)[:, None]
+            c = [vector(found, f"INS_TCAL1_{name}{k}_{{}}") for k in (1, 2, 3)]
+            return (c[0] + (c[1] + c[2] * d) * d) * d * 1e-6
+
+        return polynomial(temperature) - polynomial(float(found[f"INS_{name}1_CALTEMP"]))
+
+
+@pytest.fixture(params=[Px4, ArduPilot])
+def tool(request):
+    return request.param
+
+
+def corrects_as(tool, found, board, effects, held=(COLD, WARM), sensors=SENSORS):
+    """Compare with the calibration of `board` at temperatures held to a range."""
+    table, theta = warm_samples(*held), warm_samples()["temperature"].to_numpy()
+    expected = carried(board, effects, aligned=False).apply(table)
+    for name in sensors:
+        columns, sensor = list(SENSORS[name]), board.sensor(name)
+        offset, scale = tool.offset_and_scale(found, name)
+        x = (table[columns].to_numpy() - tool.thermal(found, name, theta) - offset) * scale
+        wanted, size = expected[columns], 20.0
+        if name == "gyroscope":
+            # no scale factor: the output of the nominal one
+            wanted, size = wanted * (sensor.raw_unit.scale / sensor.K), 0.1
+        np.testing.assert_allclose(x, wanted, rtol=0, atol=4 * HALF * size)
+
+
+def test_the_same_calibrated_samples_but_for_what_it_does_not_carry(tool):
+    for board, effects in ((warm_device(), BIAS), (device(), ())):
+        corrects_as(tool, tool.load(tool.module.text(board)), board, effects)
+
+
+def test_a_reference_outside_the_data(tool):
+    hot = fitted(BiasTemperature(3, 80.0), (5e-3, 1e-5, 1e-6))
+    board = warm_device(accelerometer=(hot,))
+    corrects_as(tool, tool.load(tool.module.text(board)), board, BIAS)
+
+
+def test_temperatures_are_held_to_those_at_which_the_effect_was_seen(tool):
+    ends = {"accelerometer": (10.0, 30.0), "gyroscope": (5.0, 25.0)}
+    found = tool.load(tool.module.text(narrow_device(**ends)))
+    for name in SENSORS:
+        # ArduPilot has one pair for both
+        span = ends[name] if tool is Px4 else (10.0, 25.0)
+        assert tool.temperature_span(found, name) == span
+        corrects_as(tool, found, warm_device(), BIAS, span, [name])
+
+
+def test_without_a_range_of_its_own_an_effect_has_that_of_the_logs(tool):
+    found = tool.load(tool.module.text(warm_device()))
+    assert {tool.temperature_span(found, name) for name in SENSORS} == {(COLD, WARM)}
+    found = tool.load(tool.module.text(replace(narrow_device(), temperature_range=None)))
+    assert tool.temperature_span(found, "accelerometer") == (10, 30)
+
+
+def test_a_polynomial_of_unknown_range_is_not_written(tool):
+    text = tool.module.text(replace(warm_device(), temperature_range=None))
+    assert not any(name.startswith(("TC_", "INS_TCAL")) for name in tool.load(text))
+    assert "Not carried of the accelerometer: bias_temperature" in text
+
+
+def test_ardupilots_one_range_is_what_both_effects_have_in_common():
+    load, text = ArduPilot.load, ardupilot.text
+    one = load(text(narrow_device(warm_device(gyroscope=()), (12.0, 28.0))))
+    assert ArduPilot.temperature_span(one, "accelerometer") == (12, 28)
+    # no old coefficients of the other are left
+    assert not vector(one, "INS_TCAL1_GYR1_{}").any() and "INS_GYR1_CALTEMP" not in one
+    board = narrow_device(accelerometer=(10.0, 20.0), gyroscope=(25.0, 35.0))
+    assert not any("TCAL" in name or "CALTEMP" in name for name in load(text(board)))
+    assert "Not carried of the gyroscope: bias_temperature" in text(board)
+    corrects_as(ArduPilot, load(text(board)), board, ())
+
+
+def test_values_are_float32_to_the_last_bit(tool):
+    sensor = device().sensor("accelerometer")
+    # digits that no shorter text holds
+    K, b = sensor.K * np.pi / 3, 32768 + np.array([11.0, -7.0, 3.0]) / 7
+    found = tool.load(tool.module.text(with_sensor(device(), "accelerometer", K=K, b=b)))
+    offset, scale = tool.offset_and_scale(found, "accelerometer")
+    assert (offset == ((b - 32768) * 0.0024).astype(np.float32)).all()
+    assert (scale == (K / 0.0024).astype(np.float32)).all()
+
+
+def test_what_it_cannot_carry_is_said(tool):
+    text = tool.module.text(warm_device())
+    for words in (
+        "Not carried of the accelerometer: misalignment T",
+        "Not carried of the accelerometer: scale_temperature",
+        "Not carried of the gyroscope: g_sensitivity",
+        "Not carried of the gyroscope: scale factor K, up to 0.02 from 1",
+    ):
+        assert words in text
+    assert "bias_temperature: e" not in text and "_ID" not in "".join(tool.load(text))
+
+
+def test_a_sensor_that_was_not_calibrated_keeps_the_vehicles_values(tool):
+    board = warm_device()
+    sensor = board.sensor("accelerometer")
+    nominal = SensorCalibration.nominal(sensor.raw_unit, "too few poses")
+    nominal = replace(nominal, effects=sensor.effects)
+    board = replace(board, calibration=replace(board.calibration, accelerometer=nominal))
+    text = tool.module.text(board)
+    found = tool.load(text)
+    assert not any("ACC0" in name or name.startswith("INS_ACC") for name in found)
+    assert "TC_A0_X1_0" in found or "INS_TCAL1_ACC1_X" in found
+    assert "too few poses" in text
+
+
+def test_pymavlinks_reader_reads_the_same(tmp_path):
+    mavparm = pytest.importorskip("pymavlink.mavparm")
+    path = tmp_path / ardupilot.FILE
+    path.write_text(ardupilot.text(warm_device("Board # 1, 2 = 3")), encoding="utf-8")
+    parameters = mavparm.MAVParmDict()
+    assert parameters.load(str(path))
+    found = {name: np.float32(value) for name, value in parameters.items()}
+    assert found == ArduPilot.load(path.read_text())

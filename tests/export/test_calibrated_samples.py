@@ -1,0 +1,73 @@
+"""imu_tk's and OpenVINS' files, read and applied as these tools do, give our calibrated samples."""
+
+import numpy as np
+import pytest
+
+from export.devices import carried, device, narrow_device, samples
+from export.test_densities import opencv
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.export import openvins
+from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
+
+
+@pytest.mark.parametrize(
+    ("sensor", "written"), [("accelerometer", ACCELEROMETER), ("gyroscope", GYROSCOPE)]
+)
+def test_imu_tk(sensor, written):
+    board, table, columns = device(), samples(), list(SENSORS[sensor])
+    text = written.text(board)
+    # CalibratedTriad::load: 9, 9 and 3 numbers, parted by white space
+    loaded = np.array(text.split()[:21], dtype=float)
+    T, K, b = loaded[:9].reshape(3, 3), loaded[9:18].reshape(3, 3), loaded[18:]
+    assert np.diag(T).tolist() == [1, 1, 1] and (K == np.diag(np.diag(K))).all()
+    # unbiasNormalize: T K (X - B)
+    found = (board.sensor(sensor).raw_unit.from_si(table[columns]) - b) @ (T @ K).T
+    expected = carried(board, ()).apply(table)[columns]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * 20)
+    below = "\n".join(text.splitlines()[12:])
+    assert all(line.startswith("#") for line in below.splitlines())
+    assert f"{board.sensor(sensor).raw_unit.name}, to subtract" in below
+    assert ("Effect not carried: g_sensitivity" in below) == (sensor == "gyroscope")
+
+
+def through_openvins(exported, table):
+    """Return specific force and angular rate as Propagator::predict_and_compute has them."""
+    content = openvins.text(exported)
+    imu = opencv(content)["imu0"]
+    Ta, Tw, Tg, to_acc, to_gyro = (
+        np.array(imu[key]) for key in ("Ta", "Tw", "Tg", "R_IMUtoACC", "R_IMUtoGYRO")
+    )
+    np.testing.assert_allclose(to_gyro @ to_gyro.T, np.eye(3), rtol=0, atol=1e-15)
+    assert np.linalg.det(to_gyro) == pytest.approx(1, abs=1e-14)
+    biases = {
+        key: np.array(opencv(f"%YAML:1.0\n{line.removeprefix('# ').partition(' (')[0]}")[key])
+        for line in content.splitlines()
+        for key in ("init_dyn_bias_a", "init_dyn_bias_g")
+        if line.startswith(f"# {key}: ")
+    }
+    # model "rpng" keeps what is on and above the diagonal
+    assert imu["model"] == "rpng"
+    Da, Dw = np.triu(np.linalg.inv(Ta)), np.triu(np.linalg.inv(Tw))
+    am, wm = table[list(ACCELERATION)].to_numpy(), table[list(ANGULAR_RATE)].to_numpy()
+    a = (am - biases["init_dyn_bias_a"]) @ (to_acc.T @ Da).T
+    w = (wm - biases["init_dyn_bias_g"] - a @ Tg.T) @ (to_gyro.T @ Dw).T
+    return a, w
+
+
+@pytest.mark.parametrize("board", [device(), device(effects=())], ids=["g_sensitivity", "base"])
+def test_openvins(board):
+    table = samples()
+    expected = board.calibration.apply(table)
+    a, w = through_openvins(board, table)
+    np.testing.assert_allclose(a, expected[list(ACCELERATION)], rtol=0, atol=2e-13)
+    np.testing.assert_allclose(w, expected[list(ANGULAR_RATE)], rtol=0, atol=2e-14)
+
+
+def test_the_range_that_openvins_cannot_hold_is_said():
+    board = narrow_device()
+    seen = board.sensor("gyroscope").effects[1].seen
+    text = openvins.text(board)
+    line = next(line for line in text.splitlines() if "g_sensitivity was seen" in line)
+    assert line.endswith("m/s^2; OpenVINS holds it to no range")
+    for axis, (low, high) in zip("xyz", (seen[f"G0{j}"] for j in range(3)), strict=True):
+        assert f"f_{axis} from {low:g} to {high:g}" in line

@@ -1,0 +1,184 @@
+"""The models for gnss-ins-sim and MATLAB's imuSensor, taken and simulated as these do."""
+
+import re
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from export.devices import (
+    HOSTILE,
+    RATE,
+    K,
+    N,
+    carried,
+    device,
+    fitted,
+    g_sensitivity,
+    narrow_device,
+    warm_device,
+    warm_samples,
+)
+from imuloop.core.noise_model import Coefficient, GaussMarkov
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.export import gnss_ins_sim, matlab_imu_sensor
+
+# flicker of every axis of the device
+B = 3e-5
+SHORT = {"accelerometer": "accel", "gyroscope": "gyro"}
+
+
+def allan(x, m):
+    """Return the Allan deviation over m samples of the last axis."""
+    means = x.reshape(*x.shape[:-1], -1, m).mean(axis=-1)
+    return np.sqrt(np.mean(np.diff(means) ** 2, axis=-1) / 2)
+
+
+def dictionary(text):
+    """Return what the file of gnss-ins-sim makes; as bytes, so that a line on encoding counts."""
+    names = {}
+    exec(compile(text.encode(), gnss_ins_sim.FILE, "exec"), names)
+    return names["imu_err"]
+
+
+def errors(model):
+    """Return SI parameters as IMU.__init__ does: rates from deg/h, noise from per root hour."""
+    found = {}
+    for name, white, angle in (("gyro", "arw", np.pi / 180), ("accel", "vrw", 1.0)):
+        per_hour = angle / 3600 if name == "gyro" else 1.0
+        found[name] = {
+            "b": model[f"{name}_b"] * per_hour,
+            "white": model[f"{name}_{white}"] * angle / 60,
+            "drift": model[f"{name}_b_stability"] * per_hour,
+            "corr": model[f"{name}_b_corr"],
+        }
+    return found
+
+
+def test_gnss_ins_sim_has_our_bias_and_white_noise():
+    board = device()
+    found = errors(dictionary(gnss_ins_sim.text(board)))
+    for name, axes in SENSORS.items():
+        sensor, each = board.sensor(name), found[SHORT[name]]
+        # what the log shows at truth zero, but for T, K and effects
+        bias = (sensor.b - sensor.raw_unit.offset) * sensor.raw_unit.scale
+        np.testing.assert_allclose(each["b"], bias, rtol=1e-14)
+        np.testing.assert_allclose(each["white"], [N[axis] for axis in axes], rtol=1e-14)
+        assert (each["corr"] == 100).all()
+    text = gnss_ins_sim.text(board)
+    assert "Not carried of the gyroscope: g_sensitivity" in text and "scale factor K" in text
+
+
+def test_gnss_ins_sim_has_a_process_whose_peak_is_the_floor_of_flicker():
+    accel = errors(dictionary(gnss_ins_sim.text(device())))["accel"]
+    u = np.linspace(1, 3, 2001)
+    # IEEE Std 952-1997, C.1.5, of standard deviation 1
+    variance = 2 / u * (1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u))
+    peak = accel["drift"][0] * np.sqrt(variance.max())
+    assert peak == pytest.approx(B * np.sqrt(2 * np.log(2) / np.pi), rel=1e-4)
+
+
+def test_gnss_ins_sim_takes_a_gauss_markov_process_as_it_is():
+    board = device()
+    known = [Coefficient(value, None, value, True) for value in (3e-6, 40.0, 2e-6, 900.0)]
+    both = GaussMarkov(known[0], known[1]), GaussMarkov(known[2], known[3])
+    axes = dict(board.noise.axes, gy=replace(board.noise.axes["gy"], gauss_markov=both))
+    text = gnss_ins_sim.text(replace(board, noise=replace(board.noise, axes=axes)))
+    gyro = errors(dictionary(text))["gyro"]
+    assert gyro["corr"].tolist() == [100.0, 900.0, 100.0]
+    # stationary: q^2 T / 2
+    assert gyro["drift"][1] == pytest.approx(np.sqrt(2e-6**2 * 900 / 2), rel=1e-14)
+
+
+@pytest.mark.parametrize("label", [HOSTILE, "coding: utf-16", "coding=nonsense"])
+def test_a_label_adds_no_statement_to_python(label):
+    plain, other = (dictionary(gnss_ins_sim.text(device(each))) for each in ("Board", label))
+    assert str(plain) == str(other)
+    # nor does the file hide a package
+    assert gnss_ins_sim.FILE.removesuffix(".py") not in ("gnss_ins_sim", *sys.stdlib_module_names)
+
+
+def assigned(text):
+    """Return what a MATLAB script assigns: arrays by name, text as it stands."""
+    found = {}
+    text = "\n".join(line.split("%")[0] for line in re.split(r"\r|\n", text))
+    for name, value in re.findall(r"^([\w.]+) = (.*?);\s*$", text.replace("...\n", ""), re.M):
+        if value.startswith("["):
+            rows = [row.split() for row in value.strip("[]").split(";")]
+            value = np.squeeze(np.array(rows, dtype=float))
+        found[name] = value
+    return found
+
+
+def imu_sensor(board, truth):
+    """Return the log that imuSensor without noise gives of the truth, a table of samples."""
+    found, logged = assigned(matlab_imu_sensor.text(board)), truth.copy()
+    warmer = truth["temperature"].to_numpy()[:, None] - 25
+    f = truth[list(ACCELERATION)].to_numpy()
+    # it reads gravity less acceleration, the negative of specific force
+    for name, u, sign in (("accel", -f, -1), ("gyro", truth[list(ANGULAR_RATE)].to_numpy(), 1)):
+        reading = u @ (found[f"{name}.AxesMisalignment"] / 100).T + found[f"{name}.ConstantBias"]
+        reading = reading + warmer * found.get(f"{name}.TemperatureBias", np.zeros(3))
+        if name == "gyro" and "gSensitivity" in found:
+            reading += f @ found["gSensitivity"].T
+        logged[list(ACCELERATION if name == "accel" else ANGULAR_RATE)] = sign * reading
+    return logged
+
+
+@pytest.mark.parametrize("warm", [True, False])
+def test_imu_sensor_measures_what_the_calibration_takes_back(warm):
+    line, other = fitted(BiasTemperature(1, 18.0), (5e-3,)), fitted(BiasTemperature(1), (4e-4,))
+    board = warm_device(accelerometer=(line,) * warm, gyroscope=(*(other,) * warm, g_sensitivity()))
+    truth = warm_samples()
+    back = board.calibration.apply(imu_sensor(board, truth))
+    np.testing.assert_allclose(back, truth, rtol=0, atol=1e-12)
+
+
+def test_imu_sensor_has_the_tangent_of_a_curve_at_the_reference():
+    board, truth = warm_device(gyroscope=()), warm_samples()
+    truth["temperature"] = 18.0 + np.linspace(-1e-3, 1e-3, len(truth))
+    back = carried(board, ("bias_temperature",)).apply(imu_sensor(board, truth))
+    # the curvature over a thousandth of a kelvin
+    np.testing.assert_allclose(back, truth, rtol=0, atol=2e-4 * 1e-6)
+    text = matlab_imu_sensor.text(board)
+    assert "Not carried of bias_temperature: its curvature" in text
+    assert "Not carried of the accelerometer: scale_temperature" in text
+
+
+def test_the_range_that_imu_sensor_cannot_hold_is_said():
+    text = matlab_imu_sensor.text(narrow_device(gyroscope=(5.0, 25.0)))
+    comments = [line.partition("% ")[2] for line in text.splitlines() if "was seen" in line]
+    bias = "bias_temperature was seen from {} to {} degC; imuSensor holds it to no range"
+    assert comments[:2] == [bias.format(10, 30), bias.format(5, 25)]
+    assert comments[2].startswith("g_sensitivity was seen with f_x from -4.8")
+
+
+def test_imu_sensors_noise_has_the_allan_deviation_of_our_model():
+    board = device()
+    found = assigned(matlab_imu_sensor.text(board))
+    for name, axes in SENSORS.items():
+        of = f"{SHORT[name]}."
+        assert found[f"{of}NoiseDensity"].tolist() == [N[axis] for axis in axes]
+        assert found[f"{of}RandomWalk"].tolist() == [K[axis] for axis in axes]
+        assert found[f"{of}BiasInstability"].tolist() == [B] * 3
+        assert found[f"{of}NoiseType"] == "'single-sided'"
+    rng, n, m, poles = np.random.default_rng(1), 400_000, 100, 1000
+    assert found["accel.BiasInstabilityCoefficients"] == f"fractalcoef({poles})"
+    white = found["accel.NoiseDensity"][0] * np.sqrt(RATE) * rng.standard_normal(n)
+    walk = np.cumsum(found["accel.RandomWalk"][0] / np.sqrt(RATE) * rng.standard_normal(n))
+    # Kasdin, equation 116, alpha = 1
+    k = np.arange(1, poles + 1)
+    a = np.concatenate([[1], np.cumprod((k - 1.5) / k)])
+    flicker = lfilter([1], a, found["accel.BiasInstability"][0] * rng.standard_normal(n))
+    noise, unseen = board.noise.axes["ax"], Coefficient()
+    processes = (
+        replace(noise, K=unseen, B=unseen),
+        replace(noise, N=unseen, B=unseen),
+        replace(noise, N=unseen, K=unseen),
+    )
+    expected = [np.sqrt(each.allan_variance(m / RATE)) for each in processes]
+    # 4,000 means: 1.5 %; the flicker's floor holds to a few per cent over 100 samples
+    np.testing.assert_allclose(allan(np.array([white, walk, flicker]), m), expected, rtol=0.06)

@@ -1,0 +1,194 @@
+"""Sinusoids by least squares in the clean stretches of a session, at little memory."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.noise.sampling import CHUNK
+
+# parts of a record in which a sinusoid is summed
+BINS = 8192
+# the fit of a frequency ends at this share of 1/T
+ROUNDS, CLOSE = 8, 1e-3
+# a sinusoid is followed through halves of a record of that many periods at least, where they
+# explain more, in units of the noise: exp(-GAIN) by chance
+PERIODS, GAIN = 12, 12.0
+
+
+@dataclass(frozen=True)
+class FittedSinusoid:
+    """Least-squares sinusoid in part of a session.
+
+    Attributes
+    ----------
+    session, begin, end : int
+        Where: samples from `begin`, before `end`.
+    frequency, cosine, sine : float
+        Hz and SI; the phase counts from the middle between the part's first and last clean sample.
+    explained : float
+        Sum of squares that it takes, SI^2.
+    amplitude_std, frequency_std : float
+        Standard errors where the noise is white with variance 1.
+    """
+
+    session: int
+    begin: int
+    end: int
+    frequency: float
+    cosine: float
+    sine: float
+    explained: float
+    amplitude_std: float
+    frequency_std: float
+
+    def subtract(self, sampling, values):
+        """Take the sinusoid out of the values of the session, in place."""
+        part, x = sampling.cut(values, self.begin, self.end)
+        for group, _, _, waves in _chunks(part, self.frequency):
+            sizes = [s.stop - s.start for _, s in group]
+            line = np.split(np.array([self.cosine, self.sine]) @ waves, np.cumsum(sizes)[:-1])
+            for (i, s), each in zip(group, line, strict=True):
+                x[i][s] -= each
+
+
+def fit_sinusoid(sampling, values, start, session):
+    """Return the FittedSinusoid beside levels and a slope, from within 1/(4 span) of `start`, Hz.
+
+    Gauss-Newton; a step is halved until the sinusoid explains more.
+    """
+    first, last = sampling.extent
+    span = (last - first + 1) / sampling.rate
+    frequency, step, most = start, 0.0, -np.inf
+    for _ in range(ROUNDS):
+        tried = _products(sampling, values, frequency + step)
+        line = np.linalg.solve(tried[1:4, 1:4], tried[1:4, 0])
+        if line @ tried[1:4, 0] < most:
+            step /= 2
+            continue
+        frequency, gram, most = frequency + step, tried, line @ tried[1:4, 0]
+        _, cosine, sine = line
+        # derivative by the frequency, t = u span/2: pi span u (sine cos - cosine sin)
+        mix = np.eye(5, 6)
+        mix[4, 4:] = np.pi * (last - first) / sampling.rate * np.array([sine, -cosine])
+        mixed = mix @ gram @ mix.T
+        covariance = np.linalg.inv(mixed[1:, 1:])
+        fit, change = covariance @ mixed[1:, 0], 0.0
+        if abs(fit[3]) * span < CLOSE:
+            change = fit[3]
+            break
+        step = np.clip(frequency + fit[3], max(start - 1 / span, 1 / span), start + 1 / span)
+        step -= frequency
+        # where the fit does not end, the sinusoid of the last frequency
+        fit = np.append(line, 0.0)
+    cosine, sine = fit[1:3]
+    direction = np.array([0, cosine, sine, 0]) / np.hypot(cosine, sine)
+    return FittedSinusoid(
+        session=session,
+        begin=first,
+        end=last + 1,
+        frequency=float(frequency + change),
+        cosine=float(cosine),
+        sine=float(sine),
+        explained=float(fit @ mixed[1:, 0] - gram[0, 1] ** 2 / gram[1, 1]),
+        amplitude_std=float(np.sqrt(direction @ covariance @ direction)),
+        frequency_std=float(np.sqrt(covariance[3, 3])),
+    )
+
+
+def follow(sampling, values, sinusoid, density):
+    """Return the sinusoids of the parts of a session through which one wanders, or it alone.
+
+    Halved as long as smaller parts explain more than chance; `density` is that of the noise there,
+    one-sided, SI^2/Hz.
+    """
+    begin, end, frequency = sinusoid.begin, sinusoid.end, sinusoid.frequency
+    middle, noise = (begin + end) // 2, GAIN * density * sampling.rate
+    halves = []
+    for i, j in ((begin, middle), (middle, end)):
+        part, x = sampling.cut(values, i, j)
+        span = (j - i) / sampling.rate
+        if span * _from_ends(frequency, sampling.rate) < PERIODS or sum(part.lengths) * 4 < j - i:
+            return [sinusoid]
+        # what never changes has no sinusoid
+        if any(np.ptp(each) for each in x):
+            near = strongest_frequency(part, x, frequency, 2 / span)
+            halves.append(fit_sinusoid(part, x, near, sinusoid.session))
+    if not halves:
+        return [sinusoid]
+    if sum(half.explained for half in halves) - sinusoid.explained < noise:
+        return [sinusoid]
+    return [each for half in halves for each in follow(sampling, values, half, density)]
+
+
+def _from_ends(frequency, rate):
+    """Return the distance from zero and from Nyquist, where a sinusoid meets its mirror, Hz."""
+    return min(frequency, rate / 2 - frequency)
+
+
+def strongest_frequency(sampling, values, frequency, reach):
+    """Return the frequency of most power within `reach` of one, to 1/(16 span)."""
+    sums, _, interval = _baseband(sampling, values, frequency)
+    offsets = np.linspace(-reach, reach, 2 * int(np.ceil(8 * reach * len(sums) * interval)) + 1)
+    times = np.arange(len(sums)) * interval
+    power = [abs(np.exp(-2j * np.pi * offset * times) @ sums) for offset in offsets]
+    return frequency + offsets[int(np.argmax(power))]
+
+
+def _baseband(sampling, values, frequency):
+    """Return values times exp(-i w t) summed over short bins, their samples, and the bin in s."""
+    first, last = sampling.extent
+    width = -(-(last - first + 1) // BINS)
+    size = -(-(last - first + 1) // width)
+    means = _level_means(sampling, values)
+    sums, number = np.zeros(size, complex), np.zeros(size)
+    for group, sample, _, (cosine, sine) in _chunks(sampling, frequency):
+        x, level = _values(sampling, values, group)
+        x, bins = x - means[level], (sample - first) // width
+        sums += np.bincount(bins, x * cosine, size) - 1j * np.bincount(bins, x * sine, size)
+        number += np.bincount(bins, minlength=size)
+    return sums, number, width / sampling.rate
+
+
+def _products(sampling, values, frequency):
+    """Return the products of x, u, cosine, sine, u cosine, u sine without the levels' means."""
+    means = _level_means(sampling, values)
+    gram, sums = np.zeros((6, 6)), np.zeros((6, means.size))
+    for group, _, u, waves in _chunks(sampling, frequency):
+        x, level = _values(sampling, values, group)
+        columns = np.vstack([x - means[level], u, waves, u * waves])
+        gram += columns @ columns.T
+        sums += [np.bincount(level, c, means.size) for c in columns]
+    return gram - (sums / np.bincount(sampling.level, sampling.lengths)) @ sums.T
+
+
+def _level_means(sampling, values):
+    """Return the mean of each level."""
+    sums = [np.sum(x) for x in values]
+    return np.bincount(sampling.level, sums) / np.bincount(sampling.level, sampling.lengths)
+
+
+def _values(sampling, values, group):
+    """Return the values of a group of parts, and the level of each."""
+    x = np.concatenate([values[i][part] for i, part in group])
+    sizes = [part.stop - part.start for _, part in group]
+    return x, np.repeat(sampling.level[[i for i, _ in group]], sizes)
+
+
+def _chunks(sampling, frequency):
+    """Yield of each group of parts: it, the number of each sample, u and (cosine, sine).
+
+    u goes from -1 to 1 over the session, the phase counts from its middle.
+    """
+    first, last = sampling.extent
+    middle, half = (first + last) / 2, (last - first) / 2
+    turns = frequency / sampling.rate
+    # within a part the phase grows as in all others
+    within = np.exp(2j * np.pi * turns * np.arange(min(CHUNK, max(sampling.lengths))))
+    for group in sampling.groups:
+        start = np.array([sampling.starts[i] + part.start for i, part in group])
+        length = np.array([part.stop - part.start for _, part in group])
+        place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+        sample = np.repeat(start, length) + place
+        wave = np.repeat(np.exp(2j * np.pi * (turns * (start - middle) % 1)), length)
+        wave *= within[place]
+        yield group, sample, (sample - middle) / half, np.array([wave.real, wave.imag])
