@@ -202,7 +202,7 @@ def sensor_logger(log):
     with zipfile.ZipFile(file, "w") as archive:
         for name, axes in (
             ("Accelerometer", SIX[:3]),
-            ("Gravity", SIX[:3]),
+            ("TotalAcceleration", SIX[:3]),
             ("GyroscopeUncalibrated", SIX[3:]),
         ):
             table = log[axes].set_axis(["x", "y", "z"], axis=1)

@@ -35,7 +35,13 @@ FORBIDDEN += ("pickle.", "shutil.", "ctypes.dlopen", "webbrowser.", "ftplib.", "
 READER = "from imuloop.ingest.guarded import serve; serve()"
 # those that change a path, and which of their arguments are paths
 CHANGES = dict.fromkeys("os.remove os.mkdir os.rmdir os.truncate os.chmod os.chown".split(), (0,))
-CHANGES |= {"os.utime": (0,), "os.symlink": (1,), "os.link": (1,), "os.rename": (0, 1)}
+CHANGES |= {
+    "os.utime": (0,),
+    "shutil.rmtree": (0,),
+    "os.symlink": (1,),
+    "os.link": (1,),
+    "os.rename": (0, 1),
+}
 # what lies beside a config
 BESIDE = {"a.mat": b"0 0 0 9.8\n" * ROWS, "b.mat": b"0 0 0 9.8\n" * ROWS}
 RESULTS = {"out/samples.parquet", "out/quality.json"}
