@@ -98,13 +98,6 @@ def test_damaged_metadata_reject_the_log(log, run, tmp_path, said):
     assert reason == "the project's metadata in the Parquet file are damaged"
 
 
-def test_a_column_whose_name_is_no_text(log, run, tmp_path):
-    path = tmp_path / "log.parquet"
-    log.rename(columns={"t": "time_of_log"}).to_parquet(path, index=False)
-    path.write_bytes(path.read_bytes().replace(b"time_of_log", b"\xff\xfe\xfdtime_of"))
-    assert run(path).quality["reasons"] == ["the file is not a whole Parquet file"]
-
-
 @pytest.mark.parametrize(("column", "words"), [("ax", "numbers"), ("t", "stamps")])
 def test_types_that_no_cast_knows(log, run, tmp_path, column, words):
     path = tmp_path / "log.parquet"
@@ -132,7 +125,7 @@ def test_dates_of_the_year_9999(log, run, tmp_path):
     far = np.datetime64("9999-01-01", "us") + (log.t * 1e6).astype(int).to_numpy()
     log.assign(t=far).to_parquet(path, index=False)
     [reason] = run(path).quality["reasons"]
-    assert "the dates, as 9999-01-01 00:00:00, lie outside of the years 1824 to 2115" in reason
+    assert "9999-01-01 00:00:00" in reason and "outside of the years 1824 to 2115" in reason
 
 
 def test_numbers_and_stamps_of_other_types(log, run, tmp_path):
