@@ -151,5 +151,7 @@ def _injected(sensor, name, candidate, alike, rng, limits):
         constants = {"times": noise.times}
     else:
         # of that size, whatever the signs
-        noise = GaussMarkovProcess(tuple(abs(values["q" + axis]) for axis in "xyz"), constants["tc"])
+        noise = GaussMarkovProcess(
+            tuple(abs(values["q" + axis]) for axis in "xyz"), constants["tc"]
+        )
     return Injected(sensor, name, values, constants, size, noise={name: (noise,)})
