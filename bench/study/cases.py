@@ -1,6 +1,7 @@
 """The cases of the study: which effects, how large, and what is put beside or outside them."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,56 +30,20 @@ AT_REST = {
 # how many floors large it is, root mean square
 OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
 FLOORS = 3.0
-
-
-def _line(values, constants, rng):
-    """Return a line of that amplitude in every session, its phases left to the simulator."""
-    amplitude = [max(abs(v) for key, v in values.items() if key[1] == axis) for axis in "xyz"]
-    return {"sinusoid": (SpectralLine(tuple(amplitude), constants["frequency"]),)}
-
-
-def _steps(values, constants, rng):
-    """Return a step of the first size, at one time in the middle part of every session."""
-    size = tuple(values["h1" + axis] for axis in "xyz")
-    return {"steps": (Popcorn(size, (float(rng.uniform(900, 2700)),)),)}
-
-
-def _gauss_markov(values, constants, rng):
-    """Return a process of that size, whatever the signs."""
-    q = tuple(abs(values["q" + axis]) for axis in "xyz")
-    return {"gauss_markov": (GaussMarkovProcess(q, constants["tc"]),)}
-
-
-# what is not a function of the channels: random, or of its own time
-PROCESSES = {"sinusoid": _line, "steps": _steps, "gauss_markov": _gauss_markov}
+# what is random, or of its own time, instead of a function of the channels
+PROCESSES = ("sinusoid", "steps", "gauss_markov")
 
 
 @dataclass(frozen=True)
 class Case:
-    """One kind of device.
+    """One kind of device."""
 
-    Attributes
-    ----------
-    kind : {'control', 'effect', 'two', 'outside'}
-        What it is to show.
-    record : {'poses', 'static_record'}
-        Which device it is, see `devices`.
-    sensor : str
-        Sensor that is changed; empty for a control.
-    names : tuple of str
-        What is put into it.
-    plan : str
-        Plan of the device, see `devices`.
-    limits : float
-        How many detection limits large it is.
-    """
-
-    kind: str
-    record: str
-    sensor: str = ""
-    names: tuple = ()
-    plan: str = "usual"
-    limits: float = LIMITS
+    kind: str  # 'control', 'effect', 'two' or 'outside'
+    record: str  # 'poses' or 'static_record': which device it is, see `devices`
+    sensor: str = ""  # that is changed; empty for a control
+    names: tuple = ()  # what is put into it
+    plan: str = "usual"  # of the device, see `devices`
+    limits: float = LIMITS  # how many detection limits large it is
 
 
 def all_cases(plan="usual", limits=LIMITS):
@@ -134,28 +99,27 @@ def injected(case, seed, control):
         if case.sensor == "gyroscope":
             # the floor is that of three axes together
             size /= np.sqrt(3)
-        extra = physics.harmonic(degree, size, rng)[case.sensor]
+        extra = physics.harmonic(case.sensor, degree, size, rng)
         return (Injected(case.sensor, "harmonic", {"size": size}, extra=extra),)
     made = []
     for name in case.names:
-        limits = next(c for c in found["candidates"] if c["name"] == name)
-        if not limits["detection_limit"]:
+        candidate = next(c for c in found["candidates"] if c["name"] == name)
+        if not candidate["detection_limit"]:
             return None
         # at rest the parameters of three axes leave nothing in common
-        alike = np.eye(len(limits["detection_limit"]))
+        alike = np.eye(len(candidate["detection_limit"]))
         if case.record == "poses":
             # the log may show some of them alone
-            shown = [p in limits["detection_limit"] for p in limits["parameters"]]
+            shown = [p in candidate["detection_limit"] for p in candidate["parameters"]]
             alike = control["likeness"][case.sensor, name][np.ix_(shown, shown)]
-        made.append(_injected(case.sensor, name, limits, alike, rng, case.limits))
+        made.append(_injected(case.sensor, name, candidate, alike, rng, case.limits))
     return tuple(made)
 
 
 def _injected(sensor, name, candidate, alike, rng, limits):
     """Return one effect of so many detection limits."""
-    limit = candidate["detection_limit"]
+    limit, constants = candidate["detection_limit"], dict(candidate["constants"])
     known = list(limit)
-    constants = dict(candidate["constants"])
     for key in constants.keys() & {"tau", "half_width", "tc", "frequency"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
     z = rng.standard_normal(len(known))
@@ -173,10 +137,21 @@ def _injected(sensor, name, candidate, alike, rng, limits):
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
     size = limits * min(1.0, bound / largest)
     values = {key: float(value * size / limits) for key, value in values.items()}
-    if name in PROCESSES:
-        noise = PROCESSES[name](values, constants, rng)
-        if name == "steps":
-            constants = {"times": noise["steps"][0].times}
-        return Injected(sensor, name, values, constants, size, noise=noise)
-    extra = getattr(physics, name)(values, constants)
-    return Injected(sensor, name, values, constants, size, extra)
+    if name not in PROCESSES:
+        extra = partial(physics.EFFECTS[name], p=values, c=constants)
+        return Injected(sensor, name, values, constants, size, extra)
+    if name == "sinusoid":
+        # that amplitude in every session, its phases left to the simulator
+        amplitude = (max(abs(v) for key, v in values.items() if key[1] == axis) for axis in "xyz")
+        noise = SpectralLine(tuple(amplitude), constants["frequency"])
+    elif name == "steps":
+        # of the first size, at one time in the middle part of every session
+        first = tuple(values["h1" + axis] for axis in "xyz")
+        noise = Popcorn(first, (float(rng.uniform(900, 2700)),))
+        constants = {"times": noise.times}
+    else:
+        # of that size, whatever the signs
+        noise = GaussMarkovProcess(
+            tuple(abs(values["q" + axis]) for axis in "xyz"), constants["tc"]
+        )
+    return Injected(sensor, name, values, constants, size, noise={name: (noise,)})

@@ -29,18 +29,10 @@ ATTITUDE = "imuloop.validate.attitude.validate_attitude"
 
 
 def diagnosis_of(truth, seed, also=None, limits=True):
-    """Return diagnosis.json of a simulated device.
+    """Return diagnosis.json of a simulated device, its motion and noise by a seed.
 
-    Parameters
-    ----------
-    truth : Truth
-        The device.
-    seed : int
-        Of its motion and noise.
-    also : callable, optional
-        Takes the truth, the sessions and the folder of the results; what it returns comes second.
-    limits : bool
-        Whether detection limits are wanted.
+    `also` takes the truth, the sessions and the folder of the results; what it returns comes
+    second. Without `limits` there are no detection limits.
     """
     without = nullcontext() if limits else patch(LIMITS, return_value={})
     attitude = no_attitude(truth.name, "not asked for")
@@ -48,29 +40,23 @@ def diagnosis_of(truth, seed, also=None, limits=True):
         folder = Path(folder)
         kinds = {name: plan.kind for name, plan in truth.sessions.items()}
         device = Device(truth.name, folder, kinds, gravity=truth.gravity)
+        failures = []
         for name in kinds:
             path = folder / f"{name}.parquet"
             write_log(path, simulate_session(truth, name, seed), log_metadata(truth, name))
-            wanted(chain.ingest(device, name, {}, [path]))
+            failures += chain.ingest(device, name, {}, [path])
         for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-            wanted(stage(device))
+            failures += stage(device)
+        if failures:
+            raise RuntimeError(str(failures[0]))
         diagnosis = read_json(folder / "diagnosis.json")
         return (diagnosis, also(truth, device.sessions, folder)) if also else diagnosis
-
-
-def wanted(failures):
-    """Raise an error where a stage failed: a study counts no such device."""
-    if failures:
-        raise RuntimeError(str(failures[0]))
 
 
 def base_pulls(truth, sessions, folder):
     """Return the errors of T, K and b of calibration.json, in their standard errors.
 
-    Returns
-    -------
-    dict of str to dict of str to float
-        By sensor and parameter; without sensors that were not calibrated at the poses.
+    By sensor and parameter; without sensors that were not calibrated at the poses.
     """
     calibration, found = Calibration.from_json(folder / "calibration.json"), {}
     for sensor, names in (("accelerometer", accelerometer.NAMES), ("gyroscope", gyroscope.NAMES)):
@@ -89,11 +75,8 @@ def _entry(sensor, name):
 def likeness(truth, sessions, folder):
     """Return how alike the parameters of each effect are at the poses of a device.
 
-    Returns
-    -------
-    dict of (str, str) to ndarray, shape (q, q)
-        By sensor and effect, the information of its parameters with ones on the diagonal: zeros
-        elsewhere where each parameter leaves a pattern square to those of the others.
+    By sensor and effect, the information of its parameters with ones on the diagonal, (q, q): zeros
+    elsewhere where each parameter leaves a pattern square to those of the others.
     """
     recording = read_recording(sessions, CalibrateSettings().longest_rotation)
     if not len(recording.poses):

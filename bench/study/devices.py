@@ -27,11 +27,8 @@ PLANS = ("usual", "few", "alone", "ramp", "cycles")
 def poses_device(plan="usual"):
     """Return a device of 80 poses, the motor on at half of them, and 20 min at rest.
 
-    Parameters
-    ----------
-    plan : {'usual', 'few', 'alone', 'ramp', 'cycles'}
-        Or 36 poses; no record at rest; a temperature that goes up evenly; or three sessions of 30
-        poses, the power switched off between them.
+    By `PLANS`: or 36 poses; no record at rest; a temperature that goes up evenly; or three sessions
+    of 30 poses, the power switched off between them.
     """
     poses = SessionTruth(
         "multi_position",
@@ -67,29 +64,15 @@ DEVICES = {"poses": poses_device, "static_record": record_device}
 
 @dataclass(frozen=True)
 class Injected:
-    """What is put into one sensor of a device and declared nowhere.
-
-    Attributes
-    ----------
-    sensor, name : str
-        Which sensor, and the name in the library, or one of our own outside it.
-    values, constants : dict
-        Parameters, SI, and the shape's constants, by their names in the library.
-    limits : float
-        Its size in detection limits.
-    extra : callable, optional
-        What it adds to the output, from the `Channels` of a log.
-    noise : dict
-        Or the processes that it adds to the noise.
-    """
+    """What is put into one sensor of a device and declared nowhere."""
 
     sensor: str
-    name: str
-    values: dict = field(default_factory=dict)
-    constants: dict = field(default_factory=dict)
-    limits: float = np.nan
-    extra: object = None
-    noise: dict = field(default_factory=dict)
+    name: str  # in the library, or one of our own outside it
+    values: dict = field(default_factory=dict)  # parameters, SI, by their names in the library
+    constants: dict = field(default_factory=dict)  # of the shape
+    limits: float = np.nan  # its size in detection limits
+    extra: object = None  # what it adds to the output, from the `Channels` of a log
+    noise: dict = field(default_factory=dict)  # or the processes that it adds to the noise
 
 
 def with_effects(truth, injected):
@@ -113,20 +96,8 @@ def in_shape(truth, seed, injected, found, record):
 
     Where the shape is the injected one they are those that were injected. Else, as for a time
     constant between two of those that are tried, they are the ones that come nearest to it at
-    rest, by least squares beside a bias in each session. What is random has none.
-
-    Parameters
-    ----------
-    truth : Truth
-        The device with its effects.
-    seed : int
-        Of its logs.
-    injected : Injected
-        What was put into it.
-    found : dict
-        Entry of ``effects`` of the diagnosis.
-    record : {'poses', 'static_record'}
-        Kind of data in which it was found.
+    rest, by least squares beside a bias in each session. What is random has none. `found` is the
+    entry of ``effects`` of the diagnosis, `record` the kind of data in which it was found.
     """
     if injected.extra is None:
         return {}

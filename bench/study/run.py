@@ -33,35 +33,27 @@ def run(cases, first, seeds, controls, workers, progress=print):
         ``injected`` and ``found``; ``None`` for the diagnosis where the log cannot show the effect.
         ``base_pulls`` of those that have a diagnosis.
     """
+    (plan,), plain, outcomes = {case.plan for case in cases}, {}, {}
+    asked = [case.record for case in cases if case.kind == "control"]
+    # limits size what is put into a device: other controls go without
+    jobs = [
+        (record, plan, first + k, k < seeds)
+        for record in sorted({case.record for case in cases})
+        for k in range(max(seeds, controls * (record in asked)))
+    ]
     with multiprocessing.get_context("fork").Pool(workers) as pool:
-        plain = {}
-        (plan,) = {case.plan for case in cases}
-        # limits size what is put into a device: other controls go without
-        jobs = [
-            (record, plan, seed, seed < first + seeds)
-            for record in sorted({case.record for case in cases})
-            for seed in range(
-                first,
-                first
-                + max(
-                    seeds, controls * ((record, "control") in {(c.record, c.kind) for c in cases})
-                ),
-            )
-        ]
         for (record, _, seed, _), made in pool.imap(_control, jobs):
             plain[record, seed] = made
             progress(f"control {record} {seed}: {made['seconds']:.1f} s")
+        for case in cases:
+            if case.kind == "control":
+                outcomes[case] = [plain[case.record, first + k] for k in range(controls)]
         jobs = [
             (case, seed, plain[case.record, seed])
             for case in cases
             if case.kind != "control"
             for seed in range(first, first + seeds)
         ]
-        outcomes = {
-            case: [plain[case.record, first + k] for k in range(controls)]
-            for case in cases
-            if case.kind == "control"
-        }
         for case, made in pool.imap(_device, jobs):
             outcomes.setdefault(case, []).append(made)
             progress(f"{case.record} {case.sensor} {' + '.join(case.names)} {made['seed']}")
@@ -73,36 +65,27 @@ def _control(job):
     start = time.process_time()
 
     def also(*device):
-        return likeness(*device), base_pulls(*device)
+        return {"likeness": likeness(*device), "base_pulls": base_pulls(*device)}
 
-    diagnosis, (alike, pulls) = diagnosis_of(DEVICES[record](plan), seed, also, limits)
-    took = time.process_time() - start
-    made = {"seed": seed, "seconds": took, "diagnosis": diagnosis}
-    return job, made | {"likeness": alike, "base_pulls": pulls}
+    diagnosis, more = diagnosis_of(DEVICES[record](plan), seed, also, limits)
+    seconds = time.process_time() - start
+    return job, {"seed": seed, "seconds": seconds, "diagnosis": diagnosis, **more}
 
 
 def _device(job):
     case, seed, control = job
-    start = time.process_time()
-    effects = injected(case, seed, control)
-    made = {
-        "seed": seed,
-        "control": control["diagnosis"],
-        "diagnosis": None,
-        "injected": [],
-        "found": [],
-    }
+    start, effects = time.process_time(), injected(case, seed, control)
+    made = {"seed": seed, "control": control["diagnosis"], "diagnosis": None}
+    made |= {"injected": [], "found": []}
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
-        diagnosis, made["base_pulls"] = diagnosis_of(truth, seed, base_pulls, limits=False)
-        made["diagnosis"] = diagnosis
+        made["diagnosis"], made["base_pulls"] = diagnosis_of(truth, seed, base_pulls, limits=False)
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
         made["found"] = [
             {**found, "expected": in_shape(truth, seed, effect, found, record)}
             for effect in effects
-            for record, found in fitted(diagnosis, case.sensor, case.record, effect.name)
+            for record, found in fitted(made["diagnosis"], case.sensor, case.record, effect.name)
         ]
-    made["seconds"] = time.process_time() - start
-    return case, made
+    return case, made | {"seconds": time.process_time() - start}

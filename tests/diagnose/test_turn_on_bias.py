@@ -93,13 +93,6 @@ def test_runs_of_one_bias_have_none():
     assert candidate["status"] == "rejected" and candidate["detection_limit"]
 
 
-def test_one_run_shows_no_other(no_limits):
-    recording, _ = power_cycles(3, runs=1)
-    content = diagnose_poses(accelerometer_poses(TRUTH), recording, DiagnoseSettings()).content
-    (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
-    assert candidate["status"] == "not_available" and "one run" in candidate["why"]
-
-
 def test_a_check_allows_for_what_the_runs_showed(cycles):
     """Of the next run no calibration knows the bias; it moves by as much as the others did."""
     *_, found = cycles

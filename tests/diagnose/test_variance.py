@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from imuloop.diagnose.records.poses import HALF_A_PARAMETER
 from imuloop.diagnose.variance import Part, likely_sizes, total
 
 N = 40
@@ -28,12 +27,6 @@ def test_more_of_the_same_noise_is_what_the_residual_has_more_per_degree_of_free
     # whatever the unit of a parameter is
     other = likely_sizes(values, LINE * [1e-9, 1e6], unit**2 * np.eye(N), [part])
     np.testing.assert_allclose(other, found, rtol=1e-4)
-
-
-def test_what_the_known_noise_explains_has_no_size():
-    values = 0.5 * np.random.default_rng(1).normal(size=N)
-    assert likely_sizes(values, LINE, np.eye(N), [ONE, Part(WALK)]) == pytest.approx(0, abs=1e-6)
-    assert likely_sizes(values, LINE, np.eye(N), []).shape == (0,)
 
 
 def test_the_likelihood_is_the_one_that_is_written():
@@ -68,24 +61,3 @@ def test_sizes_of_simulated_noise_are_found_on_average():
     off = squares.mean(axis=0) - np.square(truth)
     # none is negative, which adds a little
     assert np.all(np.abs(off) < 3.5 * squares.std(axis=0) / np.sqrt(200))
-
-
-def test_data_are_likelier_by_noise_that_was_fitted_to_them_than_others_are():
-    """By one per parameter, as far as it has a size, which is what `under` raises the prior by."""
-    rng, slow = np.random.default_rng(11), [Part(WALK, 0.0, 1.0), ONE]
-    root, gains, counts = np.linalg.cholesky(np.eye(N) + WALK + 0.3 * ONE.covariance), [], []
-
-    def loss(values, covariance):
-        precision = np.linalg.inv(covariance)
-        weighted = precision @ LINE
-        left = precision - weighted @ np.linalg.solve(LINE.T @ weighted, weighted.T)
-        return values @ left @ values / 2
-
-    for _ in range(300):
-        own, other = rng.standard_normal((2, N)) @ root.T
-        sizes = likely_sizes(own, LINE, np.eye(N), slow)
-        covariance = total(np.eye(N), slow, sizes)
-        gains.append(loss(other, covariance) - loss(own, covariance))
-        counts.append((sizes / (sizes + HALF_A_PARAMETER)).sum())
-    error = np.std(gains) / np.sqrt(len(gains))
-    assert np.mean(gains) == pytest.approx(np.mean(counts), abs=2 * error)

@@ -1,7 +1,6 @@
 """The measured recordings through the whole workflow, once for all tests of published figures."""
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -10,7 +9,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from imuloop.calibrate.calibrate import read_recording
+from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config import fetched, resolve
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
 from imuloop.ingest.sources import file_name
 
 DEVICES = ("xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3", "ferraris", "thermal_chamber")
@@ -35,6 +38,13 @@ class Measured:
             "segments": folder / "segments.parquet",
         }
 
+    def fit_of(self, device):
+        """Return the recording of a device's poses, its noise and its base calibration."""
+        sessions = {"poses": self.session(device, "poses")}
+        recording = read_recording(sessions, CalibrateSettings().longest_rotation)
+        noise = NoiseModel.from_json(self.folder / device / "noise.json")
+        return recording, noise, Calibration.from_json(self.folder / device / "multi_position.json")
+
 
 @pytest.fixture(scope="session")
 def measured(repository, recordings, tmp_path_factory):
@@ -43,12 +53,17 @@ def measured(repository, recordings, tmp_path_factory):
     for source in fetched(resolve(config)).values():
         recordings(file_name(source))
     folder = tmp_path_factory.mktemp("measured")
-    command = [
-        *(sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder),
-        *("--configfile", repository / "config/measured.yaml", "-c2", "--quiet", "all", "--"),
-        *(f"results/{device}/diagnosis.json" for device in DEVICES),
-    ]
-    environment = os.environ | {"IMULOOP_MIRROR": str(recordings.folder)}
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+    targets = [f"results/{device}/diagnosis.json" for device in DEVICES]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("IMULOOP_MIRROR", str(recordings.folder))
+        snakemake(folder, repository / "config/measured.yaml", targets)
     return Measured(folder / "results")
+
+
+def snakemake(folder, config, targets, *options):
+    """Make targets of a config in a folder."""
+    snakefile = Path(__file__).resolve().parents[2] / "Snakefile"
+    command = [sys.executable, "-m", "snakemake", "-s", snakefile, "-d", folder, "-c2"]
+    command += ["--configfile", config, *options, "--quiet", "all", "--", *targets]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr

@@ -2,13 +2,10 @@
 
 import numpy as np
 
-from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import gyroscope_model
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.model import Calibration
-from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.validate.attitude_models import blocks
 
@@ -27,10 +24,7 @@ def test_over_a_rotation_it_falls_three_fold(measured):
 
 
 def test_the_bias_as_imu_tk_takes_it_is_no_better_than_that_of_the_base_model(measured):
-    session = {"poses": measured.session(DEVICE, "poses")}
-    made = read_recording(session, CalibrateSettings().longest_rotation)
-    noise = NoiseModel.from_json(measured.folder / DEVICE / "noise.json")
-    multi = Calibration.from_json(measured.folder / DEVICE / "multi_position.json")
+    made, noise, multi = measured.fit_of(DEVICE)
     model = AccelerometerPoses(
         noise, multi.gravity, multi.accelerometer.raw_unit, CalibrateSettings()
     )

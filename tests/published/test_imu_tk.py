@@ -6,12 +6,10 @@ Tedaldi, Pretto, Menegatti, ICRA 2014; the figures are those of the program's ex
 import numpy as np
 import pytest
 
-from imuloop.calibrate.calibrate import calibrate_gyroscope, read_recording
+from imuloop.calibrate.calibrate import calibrate_gyroscope
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import gyroscope_model
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.model import Calibration
-from imuloop.core.noise_model import NoiseModel
 
 GRAVITY = 9.81744
 T = np.array([[1, -0.0033593, -0.0089064], [0, 1, -0.0213341], [0, 0, 1]])
@@ -41,13 +39,8 @@ def test_accelerometer_residual_on_held_out_poses(measured):
 
 
 def test_gyroscope_without_effects_reaches_the_published_cost(measured):
-    sessions = {"poses": measured.session("xsens_mti", "poses")}
-    recording = read_recording(sessions, 30.0)
-    noise = NoiseModel.from_json(measured.folder / "xsens_mti/noise.json")
-    force = Calibration.from_json(measured.folder / "xsens_mti/multi_position.json").accelerometer
-    unit = Calibration.from_json(
-        measured.folder / "xsens_mti/multi_position.json"
-    ).gyroscope.raw_unit
+    recording, noise, multi = measured.fit_of("xsens_mti")
+    force, unit = multi.accelerometer, multi.gyroscope.raw_unit
     settings = CalibrateSettings(gyroscope_bias="initial_rest")
     fitted = calibrate_gyroscope(recording, noise, force, unit, settings)
     np.testing.assert_allclose(fitted.K, K_GYROSCOPE, rtol=5e-4)

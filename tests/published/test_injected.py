@@ -11,8 +11,7 @@ from published.test_stability import diagnosed
 NAME, LIMITS = "xsens_mti", 2.0
 
 
-@pytest.mark.parametrize("axis", "xyz")
-@pytest.mark.parametrize("name", ["bias_drift", "warm_up"])
+@pytest.mark.parametrize(("name", "axis"), [("bias_drift", "x"), ("warm_up", "z")])
 def test_what_changes_with_time_is_found(measured, repository, tmp_path, monkeypatch, name, axis):
     monkeypatch.setattr("imuloop.diagnose.content.detection_limits", lambda *a, **k: {})
     candidates = measured.json(NAME, "diagnosis")["sensors"]["gyroscope"]["poses"]["candidates"]

@@ -9,23 +9,12 @@ SCALE = {1: (0.363, 0.315, 0.647), 2: (0.471, 0.482, 0.932), 3: (0.382, 0.355, 0
 BIAS = {1: (0.103, 0.097, 0.344), 2: (0.090, 0.070, 0.338), 3: (0.096, 0.008, -0.045)}
 
 
-@pytest.fixture(params=[1, 2, 3])
-def board(request):
-    return request.param
-
-
-@pytest.fixture
-def sensors(measured, board):
-    return measured.json(f"mpu9150_{board}", "multi_position")
-
-
-def test_accelerometer_scale_and_bias_are_those_published(sensors, board):
-    accelerometer = sensors["accelerometer"]
+@pytest.mark.parametrize("board", [1, 2, 3])
+def test_the_accelerometer_is_as_published_and_no_effect_is_added(measured, board):
+    device = f"mpu9150_{board}"
+    accelerometer = measured.json(device, "multi_position")["accelerometer"]
     scale = (1 / np.array(accelerometer["K"]) - 1) * 100
     np.testing.assert_allclose(scale, SCALE[board], atol=0.10)
     np.testing.assert_allclose(accelerometer["b"], BIAS[board], atol=0.015)
-
-
-def test_no_effect_is_declared(measured, board):
-    for sensor in measured.json(f"mpu9150_{board}", "diagnosis")["sensors"].values():
+    for sensor in measured.json(device, "diagnosis")["sensors"].values():
         assert sensor["poses"]["effects"] == []

@@ -82,18 +82,12 @@ def test_published_coefficients_lie_within_their_intervals(found):
 
 
 @pytest.mark.parametrize("axis", PUBLISHED)
-def test_nothing_is_found_that_is_not_there(found, axis):
+def test_what_hours_determine_is_found_closely_and_nothing_else(found, axis):
     noise = found[axis]
-    assert not noise.gauss_markov
-    assert not noise.sinusoid
+    assert not noise.gauss_markov and not noise.sinusoid
     for name, truth in TRUTH[axis].items():
-        assert truth or not getattr(noise, name).identifiable
-
-
-@pytest.mark.parametrize("axis", PUBLISHED)
-def test_what_hours_determine_is_found_closely(found, axis):
-    for name, share in NARROW.items():
-        truth, coefficient = TRUTH[axis][name], getattr(found[axis], name)
-        if truth:
+        coefficient = getattr(noise, name)
+        assert truth or not coefficient.identifiable
+        if truth and name in NARROW:
             low, high = coefficient.ci95
-            assert high - low < share * truth, name
+            assert high - low < NARROW[name] * truth, name

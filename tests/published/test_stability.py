@@ -12,7 +12,7 @@ from imuloop import chain
 from imuloop.config import resolve
 from imuloop.core.units import DEGREE
 
-DEVICES = ("xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3")
+DEVICES = ("xsens_mti", "mpu9150_1")
 TURNED = {"ax": "ay", "ay": "az", "az": "ax", "gx": "gy", "gy": "gz", "gz": "gx"}
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import imuloop.effects  # noqa: F401  loads the library
-from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.pose_fits import (
     AccelerometerPoses,
     GyroscopePoses,
@@ -12,8 +11,6 @@ from imuloop.calibrate.pose_fits import (
 )
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
-from imuloop.core.model import Calibration
-from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_columns
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
@@ -93,13 +90,8 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
 
 @pytest.mark.parametrize("board", [1, 2, 3])
 def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
-    folder = measured.folder / f"mpu9150_{board}"
-    settings = CalibrateSettings()
-    recording = read_recording(
-        {"poses": measured.session(f"mpu9150_{board}", "poses")}, settings.longest_rotation
-    )
-    noise = NoiseModel.from_json(folder / "noise.json")
-    multi = Calibration.from_json(folder / "multi_position.json")
+    device, settings = f"mpu9150_{board}", CalibrateSettings()
+    recording, noise, multi = measured.fit_of(device)
     force = AccelerometerPoses(noise, multi.gravity, multi.accelerometer.raw_unit, settings)
     calibration = fitted_calibration(force, force.fit(recording))
     model = GyroscopePoses(noise, calibration, multi.gyroscope.raw_unit, settings)
@@ -107,7 +99,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     shapes = {type(effect): (effect,) for effect in (drift, sensitivity)}
     parts = interleaved(len(recording.poses), 10)
     problem = PoseProblem(model, recording, shapes, DiagnoseSettings(), 1, parts)
-    problem.about((drift,))
+    problem.linearized((drift,))
     # what no effect explains counts as noise
     search = Choices(problem).search()
     assert search.test((drift,), sensitivity).p_value > 0.01

@@ -10,46 +10,23 @@ from imuloop.diagnose.search import Search, Trial
 
 @dataclass(frozen=True)
 class Added:
-    """An effect beside all others that were added.
+    """An effect beside all others that were added."""
 
-    Attributes
-    ----------
-    effect : Effect
-        In its shape.
-    trial : Trial
-        Its test.
-    kind : str
-        Kind of residual in which it shows most.
-    before, after : ndarray, shape (n, k)
-        Held-out errors of that kind without it and with it.
-    ratio : list of float
-        95 % interval of the ratio of their root mean squares.
-    """
-
-    effect: Effect
-    trial: Trial
-    kind: str
-    before: np.ndarray
-    after: np.ndarray
-    ratio: list
+    effect: Effect  # in its shape
+    trial: Trial  # its test
+    kind: str  # kind of residual in which it shows most
+    before: np.ndarray  # (n, k): held-out errors of that kind without it
+    after: np.ndarray  # (n, k): and with it
+    ratio: list  # 95 % interval of the ratio of their root mean squares
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What a search adds.
+    """What a search adds."""
 
-    Attributes
-    ----------
-    base : tuple of Effect
-        The effects, each in the shape that is best beside the others.
-    added : tuple of Added
-        The same, each beside all others.
-    failed : dict of type, or of tuple of types, to list of float
-        Interval of the ratio of those that passed the test alone.
-    """
-
-    base: tuple[Effect, ...] = ()
-    added: tuple[Added, ...] = ()
+    base: tuple[Effect, ...] = ()  # each in the shape that is best beside the others
+    added: tuple[Added, ...] = ()  # the same, each beside all others
+    # interval of the ratio of those that passed the test alone, by type, or tuple of types
     failed: dict = field(default_factory=dict)
 
 
@@ -68,17 +45,8 @@ class Choices:
     def errors(self, chosen, out=frozenset()):
         """Return the error of every residual, each part predicted by what is seen without it.
 
-        Parameters
-        ----------
-        chosen : callable
-            Takes the parts that are not seen, returns the effects.
-        out : frozenset of int
-            Parts that nobody sees at all.
-
-        Returns
-        -------
-        ndarray, shape (M, a)
-            SI; nan for those that touch the parts `out`.
+        `chosen` takes the parts that are not seen, and returns the effects. The errors, (M, a), SI,
+        are nan for residuals that touch the parts `out`, which nobody sees at all.
         """
         found, problem = None, self.problem
         for part in sorted(set(range(problem.parts)) - out):

@@ -12,20 +12,10 @@ from imuloop.diagnose.verdict import above_floor, unseen
 
 
 def search_content(sensor, choices, fitted, others, probes):
-    """Return the contract's fields that tell what was looked for and found.
+    """Return the contract's fields on what was looked for and found.
 
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    choices : Choices
-        The searches and what they added.
-    fitted : sequence of FittedEffect
-        The effects that were added, with their parameters.
-    others : dict of type to (str, str)
-        Status and reason of what cannot be tried.
-    probes : sequence
-        As of `correlates`.
+    `fitted` are the effects that the choices added, `others` status and reason of what cannot be
+    tried, `probes` as of `correlates`.
     """
     problem, choice = choices.problem, choices.choice()
     return {
@@ -53,27 +43,9 @@ def search_content(sensor, choices, fitted, others, probes):
 def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chosen):
     """Return the entry of one kind of residual, and whether it is above its floor.
 
-    Parameters
-    ----------
-    problem : Problem
-        Data and settings.
-    kind, unit, rows : str, str, index
-        Kind of residual, its unit and its rows.
-    judged, errors : (Judged, Judged), (ndarray, ndarray), shape (M, a)
-        What the fits leave, and held-out errors, without the effects and with them.
-    floor : ndarray, shape (M, a)
-        Variance that the noise alone gives the errors.
-    share : float
-        Significance of this kind.
-    chosen : bool
-        Whether there are effects, which the data chose.
-
-    Returns
-    -------
-    dict
-        The contract's fields that every kind has.
-    list of bool
-        Without the effects and with them.
+    `judged` and held-out `errors`, (M, a), are pairs, without the effects and with them, and so is
+    the answer. `floor` is the variance that the noise alone gives the errors, `share` the
+    significance of this kind, `chosen` whether there are effects, which the data chose.
     """
     noise = np.sqrt(floor[rows])
     least, *sizes = (size_of(problem, kind, own) for own in (noise, *(e[rows] for e in errors)))

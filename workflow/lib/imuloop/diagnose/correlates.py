@@ -13,19 +13,8 @@ def correlates(search, base, probes):
     ``share = 1 - (χ²₁/ν₁)/(χ²₀/ν₀)``, by the noise as estimated and summed over the axes, not below
     0, with the p-value of the test that effects have.
 
-    Parameters
-    ----------
-    search : Search
-        Of all data.
-    base : tuple of Effect
-        The effects that were added.
-    probes : sequence of (str, str, ndarray)
-        Name, kind of residual and columns, shape (N, a, q).
-
-    Returns
-    -------
-    list of dict
-        ``name``, ``residual``, ``columns``, ``share``, ``p_value``.
+    `search` is that of all data, `base` the effects that were added; each of the probes has a name,
+    the kind of residual, and columns, (N, a, q).
     """
     found, training = [], search.training(base)
     for name, kind, columns in probes:

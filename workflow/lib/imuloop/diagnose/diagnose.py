@@ -36,45 +36,23 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """The diagnosis of a device, and what its validation and the next recording take from there.
+    """The diagnosis of a device, and what its validation and the next recording take from there."""
 
-    Attributes
-    ----------
-    content : dict
-        Content of diagnosis.json, but for the next recording.
-    calibration : Calibration
-        With the effects that were added.
-    allan : dict of str to dict of ndarray
-        Allan table of each session without the effects; empty where nothing was taken out.
-    sensors : dict of str to (AccelerometerPoses or GyroscopePoses)
-        How each is fitted.
-    recording : Recording
-        All poses and rotations.
-    solutions : dict of str to (Solution or None)
-        Fit of each to all poses, effects included; None where they determine none.
-    effects : dict of str to (tuple of Effect or None)
-        Effects by sensor that all poses together show; None where they could not be tested.
-    shown : dict of str to (tuple of Effect, callable or None)
-        By sensor `found` and `information` of PoseProblem: what the static records show.
-    names : sequence of str
-        Names of the recording's sessions.
-    tests : int
-        Number of tests that share the significance.
-    tables : dict of str to dict of ndarray
-        Columns of poses.parquet and moves.parquet.
-    """
-
-    content: dict
-    calibration: Calibration
+    content: dict  # content of diagnosis.json, but for the next recording
+    calibration: Calibration  # with the effects that were added
+    # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict
-    sensors: dict
-    recording: Recording
+    sensors: dict  # AccelerometerPoses and GyroscopePoses, by sensor
+    recording: Recording  # all poses and rotations
+    # Solution of each sensor from all poses, effects included; None where they determine none
     solutions: dict
+    # Effects of each sensor that all poses show; None where they could not be tested
     effects: dict
+    # `found` and `information` of PoseProblem by sensor: what the static records show
     shown: dict
-    names: list
-    tests: int
-    tables: dict
+    names: list  # of the recording's sessions
+    tests: int  # number of tests that share the significance
+    tables: dict  # columns of poses.parquet and moves.parquet
 
 
 def diagnose_device(
@@ -216,22 +194,10 @@ def calibrated(six_position, multi_position):
 def final_calibration(base, solution, effects, records, anew):
     """Return the calibration of a sensor with every effect that was found.
 
-    The model that was diagnosed, its covariance too. Where the poses determine none, the static
-    records' effects are added to the base calibration; the bias of a gyroscope that only rested
-    then is its level without them.
-
-    Parameters
-    ----------
-    base : SensorCalibration
-        Of the stages before.
-    solution : Solution or None
-        Fit of the poses with the effects that were added there.
-    effects : tuple of FittedEffect
-        Of the static records.
-    records : sequence of StaticRecord
-        The sensor's static records.
-    anew : bool
-        Whether a fit without effects counts too: not where the bias is held at the first rest.
+    The model that was diagnosed, its covariance too: `solution`, of the poses; one without effects
+    counts only if `anew`, not where the bias is held at the first rest. Where the poses determine
+    none, the static records' effects are added to the base calibration; the bias of a gyroscope
+    that only rested then is its level without them.
     """
     if solution and (anew or solution.calibration.effects):
         return solution.calibration
@@ -248,19 +214,8 @@ def final_calibration(base, solution, effects, records, anew):
 def as_seen(calibration, solutions, recording, static, noise):
     """Return the calibration with every effect held to what the data show.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        The final one.
-    solutions : dict
-        Solution or None by sensor: the accelerometer's effects were seen at the poses, the
-        gyroscope's along the rotations too.
-    recording : Recording
-        Poses and rotations.
-    static : (dict, dict)
-        By sensor the static records, and the effects that they show.
-    noise : NoiseModel
-        Noise of the device.
+    Those of a sensor with a solution were seen at the poses, the gyroscope's along the rotations
+    too; `static` are by sensor the static records, and the effects that they show.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
     poses = {sensor: [] for sensor in SENSORS}

@@ -10,21 +10,11 @@ from imuloop.diagnose.training import Training
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """What the noise of some rows may be.
+    """What the noise of some rows may be."""
 
-    Attributes
-    ----------
-    precision : ndarray, shape (h, n, n)
-        Inverse of the covariance under each hypothesis.
-    log_det : ndarray, shape (h,)
-        Logarithm of the covariance's determinant.
-    fitted : float or ndarray, shape (h,)
-        How many parameters of it were fitted to the residuals.
-    """
-
-    precision: np.ndarray
-    log_det: np.ndarray
-    fitted: float | np.ndarray = 0.0
+    precision: np.ndarray  # (h, n, n): inverse of the covariance under each hypothesis
+    log_det: np.ndarray  # (h,): logarithm of the covariance's determinant
+    fitted: float | np.ndarray = 0.0  # (h,): how many parameters of it were fitted to the residuals
 
     @classmethod
     def of(cls, covariances, fitted=0.0):
@@ -41,23 +31,13 @@ class Hypotheses:
 
 @dataclass(frozen=True)
 class Block:
-    """Rows whose noise is independent of that of all other rows.
+    """Rows whose noise is independent of that of all other rows."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n, a)
-        Residuals of a axes, which share the noise but for its size.
-    nuisance : ndarray, shape (n, p)
-        Derivative with respect to what every fit estimates: a level, or the base model.
-    noise : Hypotheses
-        Their noise.
-    folds : ndarray of int, shape (n, 2)
-        The part that a row is held out with, and the other that it touches; -1 for none.
-    """
-
-    values: np.ndarray
+    values: np.ndarray  # (n, a): residuals of a axes, which share the noise but for its size
+    # (n, p): derivative with respect to what every fit estimates: a level, or the base model
     nuisance: np.ndarray
-    noise: Hypotheses
+    noise: Hypotheses  # their noise
+    # (n, 2): the part that a row is held out with, and the other that it touches; -1 for none
     folds: np.ndarray
 
 

@@ -82,35 +82,19 @@ def detection_limits(search, base, trial, power, kept=True):
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Drawn records of noise, and what a pattern like that of the model adds to them.
+    """Drawn records of noise, and what a pattern like that of the model adds to them."""
 
-    Attributes
-    ----------
-    fits : tuple of Fit
-        To the data, without the pattern and with it.
-    gram : ndarray, shape (h, k, k)
-        Products of the columns of the base model, of its pattern and, last, of the added one.
-    product, square : ndarray, shape (h, k, m) and (h, m)
-        Of the columns with the records, and of the records.
-    errors : tuple of (ndarray, ndarray)
-        Held-out errors of the records, (N, m), and of the added columns, (N, q), without the
-        pattern in the model and with it.
-    groups : list of list of ndarray of bool, shape (N,)
-        Rows of each part, for each kind of residual.
-    variance : ndarray, shape (N,)
-        Of the noise.
-    counts : ndarray, shape (d, parts)
-        How often each part is drawn.
-    """
-
-    fits: tuple
+    fits: tuple  # Fits to the data, without the pattern and with it
+    # (h, k, k): products of the columns of base model, its pattern and, last, the added one
     gram: np.ndarray
-    product: np.ndarray
-    square: np.ndarray
+    product: np.ndarray  # (h, k, m): of the columns with the records
+    square: np.ndarray  # (h, m): of the records
+    # held-out errors of the records, (N, m), and of the added columns, (N, q): two pairs, without
+    # the pattern in the model and with it
     errors: tuple
-    groups: list
-    variance: np.ndarray
-    counts: np.ndarray
+    groups: list  # (N,) each: rows of each part, for each kind of residual
+    variance: np.ndarray  # (N,): of the noise
+    counts: np.ndarray  # (d, parts): how often each part is drawn
 
     @classmethod
     def of(cls, search, training, effects, axis, records):

@@ -25,27 +25,14 @@ def moved(effect, factor):
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect in its best shape, or two effects, tested beside others.
+    """An effect in its best shape, or two effects, tested beside others."""
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        The shape; two of a pair.
-    log_p : float
-        Logarithm of the p-value, times the number of shapes.
-    axis, axes : int
-        The axis on which it shows most, and the number that it was tested on.
-    tries : float
-        Logarithm of the number of shapes.
-    impossible : bool
-        Whether a parameter is larger than physics allows, by more than its standard error.
-    """
-
-    effects: tuple[Effect, ...]
-    log_p: float
-    axis: int
-    axes: int
-    tries: float = 0.0
+    effects: tuple[Effect, ...]  # the shape; two of a pair
+    log_p: float  # logarithm of the p-value, times the number of shapes
+    axis: int  # on which it shows most
+    axes: int  # that it was tested on
+    tries: float = 0.0  # logarithm of the number of shapes
+    # whether a parameter is larger than physics allows, by more than its standard error
     impossible: bool = False
 
     @property

@@ -12,30 +12,15 @@ ABSORBED = 1e-6
 
 @dataclass(frozen=True)
 class Fit:
-    """Least squares of one axis under every hypothesis about the noise.
+    """Least squares of one axis under every hypothesis about the noise."""
 
-    Attributes
-    ----------
-    theta : ndarray, shape (h, k)
-        Parameters.
-    inverse : ndarray, shape (h, k, k)
-        Their covariance where the noise has the size of the hypothesis.
-    square : ndarray, shape (h,)
-        χ² of the residual; (h, m) of m records at once.
-    log_weight : ndarray, shape (h,) or (h, m)
-        Logarithm of restricted likelihood times prior.
-    dof : int
-        Degrees of freedom.
-    least : ndarray, shape (h,)
-        Least size of the noise's variance.
-    """
-
-    theta: np.ndarray
+    theta: np.ndarray  # (h, k): parameters
+    # (h, k, k): their covariance where the noise has the size of the hypothesis
     inverse: np.ndarray
-    square: np.ndarray
-    log_weight: np.ndarray
-    dof: int
-    least: np.ndarray
+    square: np.ndarray  # (h,): χ² of the residual; (h, m) of m records at once
+    log_weight: np.ndarray  # (h,) or (h, m): logarithm of restricted likelihood times prior
+    dof: int  # degrees of freedom
+    least: np.ndarray  # (h,): least size of the noise's variance
 
     @property
     def scale(self):
@@ -67,21 +52,12 @@ class Fit:
 
 @dataclass
 class Training:
-    """What a fit sees: the rows outside some parts, or those of some blocks.
+    """What a fit sees: the rows outside some parts, or those of some blocks."""
 
-    Attributes
-    ----------
-    evidence : Evidence
-        All rows.
-    held : tuple of ndarray of int
-        The rows of each block that are held out; None for a block that is not seen at all.
-    values : tuple of int
-        Columns of the residuals of each axis.
-    """
-
-    evidence: object
+    evidence: object  # all rows
+    # rows of each block that are held out; None for a block that is not seen at all
     held: tuple
-    values: tuple
+    values: tuple  # columns of the residuals of each axis
     _place: dict = field(default_factory=dict)
     _sides: dict = field(default_factory=dict)
     _ahead: dict = field(default_factory=dict)

@@ -18,20 +18,11 @@ FARTHEST = 1.96
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the noise whose size is not known well.
+    """A part of the noise whose size is not known well."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (n, n)
-        Of the residuals where its standard deviation has size one.
-    size, deviation : float
-        What is known of the size beforehand, and the standard deviation of that; infinite where
-        nothing is known.
-    """
-
-    covariance: np.ndarray
-    size: float = 0.0
-    deviation: float = np.inf
+    covariance: np.ndarray  # (n, n): of the residuals where its standard deviation has size one
+    size: float = 0.0  # what is known of it beforehand
+    deviation: float = np.inf  # of that, standard; infinite where nothing is known
 
 
 def total(fixed, parts, sizes):
@@ -47,16 +38,8 @@ def likely_sizes(values, jacobian, fixed, parts):
 
         -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Residuals r.
-    jacobian : ndarray, shape (n, p)
-        Derivative J with respect to the parameters, which are fitted too.
-    fixed : ndarray, shape (n, n)
-        Covariance Σ₀ of what is known.
-    parts : sequence of Part
-        V_k, s_k0 and σ_k.
+    The residuals r are `values`, (n,); J, (n, p), is the derivative with respect to parameters that
+    are fitted too; Σ₀, (n, n), the covariance of what is known; V_k, s_k0, σ_k those of the parts.
 
     References
     ----------

@@ -19,24 +19,12 @@ def not_testable(why):
 
 @dataclass(frozen=True)
 class Judged:
-    """What a fit leaves, against the noise, which is known to alternatives only.
+    """What a fit leaves, against the noise, which is known to alternatives only."""
 
-    Attributes
-    ----------
-    p_value : float
-        Probability that the noise leaves as much.
-    heldout : float
-        Probability that the noise gives as large errors of what is held out.
-    estimated : float
-        As `p_value`, by the noise as estimated, the first alternative.
-    reduced_chi2 : float
-        By the noise as estimated.
-    """
-
-    p_value: float
-    heldout: float
-    estimated: float
-    reduced_chi2: float
+    p_value: float  # probability that the noise leaves as much
+    heldout: float  # probability that the noise gives as large errors of what is held out
+    estimated: float  # as `p_value`, by the noise as estimated, the first alternative
+    reduced_chi2: float  # by the noise as estimated
 
 
 def judge(alternatives, squares, fitted=0):
@@ -92,16 +80,8 @@ def above_floor(judged, share, heldout, floor, chosen):
     however well the fit went: a model with a wrong effect fits what it was chosen by. Without
     effects, the fit itself has had its test, and a tenth of the significance is left for this one.
 
-    Parameters
-    ----------
-    judged : Judged
-        Of the fit and of held-out data.
-    share : float
-        Significance.
-    heldout, floor : float
-        Held-out error, and what the noise alone predicts for it.
-    chosen : bool
-        Whether there are effects, which the data chose.
+    `share` is the significance, `floor` what the noise alone predicts for the held-out error,
+    `chosen` whether there are effects, which the data chose.
     """
     own = share if chosen else share / 10
     beyond = judged.heldout < own and heldout > MARGIN * floor

@@ -19,27 +19,14 @@ LEAST_SAMPLES = 10
 
 @dataclass(frozen=True)
 class StaticRecord:
-    """Means of one sensor over consecutive windows of a session at rest.
+    """Means of one sensor over consecutive windows of a session at rest."""
 
-    Attributes
-    ----------
-    session : str
-        Name of the session.
-    windows : ndarray, shape (n, 2)
-        Start and end of each window, s.
-    stretch : ndarray of int, shape (n,)
-        Which undisturbed stretch each window lies in.
-    values : ndarray, shape (n, 3)
-        Mean output ``K (raw - b)`` of each axis, SI.
-    channels : Channels
-        What an effect sees in the windows. The sensor's own output is its mean over the session:
-        at rest it stands still, and its noise is no cause of anything.
-    """
-
-    session: str
-    windows: np.ndarray
-    stretch: np.ndarray
-    values: np.ndarray
+    session: str  # name of the session
+    windows: np.ndarray  # (n, 2): start and end of each window, s
+    stretch: np.ndarray  # (n,): which undisturbed stretch each window lies in
+    values: np.ndarray  # (n, 3): mean output ``K (raw - b)`` of each axis, SI
+    # what an effect sees in the windows. The sensor's own output is its mean over the session: at
+    # rest it stands still, and its noise is no cause of anything
     channels: Channels
 
     @property
@@ -100,15 +87,13 @@ def _temperature(channels):
 
 
 def static_record(session, samples, segments, calibration, sensor, mean_time):
-    """Return the means of windows that lie whole in the undisturbed stretches of a session.
+    """Return the StaticRecord of windows that lie whole in undisturbed stretches of a session.
 
     Parameters
     ----------
     session : str
         Its name.
-    samples : RestLog, DataFrame or dict
-        Of the session.
-    segments : DataFrame or dict
+    samples, segments : RestLog, DataFrame or dict
         Of the session.
     calibration : Calibration
         Gives ``K (raw - b)`` of both sensors.
@@ -116,11 +101,6 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
         The sensor.
     mean_time : float
         Length of a window, s, as in `window_length`.
-
-    Returns
-    -------
-    StaticRecord
-        In order of time.
     """
     log = samples if isinstance(samples, RestLog) else RestLog.of(samples)
     static = np.asarray(segments["kind"]) == STATIC

@@ -18,14 +18,7 @@ def separated(records, least):
     A gyroscope at rest does not see the attitude; an accelerometer does, and a tilt is no effect
     of the sensor. Where the means on either side of a disturbance differ by more than their noise,
     slow noise and whatever else changes the record slowly included, and the magnitude of gravity
-    is the same, each side has its own level.
-
-    Parameters
-    ----------
-    records : sequence of StaticRecord
-        One a session.
-    least : int
-        Means that a part needs; what is shorter is left out.
+    is the same, each side has its own level. A part with fewer than `least` means is left out.
     """
     edges = [(r, float(t)) for r in records for t in _edges(r)]
     if not edges:
@@ -59,14 +52,8 @@ def is_tilt(jump, level):
     """Return whether a jump of specific force may be a turn: what it leaves is as large.
 
     ``|f + h| = |f|`` where ``u·h + |h|²/2|f|`` is zero, u the direction of f; three standard errors
-    are allowed. A bias that jumps along gravity is none.
-
-    Parameters
-    ----------
-    jump : FittedEffect
-        The step h, m/s^2.
-    level : ndarray, shape (3,)
-        Specific force f, m/s^2.
+    are allowed. A bias that jumps along gravity is none. `jump` is the fitted step h, `level` the
+    specific force f, m/s^2.
     """
     h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
     size = np.linalg.norm(level)

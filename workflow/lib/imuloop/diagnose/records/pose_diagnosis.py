@@ -25,23 +25,13 @@ DEGREES = (3, 4, 5)
 
 @dataclass(frozen=True)
 class PoseResult:
-    """The diagnosis of a sensor at the poses.
+    """The diagnosis of a sensor at the poses."""
 
-    Attributes
-    ----------
-    content : dict
-        The contract's fields.
-    solution : Solution or None
-        The fit with the effects that were added; None where nothing could be fitted.
-    choices : Choices or None
-        The searches; None where nothing could be tested.
-    residuals : dict of str to ndarray
-        As of `residual_columns`; empty where nothing could be tested.
-    """
-
-    content: dict
+    content: dict  # the contract's fields
+    # the fit with the effects that were added; None where nothing could be fitted
     solution: Solution | None = None
-    choices: Choices | None = None
+    choices: Choices | None = None  # the searches; None where nothing could be tested
+    # as of `residual_columns`; empty where nothing could be tested
     residuals: dict = field(default_factory=dict)
 
     @property
@@ -75,24 +65,9 @@ def pose_problem(
 def diagnose_poses(
     sensor, recording, settings, tests=None, found=(), information=None, directions=None
 ):
-    """Diagnose one sensor at the poses.
+    """Return the PoseResult of one sensor; arguments as of PoseProblem.
 
-    Parameters
-    ----------
-    sensor : AccelerometerPoses or GyroscopePoses
-        How the sensor is fitted.
-    recording : Recording
-        Poses and rotations.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int, optional
-        Number of tests that share the significance; this sensor's own by default.
-    found, information, directions : optional
-        As of PoseProblem.
-
-    Returns
-    -------
-    PoseResult
+    Without a number of tests, which share the significance, this sensor's own count.
     """
     if reason := sensor.untestable(recording):
         return PoseResult(not_testable(reason))
@@ -113,14 +88,7 @@ def diagnose_poses(
 def directions_without(choices, out, searched):
     """Return gravity's direction at all poses by an accelerometer that does not see some parts.
 
-    Parameters
-    ----------
-    choices : Choices
-        Of the accelerometer.
-    out : frozenset of int
-        The parts.
-    searched : bool or collection
-        Whether it may choose effects.
+    `choices` are those of the accelerometer, `searched` whether it may choose effects.
     """
     problem = choices.problem
     base = choices.choice(out).base if searched else ()

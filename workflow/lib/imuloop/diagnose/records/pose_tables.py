@@ -28,14 +28,8 @@ MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 def residual_columns(problem, errors, floor):
     """Return the columns of a sensor's residuals, a row per pose or move, SI.
 
-    Parameters
-    ----------
-    problem : PoseProblem
-        The poses of the sensor.
-    errors : sequence of ndarray, shape (N,)
-        In the order of `ERRORS`.
-    floor : ndarray, shape (N,)
-        Variance that the noise alone gives to those held out.
+    `errors`, (N,) each, are in the order of `ERRORS`; `floor`, (N,), is the variance that the noise
+    alone gives to those held out.
     """
     found = {}
     for kind, (_, k) in problem.sensor.kinds.items():
@@ -66,18 +60,9 @@ def moves_table(recording, names, gyroscope, force, residuals):
     """Return the columns of moves.parquet: how each move turned, calibrated, and its residual.
 
     The angle is the way turned, that is the integral of the size of the angular rate; the speed its
-    greatest value; the axis the direction of the integral of the rate itself.
-
-    Parameters
-    ----------
-    recording : Recording
-        Poses and rotations.
-    names, residuals
-        As of `poses_table`.
-    gyroscope : SensorCalibration
-        Its effects were fitted to this recording.
-    force : Force
-        What they see of the accelerometer.
+    greatest value; the axis the direction of the integral of the rate itself. The gyroscope's
+    effects were fitted to this recording; `force` is what they see of the accelerometer. Others as
+    of `poses_table`.
     """
     rotations, channels = recording.rotations, None
     if gyroscope.effects:

@@ -24,71 +24,33 @@ HALF_A_PARAMETER = 0.1
 
 @dataclass(frozen=True)
 class Linearized:
-    """The residuals about the fit of all poses with some effects.
+    """The residuals about the fit of all poses with some effects."""
 
-    Attributes
-    ----------
-    solution : Solution
-        The fit.
-    model : AccelerometerModel or GyroscopeModel
-        At the solution.
-    values : ndarray, shape (N,)
-        Residuals.
-    jacobian : ndarray, shape (N, p)
-        Derivative with respect to the parameters.
-    alternatives : list of (float, ndarray)
-        What the noise may be, from what was estimated of it to what the residuals make of it:
-        logarithm of the probability beforehand and covariance, (N, N).
-    evidence : Evidence
-        The same as evidence.
-    noise_with : callable
-        Takes residuals, gives what the noise may be by these.
-    """
-
-    solution: object
-    model: object
-    values: np.ndarray
-    jacobian: np.ndarray
+    solution: object  # the fit
+    model: object  # at the solution
+    values: np.ndarray  # (N,): residuals
+    jacobian: np.ndarray  # (N, p): derivative with respect to the parameters
+    # what the noise may be, from what was estimated of it to what the residuals make of it:
+    # logarithm of the probability beforehand and covariance, (N, N)
     alternatives: list
-    evidence: Evidence
-    noise_with: object
+    evidence: Evidence  # of the values
+    noise_with: object  # callable: takes residuals, gives their Hypotheses
 
 
 @dataclass(frozen=True, eq=False)
 class PoseProblem:
-    """The poses of one sensor: one block of rows, whose nuisances are the base parameters.
+    """The poses of one sensor: one block of rows, whose nuisances are the base parameters."""
 
-    Attributes
-    ----------
-    sensor : AccelerometerPoses or GyroscopePoses
-        How the sensor is fitted.
-    recording : Recording
-        Poses and rotations.
-    shapes : dict of type to tuple of Effect
-        The effects to try, in their shapes.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int
-        Number of tests of the family.
-    fold_of_pose : ndarray of int, shape (n,)
-        The part that each pose is held out with.
-    found : tuple of Effect
-        Effects that other records show, which every fit estimates.
-    information : callable, optional
-        Takes effects, gives `static.information` of other records.
-    directions : callable, optional
-        Of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses
-        by an accelerometer that did not see them either; None as all poses give it.
-    """
-
-    sensor: object
+    sensor: object  # AccelerometerPoses or GyroscopePoses
     recording: object
-    shapes: dict
+    shapes: dict  # tuple of the shapes of each effect to try, by type
     settings: DiagnoseSettings
-    tests: int
-    fold_of_pose: np.ndarray
-    found: tuple = ()
-    information: object = None
+    tests: int  # number of tests of the family
+    fold_of_pose: np.ndarray  # (n,): the part that each pose is held out with
+    found: tuple = ()  # effects that other records show, which every fit estimates
+    information: object = None  # takes effects, gives `static.information` of other records
+    # of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses by
+    # an accelerometer that did not see them either; None as all poses give it
     directions: object = None
     _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)

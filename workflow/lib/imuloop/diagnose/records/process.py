@@ -23,30 +23,14 @@ LEAST_IN_SPECTRUM = 16
 
 @dataclass(frozen=True)
 class Process:
-    """What the spectra say of noise with a correlation time.
-
-    Attributes
-    ----------
-    test : Coloured
-        Test.
-    spectrum : WindowSpectrum
-        Of the three axes, effects taken out.
-    window : float
-        Length of the windows of the spectrum, s.
-    share : float
-        By how much it shrinks the error that held-out means are expected to have.
-    ratio : list of float
-        95 % interval of this share.
-    threshold : float
-        Logarithm of the largest p-value that passes.
-    """
+    """What the spectra say of noise with a correlation time."""
 
     test: Coloured
-    spectrum: WindowSpectrum
-    window: float
-    share: float
-    ratio: list
-    threshold: float
+    spectrum: WindowSpectrum  # of the three axes, effects taken out
+    window: float  # length of the windows of the spectrum, s
+    share: float  # by how much it shrinks the error that held-out means are expected to have
+    ratio: list  # 95 % interval of this share
+    threshold: float  # logarithm of the largest p-value that passes
 
     @property
     def found(self):
@@ -55,14 +39,9 @@ class Process:
 
 
 def find_process(fine, choices):
-    """Return the Process of the means over the shortest windows; None without enough in a row.
+    """Return the Process of the means over the shortest windows, `fine`, beside what was chosen.
 
-    Parameters
-    ----------
-    fine : sequence of StaticRecord
-        The means.
-    choices : Choices
-        What else was found.
+    None without enough in a row.
     """
     problem, derivatives = choices.problem, {}
 

@@ -15,21 +15,11 @@ INITIAL_REST = 30.0
 
 @dataclass(frozen=True)
 class StaticData:
-    """Samples at rest.
+    """Samples at rest."""
 
-    Attributes
-    ----------
-    kinds : dict of str to str
-        Kind of each session used.
-    samples : dict of str to (Samples, DataFrame or dict)
-        Its samples by column, SI, as logged.
-    segments : dict of str to (dict or DataFrame)
-        Its segments, as `rests_to_use` gives them.
-    """
-
-    kinds: dict
-    samples: dict
-    segments: dict
+    kinds: dict  # of each session used
+    samples: dict  # its samples by column, SI, as logged
+    segments: dict  # its segments, as `rests_to_use` gives them
     _logs: dict = field(default_factory=dict, repr=False)
 
     def log(self, name):
@@ -68,19 +58,8 @@ def rests_to_use(kinds, segments):
     """Return which stretches of which sessions are the static record of a device.
 
     All static sessions, what lies between their rests included; where there is none, the longest
-    rest of all others if it lasts.
-
-    Parameters
-    ----------
-    kinds : dict of str to str
-        Kind of each session.
-    segments : dict of str to (DataFrame or dict)
-        Segments of each session.
-
-    Returns
-    -------
-    dict of str to dict
-        ``start_s``, ``end_s`` and ``kind`` of the segments of the sessions to use.
+    rest of all others if it lasts. Kind and segments are by session; returned are ``start_s``,
+    ``end_s`` and ``kind`` of the segments to use.
     """
     static, longest, chosen = {}, INITIAL_REST, {}
     for name, table in segments.items():

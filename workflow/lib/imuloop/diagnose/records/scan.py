@@ -16,21 +16,12 @@ BESIDE, WITHIN = 3, 4
 
 @dataclass(frozen=True)
 class Whitened:
-    """The residual of one axis in the windows seen of one record, and how to weigh it.
+    """The residual of one axis in the windows seen of one record, and how to weigh it."""
 
-    Attributes
-    ----------
-    seen : ndarray of int, shape (m,)
-        The windows.
-    precision : ndarray, shape (m, m)
-        Of the windows, the level taken out, for the likeliest noise without the pattern.
-    residual : ndarray, shape (m,)
-        In units of the noise's N.
-    """
-
-    seen: np.ndarray
+    seen: np.ndarray  # (m,): the windows
+    # (m, m): of the windows, the level taken out, for the likeliest noise without the pattern
     precision: np.ndarray
-    residual: np.ndarray
+    residual: np.ndarray  # (m,): in units of the noise's N
 
 
 def whitened(search, base, axis):

@@ -31,26 +31,13 @@ class StaticProblem:
 
     The bias changes from one power-on to the next, and so does the attitude. Rows are the means
     over windows, in long records over several neighbours; their axes are those of the sensor.
-
-    Attributes
-    ----------
-    records : sequence of StaticRecord
-        The records; parts of a session have its name.
-    shapes : dict of type to tuple of Effect
-        The effects whose shapes are listed.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int
-        Number of tests of the family.
-    noise : tuple of Hypotheses, optional
-        That of the same windows, where the other sensor's problem has it already.
     """
 
-    records: tuple
-    shapes: dict
+    records: tuple  # StaticRecords; parts of a session have its name
+    shapes: dict  # tuple of the shapes of each effect to try, by type, where they can be listed
     settings: DiagnoseSettings
-    tests: int
-    noise: tuple | None = None
+    tests: int  # number of tests of the family
+    noise: tuple | None = None  # Hypotheses, where the other sensor's problem has the same windows
     _derivatives: dict = field(default_factory=dict, repr=False)
     residual = "bias"
 
@@ -221,16 +208,7 @@ def information(search, base, effects):
     precision P̃ that leaves out the levels, ``A₀ = Dᵀ P̃ D`` and the noise Σ, averaged over the
     hypotheses, ``A = A₀/κ``, κ on each axis the most by which the variance of a pattern,
     ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``: so that errors are those of `fitted_effects`. What else
-    was found is estimated beside them.
-
-    Parameters
-    ----------
-    search : Search
-        Of all data.
-    base : tuple of Effect
-        The effects that were found.
-    effects : sequence of Effect
-        The effects asked for.
+    was found, `base`, is estimated beside them.
 
     Returns
     -------

@@ -23,18 +23,10 @@ UNSEEN = {
 
 
 def static_content(sensor, finding, noise, change):
-    """Return the contract's fields.
+    """Return the contract's fields of a sensor's Finding.
 
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    finding : Finding
-        What was found.
-    noise : NoiseModel
-        Noise of the records without the effects: the floor.
-    change : dict
-        Noise coefficients of each axis before and after; empty where nothing was added.
+    `noise` is that of the records without the effects, the floor; `change` holds its coefficients
+    before and after, by axis, where something was added.
     """
     choices, axes = finding.choices, SENSORS[sensor]
     problem, settings = choices.problem, choices.problem.settings

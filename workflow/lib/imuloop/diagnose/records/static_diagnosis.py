@@ -26,26 +26,15 @@ ENOUGH = 64
 
 @dataclass(frozen=True)
 class StaticResult:
-    """The diagnosis of the static records of a device.
+    """The diagnosis of the static records of a device."""
 
-    Attributes
-    ----------
-    content : dict of str to dict
-        The contract's fields of each sensor.
-    effects : dict of str to tuple of FittedEffect
-        Effects of each sensor that belong into a calibration.
-    noise : NoiseModel
-        Noise without the effects, doubtful ones too, with the lines and processes that were found.
-    allan : dict of str to dict of ndarray
-        Allan table of each session without the effects; empty where nothing was taken out.
-    findings : dict of str to Finding
-        What was found, of the sensors that could be tested.
-    """
-
-    content: dict
-    effects: dict
+    content: dict  # the contract's fields, by sensor
+    effects: dict  # FittedEffects that belong into a calibration, by sensor
+    # noise without the effects, doubtful ones too, with the lines and processes that were found
     noise: NoiseModel
+    # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict = field(default_factory=dict)
+    # Finding of each sensor that could be tested
     findings: dict = field(default_factory=dict)
 
     def shown(self, sensor, with_temperature):
@@ -66,29 +55,15 @@ class StaticResult:
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found in the static records of a sensor.
+    """What was found in the static records of a sensor."""
 
-    Attributes
-    ----------
-    choices : Choices
-        The searches, and what they added.
-    others : dict of type to (str, str)
-        Effects that cannot be tried: status and reason.
-    effects : tuple of FittedEffect
-        What was added, with its parameters.
-    doubtful : tuple of FittedEffect
-        The same with the best that passes the test, but that no held-out part confirms.
-    process : Process or None
-        Test for noise with a correlation time; None without enough means in a row.
-    before, after : ndarray, shape (N, 3)
-        Held-out errors: the whole search is made again without each block.
-    """
-
-    choices: Choices
-    others: dict
-    effects: tuple
+    choices: Choices  # the searches, and what they added
+    others: dict  # status and reason of effects that cannot be tried
+    effects: tuple  # FittedEffects that were added
+    # the same with the best that passes the test, but that no held-out part confirms
     doubtful: tuple
-    process: object
+    process: object  # test for noise with a correlation time; None without enough means in a row
+    # (N, 3): held-out errors, the whole search made again without each block
     before: np.ndarray
     after: np.ndarray
 
@@ -121,7 +96,7 @@ def static_candidates(sensor, records):
 
 
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
-    """Diagnose both sensors in the static records of a device.
+    """Return the StaticResult of both sensors of a device.
 
     Parameters
     ----------
@@ -133,17 +108,10 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         Base calibration: effects add to its ``K (raw - b)``.
     noise : NoiseModel
         Noise of the device.
-    settings : DiagnoseSettings
-        Settings.
-    noise_settings : NoiseSettings
-        Settings of the noise stage, by which the noise is estimated again.
+    settings, noise_settings
+        Of the diagnosis, and of the noise stage, by which the noise is estimated again.
     tests : int
         Number of tests that share the significance.
-
-    Returns
-    -------
-    StaticResult
-        Of both sensors.
     """
     findings, content, shared = {}, {}, None
     for sensor, axes in SENSORS.items():
