@@ -155,6 +155,15 @@ def test_a_line_that_wanders_is_one_line():
     assert again is None or again.amplitude < 1.0
 
 
+def test_a_wander_that_both_halves_share_is_followed():
+    # four times to and fro: each half has the mean frequency of the whole
+    n, rng = 40_000, np.random.default_rng(7)
+    turns = np.cumsum(8.0 + 0.1 * np.cos(8 * np.pi * np.arange(n) / n)) / RATE
+    line = line_of(rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns))
+    assert len(line.parts) > 7
+    assert line.amplitude == pytest.approx(5.0, rel=0.1)
+
+
 def test_a_steady_line_has_one_part():
     for seed in range(5):
         x, _ = noise("white", np.random.default_rng(seed), 20_000)

@@ -20,16 +20,9 @@ JITTER, LOST, TEMPERATURE_RANGE = 0.05, 1e-3, 2.0
 
 @dataclass(frozen=True)
 class Session:
-    """One session of a device.
+    """One session of a device: name, kind, samples in SI and segments by column.
 
-    Attributes
-    ----------
-    name, kind : str
-        Name in the config; 'static', 'six_position' or 'multi_position'.
-    samples : DataFrame or Columns
-        Samples, SI; empty where the session was rejected.
-    segments : DataFrame or dict
-        Segments of these samples by column.
+    `samples` is empty where the session was rejected.
     """
 
     name: str
@@ -42,17 +35,9 @@ class Session:
 class Record:
     """Stretches of a session as slices of its samples.
 
-    Attributes
-    ----------
-    session : Session
-        Whose samples.
-    slices : tuple of slice
-        One a stretch.
-    samplings : tuple of Sampling
-        Where in time they lie, one a run (`imuloop.core.segments.runs`).
-    jitter, lost : float
-        Spread of the sampling interval, share of its mean; samples missing in gaps of a few, share
-        of those there.
+    `samplings` say where in time they lie, one a run (`imuloop.core.segments.runs`); `jitter` is
+    the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of a
+    few, share of those there.
     """
 
     session: Session
@@ -95,13 +80,7 @@ def record_of(session, disturbed=False):
 
     A stretch of a static session has the level of the one before it, unless a disturbance lies
     between; the rests of other sessions have levels of their own. A lost sample ends a stretch.
-
-    Parameters
-    ----------
-    session : Session
-        Whose rests.
-    disturbed : bool
-        Whether disturbed stretches stay in, and one level holds all through.
+    Where `disturbed`, disturbed stretches stay in, and one level holds all through.
     """
     kind = np.asarray(session.segments["kind"])
     begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
