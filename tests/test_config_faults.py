@@ -246,7 +246,7 @@ def test_one_variable_can_hold_all_three(faults, tmp_path):
     columns = "force, angular_rate: turn"
     assert faults(text % columns) == []
     [line] = faults(text % columns.replace("force", "forces"))
-    assert line.startswith("devices.imu.sessions.a.columns.acceleration: no variable 'forces'")
+    assert line.startswith("devices.imu.sessions.a.columns.acceleration: no column 'forces.x'")
 
 
 def test_numbers_of_a_json_config_are_what_they_look_like(faults):
