@@ -185,7 +185,7 @@ def sensor_logger(log):
     for name, axes, factor in (
         # what is left without gravity
         ("Accelerometer", SIX[:3], 0.001),
-        ("Gravity", SIX[:3], 1),
+        ("TotalAcceleration", SIX[:3], 1),
         ("GyroscopeUncalibrated", SIX[3:], 1),
     ):
         table = factor * log[axes].set_axis(["x", "y", "z"], axis=1)

@@ -31,7 +31,7 @@ FORBIDDEN += ("pickle.", "shutil.", "ctypes.dlopen", "webbrowser.", "ftplib.", "
 READER = "from imuloop.ingest.guarded import serve; serve()"
 # those that change the files that they name
 CHANGES = ("os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.chmod", "os.chown", "os.utime")
-CHANGES += ("os.symlink", "os.link", "os.rename")
+CHANGES += ("os.symlink", "os.link", "os.rename", "shutil.rmtree")
 # what lies beside a config
 BESIDE = {"a.mat": b"0 0 0 9.8\n" * ROWS, "b.mat": b"0 0 0 9.8\n" * ROWS}
 RESULTS = {"out/samples.parquet", "out/quality.json"}
