@@ -1,7 +1,6 @@
 """ArduPilot DataFlash logs, written as the format defines them, read again by its own library."""
 
 import struct
-import sys
 from fractions import Fraction
 
 import numpy as np
@@ -106,24 +105,6 @@ def test_imu_messages(run, single, write):
     assert len(done.quality["warnings"]) == 1
 
 
-@pytest.mark.parametrize("kind", [binary, text])
-def test_the_same_as_the_library_reads(run, single, write, kind):
-    path = write(kind(("IMU", IMU, imu(single)), ("ACC", ACC, sampled(single, ACCELERATION))))
-    done = run(path, format="dataflash")
-    reader = DFReader.DFReader_binary if kind is binary else DFReader.DFReader_text
-    log = reader(str(path))
-    rows = []
-    while (row := log.recv_match(type="IMU", strict=True)) is not None:
-        rows.append(
-            [row.TimeUS, row.T, *(getattr(row, f"{s}{a}") for s in ("Gyr", "Acc") for a in "XYZ")]
-        )
-    rows = np.array(rows)
-    assert len(rows) == 500
-    np.testing.assert_array_equal(done.samples[CHANNELS], rows[:, 2:])
-    np.testing.assert_array_equal(done.samples.temperature, rows[:, 1])
-    np.testing.assert_array_equal(done.samples.t, (rows[:, 0] - rows[0, 0]) * 1e-6)
-
-
 def test_a_text_log_keeps_the_digits_of_its_text(run, log, write):
     content = text(("IMU", IMU, imu(log))).replace(b"\n", b"\r\n")
     assert_equal(run(write(content, "log.log"), format="dataflash"), log)
@@ -226,13 +207,6 @@ def test_another_message_and_scaled_integers(run, single, write):
     done = run(path, columns=columns)
     np.testing.assert_array_equal(done.samples[ACCELERATION + ANGULAR_RATE], counts / 100)
     assert run(path).quality["reasons"] == ["the log holds no rows of IMU, ACC, GYR or IMT"]
-
-
-def test_the_extra_is_named_when_missing(run, single, write, monkeypatch):
-    path = write(binary(("IMU", IMU, imu(single))))
-    monkeypatch.setitem(sys.modules, "pymavlink.DFReader", None)
-    with pytest.raises(ImuloopError, match=r"pip install '\.\[dataflash\]'"):
-        run(path)
 
 
 def test_a_log_cut_off_is_read_up_to_there(run, single, write):

@@ -4,6 +4,7 @@ import os
 import re
 import sqlite3
 import struct
+import sys
 import time
 import zipfile
 
@@ -135,6 +136,24 @@ def test_a_file_cut_off_is_rejected_or_read_up_to_there(seeds, run, tmp_path, en
     else:
         [line] = quality["reasons"]
         assert line.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("ending", "module", "extra"),
+    [
+        ("bag", "rosbags.typesys", "ros"),
+        ("ulg", "pyulog", "ulog"),
+        ("bin", "pymavlink.DFReader", "dataflash"),
+    ],
+)
+def test_the_extra_is_named_where_its_library_is_missing(
+    seeds, run, in_process, tmp_path, monkeypatch, ending, module, extra
+):
+    path = tmp_path / f"log.{ending}"
+    path.write_bytes(seeds[ending])
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImuloopError, match=rf"needs the package .*pip install '\.\[{extra}\]'"):
+        run(path)
 
 
 # files made to break their readers, each beside what is said of it

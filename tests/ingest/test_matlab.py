@@ -232,27 +232,6 @@ def test_lengths_that_differ_and_names_that_are_not_there(run, arrays, path):
         run(path, columns={"acceleration": "accel"})
 
 
-def test_without_time_a_rate_is_needed(log, run, arrays, path):
-    del arrays["t"]
-    save_5(path, arrays)
-    with pytest.raises(ImuloopError, match="no time column"):
-        run(path)
-    assert same(run(path, rate=100).samples, log.drop(columns="t"))
-
-
 def test_one_file_is_matlab_and_two_are_imu_tk():
     assert guess_format({"log": "some.mat"}) == "matlab"
     assert guess_format({"acceleration": "a.mat", "angular_rate": "g.mat"}) == "imu_tk"
-
-
-def test_stamps_of_64_bits_without_sign(log, run, tmp_path):
-    column = {name: log[name].to_numpy()[:, None] for name in log.columns}
-    path = tmp_path / "log.mat"
-    for origin in (2**40, 2**63):
-        column["t"] = np.uint64(origin) + 10 * np.arange(500, dtype=np.uint64)[:, None]
-        savemat(path, column)
-        quality = run(path, units={"time": "ms"}).quality
-        if origin == 2**40:
-            assert quality["status"] == "ok"
-        else:
-            assert quality["reasons"] == ["stamps of 2^63 and more are not read"]

@@ -77,10 +77,6 @@ def test_days_keep_nanoseconds(log, run, write):
     np.testing.assert_allclose(done.samples.t, np.arange(500) / 100, atol=1e-8)
 
 
-def test_plain_numbers_as_time(run, write, log):
-    np.testing.assert_array_equal(run(write(units="s")).samples.t, log.t)
-
-
 def test_declared_variables(log, run, write):
     path = write()
     columns = {"acceleration": "acceleration", "angular_rate": "magnetic_density"}
@@ -156,20 +152,3 @@ def test_six_columns_in_one_variable(log, run, tmp_path):
         q: [f"imu.{i + k}" for i in range(3)] for q, k in (("acceleration", 0), ("angular_rate", 3))
     }
     np.testing.assert_array_equal(run(path, columns=columns).samples.gz, log.gz)
-
-
-@pytest.mark.parametrize("kind", ["u1", "i2", "f4"])
-def test_counters_of_few_bits(log, run, tmp_path, kind):
-    path = tmp_path / "log.nc"
-    counter = np.arange(len(log)) % (256 if kind == "u1" else 1 << 15)
-    with netCDF4.Dataset(path, "w") as data:
-        data.createDimension("time", len(log))
-        for name in log.columns:
-            stored, values = (kind, counter) if name == "t" else ("f8", log[name].to_numpy())
-            data.createVariable(name, stored, ("time",), fill_value=False)[:] = values
-    done = run(path, units={"time": "ms"})
-    assert (done.quality["status"], len(done.samples)) == ("rejected", 0)
-    done = run(path, units={"time": "s"})
-    assert done.quality["status"] == "ok"
-    np.testing.assert_array_equal(done.samples.t, np.arange(len(log)))
-    assert done.quality["clock"]["rollovers"] == (1 if kind == "u1" else 0)

@@ -98,13 +98,6 @@ def test_damaged_metadata_reject_the_log(log, run, tmp_path, said):
     assert reason == "the project's metadata in the Parquet file are damaged"
 
 
-def test_a_column_whose_name_is_no_text(log, run, tmp_path):
-    path = tmp_path / "log.parquet"
-    log.rename(columns={"t": "time_of_log"}).to_parquet(path, index=False)
-    path.write_bytes(path.read_bytes().replace(b"time_of_log", b"\xff\xfe\xfdtime_of"))
-    assert run(path).quality["reasons"] == ["the file is not a whole Parquet file"]
-
-
 @pytest.mark.parametrize(("column", "words"), [("ax", "numbers"), ("t", "stamps")])
 def test_types_that_no_cast_knows(log, run, tmp_path, column, words):
     path = tmp_path / "log.parquet"

@@ -151,11 +151,6 @@ def test_every_bit_of_sensor_logger(hard, hard_stamps, every_bit, write):
     every_bit(write(members), hard, hard_stamps)
 
 
-def test_batches_do_not_matter(log, run, write):
-    path = write(phyphox(log))
-    assert run(path).path.read_bytes() == run(path, batch_rows=9).path.read_bytes()
-
-
 def test_acceleration_without_gravity_is_not_taken(log, run, write, refused):
     members = phyphox(log)
     linear = phyphox(log * 0.1, ("Linear Acceleration", ""))["Accelerometer.csv"]
@@ -247,39 +242,6 @@ def test_a_long_line_counts_by_what_was_in_it(log, run, write):
     members["Accelerometer.csv"] = "".join(lines)
     [reason] = run(write(members)).quality["reasons"]
     assert "of the log's bytes are in 1 lines that are no row" in reason
-
-
-@pytest.mark.parametrize("name", ["Accelerometer.csv", "Gyroscope.csv"])
-def test_a_second_header_of_other_columns(log, refused, write, name):
-    members = phyphox(log)
-    lines = members[name].splitlines()
-    time, x, y, z = lines[0].split(",")
-    lines.insert(300, ",".join([time, y, x, z]))
-    members[name] = "\n".join(lines)
-    assert refused(members).startswith("a second header in the log names other columns (")
-
-
-def test_a_unit_that_is_not_known(log, run, write):
-    members = phyphox(log)
-    head, _, rest = members["Accelerometer.csv"].partition("\n")
-    members["Accelerometer.csv"] = f"{head.replace('m/s^2', 'furlong')}\n{rest}"
-    assert "furlong" in members["Accelerometer.csv"]
-    with pytest.raises(ImuloopError, match=r"units\.acceleration: the log says 'furlong'"):
-        run(write(members))
-
-
-def test_names_that_a_terminal_would_obey(log, run, write):
-    members = phyphox(log)
-    for name, other in (("Gyroscope", "Gyro\x07scope"), ("Accelerometer", "\x1b[2JAcc")):
-        members[f"{other}.csv"] = members.pop(f"{name}.csv")
-    done = run(write(members))
-    check(done, log)
-    assert all(name.isprintable() for names in done.quality["columns"].values() for name in names)
-
-
-def test_one_stream_for_both_sensors(log, run, write):
-    with pytest.raises(ImuloopError, match=r"columns: Gyroscope\.Gyroscope x .* is named twice"):
-        run(write(phyphox(log)), columns={"acceleration": "Gyroscope"})
 
 
 def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):

@@ -133,15 +133,6 @@ def test_mirror_is_taken_by_name_and_hash(closed, target, tmp_path):
     assert not target.is_symlink()
 
 
-def test_mirror_reached_through_a_link(closed, target, tmp_path):
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "log.csv").write_bytes(CONTENT)
-    (tmp_path / "mirror").mkdir()
-    (tmp_path / "mirror" / "link").symlink_to(tmp_path / "elsewhere")
-    fetch({"url": f"{closed}/log.csv", "sha256": DIGEST}, target, tmp_path / "mirror")
-    assert target.read_bytes() == CONTENT
-
-
 def test_mirror_with_another_version_is_not_taken(server, target, tmp_path):
     (tmp_path / "mirror").mkdir()
     (tmp_path / "mirror" / "log.csv").write_bytes(b"other")
@@ -155,15 +146,6 @@ def test_wheel(wheel, target):
     fetch(wheel, target)
     assert target.read_bytes() == CONTENT
     assert "tiny_recordings" not in sys.modules
-
-
-def test_wheel_from_the_mirror_needs_no_pip(target, tmp_path, monkeypatch):
-    monkeypatch.setattr("subprocess.run", None)
-    (tmp_path / "mirror").mkdir()
-    (tmp_path / "mirror" / "log.csv").write_bytes(CONTENT)
-    source = {"wheel": "tiny-recordings==1.0", "member": MEMBER, "sha256": DIGEST}
-    fetch(source, target, tmp_path / "mirror")
-    assert target.read_bytes() == CONTENT
 
 
 def test_wheel_that_cannot_be_had(wheel, target):

@@ -1,7 +1,6 @@
 """PX4 ULog files, written with the format's own library."""
 
 import struct
-import sys
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -231,13 +230,6 @@ def test_buffers_are_one_row_a_sample(run, single, write):
 def test_dropouts_are_told(run, single, write):
     path = write(combined(single), dropouts=[(30, STAMPS[100]), (1500, STAMPS[200])])
     assert "2 dropouts while logging, 1.53 s together" in run(path).quality["warnings"]
-
-
-def test_the_extra_is_named_when_missing(run, single, write, monkeypatch):
-    path = write(combined(single))
-    monkeypatch.setitem(sys.modules, "pyulog", None)
-    with pytest.raises(ImuloopError, match=r"pip install '\.\[ulog\]'"):
-        run(path)
 
 
 def test_a_log_cut_off_is_read_up_to_there(run, single, write):
