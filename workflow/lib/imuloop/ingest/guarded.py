@@ -139,7 +139,7 @@ def serve():
     _limit(resource.RLIMIT_CPU, used + seconds)
     _limit(resource.RLIMIT_FSIZE, memory)
     _limit(resource.RLIMIT_CORE, 0)
-    name = Path(given["paths"]["log"]).name
+    error, path = None, given["paths"]["log"]
     try:
         signal.alarm(waiting)
         log = read(**given)
@@ -149,22 +149,26 @@ def serve():
             _send(out, batch)
             signal.alarm(waiting)
         _send(out, pa.record_batch({}), log=_told(log), end=True)
-    except errors.ImuloopError as error:
-        _send(out, pa.record_batch({}), error=[type(error).__name__, str(error)])
+    except errors.ImuloopError as foreseen:
+        error = [type(foreseen).__name__, str(foreseen)]
     except MemoryError:
-        text = f"{name} takes more than {memory >> 20} MB of memory to read, as no log of its size"
-        _send(out, pa.record_batch({}), error=["", f"{text} does: it is damaged, or no log"])
-    except Exception as error:
-        form = module.rpartition(".")[2]
-        why = cause(error).replace(str(given["paths"]["log"]), name)
-        text = f"{name} is no whole file of the format {form} ({why}): copy it again, or "
-        _send(out, pa.record_batch({}), error=["", f"{text}save it anew"])
+        why = f"takes more than {memory >> 20} MB of memory to read, as no log of its size does"
+        error = ["", f"{Path(path).name} {why}: it is damaged, or no log"]
+    except Exception as unforeseen:
+        form, why = module.rpartition(".")[2], cause(unforeseen).replace(str(path), "the file")
+        why = f"is no whole file of the format {form} ({why}): copy it again, or save it anew"
+        error = ["", f"{Path(path).name} {why}"]
+    if error:
+        # words need memory too
+        _limit(resource.RLIMIT_AS, resource.RLIM_INFINITY)
+        _send(out, pa.record_batch({}), error=error)
 
 
 def _limit(kind, most):
     """Limit what this process may take, as far as it is not limited further."""
     _, hard = resource.getrlimit(kind)
-    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    if hard != resource.RLIM_INFINITY:
+        most = hard if most == resource.RLIM_INFINITY else min(most, hard)
     with suppress(ValueError, OSError):
         resource.setrlimit(kind, (most, hard))
 
