@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import RejectedLog
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import AXES
 from imuloop.ingest.damage import blamed_for_loss
 from imuloop.ingest.extras import needed
@@ -49,40 +49,28 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     paths, columns, batch_rows, most
         As of `imuloop.ingest.formats.Format`; `columns` names topics, or ``TOPIC.FIELD``.
     """
-    needed("rosbags.typesys", "ros")
-    path, notes, topics = Path(paths["log"]), [], {}
-    folder = path if path.is_dir() else path.parent
-    # the library can open names of a bag that need no quoting in an address
-    plain = Path(tempfile.mkdtemp(), "bag")
-    if (path / "metadata.yaml").is_file():
-        plain.symlink_to(path.absolute())
-        files = [plain]
-    elif path.is_dir():
-        found = [p for p in path.iterdir() if p.name.removesuffix(".zstd").endswith(ENDINGS)]
-        # bag_2 before bag_10
-        files = sorted((p for p in found if p.is_file()), key=lambda p: (len(p.name), p.name))
-        if not files:
-            raise RejectedLog(f"the folder holds no bag: no metadata.yaml, no {', '.join(ENDINGS)}")
-        notes = ["the folder has no metadata.yaml: all its bags are read, in the order of names"]
-    else:
-        files = [path]
+    path, topics = Path(paths["log"]), {}
+    files, notes = _files(path)
+    ends = ("-wal", "-journal")
+    beside = path.iterdir() if path.is_dir() else [Path(f"{path}{end}") for end in ends]
     damage = [
-        f"{beside.name} holds what SQLite had not yet written; it is not read"
-        for beside in sorted([*folder.glob("*.db3-wal"), *folder.glob("*.db3-journal")])
-        if beside.stat().st_size and (path.is_dir() or beside.name.startswith(path.name))
+        f"{file.name} holds what SQLite had not yet written; it is not read"
+        for file in beside
+        if file.name.endswith(ends) and file.is_file() and file.stat().st_size
     ]
-    for number, file in enumerate(files):
-        bag = file if file == plain else _plain(file, plain.with_name(str(number)))
-        try:
-            _gather(bag, topics, damage, most)
-        except (RejectedLog, MemoryError):
-            raise
-        except Exception as error:
-            tool = _MENDED_BY.get(bag.suffix, "ros2 bag reindex")
-            raise RejectedLog(
-                f"{path.name} is not a whole bag ({cause(error)}); copy it again, or if its "
-                f"recording was cut off, mend it with {tool}"
-            ) from error
+    with tempfile.TemporaryDirectory() as folder:
+        for number, file in enumerate(files):
+            bag = _plain(file, Path(folder, str(number)))
+            try:
+                _gather(bag, topics, damage, most)
+            except (ImuloopError, MemoryError):
+                raise
+            except Exception as error:
+                tool = _MENDED_BY.get(bag.suffix, "ros2 bag reindex")
+                raise RejectedLog(
+                    f"{path.name} is not a whole bag ({cause(error)}); copy it again, or if its "
+                    f"recording was cut off, mend it with {tool}"
+                ) from error
     streams, about = _streams(topics)
     with blamed_for_loss(damage):
         log = raw_log(streams, columns, batch_rows)
@@ -140,8 +128,26 @@ def _streams(topics):
     return streams, about
 
 
+def _files(path):
+    """Return what the library is to open of a bag, in the order of recording, and notes."""
+    if path.is_file() or (path / "metadata.yaml").is_file():
+        return [path], []
+    found = [p for p in path.iterdir() if p.name.removesuffix(".zstd").endswith(ENDINGS)]
+    # bag_2 before bag_10
+    found = sorted((p for p in found if p.is_file()), key=lambda p: (len(p.name), p.name))
+    if not found:
+        raise RejectedLog(f"the folder holds no bag: no metadata.yaml, no {', '.join(ENDINGS)}")
+    return found, ["the folder has no metadata.yaml: all its bags are read, in the order of names"]
+
+
 def _plain(path, target):
-    """Return a path to a bag's file by which the library knows its kind; one packed is unpacked."""
+    """Return a path to a bag by which the library can open it and knows its kind; unpacked.
+
+    Names of its own would have to be quoted in the address that the library makes of them.
+    """
+    if path.is_dir():
+        target.symlink_to(path.absolute())
+        return target
     with open(path, "rb") as file:
         head = file.read(16)
     if head.startswith(_ZSTD):
@@ -161,14 +167,14 @@ def _plain(path, target):
 
 def _gather(bag, topics, damage, most):
     """Add the messages of a bag to the topics, and what it lacks to the damage."""
-    from rosbags import rosbag1, rosbag2
-    from rosbags.typesys import Stores, get_typestore
-
     ros1 = bag.suffix == ".bag"
+    library = needed("rosbags.rosbag1" if ros1 else "rosbags.rosbag2", "ros")
+    types = needed("rosbags.typesys", "ros")
     # never the definitions in the bag: the library makes them Python code and runs it
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    kinds = types.Stores
+    store = types.get_typestore(kinds.ROS1_NOETIC if ros1 else kinds.ROS2_HUMBLE)
     parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
-    with (rosbag1 if ros1 else rosbag2).Reader(bag) as reader:
+    with library.Reader(bag) as reader:
         wanted = [c for c in reader.connections if c.msgtype in _FIELDS]
         for connection in wanted:
             name = connection.msgtype
