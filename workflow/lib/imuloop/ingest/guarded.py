@@ -19,11 +19,12 @@ from pathlib import Path
 import pyarrow as pa
 
 from imuloop.core import errors
+from imuloop.ingest.packed import MOST_TIMES
 from imuloop.ingest.raw_log import RawLog
 
-# memory that a reader may take, bytes: a part for each file, and so many times the file, of a
-# small one more: no log packs better
-MEMORY, MOST_TIMES, MOST_HELD, LARGE_TIMES = 512 << 20, 200, 4 << 30, 16
+# memory that a reader may take, bytes: beside `MOST_TIMES` the file, which is at most `MOST_HELD`
+# or so many times a large file
+MEMORY, MOST_HELD, LARGE_TIMES = 512 << 20, 4 << 30, 16
 # processor time that a reader may take, s, and s per byte of the file
 SECONDS, SECONDS_PER_BYTE = 2, 10e-6
 # longest that a reader may wait, as for a pipe that a file leads to, s
