@@ -1,6 +1,8 @@
 """Cases of the chain, each in a process of its own, within limits."""
 
+import importlib
 import os
+import pkgutil
 import re
 import resource
 import sys
@@ -10,6 +12,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+import imuloop
 from bench.fuzz.chain import recordings
 from bench.fuzz.chain.cases import make
 from bench.fuzz.chain.judge import judge, origin
@@ -24,7 +27,10 @@ ABOVE = re.compile(r"^/.*/(lib/|site-packages/)")
 
 def fuzz(numbers, workers=2):
     """Run cases, that many at once; yield number, end and list of faults of each."""
-    # each process then has the recordings without reading
+    # each process then has library and recordings without reading
+    for module in pkgutil.walk_packages(imuloop.__path__, "imuloop."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
     for name in (name for family in recordings.FAMILIES for name in family):
         try:
             recordings.recording(name)

@@ -1,4 +1,4 @@
-"""Which way the axes of the two sensors lie to each other, told by the turns of a log.
+"""Which way the axes of the two sensors lie to each other, shown by the turns of a log.
 
 While a device turns, the direction u of gravity in its axes obeys ``du/dt = u × ω``. Over two
 neighbouring windows of T seconds, whose means are u₁ and u₂, this is without approximation
@@ -101,18 +101,18 @@ class Axes:
         # ∫ w u (r - b), then its share by the cross product for each mapping
         moment = steps[:, 6:].reshape(-1, 3, 3) - steps[:, 3:6, None] * bias
         by_axis = np.einsum("ijk,njl->nkli", CROSS, moment)
-        told = np.einsum("pkl,nkli->pni", MAPPINGS, by_axis)
-        size = np.sqrt((told**2).sum(axis=2))
+        turned = np.einsum("pkl,nkli->pni", MAPPINGS, by_axis)
+        size = np.sqrt((turned**2).sum(axis=2))
         # what hardly turns gravity says nothing of the direction
         usual = np.median(size[0]) if len(size) else 0.0
         size = np.maximum(size, 0.1 * usual + 1e-12) * np.sqrt((change**2).sum(axis=1))
         # a damaged file may hold 1e306
-        cosine = np.nan_to_num((told * change).sum(axis=2) / size)
+        cosine = np.nan_to_num((turned * change).sum(axis=2) / size)
         agreement = cosine.mean(axis=1)
         best = int(np.argmax(agreement))
         lead = cosine[best] - cosine[0]
         favour, against = int((lead > 0.2).sum()), int((lead < -0.2).sum())
-        power, common = (told[best] ** 2).sum(), (told[best] * change).sum()
+        power, common = (turned[best] ** 2).sum(), (turned[best] * change).sum()
         ratio = np.divide(power, common)
         found = {
             "agreement": float(agreement[0]),

@@ -42,7 +42,7 @@ _SHOWN = 60
 _PLACE = {"imu", "raw", "sensor", "field", "data"}
 
 # spellings that files use for the units of the contract, lower case without blanks, dots, carets;
-# units that are none of the contract's are told, never taken for one
+# units that are none of the contract's are named, never taken for one
 _SPELLINGS = {
     "time": {
         "min": "min mins minute minutes",
@@ -200,7 +200,9 @@ def resolve(names, declared=None, headed=True):
         if not headed or where is None:
             continue
         if quantity in _SENSORS:
-            summed |= dict([(quantity, stem) for at, stem in increments[quantity] if at == where])
+            for at, stem in increments[quantity]:
+                if at == where:
+                    summed[quantity] = stem
         unit = unit_of(quantity, where, names, quantity in summed)
         if unit or quantity in summed:
             units[quantity] = unit or next(iter(INCREMENTS[quantity]))

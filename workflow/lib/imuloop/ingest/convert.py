@@ -223,7 +223,7 @@ def _clocked(log, units, rate):
             yield rows, np.ones(len(rows), dtype=bool), False, 1 / rate, batch
         else:
             raise ImuloopError(
-                f"the log has no time column that can be told by its name ({log.columns}); "
+                f"the log has no time column of a usual name ({log.columns}); "
                 "name it in columns.time, or give rate in Hz"
             )
         row += batch.num_rows

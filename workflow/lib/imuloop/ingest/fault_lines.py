@@ -46,8 +46,8 @@ def warnings(figures):
     tell(
         "no noise at rest",
         found["silent_at_rest"],
-        "; a step too coarse, or firmware that holds the value: noise and bias cannot be told from "
-        "this log",
+        "; a step too coarse, or firmware that holds the value: noise and bias cannot be known "
+        "from this log",
     )
     tell(
         "spikes of a single sample",
@@ -132,7 +132,7 @@ def _mean_at_rest(found):
             "tremor cancels in a mean"
         )
     return [
-        f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be told from "
+        f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be known from "
         "this log"
     ]
 

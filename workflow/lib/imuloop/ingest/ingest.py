@@ -23,7 +23,7 @@ from imuloop.ingest.raw_log import RawLog, rechunked
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.stamps import is_iso, iso_text
 
-# rows a row group of samples.parquet: 8 columns of it are 8 MB
+# rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _SENSORS = ("acceleration", "angular_rate")
 

@@ -35,7 +35,7 @@ TREATMENT = (
     "Rows whose stamp or one of the six axes is missing, not finite or beyond what any sensor "
     f"gives (± {BEYOND:g} in SI), rows whose stamp repeats or lies before an earlier one, and "
     "lines that are no row are dropped and counted; nothing is filled or clipped, and nothing "
-    "interpolated but sensors with clocks of their own, which is told. A temperature that is "
+    "interpolated but sensors with clocks of their own, with a note. A temperature that is "
     "missing, or beyond the same, stays missing. A step longer than "
     f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
     f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "

@@ -24,27 +24,20 @@ class RawLog:
     ----------
     batches : iterator of pyarrow.RecordBatch
         Columns `stamp` (int64, float64 or timestamp[ns]; absent without a time column),
-        `ax ay az gx gy gz` and, where logged, `temperature` (float64, raw units).
-    temperature : bool
-        Whether the log holds a temperature.
-    found : dict
-        Quantity to the names of its columns, for messages and provenance.
-    units : dict
-        Quantity to the unit that the file itself states, where it does.
+        `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units).
+    found, units : dict
+        Quantity to the names of its columns, and to the unit that the file itself states.
     simulated : bool
         Whether the file says that it is simulated.
-    notes : list of str
-        What a user should know of how the file was read.
-    bad_lines : int
-        Lines that are no row of the table.
-    lost_bytes, text_bytes : int
-        Bytes in these lines, and in all of a text; blanks and unwritten memory are in neither.
+    notes, columns : list of str, str
+        What a user should know of how the file was read, what columns it has.
+    bad_lines, lost_bytes, text_bytes : int
+        Lines that are no row of the table, bytes in them and in all of a text; blanks and
+        unwritten memory are in neither.
     position : int
-        Bytes of the file read so far, 0 where the reader does not tell.
+        Bytes of the file read so far, 0 where the reader does not say.
     interpolated : set of str
         Sensors that are interpolated onto the clock of the other.
-    columns : str
-        What columns the log has, for messages.
     threads : int
         How many the reader may use, set before the first batch is taken; changes no result.
     """

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-# blocks for spectra: rows a block, blocks a row group, blocks needed
+# blocks for spectra: rows per block, blocks per row group, blocks needed
 BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
 # share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
 LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)

@@ -25,17 +25,11 @@ MIN_VALUES = 16
 
 @dataclass(frozen=True)
 class AxisEstimate:
-    """Result of `estimate_axis`.
+    """Result of `estimate_axis`: the coefficients, tested, with intervals or limits.
 
-    Attributes
-    ----------
-    noise : AxisNoise
-        The coefficients, tested, with intervals or limits.
-    misfit : float
-        Largest relative standard deviation by which the spectrum leaves the terms beyond chance
-        over half a decade; 0 where chance is enough. It is part of all intervals.
-    band_hz : float
-        Highest frequency that counts; below half the rate where a filter took power, Hz.
+    `misfit` is the largest relative standard deviation by which the spectrum leaves the terms
+    beyond chance over half a decade, 0 where chance is enough; it is part of all intervals.
+    `band_hz` is the highest frequency that counts, below half the rate where a filter took power.
     """
 
     noise: AxisNoise
@@ -50,7 +44,7 @@ def estimate_record(x, rate, settings):
 
 
 def estimate_axis(samplings, basis, values, settings, start=None):
-    """Return the AxisEstimate of one axis.
+    """Return the AxisEstimate of one axis, without any term of under 16 values or constants.
 
     Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
     are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
@@ -58,21 +52,14 @@ def estimate_axis(samplings, basis, values, settings, start=None):
 
     Parameters
     ----------
-    samplings : sequence of Sampling
-        One a session.
-    basis : Modes
-        Of the same sessions.
+    samplings, basis : sequence of Sampling, Modes
+        One a session, and the modes of these.
     values : list of list of ndarray
         Samples of each stretch of each session, SI.
     settings : NoiseSettings
         Levels of the tests.
     start : ndarray, shape (4,), optional
         Squares of Q, N, B, K to begin with, as the Allan curve gives them.
-
-    Returns
-    -------
-    AxisEstimate
-        Without any term where there are under 16 values, or nothing but constants.
     """
     if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)

@@ -139,15 +139,14 @@ class Coloured:
     ----------
     log_p : float
         Logarithm of the p-value, times the number of correlation times.
-    tc, tries : float and int
-        The most telling correlation time, s, of so many.
+    tc : float
+        The most telling correlation time, s.
     variances, std : ndarray, shape (3, 5)
         Q², N², B², K² and the variance of the process on each axis, SI, and standard errors.
     """
 
     log_p: float
     tc: float
-    tries: int
     variances: np.ndarray
     std: np.ndarray
 
@@ -187,7 +186,6 @@ def coloured(spectrum, length):
     return Coloured(
         float(fits.log_p[fits.best] + np.log(len(fits.times))),
         float(tc * length),
-        len(fits.times),
         variances * si,
         np.array([_errors(spectrum.units(tc), spectrum.count, v) for v in variances]) * si,
     )
@@ -211,17 +209,17 @@ def limits(test, spectrum, length, threshold, power):
     The time, s, is the most telling one of those at which some size would be found; q is in SI,
     None where flicker and walk would imitate a process of any size.
     """
+    times = sorted(spectrum.correlation_times, key=lambda tc: abs(np.log(tc * length / test.tc)))
 
     def chance(p):
         alone = np.full((len(spectrum.power) - 1, *p.shape), np.log(0.5))
-        return fisher([p, *alone]) + np.log(test.tries) - threshold
+        return fisher([p, *alone]) + np.log(len(times)) - threshold
 
     needed = -ndtri(np.exp(root(chance, -700.0, 0.0))[0]) + ndtri(power)
     # with a root d the gain of held-out blocks is normal about d²/2 less what other blocks do not
     # know, c, its variance d² + 2 c: that it is one for certain needs more
     certain, lost = ndtri(0.975) + ndtri(power), ESTIMATED / 2
     needed = max(needed, np.sqrt((certain + np.sqrt(certain**2 + 4 * lost)) ** 2 - 2 * lost))
-    times = sorted(spectrum.correlation_times, key=lambda tc: abs(np.log(tc * length / test.tc)))
     for tc in times:
         found = _limits(spectrum, tc, needed)
         if any(found):

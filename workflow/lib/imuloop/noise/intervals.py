@@ -39,13 +39,6 @@ def axis_noise(selection, terms):
     reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
     models of k terms are Akaike's.
 
-    Parameters
-    ----------
-    selection : Selection
-        Of one axis.
-    terms : tuple
-        The supported ones.
-
     References
     ----------
     D. Fletcher and D. Turek, J. Agric. Biol. Environ. Stat. 17 (2012) 38.

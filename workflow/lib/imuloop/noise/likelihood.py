@@ -55,14 +55,12 @@ class Likelihood:
 
     Attributes
     ----------
-    slow : ndarray, shape (s,)
-        Amplitudes of the slow modes.
+    slow, rho : ndarray, shape (s,)
+        Amplitudes of the slow modes, and those for a unit ramp.
     fast : ndarray, shape (r - s,)
         Mean squares of the fast ones.
     count : ndarray, shape (r,)
         Values behind each row times weight.
-    rho : ndarray, shape (s,)
-        Amplitudes for a unit ramp.
     digits : float
         Mean square that the rounding of the output may leave.
 
@@ -82,7 +80,7 @@ class Likelihood:
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
     def fit(self, units, ramp=False, fixed=0.0, start=None, restricted=False):
-        r"""Return the MaximumLikelihood of unit spectra.
+        r"""Return the MaximumLikelihood of unit spectra, shape (r, p); p may be 0.
 
         Fisher's scoring, each step a non-negative least squares, halved until the likelihood grows.
         A fitted ramp takes power from the modes that hold it. The restricted likelihood allows for
@@ -95,8 +93,6 @@ class Likelihood:
 
         Parameters
         ----------
-        units : ndarray, shape (r, p)
-            Unit spectra; p may be 0.
         ramp : bool or float
             Whether a ramp is fitted; a number holds it there.
         fixed : ndarray, shape (r,), or 0

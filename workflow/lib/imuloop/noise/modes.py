@@ -113,7 +113,7 @@ class _Piece:
 
 @dataclass(frozen=True)
 class Modes:
-    r"""Basis of one or more sessions, each cut into blocks of m samples.
+    """Basis of one or more sessions, each cut into blocks of m samples of dt in s.
 
     Fast modes: orthonormal cosine coefficients 1 ... m-1 of each block. Slow modes: the means of
     the blocks, an exact decimation, in the basis of their contrasts that diagonalises the walk;
@@ -126,16 +126,10 @@ class Modes:
 
     Attributes
     ----------
-    dt : float
-        Interval of the samples, s.
-    m : int
-        Samples of a block.
     span, level : float
         Longest session, and longest time without a new level, s.
-    frequency : ndarray, shape (r,)
-        Of each row, Hz: slow modes one by one, then the bins of the fast ones.
-    count : ndarray, shape (r,)
-        Values behind each row.
+    frequency, count : ndarray, shape (r,)
+        Of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones.
     units : ndarray, shape (r, 4)
         Expected mean squares for unit Q, N, B, K, SI.
     ramp : ndarray, shape (s,)

@@ -77,7 +77,10 @@ def no_noise(device, sessions, *notes):
 
 
 def estimate_noise(device, sessions, settings, uncut=True, threads=1):
-    """Estimate the noise of a device from its static sessions, else from all its rests.
+    """Return the NoiseResult of a device's static sessions, else of all its rests.
+
+    One estimate from all clean stretches of all sessions used; no term is identifiable where there
+    is nothing to fit.
 
     Parameters
     ----------
@@ -91,12 +94,6 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
         Whether the coefficients are also estimated with the disturbed stretches left in.
     threads : int
         What is worked on at once, of one axis; results do not depend on it.
-
-    Returns
-    -------
-    NoiseResult
-        One estimate from all clean stretches of all sessions used; no term is identifiable where
-        there is nothing to fit.
     """
     notes = []
     static = static_records(sessions, notes)

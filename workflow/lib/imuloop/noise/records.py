@@ -20,16 +20,9 @@ JITTER, LOST, TEMPERATURE_RANGE = 0.05, 1e-3, 2.0
 
 @dataclass(frozen=True)
 class Session:
-    """One session of a device.
+    """One session of a device: name, kind, samples in SI and segments by column.
 
-    Attributes
-    ----------
-    name, kind : str
-        Name in the config; 'static', 'six_position' or 'multi_position'.
-    samples : DataFrame or Columns
-        Samples, SI; empty where the session was rejected.
-    segments : DataFrame or dict
-        Segments of these samples by column.
+    `samples` is empty where the session was rejected.
     """
 
     name: str
@@ -42,17 +35,9 @@ class Session:
 class Record:
     """Stretches of a session as slices of its samples.
 
-    Attributes
-    ----------
-    session : Session
-        Whose samples.
-    slices : tuple of slice
-        One a stretch.
-    samplings : tuple of Sampling
-        Where in time they lie, one a run (`imuloop.core.segments.runs`).
-    jitter, lost : float
-        Spread of the sampling interval, share of its mean; samples missing in gaps of a few, share
-        of those there.
+    `samplings` say where in time they lie, one a run (`imuloop.core.segments.runs`); `jitter` is
+    the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of a
+    few, share of those there.
     """
 
     session: Session
@@ -95,13 +80,7 @@ def record_of(session, disturbed=False):
 
     A stretch of a static session has the level of the one before it, unless a disturbance lies
     between; the rests of other sessions have levels of their own. A lost sample ends a stretch.
-
-    Parameters
-    ----------
-    session : Session
-        Whose rests.
-    disturbed : bool
-        Whether disturbed stretches stay in, and one level holds all through.
+    Where `disturbed`, disturbed stretches stay in, and one level holds all through.
     """
     kind = np.asarray(session.segments["kind"])
     begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
@@ -124,7 +103,7 @@ def record_of(session, disturbed=False):
     if not len(first):
         return None
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
-    first, last, of, lost, slots = _parted(t, first, last)
+    first, last, of, lost, slots, jitter = _parted(t, first, last)
     level, run, interval = level[of], run[of], seconds / slots
     rate, samplings = float(1 / interval), []
     for k in np.unique(run):
@@ -134,18 +113,18 @@ def record_of(session, disturbed=False):
         start = before + np.maximum.accumulate(start - before)
         samplings.append(Sampling(rate, *(tuple(x.tolist()) for x in (start, n, level[run == k]))))
     slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-    jitter = _jitter([t[s] for s in slices], interval)
     return Record(session, slices, tuple(samplings), jitter, float(lost / count))
 
 
 def _parted(t, first, last):
     """Return stretches parted where samples are missing, and the stretch each is part of.
 
-    Then the samples missing, and the steps of the clock in all stretches.
+    Then the samples missing, the steps of the clock in all stretches, and the standard deviation of
+    those without a loss, share of their mean.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][: PART + 1]))
-    cuts, lost, slots = [], 0, 0
+    cuts, lost, slots, moments = [], 0, 0, np.zeros(3)
     for i, j in zip(first, last, strict=True):
         for begin in range(i, j - 1, PART):
             steps = np.diff(t[begin : min(begin + PART + 1, j)])
@@ -154,20 +133,13 @@ def _parted(t, first, last):
             lost += int(missing.sum())
             # a late stamp that looks like a loss is made good by the short step after it
             slots += int(np.rint(steps / usual).sum()) if len(cuts[-1]) else len(steps)
+            off = steps[missing == 0] / usual - 1
+            moments += len(off), off.sum(), off @ off
     edges = np.sort(np.concatenate([first, *cuts]))
     of = np.searchsorted(first, edges, side="right") - 1
     ends = np.minimum(np.append(edges[1:], last[-1]), last[of])
-    return edges, ends, of, lost, slots
-
-
-def _jitter(stretches, interval):
-    """Return the standard deviation of the steps of time, share of their mean."""
-    total, steps = 0.0, 0
-    for t in stretches:
-        for i in range(0, len(t) - 1, PART):
-            beside = np.diff(t[i : i + PART + 1]) - interval
-            total, steps = total + beside @ beside, steps + len(beside)
-    return float(np.sqrt(total / steps) / interval)
+    mean, square = moments[1:] / moments[0]
+    return edges, ends, of, lost, slots, float(np.sqrt(max(square - mean**2, 0.0)) / (1 + mean))
 
 
 def static_records(sessions, notes):

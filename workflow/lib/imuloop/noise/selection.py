@@ -55,16 +55,9 @@ def correlation_times(terms):
 class Selection:
     """The likelihood of one axis as a function of the terms, and the choice of these.
 
-    Attributes
-    ----------
-    modes : Modes
-        Of the record.
-    likelihood : Likelihood
-        Of the axis.
-    level, hump_level : float
-        Levels at which one of the five terms, and a Gauss-Markov process, counts as supported.
-    start : ndarray, shape (4,), optional
-        Squares of Q, N, B, K that the first fit begins with.
+    Of `Modes` and a `Likelihood`; `level` and `hump_level` are those at which one of the five
+    terms, and a Gauss-Markov process, counts as supported; `start`, shape (4,), the squares of Q,
+    N, B, K that the first fit begins with.
     """
 
     modes: object

@@ -17,18 +17,11 @@ PERIODS, GAIN = 12, 12.0
 
 @dataclass(frozen=True)
 class FittedSinusoid:
-    """Least-squares sinusoid in part of a session.
+    """Least-squares sinusoid in part of a session: samples from `begin`, before `end`.
 
-    Attributes
-    ----------
-    session, begin, end : int
-        Where: samples from `begin`, before `end`.
-    frequency, cosine, sine : float
-        Hz and SI; the phase counts from the middle between the part's first and last clean sample.
-    explained : float
-        Sum of squares that it takes, SI^2.
-    amplitude_std, frequency_std : float
-        Standard errors where the noise is white with variance 1.
+    Frequency in Hz, cosine and sine in SI; the phase counts from the middle between the part's
+    first and last clean sample. `explained` is the sum of squares that it takes, SI^2; standard
+    errors are those where the noise is white with variance 1.
     """
 
     session: int
@@ -116,8 +109,28 @@ def follow(sampling, values, sinusoid, density):
     if not halves:
         return [sinusoid]
     if sum(half.explained for half in halves) - sinusoid.explained < noise:
-        return [sinusoid]
+        part, x = sampling.cut(values, begin, end)
+        if not _wanders(part, x, sinusoid, noise):
+            return [sinusoid]
     return [each for half in halves for each in follow(sampling, values, half, density)]
+
+
+def _wanders(sampling, values, sinusoid, noise):
+    """Return whether 4, 8, ... parts, each with a frequency nearby, explain more than one."""
+    sums, counts, _ = _baseband(sampling, values, sinusoid.frequency)
+    span = (sinusoid.end - sinusoid.begin) / sampling.rate
+    parts, periods = 4, span * _from_ends(sinusoid.frequency, sampling.rate)
+    while periods / parts >= PERIODS and len(sums) // parts >= 8:
+        size = len(sums) // parts
+        power = abs(np.fft.fft(sums[: parts * size].reshape(parts, size), 4 * size)) ** 2
+        # up to two widths 1/T to either side
+        top = np.hstack([power[:, :9], power[:, -8:]]).max(axis=1)
+        taken = 2 * top / np.maximum(counts[: parts * size].reshape(parts, size).sum(axis=1), 1)
+        # the mirror at -f is left out: an error of 1/(pi PERIODS)
+        if taken.sum() > 1.03 * sinusoid.explained + (parts - 1) * noise:
+            return True
+        parts *= 2
+    return False
 
 
 def _from_ends(frequency, rate):
