@@ -20,7 +20,6 @@ if not workflow.configfiles:
 
 
 include: "workflow/rules/common.smk"
-include: "workflow/rules/resources.smk"
 include: "workflow/rules/storage.smk"
 include: "workflow/rules/simulate.smk"
 include: "workflow/rules/ingest.smk"

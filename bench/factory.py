@@ -32,11 +32,12 @@ REPOSITORY = Path(__file__).parents[1]
 STATIC_S = 1200.0
 # of so many devices one follows the changed default, the others have a setting of their own
 FOLLOWS = 10
-# jobs of one device by rule, without what follows it in a rule's name: all of them, those of which
-# the code is edited, and those that a changed default reaches
-WHOLE = Counter("ingest ingest segment noise calibrate diagnose export report_device".split())
+# jobs of one device by rule: all of them, those of which the code is edited, and those that a
+# changed default reaches
+WHOLE = Counter("noise calibrate diagnose export report_device".split())
+WHOLE.update(["ingest", "segment", "allan"] * 2)
 EDITED = Counter("export report_device".split())
-DEFAULT = Counter("calibrate diagnose export report_device".split())
+DEFAULT = Counter("calibrate diagnose allan allan export report_device".split())
 KINDS = ("multi_position", "static")
 
 
@@ -129,7 +130,7 @@ def measure(folder, count, cores):
             sys.exit(f"{name}, {count} devices: {output[-2000:]}")
         table = output.partition("Job stats:")[2].partition("total")[0]
         jobs = Counter()
-        for rule, n in re.findall(r"(?m)^([a-z_]+?)(?:_\d+)? +(\d+)$", table):
+        for rule, n in re.findall(r"(?m)^([a-z_]+) +(\d+)$", table):
             jobs[rule] += int(n)
         print(
             f"| {count} | {name} | {jobs.total()} | {wall:.1f} | {processor:.1f} | "

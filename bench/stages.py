@@ -27,7 +27,7 @@ ONE_THREAD = {
 KINDS = {"poses": "multi_position", "rest": "static"}
 # each with its session, None for all
 STAGES = [("ingest", session) for session in KINDS]
-STAGES += [(s, None) for s in "segment noise calibrate diagnose export report_device".split()]
+STAGES += [(s, None) for s in "segment noise calibrate diagnose allan export report_device".split()]
 
 
 def run(stage, folder, kinds=KINDS, session=None, repeats=1):

@@ -3,17 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, calibrate
-from imuloop.job_log import open_log, tell_failures
-
-params = snakemake.params
-open_log(snakemake.log[0], f"calibrate {params.device}")
+from imuloop.job_log import run_stage
 
 device = Device(
-    params.device,
-    Path(snakemake.output.six_position).parent,
-    params.kinds,
-    gravity=params.gravity,
-    calibrate=params.settings,
+    **snakemake.params.device,
+    folder=Path(snakemake.output.six_position).parent,
     log=snakemake.log[0],
 )
-tell_failures(params.device, calibrate(device))
+run_stage(calibrate, device)

@@ -3,19 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, diagnose
-from imuloop.job_log import open_log, tell_failures
-
-params = snakemake.params
-open_log(snakemake.log[0], f"diagnose {params.device}")
+from imuloop.job_log import run_stage
 
 device = Device(
-    params.device,
-    Path(snakemake.output.diagnosis).parent,
-    params.kinds,
-    gravity=params.gravity,
-    calibrate=params.calibrate_settings,
-    diagnose=params.settings,
-    noise=params.noise_settings,
+    **snakemake.params.device,
+    folder=Path(snakemake.output.diagnosis).parent,
     log=snakemake.log[0],
 )
-tell_failures(params.device, diagnose(device))
+run_stage(diagnose, device)

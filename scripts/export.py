@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, export
-from imuloop.job_log import open_log, tell_failures
+from imuloop.job_log import run_stage
 
-params = snakemake.params
-open_log(snakemake.log[0], f"export {params.device}")
-
-folder = Path(snakemake.output.exports).parent
-device = Device(params.device, folder, params.kinds, label=params.label, log=snakemake.log[0])
-tell_failures(params.device, export(device))
+device = Device(
+    **snakemake.params.device,
+    folder=Path(snakemake.output.exports).parent,
+    log=snakemake.log[0],
+)
+run_stage(export, device)

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, report_device
-from imuloop.job_log import open_log, tell_failures
+from imuloop.job_log import run_stage
 
-params = snakemake.params
-open_log(snakemake.log[0], f"report_device {params.device}")
-
-folder = Path(snakemake.output.section).parent
-device = Device(params.device, folder, params.kinds, label=params.label, log=snakemake.log[0])
-tell_failures(params.device, report_device(device))
+device = Device(
+    **snakemake.params.device,
+    folder=Path(snakemake.output.section).parent,
+    log=snakemake.log[0],
+)
+run_stage(report_device, device)

@@ -1,18 +1,13 @@
 """What writes docs/benchmarks.md: its sections, contenders that fail, the peers' environment."""
 
-import platform
 import re
-import subprocess
 
 import numpy as np
 import pytest
 
 from bench import document
-from bench.commit import commit
-from bench.peers import imu_tk
 from bench.peers.__main__ import reference
 from bench.peers.calls import averaging_factors
-from bench.peers.contend import contend
 from bench.processors import BOUND, differences
 from imuloop.noise.allan import allan_variance
 
@@ -32,44 +27,6 @@ def test_a_part_takes_the_place_of_its_section_and_leaves_the_others(tmp_path, m
     assert "old" not in text and text.index("first") < text.index("new") < text.index("kept")
 
 
-def test_a_document_that_was_written_is_no_change_of_the_code(tmp_path):
-    def git(*words):
-        subprocess.run(["git", "-C", tmp_path, *words], check=True, capture_output=True)
-
-    git("init")
-    (tmp_path / "docs").mkdir()
-    for name in ("docs/figures.md", "code.py"):
-        (tmp_path / name).write_text("first\n")
-    git("add", ".")
-    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-m", "first")
-    made_of = commit(tmp_path)
-    assert re.fullmatch("[0-9a-f]{7,}", made_of)
-    (tmp_path / "docs/figures.md").write_text("second\n")
-    assert commit(tmp_path) == made_of
-    (tmp_path / "code.py").write_text("second\n")
-    assert commit(tmp_path) == f"{made_of}, changed"
-
-
-def test_the_machine_is_described_without_its_name_and_paths():
-    line = document.machine()
-    assert "Python 3" in line and "numpy" in line
-    assert platform.node() not in line and "/" not in line
-
-
-def test_a_contender_that_fails_says_why(tmp_path):
-    assert contend("allantools", tmp_path, tmp_path) == "there is no environment of the peers"
-    assert contend("imuloop", tmp_path, tmp_path).startswith("FileNotFoundError: ")
-    # as the Makefile leaves it where a package could not be installed
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "bin/python").write_text(
-        "#!/bin/sh\necho 'ModuleNotFoundError: avar' >&2\nexit 1\n"
-    )
-    (tmp_path / "bin/python").chmod(0o755)
-    (tmp_path / "avar.log").write_text("Looking\nERROR: No matching distribution for avar\n")
-    said = contend("avar", tmp_path, tmp_path)
-    assert said == "ERROR: No matching distribution for avar"
-
-
 def test_peers_get_the_same_numpy_and_scipy(repository):
     locked = (repository / "requirements.lock").read_text()
     for line in (repository / "bench/requirements.txt").read_text().splitlines()[1:5]:
@@ -81,15 +38,6 @@ def test_reference_is_the_overlapping_deviation():
     factors = averaging_factors(3000)
     found = [np.sqrt(allan_variance([each], factors)) for each in x]
     assert reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
-
-
-def test_the_program_of_imu_tk_is_timed_on_both_logs_or_why_it_is_not(tmp_path, monkeypatch):
-    monkeypatch.setenv("IMULOOP_MIRROR", str(tmp_path))
-    assert imu_tk.theirs("/bin/true") == "not run, xsens_acc.mat is not at hand"
-    for name in imu_tk.LOGS:
-        (tmp_path / name).touch()
-    assert imu_tk.theirs("/bin/true").endswith("best of 5, with its search for rests")
-    assert imu_tk.theirs("/bin/false").startswith("failed, ")
 
 
 def test_results_of_two_processors_differ_by_a_word_or_by_a_share_of_a_number():

@@ -52,11 +52,10 @@ def appended(name, text):
         appended("lib/pack/b.py", "# a comment\n"),
         {"lib/pack/a.py": FILES["lib/pack/a.py"].replace("x):\n", 'x):\n    """New."""\n', 1)},
         {"lib/pack/__init__.py": '"""Another sentence."""\n'},
-        {"script.py": FILES["script.py"].replace("print(pack", "print(\n    pack")},
         appended("lib/pack/unused.py", "y = 2\n"),
         {"lib/pack/new.py": "n = 1\n"},
     ],
-    ids=["comment", "docstring", "package docstring", "layout", "module not reached", "new module"],
+    ids=["comment", "docstring", "package docstring", "module not reached", "new module"],
 )
 def test_what_does_not_reach_the_job_changes_nothing(digest, changes):
     assert digest(changes) == digest()

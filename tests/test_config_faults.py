@@ -1,14 +1,11 @@
-"""Faults of a config: all are told, one a line, each with its key and the remedy."""
+"""Faults of a config: all of them, one a line, each with its key and the remedy."""
 
-import json
-
-import netCDF4
 import pytest
 import yaml
 
 from entries import REPLICAS, SOUND, session
 from imuloop.config import merge
-from imuloop.config_faults import as_given, config_faults
+from imuloop.config_faults import config_faults
 
 SHA = "0" * 64
 
@@ -35,10 +32,6 @@ ONE_FAULT = {
         session(f"{SOUND}, units: {{time: sec}}"),
         "devices.imu.sessions.a.units.time: 'sec' is not a unit; did you mean 's'?",
     ),
-    "angular rate": (
-        session(f"{SOUND}, units: {{angular_rate: degs/s}}"),
-        "devices.imu.sessions.a.units.angular_rate: 'degs/s' is not a unit; did you mean 'deg/s'?",
-    ),
     "kind": (
         session("kind: statc, file: poses.csv"),
         "devices.imu.sessions.a.kind: 'statc' is not a kind of session; did you mean 'static'?",
@@ -51,21 +44,9 @@ ONE_FAULT = {
         session(SOUND, "lable: x,"),
         "devices.imu.lable: unknown key; did you mean 'label'?",
     ),
-    "unknown top key": (
-        session(SOUND) + "\ncaches: x",
-        "caches: unknown key; did you mean 'cache'?",
-    ),
-    "unknown setting": (
-        session(SOUND, "segment: {windows: 1},"),
-        "devices.imu.segment.windows: unknown key; did you mean 'window_s'?",
-    ),
     "view": (
         session(SOUND, "noise: {views: [psd, hadamrd]},"),
         "devices.imu.noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?",
-    ),
-    "one sample": (
-        session(SOUND, "noise: {m_samples: [3, 1]},"),
-        "devices.imu.noise.m_samples.1: 1 is less than the minimum of 2",
     ),
     "missing key": (
         session("file: poses.csv"),
@@ -76,10 +57,6 @@ ONE_FAULT = {
     "device name": (
         "devices: {1imu: {sessions: {a: {kind: static, file: poses.csv}}}}",
         "devices.1imu: '1imu' is not a name (a letter, then up to 63 letters, digits, _ or -)",
-    ),
-    "path as name": (
-        'devices: {"../x": {sessions: {a: {kind: static, file: poses.csv}}}}',
-        "devices.../x: '../x' is not a name (a letter, then up to 63 letters, digits, _ or -)",
     ),
     "reserved name": (
         "devices: {imu: {sessions: {exports: {kind: static, file: poses.csv}}}}",
@@ -94,25 +71,9 @@ ONE_FAULT = {
         session("kind: static, file: data/simulated/iphone6/static.parquet"),
         "devices.imu.sessions.a.file: there is no replica 'iphone6'; did you mean 'iphone_6'?",
     ),
-    "replica's session": (
-        session("kind: static, file: data/simulated/iphone_6/statics.parquet"),
-        "devices.imu.sessions.a.file: iphone_6 has no session 'statics'; did you mean 'static'?",
-    ),
     "hash": (
         session("kind: static, file: {url: 'https://a/b.csv', sha256: abc}"),
         "devices.imu.sessions.a.file.sha256: 'abc' is not a SHA-256 (64 digits 0-9 a-f)",
-    ),
-    "no hash": (
-        session("kind: static, file: {url: 'https://a/b.csv'}"),
-        "devices.imu.sessions.a.file.sha256: missing; file needs it",
-    ),
-    "wheel without version": (
-        session(f"kind: static, file: {{wheel: some, member: b.csv, sha256: '{SHA}'}}"),
-        "devices.imu.sessions.a.file.wheel: 'some' is not a wheel (NAME==VERSION)",
-    ),
-    "one of two files": (
-        session("kind: static, format: imu_tk, file: {acceleration: poses.csv}"),
-        "devices.imu.sessions.a.file.angular_rate: missing; file needs it",
     ),
     "format of two files": (
         session(f"{SOUND}, format: imu_tk"),
@@ -124,17 +85,9 @@ ONE_FAULT = {
         "devices.imu.sessions.a.units.acceleration: "
         "'count' needs the device's nominal.acceleration",
     ),
-    "columns of three": (
-        session(f"{SOUND}, columns: {{acceleration: [ax, ay]}}"),
-        "devices.imu.sessions.a.columns.acceleration: 2 entries, 3 needed",
-    ),
     "one text for three": (
         session(f"{SOUND}, columns: {{acceleration: acc}}"),
         "devices.imu.sessions.a.columns.acceleration: 'acc' is not a list of three columns x, y, z",
-    ),
-    "number for three": (
-        session(f"{SOUND}, columns: {{acceleration: 3}}"),
-        "devices.imu.sessions.a.columns.acceleration: 3 is not a list or text",
     ),
     "unknown column": (
         session(f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}"),
@@ -158,11 +111,6 @@ ONE_FAULT = {
         "devices.imu.sessions.a.time_range: '2021-09-20T10:00' is a date, but the log's stamps "
         "are not; give seconds",
     ),
-    "dates that are numbers": (
-        session(f"{SOUND}, units: {{time: ISO 8601}}"),
-        "devices.imu.sessions.a.file: units.time is ISO 8601, but column 't' holds numbers; "
-        "use one of s, ms, us, ns",
-    ),
     "time that is none": (
         session(f"{SOUND}, columns: {{time: note}}"),
         "devices.imu.sessions.a.file: time column 'note' holds neither numbers nor ISO 8601 "
@@ -173,25 +121,9 @@ ONE_FAULT = {
         "devices.imu.sessions.a.file: acceleration in counts needs nominal.acceleration.scale "
         "and .offset",
     ),
-    "no scale for counts": (
-        session("kind: static, file: counts.csv", "nominal: {acceleration: {offset: 1}},"),
-        "devices.imu.nominal.acceleration.scale: missing; acceleration needs it",
-    ),
-    "a scale that no count has": (
-        session(SOUND, "nominal: {acceleration: {scale: 1.0e+300}},"),
-        "devices.imu.nominal.acceleration.scale: 1e+300 is greater than the maximum of 100000.0",
-    ),
-    "range kinds": (
-        session(f"{SOUND}, time_range: [5, 2021-09-20T10:00]"),
-        "devices.imu.sessions.a.time_range: start and end must both be seconds or both be ISO 8601",
-    ),
     "gravity": (
         session(SOUND, "gravity: 98,"),
         "devices.imu.gravity: 98 is greater than the maximum of 9.9",
-    ),
-    "place": (
-        session(SOUND, "gravity: {latitude: 45},"),
-        "devices.imu.gravity.height: missing; gravity needs it",
     ),
     "in the defaults": (
         session(SOUND) + "\ndefaults: {label: 3}",
@@ -216,17 +148,9 @@ ONE_FAULT = {
         "devices.imu.sessions.a.time_range.0: 12:30:00 is 45000 to YAML; "
         "write '12:30:00' with quotes, or 45000",
     ),
-    "infinity": (
-        session(f"{SOUND}, rate: .inf"),
-        "devices.imu.sessions.a.rate: .inf is no finite number",
-    ),
     "a column twice": (
         session(f"{SOUND}, columns: {{acceleration: [ax, ax, az]}}"),
         "devices.imu.sessions.a.columns.acceleration: ['ax', 'ax', 'az'] names a column twice",
-    ),
-    "007": (
-        session(SOUND, "label: 007,"),
-        "devices.imu.label: 007 is 7 to YAML; write '007' with quotes, or 7",
     ),
 }
 
@@ -236,25 +160,7 @@ def test_a_fault_names_its_key_and_the_remedy(faults, text, line):
     assert faults(text) == [line]
 
 
-def test_one_variable_can_hold_all_three(faults, tmp_path):
-    with netCDF4.Dataset(tmp_path / "log.nc", "w") as data:
-        data.createDimension("time", 4)
-        data.createDimension("axis", 3)
-        for name in ("force", "turn"):
-            data.createVariable(name, "f8", ("time", "axis"))
-    text = session("kind: static, file: log.nc, rate: 100, columns: {acceleration: %s}")
-    columns = "force, angular_rate: turn"
-    assert faults(text % columns) == []
-    [line] = faults(text % columns.replace("force", "forces"))
-    assert line.startswith("devices.imu.sessions.a.columns.acceleration: no column 'forces.x'")
-
-
-def test_numbers_of_a_json_config_are_what_they_look_like(faults):
-    config = {"imu": {"sessions": {"a": {"kind": "static", "file": "poses.csv", "rate": 1}}}}
-    assert faults(json.dumps({"devices": config}).replace(": 1}", ": 1e2}")) == []
-
-
-def test_faults_are_told_all_at_once(faults):
+def test_faults_are_named_all_at_once(faults):
     text = f"""
     defaults: {{noise: {{significance: 2}}}}
     devices:
@@ -270,17 +176,6 @@ def test_faults_are_told_all_at_once(faults):
     }
 
 
-def test_each_of_many_sessions_has_its_own_faults(faults):
-    """So many are looked at by two processes."""
-    wrong = {17: ", units: {time: sec}", 150: ", columns: {time: stamp}"}
-    entries = [f"imu_{i}: {{sessions: {{a: {{{SOUND}{wrong.get(i, '')}}}}}}}" for i in range(160)]
-    lines = faults("devices:\n  " + "\n  ".join(entries))
-    assert [line.split(": ")[0] for line in lines] == [
-        "devices.imu_17.sessions.a.units.time",
-        "devices.imu_150.sessions.a.columns.time",
-    ]
-
-
 def test_one_wrong_unit_does_not_hide_another(faults):
     lines = faults(session(f"{SOUND}, units: {{time: sec, acceleration: count}}"))
     assert [line.partition(": ")[0] for line in lines] == [
@@ -289,7 +184,7 @@ def test_one_wrong_unit_does_not_hide_another(faults):
     ]
 
 
-def test_all_columns_that_are_not_there_are_told(faults):
+def test_all_columns_that_are_not_there_are_named(faults):
     columns = "{time: stamp, acceleration: [fx, ay, az], angular_rate: [gx, gy, rz]}"
     keys = [line.split(": ")[0] for line in faults(session(f"{SOUND}, columns: {columns}"))]
     assert keys == [
@@ -302,14 +197,9 @@ def test_all_columns_that_are_not_there_are_told(faults):
     ("quantity", "written", "hint"),
     [
         ("angular_rate", "dps", "did you mean 'deg/s'?"),
-        ("angular_rate", "°/s", "did you mean 'deg/s'?"),
         ("angular_rate", "mdps", "use one of rad/s, deg/s, mrad/s, deg/h, count, rad, mrad, deg"),
-        ("angular_rate", "rad/sek", "did you mean 'rad/s'?"),
-        ("time", "seconds", "did you mean 's'?"),
         ("time", "µs", "did you mean 'us'?"),
-        ("time", "min", "use one of s, ms, us, ns, ISO 8601"),
         ("acceleration", "m/s²", "did you mean 'm/s^2'?"),
-        ("acceleration", "G", "did you mean 'g'?"),
         ("temperature", "°C", "did you mean 'degC'?"),
     ],
 )
@@ -331,15 +221,9 @@ def test_a_column_is_taken_once(faults):
         ]
 
 
-def test_a_fault_of_the_defaults_is_told_once(faults):
+def test_a_fault_of_the_defaults_is_named_once(faults):
     one = f"{{sessions: {{x: {{{SOUND}}}}}}}"
     assert len(faults(f"devices: {{a: {one}, b: {one}}}\ndefaults: {{gravity: 98}}")) == 1
-
-
-def test_a_mirror_that_is_not_there(faults):
-    assert faults(session(SOUND), mirror="/nowhere") == [
-        "IMULOOP_MIRROR: there is no folder /nowhere"
-    ]
 
 
 def test_a_fault_names_the_file_that_holds_it(tmp_path, schema, monkeypatch):
@@ -352,10 +236,3 @@ def test_a_fault_names_the_file_that_holds_it(tmp_path, schema, monkeypatch):
         path.write_text(yaml.safe_dump(content))
     lines = config_faults(merge(first, second), files, schema, REPLICAS)
     assert lines == ["second.yaml: devices.a.label: 3 is not text"]
-
-
-def test_config_is_named_as_it_was_given():
-    arguments = ["-c2", "--configfile", "../some/c.yaml", "results/report.html"]
-    assert as_given("/home/some/c.yaml", arguments) == "../some/c.yaml"
-    assert as_given("/home/c.yaml", ["--configfile=/home/c.yaml"]) == "/home/c.yaml"
-    assert as_given("config.yaml", ["results/report.html"]) == "config.yaml"

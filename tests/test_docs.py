@@ -306,24 +306,6 @@ def test_pictures_say_what_they_show(document):
         assert len(alt.split()) > 8, alt
 
 
-def drawings():
-    """Return the drawings of the script beside the documents, by file."""
-    made = runpy.run_path(str(REPOSITORY / "docs/drawings.py"))
-    return {f"recording_{draw.__name__}.svg": made["svg"](*draw()) for draw in made["DRAWINGS"]}
-
-
-def test_drawings_are_those_of_the_script():
-    made = drawings()
-    assert {path.name for path in REPOSITORY.glob("docs/recording_*.svg")} == set(made)
-    number = r"-?\d+\.?\d*"
-    for name, text in made.items():
-        kept = (REPOSITORY / "docs" / name).read_text()
-        assert re.sub(number, "", kept) == re.sub(number, "", text)
-        # another processor may round the last digit the other way
-        found, wanted = (np.array(re.findall(number, each), float) for each in (kept, text))
-        np.testing.assert_allclose(found, wanted, atol=0.11)
-
-
 def test_recording_has_the_numbers_of_the_plan():
     text = " ".join((REPOSITORY / "docs/recording.md").read_text().split())
     told = (f"{INITIAL_REST_S:g} s.", f"{MOVE_S:g} s or so", f"then {REST_S:g} s of rest")

@@ -1,4 +1,4 @@
-"""Faults of a session's files are told before the run."""
+"""Faults of a session's files are named before the run."""
 
 import dataclasses
 import json
@@ -46,12 +46,6 @@ def test_streams_of_a_large_log_are_checked_before_the_run(faults, tmp_path, mon
     assert "no stream 'Gyrosope'" in line and line.endswith("did you mean 'Gyroscope'?")
     # what the head lacks may come later; then once more for the other columns
     assert most[1:] == ([1 << 12, None, 1 << 12] if checked == 1 << 12 else [None, None])
-
-
-def test_stamps_that_come_later_are_no_fault(faults, tmp_path):
-    rows = [f"{i / 100 if i > 5000 else ''},0,0,9.8,0,0,0" for i in range(6000)]
-    (tmp_path / "late.csv").write_text("\n".join(["t,ax,ay,az,gx,gy,gz", *rows]))
-    assert faults(session("kind: static, file: late.csv")) == []
 
 
 def test_what_is_no_regular_file_is_said(faults, tmp_path):
@@ -116,22 +110,6 @@ def test_marks_of_one_pulse_per_second(faults, tmp_path):
     ]
 
 
-def test_increments_need_an_interval(faults, tmp_path):
-    names = "dvx,dvy,dvz,dax,day,daz"
-    (tmp_path / "sums.csv").write_text(f"{names}\n0,0,0.1,0,0,0\n0,0,0.1,0,0,0\n")
-    (tmp_path / "own.csv").write_text(f"{names},dt\n0,0,0.1,0,0,0,0.01\n0,0,0.1,0,0,0,0.01\n")
-    assert faults(session("kind: static, file: own.csv, rate: 100")) == []
-    assert faults(session("kind: static, file: sums.csv, rate: 100")) == []
-    assert faults(session("kind: static, file: sums.csv")) == [
-        "devices.imu.sessions.a.rate: missing; sums.csv has no time column of a usual name "
-        f"({', '.join(names.split(','))}); give it, or name the column in columns.time"
-    ]
-    assert faults(session("kind: static, file: own.csv, rate: 9, columns: {interval: step}")) == [
-        "devices.imu.sessions.a.columns.interval: no column 'step'; there are "
-        f"{', '.join(names.split(','))}, dt"
-    ]
-
-
 def test_paths_are_what_is_written(faults, tmp_path):
     """Snakemake puts wildcards in place of braces, in the paths of inputs too."""
     names = ["log_{device}.csv", "log_{x}.csv", " log.csv", "log.csv\n"]
@@ -169,16 +147,6 @@ def test_names_in_a_folder_are_what_is_written(faults, tmp_path):
         os.unlink(path)
 
 
-def test_a_result_is_no_log(faults, tmp_path):
-    """Snakemake would make it from itself."""
-    path = tmp_path / "results" / "imu" / "a"
-    path.mkdir(parents=True)
-    (path / "samples.csv").write_bytes((tmp_path / "poses.csv").read_bytes())
-    for name in ("results/imu/a/samples.csv", "./results/imu/a/samples.csv"):
-        [line] = faults(session(f"kind: static, file: {name}"))
-        assert line.endswith("is a result of this workflow; name the log that it came from")
-
-
 def test_a_fault_that_nobody_foresaw_stops_no_other_device(faults, monkeypatch):
     def fails(paths, columns=None, batch_rows=0):
         raise ZeroDivisionError
@@ -196,7 +164,7 @@ def test_stamps_that_are_too_large_are_for_the_job_to_reject(faults, tmp_path):
         assert faults(session(f"kind: static, file: {name}.csv")) == []
 
 
-def test_a_name_that_repeats_is_told(faults, tmp_path):
+def test_a_name_that_repeats_is_named(faults, tmp_path):
     names = "t,ax,ay,az,gx,gy,gz,ax"
     table = pa.Table.from_arrays([pa.array([0.0, 0.01])] * 8, names=names.split(","))
     pq.write_table(table, tmp_path / "log.parquet")
@@ -208,10 +176,3 @@ def test_a_name_that_repeats_is_told(faults, tmp_path):
         ]
         text = f"kind: static, file: {name}, columns: {{acceleration: [7, 2, 3]}}"
         assert faults(session(text)) == []
-
-
-def test_one_file_for_both_sensors(faults):
-    text = "kind: static, file: {acceleration: bare.csv, angular_rate: bare.csv}"
-    assert faults(session(text)) == [
-        "devices.imu.sessions.a.file: bare.csv is given for both sensors; each has its own file"
-    ]

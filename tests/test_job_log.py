@@ -1,14 +1,14 @@
-"""What a long job tells on its way."""
+"""What a long job says on its way."""
 
 import logging
 
-from imuloop.job_log import teller
+from imuloop.job_log import progress_lines
 
 
-def test_a_long_job_tells_how_far_it_is(caplog, capsys):
+def test_a_long_job_says_how_far_it_is(caplog, capsys):
     now = [100.0]
     caplog.set_level(logging.INFO)
-    progress = teller("imu/still", seconds=10, clock=lambda: now[0])
+    progress = progress_lines("imu/still", seconds=10, clock=lambda: now[0])
     for now[0] in range(100, 133):
         progress("read", (now[0] - 100) * 10**8, 10**10)
     progress("measured", 0, 10**10)
@@ -22,9 +22,9 @@ def test_a_long_job_tells_how_far_it_is(caplog, capsys):
     ]
 
 
-def test_a_short_job_tells_nothing(caplog):
+def test_a_short_job_says_nothing(caplog):
     caplog.set_level(logging.INFO)
-    progress = teller("imu/still", clock=lambda: 7.0)
+    progress = progress_lines("imu/still", clock=lambda: 7.0)
     for done in range(10):
         progress("read", done, 10)
     assert not caplog.messages

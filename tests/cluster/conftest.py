@@ -16,7 +16,6 @@ import yaml
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 
-PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
 SLURM = Path(__file__).with_name("slurm")
 # what the local S3 takes for an account
 KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
@@ -89,16 +88,6 @@ def contents(folder):
     """Return the bytes of every result file by its path."""
     files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
-def copy_of_workflow(repository, folder):
-    """Copy what a run needs, to be edited."""
-    for part in PARTS:
-        source, target = repository / part, folder / part
-        if source.is_dir():
-            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(source, target)
 
 
 @pytest.fixture(scope="session")

@@ -11,11 +11,11 @@ from cluster.conftest import (
     ENVIRONMENT,
     command,
     contents,
-    copy_of_workflow,
     run,
     write_config,
     write_devices,
 )
+from workflow.conftest import copied
 
 # longest time from the end of a job to Snakemake's word of it, s
 TOLD = 60
@@ -23,11 +23,11 @@ TOLD = 60
 HARM = """
 import time
 
-if params.device == "broken":
+if device.name == "broken":
     raise RuntimeError("on purpose")
-if params.device == "stuck":
+if device.name == "stuck":
     time.sleep(300)
-if params.device == "hungry":
+if device.name == "hungry":
     held = b"1" * 400_000_000
     time.sleep(5)
 """
@@ -102,9 +102,7 @@ def test_memory_is_asked_for_by_the_size_of_the_log(started, repository):
     planned = run(repository, local, "-n", *LIMIT, target="results/imu0/section.html").stdout
     with open(local / "imu0_static.csv", "r+b") as log:
         log.truncate(small)
-    (diagnosis,) = re.findall(
-        r"rule diagnose_\d+:\n(?: .*\n)*? +resources: .*mem_mb=(\d+)", planned
-    )
+    (diagnosis,) = re.findall(r"rule diagnose:\n(?: .*\n)*? +resources: .*mem_mb=(\d+)", planned)
     text = " ".join((repository / "docs/clusters.md").read_text().split())
     least, more = re.search(r"asks for ([\d.]+) GB and ([\d.]+) GB more for each GB", text).groups()
     assert int(diagnosis) == pytest.approx(1000 * (float(least) + 2 * float(more)), rel=0.01)
@@ -115,7 +113,7 @@ def harmed(repository, folder, *names):
     edited, work = folder / "edited", folder / "work"
     edited.mkdir()
     work.mkdir()
-    copy_of_workflow(repository, edited)
+    copied(repository, edited)
     with open(edited / "scripts/segment.py", "a") as script:
         script.write(HARM)
     devices = write_devices(work, names)
@@ -141,7 +139,7 @@ def fail(repository, profile, folder):
             if "Error in group device" in text:
                 told.append([time.time()])
                 if len(told) == 1:
-                    ended.append((work / "logs/segment/broken.log").stat().st_mtime)
+                    ended.append((work / "logs/segment/broken/static.log").stat().st_mtime)
                     (stuck,) = [job for job, *_, state in queue(work) if state == "RUNNING"]
                     subprocess.run(["scancel", stuck], check=True)
                     ended.append(time.time())

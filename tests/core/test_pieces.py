@@ -68,20 +68,17 @@ def log(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("rows", [300, 1024, 1 << 17])
-@pytest.mark.parametrize(
-    "names", [*([n] for n in DESIGNED), DESIGNED, []], ids=lambda n: "+".join(n)[:40]
-)
+@pytest.mark.parametrize("rows", [300, 1 << 17])
+@pytest.mark.parametrize("names", [*([n] for n in DESIGNED), DESIGNED], ids="+".join)
 def test_pieces_give_what_the_whole_gives(log, tmp_path, names, rows):
     made = calibration(names)
     apply_file(made, log, tmp_path / "out.parquet", rows)
     found = pd.read_parquet(tmp_path / "out.parquet")
     expected = made.apply(pd.read_parquet(log))
     assert list(found) == list(expected)
-    if names:
-        bare = calibration([]).apply(pd.read_parquet(log))
-        axes = ["ax", "ay", "az", "gx", "gy", "gz"]
-        assert np.abs(found[axes] - bare[axes]).to_numpy().max() > 1e-6
+    bare = calibration([]).apply(pd.read_parquet(log))
+    axes = ["ax", "ay", "az", "gx", "gy", "gz"]
+    assert np.abs(found[axes] - bare[axes]).to_numpy().max() > 1e-6
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
@@ -103,15 +100,6 @@ def test_samples_that_are_held_are_counted_once(log, tmp_path, rows):
     reference = Effect.library["bias_temperature"]().reference_temperature
     outside = (known < 20) | (known > 30)
     assert held["gyroscope", "bias_temperature"] == np.sum(outside & (known != reference))
-
-
-def test_csv_and_row_groups_of_others(log, tmp_path):
-    made = calibration(["bias_drift"])
-    pq.write_table(pq.read_table(log), tmp_path / "small.parquet", row_group_size=37)
-    made.apply_file(tmp_path / "small.parquet", tmp_path / "out.csv")
-    assert (tmp_path / "out.csv").read_text().startswith("t,ax,ay,az,gx,gy,gz,temperature,marker\n")
-    expected = made.apply(pd.read_parquet(log))
-    np.testing.assert_array_equal(pd.read_csv(tmp_path / "out.csv"), expected)
 
 
 def test_an_empty_log_stays_empty(log, tmp_path):
@@ -141,7 +129,7 @@ def test_an_effect_that_needs_the_whole_log_says_so(log, tmp_path, monkeypatch):
     assert not (tmp_path / "out.parquet").exists()
 
 
-def test_what_cannot_be_applied_is_told(log, tmp_path):
+def test_what_cannot_be_applied_is_refused(log, tmp_path):
     made = calibration([])
     made.apply_file(log, tmp_path / "once.parquet")
     metadata = json.loads(pq.read_schema(tmp_path / "once.parquet").metadata[METADATA_KEY])
@@ -154,7 +142,7 @@ def test_what_cannot_be_applied_is_told(log, tmp_path):
     with pytest.raises(ImuloopError, match=r"few\.parquet: no column ay, az, gx, gy, gz"):
         made.apply_file(tmp_path / "few.parquet", tmp_path / "out.parquet")
     (tmp_path / "text.parquet").write_text("t,ax\n")
-    with pytest.raises(ImuloopError, match="no samples file"):
+    with pytest.raises(ImuloopError, match="no whole Parquet file"):
         made.apply_file(tmp_path / "text.parquet", tmp_path / "out.parquet")
 
 

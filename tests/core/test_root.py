@@ -14,18 +14,6 @@ def test_roots_of_many_functions_are_those_of_each():
     np.testing.assert_allclose(found, expected, atol=2e-12)
 
 
-def test_it_takes_few_evaluations_and_ends_at_a_jump():
-    calls = []
-
-    def function(x):
-        calls.append(x)
-        return np.where(x > np.array([0.3, 2.0]), 1.0, -1.0)
-
-    found = root(function, 0.0, [1.0, 5.0], 1e-6)
-    np.testing.assert_allclose(found, [0.3, 2.0], atol=1e-6)
-    assert len(calls) < 30
-
-
 def test_an_end_may_be_the_root_and_one_sign_is_refused():
     np.testing.assert_allclose(root(lambda x: x, 0.0, 1.0), 0, atol=1e-12)
     with pytest.raises(ValueError, match="same sign"):

@@ -62,13 +62,6 @@ def test_integration_is_of_fourth_order():
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)
 
 
-def test_padding_with_steps_of_zero_turns_nothing():
-    rates = np.random.default_rng(0).normal(size=(1, 9, 3))
-    steps = np.array([[0.1] * 5 + [0.0] * 3])
-    q = prefix_product(exponential(step_vectors(rates, steps)))
-    np.testing.assert_allclose(q[0, 4], q[0, -1], atol=1e-15)
-
-
 def test_over_a_gap_the_rate_is_the_cubic_through_its_neighbours():
     t = np.array([0.0, 0.1, 0.2, 0.5, 0.6, 0.7, 0.8])
     rates = np.column_stack([t**3, 1 - t**2, t])

@@ -6,7 +6,7 @@ import pytest
 
 from imuloop.core import rest_log
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.samples import CHANNELS, Columns
+from imuloop.core.samples import CHANNELS, Samples
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.means import (
     LEAST_MEANS,
@@ -123,7 +123,7 @@ def test_a_log_is_the_same_in_parts(missing, monkeypatch, tmp_path):
         for function, *constants in remembered
     ]
     monkeypatch.setattr(rest_log, "PART", 1000)
-    parts = made(Columns(tmp_path / "s.parquet"), cut, 5.0, "accelerometer")
+    parts = made(Samples(tmp_path / "s.parquet"), cut, 5.0, "accelerometer")
     np.testing.assert_array_equal(parts.windows, whole.windows)
     np.testing.assert_allclose(parts.values, whole.values, rtol=1e-13)
     for (function, *constants), values in zip(remembered, expected, strict=True):

@@ -10,7 +10,6 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.noise.allan import write_allan
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
@@ -116,10 +115,7 @@ def test_noise_is_estimated_again_without_the_effect(warm, tmp_path):
             assert change["after"]["N"]["value"] == after.N.value
     # longest averages of the corrected curve lie at the white noise
     table = pd.DataFrame(result.allan["a"])
-    table.iloc[:1].assign(stage="raw").to_parquet(tmp_path / "raw.parquet")
-    write_allan(tmp_path / "raw.parquet", result.allan["a"], tmp_path / "both.parquet")
-    both = pd.read_parquet(tmp_path / "both.parquet")
-    assert list(both["stage"].unique()) == ["raw", "corrected"]
+    assert list(table["stage"].unique()) == ["corrected"]
     longest = table[table["axis"] == "az"].iloc[-1]
     assert longest["ci_low"] < WHITE / np.sqrt(longest["tau_s"]) < longest["ci_high"]
 

@@ -135,7 +135,7 @@ def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(module):
     for letter, channels in zip(("acc", "gyr"), SENSORS.values(), strict=True):
         bound = found[f"{letter}_n"] ** 2 / tau + found[f"{letter}_w"] ** 2 * tau / 3
         for axis in channels:
-            assert (bound >= (1 - 1e-9) * board.noise.allan_variance(axis, tau)).all(), axis
+            assert (bound >= (1 - 1e-9) * board.noise.axes[axis].allan_variance(tau)).all(), axis
     # flicker stands far above white noise and walk of this gyroscope alone
     assert found["gyr_n"] > 1.3 * WORST["gyr_n"]
     lines = module.text(device()).splitlines()

@@ -100,7 +100,8 @@ def _session(folder, device, session, kind, rng):
         allan = _allan(list(DEVICES).index(device))
         allan.to_parquet(path / "allan.parquet")
         if device == "board":
-            plausible_views(samples, RATE, allan).to_parquet(path / "views.parquet")
+            views = plausible_views(samples, RATE, allan).assign(session=path.name)
+            views.to_parquet(path.parent / "views.parquet")
 
 
 def _signal(t, kind, rng):

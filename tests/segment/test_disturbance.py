@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from imuloop.core.rows import Rows
-from imuloop.core.samples import CHANNELS, Columns
+from imuloop.core.samples import CHANNELS, Samples
 from imuloop.segment.disturbance import (
     robust_covariance,
     squared_distance,
@@ -27,7 +26,7 @@ def cut(samples):
 
 def is_cut(samples, settings=SETTINGS):
     whole = np.array([[0, len(samples)]])
-    return not np.array_equal(undisturbed(Rows(samples), whole, 0.01, settings), whole)
+    return not np.array_equal(undisturbed(Samples(samples), whole, 0.01, settings), whole)
 
 
 def coloured(seed):
@@ -154,7 +153,7 @@ def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
     path = tmp_path / "samples.parquet"
     samples.to_parquet(path, index=False, row_group_size=70_001)
     for threads in (1, 2):
-        columns, found = session_columns(Columns(path), "static", SETTINGS, threads)
+        columns, found = session_columns(Samples(path), "static", SETTINGS, threads)
         assert found == metadata
         pd.testing.assert_frame_equal(pd.DataFrame(columns), segments, check_exact=True)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imuloop.core.rows import Rows
+from imuloop.core.samples import Samples
 from imuloop.core.units import DEGREE
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -64,7 +64,7 @@ def test_biases_that_drift_together_are_no_tilt():
     count, cut = 60, 0
     for seed in range(count):
         samples = drifting(seed)
-        cut += len(tilts(Rows(samples), np.array([[0, len(samples)]]), 0.5)) > 0
+        cut += len(tilts(Samples(samples), np.array([[0, len(samples)]]), 0.5)) > 0
     # one in a hundred of these, of which most drift far more than a sensor does
     assert cut <= 2
 
@@ -72,7 +72,7 @@ def test_biases_that_drift_together_are_no_tilt():
 def test_noise_alone_is_no_tilt():
     for seed in range(10):
         samples = tilted(0.0, 600, seed, seconds=1200.0, noise=(5e-3, 1e-3))
-        assert not len(tilts(Rows(samples), np.array([[0, len(samples)]]), 0.05))
+        assert not len(tilts(Samples(samples), np.array([[0, len(samples)]]), 0.05))
     for ranges in ([], [[0, 3]], [[0, 3], [5, 40]]):
-        found = tilts(Rows(samples), np.array(ranges, dtype=int).reshape(-1, 2), 0.05)
+        found = tilts(Samples(samples), np.array(ranges, dtype=int).reshape(-1, 2), 0.05)
         assert found.shape == (0, 2)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuloop.core.rows import Rows
+from imuloop.core.samples import Samples
 from imuloop.segment.stretches import merged, runs, unbroken, without
 from imuloop.segment.windows import rounding_variance, sliding_statistics
 
@@ -44,10 +44,10 @@ def test_rounding_variance_is_that_of_the_resolution():
 def test_runs_and_stretches():
     assert runs([1, 1, 0, 1]).tolist() == [[0, 2], [3, 4]]
     assert runs([0, 0]).tolist() == [] and runs([1]).tolist() == [[0, 1]]
-    stretches, step = unbroken(Rows(pd.DataFrame({"t": [0.0, 1.0, 2.0, 4.0, 5.0, 6.4]})), 1.5)
+    stretches, step = unbroken(Samples(pd.DataFrame({"t": [0.0, 1.0, 2.0, 4.0, 5.0, 6.4]})), 1.5)
     assert stretches.tolist() == [[0, 3], [3, 6]]
     assert step == 1.0
-    assert unbroken(Rows(pd.DataFrame({"t": []})), 1.5)[0].shape == (0, 2)
+    assert unbroken(Samples(pd.DataFrame({"t": []})), 1.5)[0].shape == (0, 2)
 
 
 @given(

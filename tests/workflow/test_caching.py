@@ -13,23 +13,25 @@ import yaml
 
 from workflow.run import command, snakemake
 
-# the stages of a device that follow its sessions, in their order
-STAGES = ("segment", "noise", "calibrate", "diagnose", "export", "report_device")
-
-
-def jobs(device, first, *sessions):
-    """Return the jobs of a device from a stage on, those of some sessions before them."""
-    before = {f"ingest/{device}/{name}" for name in sessions}
-    return before | {f"{stage}/{device}" for stage in STAGES[STAGES.index(first) :]}
-
-
+# the stages of a device that follow ingest, in their order
+STAGES = ("segment", "noise", "calibrate", "diagnose", "allan", "export", "report_device")
+SESSIONS = {"posed": ("poses", "faces", "broken"), "resting": ("rest",), "new": ("rest",)}
 REPORT = {"report/report"}
 
 
-def planned(checkout, folder, devices=None, **options):
+def jobs(device, first, *read):
+    """Return the jobs of a device from a stage on, and those that read some sessions before."""
+    found = {f"{stage}/{device}/{name}" for stage in ("ingest", "segment") for name in read}
+    for stage in STAGES[STAGES.index(first) :]:
+        names = SESSIONS[device] if stage == "allan" else ()
+        found |= {f"{stage}/{device}/{name}" for name in names} or {f"{stage}/{device}"}
+    return found
+
+
+def planned(checkout, folder, changed=None, **options):
     """Return the jobs that would run now, each by its log: stage/device or stage/device/session."""
-    if devices:
-        (folder / "config.yaml").write_text(yaml.safe_dump(devices, sort_keys=False))
+    if changed:
+        (folder / "config.yaml").write_text(yaml.safe_dump(changed, sort_keys=False))
     done = snakemake(checkout, folder, "-n", **options)
     assert done.returncode == 0, done.stderr
     return set(re.findall(r"^ +log: logs/(\S+)\.log$", done.stdout + done.stderr, re.M))
@@ -47,17 +49,6 @@ def written(finished):
     return yaml.safe_load((finished[0] / "config.yaml").read_text())
 
 
-@pytest.fixture
-def with_keys(written):
-    """Return a function: the config with some keys of a device changed, or with a new device."""
-
-    def changed(device, **keys):
-        devices = written["devices"]
-        return {**written, "devices": {**devices, device: {**devices.get(device, {}), **keys}}}
-
-    return changed
-
-
 @contextmanager
 def edited(path, source):
     """Have another source in a file of the checkout, which all tests share."""
@@ -65,14 +56,6 @@ def edited(path, source):
     path.write_text(source)
     yield
     path.write_text(before)
-
-
-def test_a_second_run_has_nothing_to_do(finished, checkout):
-    folder, _ = finished
-    before = (folder / "results/report.html").read_bytes()
-    done = snakemake(checkout, folder)
-    assert "Nothing to be done" in done.stdout + done.stderr
-    assert (folder / "results/report.html").read_bytes() == before
 
 
 def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp_path):
@@ -84,111 +67,70 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
     # first the last result, then what it was made from
     for path in sorted((*checkout.rglob("*"), *folder.rglob("*")), reverse=True):
         path.touch()
-    turned = {**written, "devices": dict(reversed(written["devices"].items()))}
     module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
     source = module.read_text().replace('"""', '"""Again: ', 1)
     with edited(module, f"# another comment\n{source}"):
         assert planned(checkout, folder) == set()
         # only the report names the devices in the order of the config
+        turned = {**written, "devices": dict(reversed(written["devices"].items()))}
         assert planned(checkout, folder, turned) == REPORT
 
 
-@pytest.mark.parametrize(
-    ("device", "keys", "first", "read"),
-    [
-        ("posed", {"label": "Other"}, "export", ()),
-        # the yardstick of each session's units, too
-        ("posed", {"gravity": 9.81}, "segment", ("poses", "faces", "broken")),
-        ("resting", {"noise": {"points_per_decade": 5}}, "noise", ()),
-    ],
-    ids=["label", "gravity", "noise"],
-)
-def test_a_key_reruns_what_depends_on_it(folder, checkout, with_keys, device, keys, first, read):
-    found = planned(checkout, folder, with_keys(device, **keys))
-    assert found == jobs(device, first, *read) | REPORT
+def test_a_key_reruns_what_depends_on_it_and_a_new_device_is_an_entry(folder, checkout, written):
+    devices = written["devices"]
+    devices["posed"]["label"] = "Other"
+    devices["resting"]["noise"] = {"points_per_decade": 5}
+    devices["new"] = {"sessions": {"rest": {"kind": "static", "file": "rest.parquet"}}}
+    expected = jobs("posed", "export") | jobs("resting", "noise") | jobs("new", "noise", "rest")
+    assert planned(checkout, folder, written) == expected | REPORT
 
 
-def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, with_keys):
-    config = with_keys("posed", diagnose={"folds": 3})
-    config["defaults"] = {"diagnose": {**config["defaults"]["diagnose"], "folds": 4}}
-    assert planned(checkout, folder, config) == jobs("resting", "diagnose") | REPORT
-
-
-def test_a_new_device_is_an_entry_and_nothing_else(folder, checkout, with_keys):
-    new = with_keys("new", sessions={"rest": {"kind": "static", "file": "rest.parquet"}})
-    assert planned(checkout, folder, new) == jobs("new", "segment", "rest") | REPORT
-
-
-def test_a_device_that_is_gone_reruns_the_report_alone(folder, checkout, written):
-    del written["devices"]["resting"]
+def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, written):
+    written["devices"]["posed"] |= {"diagnose": {"folds": 3}, "gravity": 9.81}
+    written["defaults"]["diagnose"]["folds"] = 4
+    # gravity is the yardstick of each session's units, too
+    expected = jobs("posed", "noise", *SESSIONS["posed"]) | jobs("resting", "diagnose")
+    assert planned(checkout, folder, written) == expected | REPORT
+    del written["devices"]["posed"]
+    written["defaults"]["diagnose"]["folds"] = 3
     assert planned(checkout, folder, written) == REPORT
 
 
-def test_a_changed_log_reruns_what_comes_from_it(folder, checkout):
-    log = folder / "faces.csv"
-    lines = log.read_text().splitlines(keepends=True)
-    log.write_text("".join(lines[:-1]))
-    assert planned(checkout, folder) == jobs("posed", "segment", "faces") | REPORT
-
-
-def test_a_log_that_an_older_file_replaced_is_read_again(folder, checkout):
-    """Of the same size, with an older time, it cannot be told without reading all of it."""
+def test_a_changed_log_and_an_edited_module_rerun_what_comes_from_them(folder, checkout):
+    """The log is older than the one before, as a copy of another file is."""
     log = folder / "faces.csv"
     lines = log.read_text().splitlines(keepends=True)
     log.write_text("".join(lines[:-1]))
     os.utime(log, (0, 0))
-    assert planned(checkout, folder) == jobs("posed", "segment", "faces") | REPORT
-
-
-@pytest.mark.parametrize("name", ["rest/quality.json", "rest/samples.parquet"])
-def test_a_result_that_was_cut_is_named(folder, checkout, name):
-    path = folder / "results/resting" / name
-    path.write_bytes(path.read_bytes()[:-100])
-    done = snakemake(checkout, folder)
-    told = done.stdout + done.stderr
-    assert re.search(rf"results/resting/{name}: no (JSON|whole Parquet file)", told)
-    assert "Traceback" not in told
-    shutil.rmtree(folder / "results/resting")
-    (folder / "results/report.html").unlink()
-    done = snakemake(checkout, folder)
-    assert done.returncode == 0 and f"{name}: no" not in done.stdout + done.stderr
-    assert '"failed": []' in (folder / "results/resting/summary.json").read_text()
-
-
-def test_an_edited_module_reruns_the_stages_that_reach_it(folder, checkout):
     module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):
         found = planned(checkout, folder)
-    assert found == jobs("posed", "diagnose") | jobs("resting", "diagnose") | REPORT
+    assert found == jobs("posed", "noise", "faces") | jobs("resting", "diagnose") | REPORT
 
 
-def test_an_edited_script_reruns_its_jobs_and_what_follows(folder, checkout):
-    """Also where its results stay the same: what follows is fixed before the first job."""
-    script = checkout / "scripts/calibrate.py"
+def test_an_edited_script_or_template_reruns_its_jobs_and_what_follows(folder, checkout):
+    script, style = checkout / "scripts/calibrate.py", checkout / "workflow/templates/style.css"
+    both = {f"report_device/{device}" for device in ("posed", "resting")} | REPORT
+    with edited(style, f"{style.read_text()}\n"):
+        assert planned(checkout, folder) == both
     with edited(script, f"{script.read_text()}\nEXTRA = 1\n"):
         found = planned(checkout, folder)
     assert found == jobs("posed", "calibrate") | jobs("resting", "calibrate") | REPORT
 
 
-@pytest.mark.parametrize(
-    ("name", "rerun"),
-    [
-        ("section.html.j2", {"report_device/posed", "report_device/resting"}),
-        ("style.css", {"report_device/posed", "report_device/resting"}),
-        ("report.html.j2", set()),
-    ],
-)
-def test_an_edited_template_reruns_the_pages_made_with_it(folder, checkout, name, rerun):
-    template = checkout / "workflow/templates" / name
-    with edited(template, f"{template.read_text()}\n"):
-        assert planned(checkout, folder) == rerun | REPORT
+def test_results_that_were_cut_are_named(folder, checkout):
+    for name in ("resting/rest/quality.json", "posed/faces/samples.parquet"):
+        path = folder / "results" / name
+        path.write_bytes(path.read_bytes()[:-100])
+    done = snakemake(checkout, folder)
+    printed = done.stdout + done.stderr
+    assert "results/resting/rest/quality.json: no JSON" in printed
+    assert "results/posed/faces/samples.parquet: no whole Parquet file" in printed
+    assert "Traceback" not in printed
 
 
 def test_a_deleted_result_is_made_again_where_it_is_asked_for(folder, checkout):
-    """What nothing needs any more is not missed: the report is there, and newer."""
     (folder / "results/resting/calibration.json").unlink()
-    (folder / "results/report.html").unlink()
-    assert planned(checkout, folder) == REPORT
     found = planned(checkout, folder, target="results/resting/calibration.json")
     assert found == {"diagnose/resting"}
 
@@ -216,23 +158,13 @@ def test_a_job_that_was_killed_runs_again(folder, checkout):
 
 def test_any_working_folder_and_no_target(finished, checkout, tmp_path):
     """The library is found from anywhere, and `rule all` is what is made without a target."""
-    folder, _ = finished
-    elsewhere = tmp_path / "else where"
-    shutil.copytree(folder / "logs in", elsewhere / "logs in")
-    for name in ("faces.csv", "broken.csv", "rest.parquet", "config.yaml"):
-        shutil.copy(folder / name, elsewhere / name)
-    found = planned(
-        os.path.relpath(checkout, tmp_path),
-        elsewhere,
-        target=None,
-        config="else where/config.yaml",
-        cwd=tmp_path,
-    )
-    assert found == (
-        jobs("posed", "segment", "poses", "faces", "broken")
-        | jobs("resting", "segment", "rest")
-        | REPORT
-    )
+    left = shutil.ignore_patterns("results", "logs", "benchmarks", ".snakemake")
+    elsewhere = shutil.copytree(finished[0], tmp_path / "else where", ignore=left)
+    config = "else where/config.yaml"
+    source = os.path.relpath(checkout, tmp_path)
+    found = planned(source, elsewhere, target=None, config=config, cwd=tmp_path)
+    posed = jobs("posed", "noise", *SESSIONS["posed"])
+    assert found == posed | jobs("resting", "noise", "rest") | REPORT
 
 
 def test_a_log_that_is_a_folder_counts_by_its_files(checkout, tmp_path):

@@ -1,122 +1,49 @@
-"""A good device beside faulty ones, through the whole workflow: its results stay the same."""
+"""A good device beside faulty logs and a failing stage, through the workflow: it stays the same."""
 
-import hashlib
+import csv
 import json
-from dataclasses import replace
 
-import numpy as np
-import pytest
-import yaml
-
-from imuloop.core.samples import ANGULAR_RATE, CHANNELS
-from imuloop.simulate.simulate import simulate_session, write_log
-from imuloop.simulate.truth import example_truth
-from workflow.run import snakemake
-
-GOOD = {"sessions": {"faces": {"kind": "six_position", "file": "faces.csv"}}}
+from workflow.conftest import FAULTY
 
 
-def zeros(log):
-    log.loc[500:600, list(CHANNELS)] = 0.0
+def test_the_files_of_a_good_device_are_the_same_bytes(finished, beside):
+    for _, done in (finished, beside):
+        assert done.returncode == 0, done.stderr
+    alone, other = (folder / "results/resting" for folder, _ in (finished, beside))
+    files = [path.relative_to(alone) for path in alone.rglob("*") if path.is_file()]
+    assert len(files) > 20
+    assert [p for p in files if (alone / p).read_bytes() != (other / p).read_bytes()] == []
 
 
-def stuck(log):
-    log.loc[500:900, "gy"] = log["gy"].iloc[500]
-
-
-def swapped(log):
-    log[["gx", "gy"]] = log[["gy", "gx"]].to_numpy()
-
-
-def missing(log):
-    log.loc[::3, "az"] = np.nan
-
-
-def in_degrees(log):
-    log[list(ANGULAR_RATE)] = np.degrees(log[list(ANGULAR_RATE)])
-
-
-# name: (log, fault, status, text of a warning or reason)
-FAULTY = {
-    "zeros": ("rest", zeros, "ok", "exactly zero on all axes"),
-    "stuck": ("rest", stuck, "ok", "stuck at one value: gy"),
-    "swapped": ("faces", swapped, "ok", "fits the turns of gravity with x as gy, y as gx, z as gz"),
-    "in_degrees": ("faces", in_degrees, "rejected", "it looks like deg/s"),
-    "missing": ("rest", missing, "rejected", "non-finite"),
-    "garbage": ("rest", None, "rejected", ""),
-}
-
-
-def ran(checkout, folder, logs, devices, target):
-    """Run the workflow on devices; return the folder and the finished process."""
-    for name, log in logs.items():
-        write_log(folder / f"{name}.csv", log, {})
-    for name, (log, fault, *_) in FAULTY.items():
-        if fault:
-            changed = logs[log].copy()
-            fault(changed)
-            write_log(folder / f"{name}.csv", changed, {})
-        else:
-            noise = np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)
-            (folder / f"{name}.csv").write_bytes(noise.tobytes())
-    quick = {"diagnose": {"draws": 100, "folds": 3}}
-    (folder / "config.yaml").write_text(yaml.safe_dump({"defaults": quick, "devices": devices}))
-    return folder, snakemake(checkout, folder, target=target)
-
-
-@pytest.fixture(scope="module")
-def runs(checkout, tmp_path_factory):
-    """The good device alone, and among faulty ones."""
-    truth = example_truth(rate=50.0)
-    static = replace(truth.sessions["static"], duration_s=40.0)
-    faces = replace(truth.sessions["six_position"], initial_rest_s=8.0, rest_s=(2.0, 3.0))
-    truth = replace(truth, sessions={"static": static, "six_position": faces})
-    logs = {
-        "rest": simulate_session(truth, "static"),
-        "faces": simulate_session(truth, "six_position"),
-    }
-    kinds = {"rest": "static", "faces": "six_position"}
-    sessions = {
-        name: {"kind": kinds[log], "file": f"{name}.csv"} for name, (log, *_) in FAULTY.items()
-    }
-    alone, beside = (tmp_path_factory.mktemp(name) for name in ("alone", "beside"))
-    return (
-        ran(checkout, alone, logs, {"good": GOOD}, "results/good/section.html"),
-        ran(
-            *(checkout, beside, logs),
-            {"faulty": {"sessions": sessions}, "good": GOOD},
-            "results/report.html",
-        ),
-    )
-
-
-def test_the_results_of_a_good_device_are_the_same_beside_faulty_ones(runs):
-    (alone, first), (beside, second) = runs
-    assert first.returncode == 0, first.stderr
-    assert second.returncode == 0, second.stderr
-
-    def digests(folder):
-        files = sorted(p for p in (folder / "results/good").rglob("*") if p.is_file())
-        return {
-            str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files
-        }
-
-    assert len(digests(alone)) > 10
-    assert digests(alone) == digests(beside)
-
-
-def test_each_fault_is_told_without_a_traceback(runs):
-    _, (folder, done) = runs
+def test_each_fault_of_a_log_is_reported_without_a_traceback(beside):
+    folder, done = beside
+    section = (folder / "results/faulty/section.html").read_text()
     for name, (_, _, status, text) in FAULTY.items():
         quality = json.loads((folder / f"results/faulty/{name}/quality.json").read_text())
         assert quality["status"] == status, name
         said = quality["reasons"] if status == "rejected" else quality["warnings"]
         assert any(text in line for line in said), (name, said)
         rejected = "rejected: " if status == "rejected" else ""
-        told = [line for line in done.stderr.splitlines() if f"faulty/{name}: {rejected}" in line]
-        assert any(" ".join(text.split()) in line for line in told), (name, told)
-        assert name in (folder / "results/faulty/section.html").read_text()
-    texts = {p: p.read_text() for p in (folder / "logs").rglob("*") if p.is_file()}
-    assert len(texts) > 10
-    assert not [p for p, text in texts.items() if "Traceback" in text]
+        lines = [line for line in done.stderr.splitlines() if f"faulty/{name}: {rejected}" in line]
+        assert any(" ".join(text.split()) in line for line in lines), (name, lines)
+        assert name in section
     assert "Traceback" not in done.stdout + done.stderr
+    with_traceback = [p for p in (folder / "logs").rglob("*.log") if "Traceback" in p.read_text()]
+    assert with_traceback == [folder / "logs/noise/failing.log"]
+
+
+def test_a_stage_that_failed_is_named_on_the_terminal_and_first_in_the_report(beside):
+    folder, done = beside
+    line = "failing: noise failed: forced; the traceback is in logs/noise/failing.log\n"
+    assert line in done.stderr
+    page = (folder / "results/report.html").read_text()
+    assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
+    assert "logs/noise/failing.log" in page
+    with open(folder / "results/comparison.csv", encoding="utf-8") as file:
+        rows = {row["device"]: row for row in csv.DictReader(file)}
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "faulty": "ok",
+        "failing": "failed",
+        "resting": "ok",
+    }
+    assert "noise failed: forced" in rows["failing"]["why"] and not rows["resting"]["why"]

@@ -16,12 +16,10 @@ rule calibrate:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        **asked(mem_mb=(500, 0), runtime=(5, 0)),
+        mem_mb=by_size(500, 0),
+        runtime=by_size(5, 0),
     params:
-        device="{device}",
-        kinds=kinds,
-        gravity=setting("gravity"),
-        settings=setting("calibrate"),
+        device=settings("gravity", "calibrate"),
         code=code("calibrate.py"),
     script:
         "../../scripts/calibrate.py"

@@ -1,36 +1,21 @@
 """The config, read and checked; what a rule takes from it."""
 
-import atexit
-import gc
 import os
 import sys
 from functools import cache
 from hashlib import sha256
-from inspect import signature
+from math import ceil
 from pathlib import Path
 
 import yaml
 from imuloop.code_digest import code_digest
 from imuloop.config import fetched, is_stored, resolve, source_path
-from imuloop.config_faults import as_given, config_faults
+from imuloop.config_faults import config_faults, shown_path
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.file_faults import SIMULATED
-from imuloop.without_pandas import hide_pandas
-from snakemake import sourcecache
-
-hide_pandas()
 
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-# hundreds of thousands of objects of the jobs stay to the end: not worth going through so often
-gc.set_threshold(100_000)
-# nor when all of them end together
-atexit.register(gc.freeze)
-
-# Snakemake takes the path of its script apart three times a job, with a class made anew each time
-if hasattr(sourcecache, "parse_uri"):
-    sourcecache.parse_uri = cache(sourcecache.parse_uri)
 
 REPOSITORY = Path(workflow.basedir)
 TEMPLATES = REPOSITORY / "workflow/templates"
@@ -40,7 +25,7 @@ REPLICAS = {
     for path in sorted(REPOSITORY.glob("data/replicas/*.yaml"))
 }
 
-CONFIG_FILES = {as_given(path, sys.argv): path for path in workflow.configfiles}
+CONFIG_FILES = {shown_path(path): path for path in workflow.configfiles}
 # as the report gives it for making it again
 COMMAND = f"snakemake -c2 --configfile {' '.join(CONFIG_FILES)} -- results/report.html"
 
@@ -59,18 +44,13 @@ if workflow.is_main_process:
 
 DEVICES = resolve(config)
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
-# pattern of the devices by the names of their sessions: those alike share a rule that writes into
-# the sessions' folders, so that a factory's devices need one, not one each
-ALIKE = {}
-for name, device in DEVICES.items():
-    ALIKE.setdefault(tuple(device["sessions"]), []).append(name)
-# one that lists 200 names takes longer to fill in: not where all are alike
-ALIKE = {names: "|".join(ALIKE[names]) if len(ALIKE) > 1 else NAME for names in ALIKE}
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
 # by the environment, not as a parameter: where a file came from changes nothing in it
 if "mirror" in config:
     os.environ.setdefault("IMULOOP_MIRROR", config["mirror"])
+# with --jobs, which is for clusters, a device is one submission
+GROUP = "device" if workflow.nodes is not None else None
 
 
 wildcard_constraints:
@@ -88,14 +68,8 @@ def code(script):
 
 
 def templates(*names):
-    """Return the digest of the report's templates; each job naming them all as inputs takes longer."""
+    """Return the digest of templates of the report."""
     return sha256(b"".join((TEMPLATES / name).read_bytes() for name in names)).hexdigest()
-
-
-def described(function):
-    """Return a function that says its signature: Snakemake asks several times a job."""
-    function.__signature__ = signature(function)
-    return function
 
 
 def one_of(known, name, kind):
@@ -110,13 +84,35 @@ def device_of(wildcards):
     return one_of(DEVICES, wildcards.device, "device")
 
 
-@described
 def session_of(wildcards):
     """Return the resolved config of a job's session."""
     return one_of(device_of(wildcards)["sessions"], wildcards.session, "session")
 
 
-@described
+def settings(*keys):
+    """Return a function: name and settings of a job's device, kinds of its sessions or its session."""
+
+    def of(wildcards):
+        device = device_of(wildcards)
+        sessions = device["sessions"]
+        if hasattr(wildcards, "session"):
+            sessions = {wildcards.session: session_of(wildcards)}
+        kinds = {name: session["kind"] for name, session in sessions.items()}
+        return {"name": wildcards.device, "kinds": kinds, **{key: device[key] for key in keys}}
+
+    return of
+
+
+def each_session(file):
+    """Return a function that lists one file of each session of a job's device."""
+
+    def files(wildcards):
+        sessions = device_of(wildcards)["sessions"]
+        return [f"results/{wildcards.device}/{name}/{file}" for name in sessions]
+
+    return files
+
+
 def source_files(wildcards):
     """Return where the files of a session lie; of a folder, the files in it count, not its time."""
     paths = [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
@@ -124,14 +120,12 @@ def source_files(wildcards):
     return [ancient(path) if Path(path).is_dir() else path for path in paths]
 
 
-@described
 def files_inside(wildcards):
     """Return the files in a session's folder: where one changes, the folder's own time stays."""
     folders = [Path(path) for path in source_files(wildcards) if Path(path).is_dir()]
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
 
 
-@described
 def log_bytes(wildcards):
     """Return the size of a session's logs: one that an older file replaced is read again.
 
@@ -144,21 +138,26 @@ def log_bytes(wildcards):
     return [path.stat().st_size for path in [*files, *inside] if path.is_file()]
 
 
-def setting(key):
-    """Return a function that gives one value of a job's device."""
-    return described(lambda wildcards: device_of(wildcards)[key])
+def threads_by_size(wildcards, input):
+    """Return 2 for a large log, of which two parts are worked on at once, else 1."""
+    sizes = [Path(path).stat().st_size for path in input if Path(path).is_file()]
+    return 2 if sum(sizes) > 100e6 else 1
 
 
-@described
-def kinds(wildcards):
-    """Return the kind of each session of a job's device by name."""
-    return {name: session["kind"] for name, session in device_of(wildcards)["sessions"].items()}
+def gigabytes(session):
+    """Return the size of a session's logs, GB; what is still to be fetched or made counts as none."""
+    paths = [source_path(source, CACHE) for source in session["sources"].values()]
+    remote = sum(in_storage(path).size() for path in paths if is_stored(path))
+    local = [Path(path) for path in paths if not is_stored(path)]
+    inside = [file for path in local for file in (path.iterdir() if path.is_dir() else [path])]
+    return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
 
 
-def each_session(file):
-    """Return a function that lists one file of each session of a job's device."""
-    return described(
-        lambda wildcards: [
-            f"results/{wildcards.device}/{name}/{file}" for name in device_of(wildcards)["sessions"]
-        ]
-    )
+def by_size(least, per_gigabyte):
+    """Return a function: what a job asks a cluster for, more for large logs and in each retry."""
+
+    def of(wildcards, attempt):
+        sessions = device_of(wildcards)["sessions"].values()
+        return ceil(attempt * (least + per_gigabyte * sum(map(gigabytes, sessions))))
+
+    return of

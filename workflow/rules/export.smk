@@ -20,11 +20,10 @@ rule export:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        **asked(mem_mb=(200, 0), runtime=(5, 0)),
+        mem_mb=by_size(200, 0),
+        runtime=by_size(5, 0),
     params:
-        device="{device}",
-        kinds=kinds,
-        label=setting("label"),
+        device=settings("label"),
         code=code("export.py"),
     script:
         "../../scripts/export.py"

@@ -34,15 +34,12 @@ rule ingest:
         "../envs/imuloop.yaml"
     threads: threads_by_size
     resources:
-        **asked(mem_mb=(500, 200), runtime=(5, 5)),
+        mem_mb=by_size(500, 200),
+        runtime=by_size(5, 5),
     params:
-        device="{device}",
-        session="{session}",
-        declared=session_of,
+        device=settings("nominal", "full_scale", "gravity"),
+        declared=lambda wildcards: {k: v for k, v in session_of(wildcards).items() if k != "kind"},
         log_bytes=log_bytes,
-        nominal=setting("nominal"),
-        full_scale=setting("full_scale"),
-        gravity=setting("gravity"),
         code=code("ingest.py"),
     script:
         "../../scripts/ingest.py"

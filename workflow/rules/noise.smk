@@ -1,33 +1,51 @@
 # All sessions go in: a rest in any of them stands in where the static ones turn out to be rejected.
-for number, (names, devices) in enumerate(ALIKE.items(), 1):
+rule noise:
+    input:
+        samples=each_session("samples.parquet"),
+        segments=each_session("segments.parquet"),
+    output:
+        noise="results/{device}/noise.json",
+        allan="results/{device}/allan_raw.parquet",
+        views="results/{device}/views.parquet",
+    log:
+        "logs/noise/{device}.log",
+    benchmark:
+        "benchmarks/noise/{device}.tsv"
+    group:
+        GROUP
+    conda:
+        "../envs/imuloop.yaml"
+    threads: threads_by_size
+    resources:
+        mem_mb=by_size(500, 700),
+        runtime=by_size(5, 10),
+    params:
+        device=settings("noise"),
+        code=code("noise.py"),
+    script:
+        "../../scripts/noise.py"
 
-    rule:
-        name:
-            f"noise_{number}"
-        input:
-            samples=expand("results/{{device}}/{name}/samples.parquet", name=names),
-            segments=expand("results/{{device}}/{name}/segments.parquet", name=names),
-        output:
-            noise="results/{device}/noise.json",
-            allan=expand("results/{{device}}/{name}/allan_raw.parquet", name=names),
-            views=expand("results/{{device}}/{name}/views.parquet", name=names),
-        log:
-            "logs/noise/{device}.log",
-        benchmark:
-            "benchmarks/noise/{device}.tsv"
-        wildcard_constraints:
-            device=devices,
-        group:
-            GROUP
-        conda:
-            "../envs/imuloop.yaml"
-        threads: threads_by_size
-        resources:
-            **asked(mem_mb=(500, 700), runtime=(5, 10)),
-        params:
-            device="{device}",
-            kinds=kinds,
-            settings=setting("noise"),
-            code=code("noise.py"),
-        script:
-            "../../scripts/noise.py"
+
+rule allan:
+    input:
+        raw="results/{device}/allan_raw.parquet",
+        corrected="results/{device}/allan_corrected.parquet",
+    output:
+        allan="results/{device}/{session}/allan.parquet",
+    log:
+        "logs/allan/{device}/{session}.log",
+    benchmark:
+        "benchmarks/allan/{device}/{session}.tsv"
+    group:
+        GROUP
+    conda:
+        "../envs/imuloop.yaml"
+    threads: 1
+    resources:
+        mem_mb=200,
+        runtime=5,
+    params:
+        device=settings(),
+        code=code("allan.py"),
+    script:
+        "../../scripts/allan.py"

@@ -8,7 +8,7 @@ rule report_device:
         quality=each_session("quality.json"),
         segments=each_session("segments.parquet"),
         allan=each_session("allan.parquet"),
-        views=each_session("views.parquet"),
+        views="results/{device}/views.parquet",
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
@@ -41,11 +41,10 @@ rule report_device:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        **asked(mem_mb=(400, 600), runtime=(5, 2)),
+        mem_mb=by_size(400, 600),
+        runtime=by_size(5, 2),
     params:
-        device="{device}",
-        label=setting("label"),
-        kinds=kinds,
+        device=settings("label"),
         code=code("report_device.py"),
         templates=templates(
             "section.html.j2", "failures.html.j2", "failed.html.j2", "device.html.j2", *PAGE

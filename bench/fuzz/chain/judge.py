@@ -19,11 +19,9 @@ from imuloop.config_faults import config_faults
 from imuloop.core.errors import ImuloopError
 
 DEVICE = "imu"
-SESSION = (
-    "quality.json samples.parquet segments.parquet allan_raw.parquet allan.parquet views.parquet"
-).split()
+SESSION = ("quality.json samples.parquet segments.parquet allan.parquet").split()
 JSON = "noise six_position multi_position calibration diagnosis attitude summary exports".split()
-TABLES = "attitude poses moves".split()
+TABLES = "attitude poses moves views".split()
 FILES = [*(f"{name}.json" for name in JSON), *(f"{name}.parquet" for name in TABLES)]
 FILES += ["exports/README.txt"]
 # columns in which a value may be missing

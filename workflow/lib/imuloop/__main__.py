@@ -18,7 +18,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(
         prog="imuloop",
         description="Calibrate, check and describe accelerometers and gyroscopes.",
-        epilog="imuloop COMMAND -h tells more, with an example",
+        epilog="imuloop COMMAND -h says more, with an example",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for each in COMMANDS:
@@ -31,8 +31,8 @@ def main(argv=None):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (ImuloopError, OSError) as error:
-        told = f"{error.filename}: {error.strerror}" if getattr(error, "filename", 0) else error
-        print(f"imuloop: {one_line(told)}", file=sys.stderr)
+        named = f"{error.filename}: {error.strerror}" if getattr(error, "filename", 0) else error
+        print(f"imuloop: {one_line(named)}", file=sys.stderr)
         return 1
 
 

@@ -65,37 +65,20 @@ class Device:
             name: {
                 "kind": kind,
                 "quality": self.file(f"{name}/quality.json"),
-                "samples": self.file(f"{name}/samples.parquet"),
-                "segments": self.file(f"{name}/segments.parquet"),
-                "allan_raw": self.file(f"{name}/allan_raw.parquet"),
-                "allan": self.file(f"{name}/allan.parquet"),
-                "views": self.file(f"{name}/views.parquet"),
+                **{
+                    table: self.file(f"{name}/{table}.parquet")
+                    for table in ("samples", "segments", "allan")
+                },
             }
             for name, kind in self.kinds.items()
         }
 
 
 def ingest(device, session, declared, paths, progress=None):
-    """Write samples and quality of one session.
+    """Write samples and quality of one session, the log of which lies in files at the paths.
 
-    Parameters
-    ----------
-    device : Device
-        Whose session.
-    session : str
-        Its name.
-    declared : Mapping
-        ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps``, as of
-        `imuloop.ingest.ingest.ingest`; what is not there is told from the log.
-    paths : sequence of path-like
-        Files of the log.
-    progress : callable, optional
-        As of `imuloop.ingest.ingest.ingest`.
-
-    Returns
-    -------
-    list of Failure
-        What went wrong.
+    ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
+    declared, and `progress` given, as of `imuloop.ingest.ingest.ingest`.
     """
     from imuloop.ingest.ingest import ingest, write_nothing
 
@@ -125,7 +108,7 @@ def ingest(device, session, declared, paths, progress=None):
 
 def segment(device):
     """Write the segments of each session."""
-    from imuloop.core.samples import Columns
+    from imuloop.core.samples import Samples
     from imuloop.core.segments import write_segments
     from imuloop.segment.segment import no_segments, session_columns
     from imuloop.segment.settings import SegmentSettings
@@ -134,7 +117,7 @@ def segment(device):
     for files in device.sessions.values():
 
         def work(files=files):
-            samples = Columns(files["samples"])
+            samples = Samples(files["samples"])
             found = session_columns(samples, files["kind"], settings, device.threads)
             write_segments(files["segments"], *found)
 
@@ -147,22 +130,21 @@ def segment(device):
 
 
 def noise(device):
-    """Write noise.json and the Allan curves and other views of each session, as logged."""
-    from imuloop.core.samples import Columns, read_columns
-    from imuloop.core.tables import write_table
+    """Write noise.json, and Allan curves as logged and other views, of all sessions in a table."""
+    from imuloop.core.samples import Samples, read_columns
+    from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise, no_noise
     from imuloop.noise.records import Session
     from imuloop.noise.settings import NoiseSettings
 
     def write(result, failed=None):
         result.to_json(device.file("noise.json"), failed)
-        for name, files in device.sessions.items():
-            write_table(files["allan_raw"], result.allan[name])
-            write_table(files["views"], result.views[name])
+        write_sessions(device.file("allan_raw.parquet"), result.allan)
+        write_sessions(device.file("views.parquet"), result.views)
 
     def work():
         sessions = [
-            Session(name, each["kind"], Columns(each["samples"]), read_columns(each["segments"]))
+            Session(name, each["kind"], Samples(each["samples"]), read_columns(each["segments"]))
             for name, each in device.sessions.items()
         ]
         settings = NoiseSettings(**device.noise)
@@ -202,11 +184,11 @@ def diagnose(device):
     from imuloop.calibrate.calibrate import with_sessions
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
-    from imuloop.core.tables import write_table
+    from imuloop.core.tables import write_sessions, write_table
     from imuloop.diagnose.diagnose import calibrated, diagnose_device, undiagnosed
     from imuloop.diagnose.records.pose_tables import no_tables
     from imuloop.diagnose.settings import DiagnoseSettings
-    from imuloop.noise.allan import write_allan
+    from imuloop.noise.allan import allan_table
     from imuloop.noise.settings import NoiseSettings
     from imuloop.plan.next_recording import next_recording
     from imuloop.validate.attitude import no_attitude, validate_attitude
@@ -217,8 +199,9 @@ def diagnose(device):
     def write(diagnosis, calibration, allan, attitude, tables):
         write_json(device.file("diagnosis.json"), diagnosis)
         calibration.to_json(device.file("calibration.json"))
-        for name, files in device.sessions.items():
-            write_allan(files["allan_raw"], allan.get(name), files["allan"])
+        # of no session, for the columns
+        none = allan_table("", [], [], [])
+        write_sessions(device.file("allan_corrected.parquet"), {"": none, **allan})
         write_json(device.file("attitude.json"), attitude)
         for name, table in tables.items():
             write_table(device.file(f"{name}.parquet"), table)
@@ -251,6 +234,26 @@ def diagnose(device):
         write(diagnosis, calibrated(**given), {}, attitude, tables)
 
     return attempt(device, "diagnose", work, instead, [noise_path, given["multi_position"]])
+
+
+def allan(device):
+    """Write the Allan curves of each session, those as logged first, then the corrected."""
+    from imuloop.core.tables import joined, read_session, write_table
+
+    def write(files, parts):
+        write_table(files["allan"], joined(parts))
+
+    failures, paths = [], [device.file(f"allan_{which}.parquet") for which in ("raw", "corrected")]
+    for name, files in device.sessions.items():
+
+        def work(name=name, files=files):
+            write(files, [read_session(path, name) for path in paths])
+
+        def instead(reason, failed, files=files):
+            write(files, [read_session(paths[0], "")])
+
+        failures += attempt(device, "allan", work, instead)
+    return failures
 
 
 def export(device):
@@ -297,5 +300,5 @@ def report(folders, provenance, report_path, comparison_path):
 
 def run(device):
     """Do all stages of a device that follow ingest; return what went wrong, in order."""
-    stages = (segment, noise, calibrate, diagnose, export, report_device)
+    stages = (segment, noise, calibrate, diagnose, allan, export, report_device)
     return [failure for stage in stages for failure in stage(device)]

@@ -13,10 +13,7 @@ def merge(base, override):
     """Return `base` with `override` laid over it, mapping by mapping, key by key."""
     if not isinstance(base, dict) or not isinstance(override, dict):
         return override
-    return {
-        key: merge(base.get(key), override[key]) if key in override else base[key]
-        for key in (*base, *(key for key in override if key not in base))
-    }
+    return base | {key: merge(base.get(key), value) for key, value in override.items()}
 
 
 def without_dates(value):
@@ -35,20 +32,12 @@ def merged_devices(config):
 
 
 def resolve(config):
-    """Return every device with all keys present, as the stages need them.
+    """Return every device of a config without faults, with all keys, as the stages need them.
 
-    Parameters
-    ----------
-    config : dict
-        A config without faults.
-
-    Returns
-    -------
-    dict of str to dict
-        By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages'
-        settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or
-        ``acceleration`` and ``angular_rate``; ``pps`` of marks in a file), ``columns``,
-        ``units``, ``rate`` (Hz), ``time_range``, ``pps``.
+    By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages' settings,
+    and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration``
+    and ``angular_rate``; ``pps`` of marks in a file), ``columns``, ``units``, ``rate`` (Hz),
+    ``time_range``, ``pps``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()

@@ -30,56 +30,40 @@ def path_fault(path):
     return None
 
 
-def _folder_fault(path):
-    """Return why Snakemake cannot have a file of a folder, or None; each is an input."""
-    for name in sorted(os.listdir(path)):
-        if text := path_fault(name):
-            return f"in {path}, {text}"
-    return None
-
-
 def marks_faults(marks, replicas):
     """Yield what is wrong with 1PPS marks, as far as it can be seen without the log."""
     if not marks:
         return
     if "file" not in marks:
-        for key in ("counter", "time"):
-            if key not in marks:
-                yield ("pps", key), "missing; marks are two columns of the log, or a file"
+        for key in {"counter", "time"} - {*marks}:
+            yield ("pps", key), "missing; marks are two columns of the log, or a file"
         return
-    source = sources(marks["file"])["log"]
+    source, key = sources(marks["file"])["log"], ("pps", "file")
     path = source.get("path")
     if text := path_fault(path or file_name(source)):
-        yield ("pps", "file"), text
+        yield key, text
+    elif path is None or is_stored(path):
         return
-    if path is None or is_stored(path):
-        return
-    if not Path(path).is_file():
-        yield ("pps", "file"), _missing(path, replicas) or f"{path} is no table of marks"
-        return
-    try:
-        read_marks(path, marks)
-    except ImuloopError as error:
-        key, _, text = str(error).partition(": ")
-        yield (
-            (tuple(key.split(".")), text)
-            if key.startswith("pps.")
-            else (
-                ("pps", "file"),
-                str(error),
-            )
-        )
-    except OSError as error:
-        yield ("pps", "file"), f"{path} cannot be read: {error.strerror}"
+    elif not Path(path).is_file():
+        yield key, _missing(path, replicas) or f"{path} is no table of marks"
+    else:
+        try:
+            read_marks(path, marks)
+        except OSError as error:
+            yield key, f"{path} cannot be read: {error.strerror}"
+        except ImuloopError as error:
+            named, _, text = str(error).partition(": ")
+            yield (tuple(named.split(".")), text) if named[:4] == "pps." else (key, str(error))
 
 
 def file_faults(session, nominal, replicas, whole, marked):
     """Yield what is wrong with a session's file, as far as it can be seen before the run."""
     given = sources(session["file"])
     names = {role: source.get("path") or file_name(source) for role, source in given.items()}
+    keys = {role: ("file", *(() if role == "log" else (role,))) for role in given}
     for role, name in names.items():
         if text := path_fault(name):
-            yield ("file", *(() if role == "log" else (role,))), text
+            yield keys[role], text
             return
         if not is_stored(name) and Path(os.path.normpath(name)).parts[:1] == ("results",):
             yield ("file",), f"{name} is a result of this workflow; name the log that it came from"
@@ -96,25 +80,22 @@ def file_faults(session, nominal, replicas, whole, marked):
         # a name too long, a folder that may not be entered
         yield ("file",), f"cannot be read: {error.strerror}"
         return
-    there = [role for role, source in given.items() if _is_there(source.get("path"))]
-    for role in (role for role in given if role not in there):
-        local = "path" in given[role] and not is_stored(names[role])
-        text = local and _missing(names[role], replicas)
-        if text:
-            yield ("file", *(() if role == "log" else (role,))), text
-    locked = [names[role] for role in there if not os.access(names[role], os.R_OK)]
-    if locked:
+    local = [role for role, source in given.items() if not is_stored(source.get("path", "://"))]
+    there = [role for role in local if Path(names[role]).is_file() or Path(names[role]).is_dir()]
+    for role in local:
+        if role not in there and (text := _missing(names[role], replicas)):
+            yield keys[role], text
+    if locked := [names[role] for role in there if not os.access(names[role], os.R_OK)]:
         yield ("file",), f"{locked[0]} cannot be read: permission denied"
     elif len(there) == len(given):
-        folders = [name for name in names.values() if Path(name).is_dir()]
-        if text := folders and _folder_fault(folders[0]):
-            yield ("file",), text
-            return
-        try:
+        for folder in (name for name in names.values() if Path(name).is_dir()):
+            # each file of a folder is an input
+            for text in filter(None, map(path_fault, sorted(os.listdir(folder)))):
+                yield ("file",), f"in {folder}, {text}"
+                return
+        # what nobody foresaw in one log stops no other: its own job fails with it and says so
+        with suppress(Exception):
             yield from _log_faults(session, nominal, log_format, names, whole and marked)
-        except Exception:
-            # what nobody foresaw in one log stops no other: its own job fails with it and says so
-            return
 
 
 def _size(names):
@@ -124,17 +105,12 @@ def _size(names):
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def _is_there(path):
-    return path is not None and (Path(path).is_file() or Path(path).is_dir())
-
-
 def _log_faults(session, nominal, log_format, names, whole):
     """Yield which of the declared columns a log lacks, and what of the rest does not fit it."""
-    declared = dict(session.get("columns") or {})
+    declared, wrong = dict(session.get("columns") or {}), set()
     marks = session.get("pps") or {}
     if {"counter", "time"} == {*marks}:
         declared["pps"] = marks
-    wrong = set()
     while True:
         try:
             log = _read(log_format, names, declared, 1 << 8)
@@ -144,20 +120,18 @@ def _log_faults(session, nominal, log_format, names, whole):
             return
         except ImuloopError as error:
             quantity, _, text = str(error).removeprefix("columns.").partition(": ")
+            key, name = ("columns", quantity), quantity
             if quantity.startswith("pps."):
-                yield tuple(quantity.split(".")), text
-                wrong.add("pps")
-                del declared["pps"]
-                continue
-            if quantity not in declared:
+                key, name = tuple(quantity.split(".")), "pps"
+            elif quantity not in declared:
                 # without a column that was declared wrongly, the log may well lack others
                 if not wrong:
                     yield ("file",), str(error)
                 return
-            yield ("columns", quantity), text
+            yield key, text
             # the others may be wrong too
-            wrong.add(quantity)
-            del declared[quantity]
+            wrong.add(name)
+            del declared[name]
     timed = "time" in {*log.found, *wrong}
     if "log" in names and not timed and "rate" not in session:
         where = f"{names['log']} has no time column of a usual name ({log.columns})"
@@ -166,16 +140,14 @@ def _log_faults(session, nominal, log_format, names, whole):
         yield ("pps",), "the log has no time column, which is to be the local counter"
     elif "pps" in declared and "pps" not in log.found:
         yield ("pps",), "only tables hold columns of marks; name a file in pps.file"
-    elif whole and not wrong:
-        text = _fitting_fault(session, nominal, log)
-        if text:
-            # stamps may be missing at first: what few rows show counts where it does for the job
-            log = _read(log_format, names, declared, 1 << 16)
-            text = _fitting_fault(session, nominal, log)
+    elif whole and not wrong and _fitting_fault(session, nominal, log):
+        # stamps may be missing at first: what few rows show counts where it does for the job
+        text = _fitting_fault(session, nominal, _read(log_format, names, declared, 1 << 16))
         key, _, rest = (text or "").partition(": ")
-        if text:
-            told = re.fullmatch(r"time_range|units\.\w+", key)
-            yield (tuple(key.split(".")), rest) if told else (("file",), text)
+        if re.fullmatch(r"time_range|units\.\w+", key):
+            yield tuple(key.split(".")), rest
+        elif text:
+            yield ("file",), text
 
 
 def _fitting_fault(session, nominal, log):
@@ -208,18 +180,16 @@ def _read(log_format, names, declared, rows):
 
 def _missing(path, replicas):
     """Return why a local file cannot be had, or None if the workflow makes it."""
-    simulated = SIMULATED.fullmatch(os.path.normpath(path))
-    if not simulated:
-        if Path(path).is_dir():
-            return f"{path} is a folder, not a file"
-        if Path(path).is_symlink() and not Path(path).exists():
-            return f"{path} is a link that leads to no file"
-        return (
-            f"{path} is not a regular file" if Path(path).exists() else f"there is no file {path}"
-        )
-    replica, session = simulated.groups()
-    if replica not in replicas:
-        return f"there is no replica '{replica}'{nearest(replica, replicas, 0.6)}"
-    if session not in replicas[replica]:
-        return f"{replica} has no session '{session}'{nearest(session, replicas[replica], 0.6)}"
-    return None
+    if simulated := SIMULATED.fullmatch(os.path.normpath(path)):
+        replica, session = simulated.groups()
+        if replica not in replicas:
+            return f"there is no replica '{replica}'{nearest(replica, replicas, 0.6)}"
+        if session not in replicas[replica]:
+            known = replicas[replica]
+            return f"{replica} has no session '{session}'{nearest(session, known, 0.6)}"
+        return None
+    if Path(path).is_dir():
+        return f"{path} is a folder, not a file"
+    if Path(path).is_symlink() and not Path(path).exists():
+        return f"{path} is a link that leads to no file"
+    return f"{path} is not a regular file" if Path(path).exists() else f"there is no file {path}"

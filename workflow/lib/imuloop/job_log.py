@@ -1,15 +1,10 @@
 """The log of one job: a traceback goes there, one line goes to the terminal."""
 
-import atexit
-import gc
 import logging
 import sys
 import time
 
 from imuloop.core.errors import one_line, printable
-from imuloop.without_pandas import hide_pandas
-
-FORMAT = "%(asctime)s %(levelname)s %(message)s"
 
 
 class Printable(logging.Formatter):
@@ -30,19 +25,9 @@ def open_log(path, job):
     job : str
         Stage and device, named in the one line that the terminal gets when the job fails.
     """
-    hide_pandas()
-    # after one large block glibc keeps what is freed, and arrays come back without page faults
-    bytes(32_000_000)
-    # the thousands of objects of modules end with the process, none gone through for circles
-    atexit.register(gc.freeze)
-    logging.basicConfig(
-        filename=path,
-        filemode="w",
-        level=logging.INFO,
-        force=True,
-    )
+    logging.basicConfig(filename=path, filemode="w", level=logging.INFO, force=True)
     for handler in logging.getLogger().handlers:
-        handler.setFormatter(Printable(FORMAT))
+        handler.setFormatter(Printable("%(asctime)s %(levelname)s %(message)s"))
     logging.captureWarnings(True)
 
     def fail(kind, error, traceback):
@@ -53,20 +38,33 @@ def open_log(path, job):
     sys.excepthook = fail
 
 
-def tell(line):
-    """Say a line in the job's log and on the terminal."""
+def run_stage(stage, device, *arguments):
+    """Run a stage of `imuloop.chain` as a job; say what failed. Return its failures.
+
+    Parameters
+    ----------
+    stage : callable
+        Function of `imuloop.chain`.
+    device : Device
+        With a log.
+    *arguments
+        Of the stage, after the device.
+    """
+    open_log(device.log, f"{stage.__name__} {device.name}")
+    failures = stage(device, *arguments)
+    for failure in failures:
+        say(f"{device.name}: {failure}; the traceback is in {failure.log}")
+    return failures
+
+
+def say(line):
+    """Write a line to the job's log and to the terminal."""
     logging.info(line)
     print(one_line(line), file=sys.__stderr__, flush=True)
 
 
-def tell_failures(device, failures):
-    """Say what went wrong in a stage of a device, which the report names first."""
-    for failure in failures:
-        tell(f"{device}: {failure}; the traceback is in {failure.log}")
-
-
-def teller(job, seconds=10.0, clock=time.monotonic):
-    """Return ``progress(what, done, total)``, in bytes, that tells how far a job is.
+def progress_lines(job, seconds=10.0, clock=time.monotonic):
+    """Return ``progress(what, done, total)``, in bytes, that says how far a job is.
 
     Each line goes to the job's log and to the terminal:
     ``imu/still: read 3.2 of 10.0 GB, 104 MB/s, 65 s left``.
@@ -76,7 +74,7 @@ def teller(job, seconds=10.0, clock=time.monotonic):
     job : str
         What the lines begin with.
     seconds : float
-        From line to line, and to the first one: what is short is not told.
+        From line to line, and to the first one.
     clock : callable
         The time now, s.
     """
@@ -89,8 +87,7 @@ def teller(job, seconds=10.0, clock=time.monotonic):
         if now - max(begin, last) < seconds or not done:
             return
         last, rate = now, done / (now - begin)
-        line = f"{job}: {what} {done / 1e9:.1f} of {total / 1e9:.1f} GB, {rate / 1e6:.0f} MB/s"
-        line += f", {(total - done) / rate:.0f} s left"
-        tell(line)
+        left = f"{rate / 1e6:.0f} MB/s, {(total - done) / rate:.0f} s left"
+        say(f"{job}: {what} {done / 1e9:.1f} of {total / 1e9:.1f} GB, {left}")
 
     return progress

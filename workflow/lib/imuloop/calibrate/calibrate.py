@@ -23,7 +23,7 @@ from imuloop.core.samples import (
     CHANNELS,
     TEMPERATURE,
     TIME,
-    Columns,
+    Samples,
     read_columns,
     read_metadata,
 )
@@ -85,7 +85,7 @@ def raw_units(sessions, kinds):
     One without rows comes last: of a log that was not read the units are not known.
     """
     ordered = sorted(
-        sessions.values(), key=lambda s: (not len(Columns(s["samples"])), kinds.index(s["kind"]))
+        sessions.values(), key=lambda s: (not len(Samples(s["samples"])), kinds.index(s["kind"]))
     )
     units = read_metadata(ordered[0]["samples"])["raw_units"]
     found = (units[quantity] for quantity in ("acceleration", "angular_rate"))

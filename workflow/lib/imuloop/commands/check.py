@@ -20,12 +20,15 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
+from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.numbers import MILLIRADIAN, RESIDUAL, number, p_text, plural, with_sigma
 from imuloop.report.verdict import RESIDUAL_WORDS
+from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
+from imuloop.validate.drift import check_drift
 
 # exit status of a device that has drifted
 DRIFTED = 3
@@ -91,9 +94,6 @@ def share(text):
 
 def run(arguments):
     """Test a calibration on a log; return the exit status."""
-    # loads for a second, and every command would wait for it
-    from imuloop.validate.drift import check_drift
-
     calibration, log = Calibration.from_json(arguments.calibration), arguments.log
     if arguments.json:
         noise = arguments.noise or arguments.calibration.with_name("noise.json")
@@ -119,24 +119,13 @@ def run(arguments):
         raise ImuloopError(f"{log}: {error}") from error
     say(f"{log.name} against the calibration of {drift.device}; noise {source}", *lines(drift))
     if arguments.json:
-        write_json(
-            arguments.json,
-            {
-                **drift.to_dict(),
-                "calibration": str(arguments.calibration),
-                "log": str(log),
-                "kind": kind,
-                "noise": source,
-            },
-        )
+        what = {"calibration": str(arguments.calibration), "log": str(log)}
+        write_json(arguments.json, drift.to_dict() | what | {"kind": kind, "noise": source})
     return DRIFTED if drift.drifted else 0
 
 
 def segmented(samples, kind):
     """Return the kind of a log and its segments; poses if it has several and no kind is given."""
-    # as above
-    from imuloop.segment.segment import segment_session
-
     segments, found = segment_session(samples, kind or "multi_position", SegmentSettings())
     if kind or found["poses"] > 1:
         return kind or "multi_position", segments
@@ -151,22 +140,13 @@ def noise_of(arguments, calibration, kind, samples, segments):
             return NoiseModel.from_json(path), f"of {path}"
         except (KeyError, TypeError, ValueError) as error:
             raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
-    # as above
-    from imuloop.noise.noise import estimate_noise
-
     session = Session(arguments.log.name, kind, samples, segments)
     found = estimate_noise(calibration.device, [session], NoiseSettings(views=()), uncut=False)
     return found.model, "of the log itself"
 
 
 def lines(drift):
-    """Return a drift in lines for people.
-
-    Parameters
-    ----------
-    drift : Drift
-        Result of `check_drift`.
-    """
+    """Return a Drift in lines for people."""
     found = [f"{plural(drift.poses, 'rest')}, {plural(drift.rotations, 'turn')} between them"]
     for name, sensor in drift.sensors.items():
         if sensor.drifted is None:

@@ -4,14 +4,13 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.raw_log import add_arguments, is_samples, log_samples
+from imuloop.commands.raw_log import add_arguments, log_samples
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from imuloop.core.samples import read_metadata
+from imuloop.core.samples import Samples, read_metadata
 from imuloop.report.effect_units import data_sheet
 from imuloop.report.noise_units import COEFFICIENTS, quantities
 from imuloop.report.numbers import (
@@ -51,21 +50,16 @@ def run(arguments):
     path = arguments.file
     if path.suffix == ".json" and path.is_file():
         say(*result_lines(path))
-    elif path.suffix == ".parquet" and path.is_file() and not is_samples(path):
-        known = table_lines(path)
-        say(*known or log_lines(arguments))
+    elif path.suffix == ".parquet" and path.is_file() and read_metadata(path).get("calibrated"):
+        device, table = read_metadata(path).get("device"), Samples(path)
+        count = plural(len(table), "sample")
+        say(f"calibrated samples of {device}: {count}, {', '.join(table.names)}")
     else:
         say(*log_lines(arguments))
 
 
 def result_lines(path):
-    """Return what a JSON file of results holds.
-
-    Raises
-    ------
-    ImuloopError
-        If it is none of the project's.
-    """
+    """Return what a JSON file of results holds; an ImuloopError if it is none."""
     content = read_json(path)
     keys = content.keys() if isinstance(content, dict) else ()
     try:
@@ -126,8 +120,8 @@ def calibration_lines(calibration):
 def noise_lines(content):
     """Return noise coefficients in units of data sheets."""
     rate = content.get("rate_hz")
-    told = f", at {number(rate, 5)} Hz" if rate else ""
-    lines = [f"noise of {content['device']}{told}, from {', '.join(content.get('sessions', []))}"]
+    at = f", at {number(rate, 5)} Hz" if rate else ""
+    lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
     for sensor, axes in SENSORS.items():
         known = quantities(sensor)
         rows = [(f"{sensor}", *XYZ, "")]
@@ -172,36 +166,28 @@ def quality_lines(content):
         f"{content['status']}: {plural(content['rows'], 'sample')}, "
         f"{duration(content['duration_s'])}, {number(content['rate_hz'], 5)} Hz"
     ]
-    columns = content.get("columns") or {}
     units = content.get("units") or {}
-    told = [
+    columns = [
         f"{quantity} {'/'.join(map(str, np.ravel(where)))} ({units.get(quantity, '')})"
-        for quantity, where in columns.items()
+        for quantity, where in (content.get("columns") or {}).items()
         if isinstance(where, (str, int, list, tuple))
     ]
-    if told:
-        lines.append(f"columns: {', '.join(told)}")
-    if content.get("start"):
-        lines.append(f"start: {content['start']}")
+    lines += [f"columns: {', '.join(columns)}"] if columns else []
+    lines += [f"start: {content['start']}"] if content.get("start") else []
     gaps = content["gaps"]
     counts = {
-        "gaps": gaps["count"],
+        f"gaps ({duration(gaps['total_s'])})": gaps["count"],
         "repeated stamps": content.get("duplicates"),
         "out of order": content.get("out_of_order"),
         "not finite": content.get("non_finite"),
         "unreadable": content.get("bad_lines"),
     }
     faults = [f"{count} {name}" for name, count in counts.items() if count]
-    if gaps["count"]:
-        faults[0] += f" ({duration(gaps['total_s'])})"
     lines.append(f"faults: {', '.join(faults) or 'none'}")
-    for axis, span in (content.get("range") or {}).items():
-        # a rejected log has none
-        if span:
-            lines.append(f"  {axis}  {span[0]:.6g} to {span[1]:.6g}")
-    warm = content.get("temperature_range")
-    if warm:
-        lines.append(f"  temperature  {warm[0]:.4g} to {warm[1]:.4g} degC")
+    ranges = {**(content.get("range") or {}), "temperature": content.get("temperature_range")}
+    # a rejected log has none
+    known = {name: span for name, span in ranges.items() if span}
+    lines += [f"  {name}  {low:.6g} to {high:.6g}" for name, (low, high) in known.items()]
     lines += [f"rejected: {reason}" for reason in content.get("reasons", ())]
     return [*lines, *(f"warning: {warning}" for warning in content.get("warnings", ()))]
 
@@ -211,30 +197,9 @@ def log_lines(arguments):
     path = arguments.file
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         samples, quality = log_samples(path, arguments, Path(folder))
-        if samples == path:
-            origin = read_metadata(path)
-            first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"
-            if quality:
-                return [first, *quality_lines(quality)]
-            rows = pq.read_metadata(path).num_rows
-            return [
-                first,
-                plural(rows, "sample"),
-                f"columns: {', '.join(pq.read_schema(path).names)}",
-            ]
+    if samples != path:
         return [f"{path.name}: log, format {quality['log_format']}", *quality_lines(quality)]
-
-
-def table_lines(path):
-    """Return what a Parquet file of the project that is no log holds; None of any other."""
-    names, rows = pq.read_schema(path).names, pq.read_metadata(path).num_rows
-    if read_metadata(path).get("calibrated"):
-        device = read_metadata(path).get("device")
-        return [f"calibrated samples of {device}: {plural(rows, 'sample')}, {', '.join(names)}"]
-    if {"start_s", "end_s", "kind", "pose"} <= set(names):
-        kinds = pq.read_table(path, columns=["kind"])["kind"].to_pylist()
-        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
-        return [f"segments: {counts or 'none'}"]
-    if {"axis", "tau_s", "adev"} <= set(names):
-        return [f"Allan deviation: {plural(rows, 'point')}"]
-    return None
+    origin, table = read_metadata(path), Samples(path)
+    first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"
+    rows = [plural(len(table), "sample"), f"columns: {', '.join(table.names)}"]
+    return [first, *(quality_lines(quality) if quality else rows)]

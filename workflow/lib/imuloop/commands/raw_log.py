@@ -82,12 +82,7 @@ def add_arguments(command):
 def declared(arguments, calibration=None):
     """Return what the arguments declare of a log, as of `ingest`, and the nominal scales.
 
-    Parameters
-    ----------
-    arguments : Namespace
-        As `add_arguments` declares them.
-    calibration : Calibration, optional
-        Its raw units are taken where the arguments say nothing.
+    Where they say nothing, the raw units are those of the calibration, if one is given.
     """
     units = {
         "acceleration": arguments.acceleration_unit,
@@ -104,36 +99,14 @@ def declared(arguments, calibration=None):
         units = {q: unit.name for q, unit in own.items() if unit.scale != 1} | units
         given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
         nominal = given | nominal
-    what = {
-        "format": arguments.format,
-        "columns": dict(arguments.columns),
-        "units": units,
-        "rate": arguments.rate,
-    }
-    return what, nominal
+    what = {"format": arguments.format, "columns": dict(arguments.columns)}
+    return what | {"units": units, "rate": arguments.rate}, nominal
 
 
 def log_samples(log, arguments, folder, calibration=None):
-    """Return the samples file of a log and its quality figures.
+    """Return the samples file of a log, and its quality figures as far as there are any.
 
-    Parameters
-    ----------
-    log : Path
-        Samples as ingest wrote them, taken as they are, or a raw log.
-    arguments, calibration
-        As of `declared`.
-    folder : Path
-        Where ``samples.parquet`` and ``quality.json`` of a raw log go.
-
-    Returns
-    -------
-    Path, dict
-        Quality is empty for samples without ``quality.json`` beside them.
-
-    Raises
-    ------
-    ImuloopError
-        If what is declared does not fit the log.
+    Samples as ingest wrote them are taken as they are; of a raw log they go to the folder.
     """
     if not log.exists():
         raise ImuloopError(f"{log}: there is no such file")

@@ -102,15 +102,7 @@ def log_of(arguments):
 
 
 def make(arguments, folder):
-    """Run all stages in a folder and write the report.
-
-    Parameters
-    ----------
-    arguments : Namespace
-        Of the command.
-    folder : Path
-        Where the results go, as in ``results/<device>``.
-    """
+    """Run all stages and write the report; results go to a folder as ``results/<device>``."""
     paths, kinds = {}, {}
     for kind, path in arguments.logs:
         kind = kind or arguments.kind

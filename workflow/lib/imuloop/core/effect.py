@@ -50,21 +50,17 @@ class Channels:
     held: dict | None = None
 
     def remembered(self, function, *constants):
-        """Return what depends on the past of the log, at these points.
+        """Return what depends on the past of the log, at these points, shape (n, …).
 
         Parameters
         ----------
         function : callable
             Takes the Channels of a whole log and the constants; gives an array whose first axis is
-            the log's samples. Of a log in pieces it gets a piece after the other if it is marked as
-            `imuloop.core.memory.in_pieces`, with a dict of its own as `past`: empty at the first.
+            the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets a
+            piece after the other if it is marked as `imuloop.core.memory.in_pieces`, with a dict of
+            its own as `past`: empty at the first.
         *constants : hashable
             Constants of the function.
-
-        Returns
-        -------
-        ndarray, shape (n, …)
-            The samples' values; at a pose their mean over it.
 
         Raises
         ------
@@ -102,7 +98,7 @@ class Effect:
     equation, reference : str
         What the effect adds, and where it is described.
     needs : tuple of str
-        Channels without which it cannot be told: ``temperature``, ``run``.
+        Channels without which it cannot be seen: ``temperature``, ``run``.
     records : tuple of str
         The data in which it is looked for: ``poses``, ``static_record``.
     unobservable : str or None
@@ -164,29 +160,12 @@ class Effect:
         }
 
     def design(self, channels):
-        """Return the derivative of `e` with respect to the parameters.
-
-        Parameters
-        ----------
-        channels : Channels
-            What the effect depends on, n points.
-
-        Returns
-        -------
-        ndarray, shape (n, 3, p)
-            The derivative D, SI.
-        """
+        """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
 
 def find_effect(name):
-    """Return the class of the effect of that name.
-
-    Raises
-    ------
-    ImuloopError
-        If no effect of that name is in the library.
-    """
+    """Return the class of the effect of that name; an ImuloopError if the library has none."""
     if name not in Effect.library:
         known = ", ".join(sorted(Effect.library)) or "none is loaded"
         hint = did_you_mean(name, Effect.library)
@@ -208,10 +187,8 @@ class FittedEffect:
     ----------
     effect : Effect
         The effect, with its constants.
-    values : dict of str to float
-        Parameters, SI.
-    std : dict of str to float
-        Their standard errors, SI.
+    values, std : dict of str to float
+        Parameters and their standard errors, SI.
     seen : dict of str to (float, float)
         Least and largest value that the derivative of each parameter had in the data that show the
         effect, SI; it is held to them. Empty for an effect that acts everywhere.
@@ -246,13 +223,7 @@ class FittedEffect:
         return design @ self.vector
 
     def held_to(self, channels):
-        """Return the same, held to what its derivative is in these data.
-
-        Parameters
-        ----------
-        channels : sequence of Channels
-            Of the data that show the effect.
-        """
+        """Return the same, held to what its derivative is in data that show it, Channels each."""
         parts = [self.effect.design(each) for each in channels]
         seen = dict(self.seen)
         for k, name in enumerate(self.effect.parameters):
@@ -264,25 +235,13 @@ class FittedEffect:
 
     def to_dict(self):
         """Return what a JSON file holds of the effect."""
-        content = {
-            "name": self.name,
-            "constants": asdict(self.effect),
-            "parameters": self.values,
-            "std": self.std,
-        }
-        return content | (
-            {"range": {k: list(v) for k, v in self.seen.items()}} if self.seen else {}
-        )
+        content = {"name": self.name, "constants": asdict(self.effect)}
+        content |= {"parameters": self.values, "std": self.std}
+        return content | ({"range": self.seen} if self.seen else {})
 
     @classmethod
     def from_dict(cls, content):
-        """Return the effect that a JSON file holds.
-
-        Raises
-        ------
-        ImuloopError
-            If the library has no such effect, or not with these constants or parameters.
-        """
+        """Return the effect of a JSON file; an ImuloopError if the library has none like it."""
         name = content["name"]
         try:
             effect = find_effect(name)(**content.get("constants", {}))
@@ -293,13 +252,12 @@ class FittedEffect:
             raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
         values = {key: float(content["parameters"][key]) for key in effect.parameters}
         std = dict(content.get("std", {}))
-        if not set(std) <= set(values):
-            raise ImuloopError(f"effect {name}: std of what is no parameter of it")
+        seen = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
+        for what, of in (("std", std), ("range", seen)):
+            if not set(of) <= set(values):
+                raise ImuloopError(f"effect {name}: {what} of what is no parameter of it")
         if not np.isfinite([*values.values(), *std.values()]).all():
             raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
-        seen = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
-        if not set(seen) <= set(values):
-            raise ImuloopError(f"effect {name}: range of what is no parameter of it")
         if not all(
             len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf for ends in seen.values()
         ):

@@ -32,22 +32,12 @@ def one_line(text):
 def did_you_mean(name, known, cutoff=0.6):
     """Return the end of a message that names the nearest of the known names; empty without one.
 
-    Parameters
-    ----------
-    name : str
-        What was given.
-    known : iterable of str
-        What there is.
-    cutoff : float
-        Least similarity, 0 to 1, as `difflib` counts it.
+    The cutoff is the least similarity, 0 to 1, as `difflib` counts it.
     """
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def nearest(name, known, cutoff=0.6):
-    """Return the end of a message that names the nearest of the known names, or all of them.
-
-    Parameters are those of `did_you_mean`.
-    """
+    """Return the end of a message that names the nearest of the known names, or all of them."""
     return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"

@@ -18,17 +18,7 @@ MACHINE = (
 
 @dataclass(frozen=True)
 class Failure:
-    """What went wrong in a stage.
-
-    Attributes
-    ----------
-    stage : str
-        Name of the stage.
-    why : str
-        What happened, in one line.
-    log : str or None
-        Where the traceback is.
-    """
+    """What went wrong in a stage, in one line, and the log that has the traceback, if any."""
 
     stage: str
     why: str
@@ -85,15 +75,7 @@ def attempt(device, stage, work, instead, before=()):
 
 
 def read_failures(folder, sessions):
-    """Return what went wrong in the stages of a device: (session or None, Failure), in their order.
-
-    Parameters
-    ----------
-    folder : path-like
-        ``results/<device>``.
-    sessions : iterable of str
-        Names of its sessions.
-    """
+    """Return the failures of a device's stages, (name of a session or None, Failure), in order."""
     folder, found = Path(folder), []
     for name in sessions:
         found.append((name, read_json(folder / name / "quality.json").get("failed")))

@@ -23,15 +23,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def replaced(path):
     """Give a temporary path beside `path` that takes its place when the block succeeds.
 
-    Parameters
-    ----------
-    path : path-like
-        File to write.
-
-    Yields
-    ------
-    Path
-        Where to write meanwhile; removed if the block raises, after a kill by the next writer.
+    It is removed if the block raises, after a kill by the next writer.
 
     Raises
     ------
@@ -89,10 +81,10 @@ def refuse_overwriting(targets, sources):
     for target in targets:
         for each, which in _files_at(target):
             if which in read:
+                same = f" ({each} is the same file)" if str(each) != str(target) else ""
                 raise ImuloopError(
                     f"{target}: writing there would destroy {read[which]}, which is read: "
-                    "give another name"
-                    + (f" ({each} is the same file)" if str(each) != str(target) else "")
+                    f"give another name{same}"
                 )
 
 
@@ -105,12 +97,12 @@ def _files_at(path):
         with suppress(OSError):
             state = each.stat()
             which = state.st_dev, state.st_ino
-            if each.is_dir() and which not in seen:
+            if not each.is_dir():
+                yield each, which
+            elif which not in seen:
                 # a link may lead back up
                 seen.add(which)
                 found += each.iterdir()
-            elif not each.is_dir():
-                yield each, which
 
 
 def plain(value):
@@ -135,14 +127,7 @@ def write_json(path, content):
 
 
 def read_json(path, most=None):
-    """Return the content of a JSON file.
-
-    Parameters
-    ----------
-    path : path-like
-        File to read.
-    most : int, optional
-        Largest size, bytes.
+    """Return the content of a JSON file of at most so many bytes.
 
     Raises
     ------
@@ -163,9 +148,7 @@ def read_json(path, most=None):
         return json.loads(
             path.read_text(encoding="utf-8"), object_pairs_hook=_object, parse_constant=_constant
         )
-    except RecursionError as error:
-        raise ImuloopError(f"{path}: no JSON: nested too deep") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ImuloopError(f"{path}: no JSON: {error}") from error
 
 

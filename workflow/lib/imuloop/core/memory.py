@@ -8,6 +8,8 @@ _SUMMED = 500.0
 _FORGOTTEN = 50.0
 # samples of a moving mean: of fewer, too little of what changes from one to the next is left
 _FEWEST = 7
+# steps of time that the usual one is found of
+_STEPS = 1 << 20
 
 
 def in_pieces(function):
@@ -20,20 +22,15 @@ def in_pieces(function):
     return function
 
 
+def usual_step(t):
+    """Return the median step of time, s, of the first million."""
+    return float(np.median(np.diff(t[:_STEPS])))
+
+
 def filled(t, values):
     """Fill what is not a number: on a line between neighbours, held before the first and after.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Time, s, increasing.
-    values : ndarray, shape (n,)
-        A channel that is logged more slowly than the others, or with gaps.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The same values with the gaps filled; all not a number if no value is known.
+    Of a channel that is logged more slowly than the others, or with gaps; t, values shape (n,).
     """
     known = np.isfinite(values)
     if known.all() or not known.any():
@@ -42,7 +39,7 @@ def filled(t, values):
 
 
 def _before(past, t):
-    """Return the last sample that is kept of the time before `t`, its index; None without one."""
+    """Return the index of the last sample that is kept of the time before `t`, or None."""
     if not past:
         return None
     last = np.searchsorted(past["t"], t[0]) - 1
@@ -68,11 +65,6 @@ def first_order_lag(t, values, tau, past=None):
     past : dict, optional
         Of a log in pieces: empty at the first, then as this function leaves it. A piece may begin
         with samples of the one before.
-
-    Returns
-    -------
-    ndarray, shape of `values`
-        y.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
     rest, state = x[:1], 0.0
@@ -120,11 +112,6 @@ def play(values, half_width, t=None, past=None):
     past : dict, optional
         As of `first_order_lag`.
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        p.
-
     References
     ----------
     M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996.
@@ -162,14 +149,9 @@ def fast_part(t, values, period, step=None):
         Length of the mean, s; at least `_FEWEST` samples.
     step : float, optional
         Median step of the whole log, s, of which this is a piece.
-
-    Returns
-    -------
-    ndarray, shape (n, m)
-        In the unit of the values.
     """
     if step is None:
-        step = np.median(np.diff(t)) if len(t) > 1 else period
+        step = usual_step(t) if len(t) > 1 else period
     size = max(_FEWEST, 2 * round(period / step / 2) + 1)
     return values - _mean_about(_mean_about(values, size), size)
 
@@ -185,22 +167,7 @@ def _mean_about(values, size):
 
 
 def moving_mean(t, values, width):
-    """Return the mean over the last `width` seconds, fewer at the start of the log.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Time, s, increasing.
-    values : ndarray, shape (n, m)
-        Channels.
-    width : float
-        Length of the window, s.
-
-    Returns
-    -------
-    ndarray, shape (n, m)
-        In the unit of the values.
-    """
+    """Return the mean of values, (n, m), over the last `width` s, fewer at the log's start."""
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     last, first = np.arange(1, len(t) + 1), np.searchsorted(t, t - width)
     return (sums[last] - sums[first]) / (last - first)[:, None]

@@ -66,19 +66,9 @@ class SensorCalibration:
         return (self.raw_unit.from_si(values) - self.b) * self.K
 
     def apply(self, values, channels=None):
-        """Return calibrated values.
+        """Return calibrated values, SI, of values as logged, SI, shape (n, 3).
 
-        Parameters
-        ----------
-        values : array_like, shape (n, 3)
-            SI units, as logged.
-        channels : Channels, optional
-            What the effects depend on; needed only where there are effects.
-
-        Returns
-        -------
-        ndarray, shape (n, 3)
-            Calibrated, SI.
+        The channels, which the effects depend on, are needed only where there are effects.
         """
         output = self.output(values)
         for effect in self.effects:
@@ -163,11 +153,6 @@ class Calibration:
         -------
         DataFrame
             A copy with calibrated specific force (m/s^2) and angular rate (rad/s).
-
-        Raises
-        ------
-        ImuloopError
-            If a column is missing.
         """
         check_columns(samples.columns)
         sensors = (ACCELERATION, ANGULAR_RATE)
@@ -196,11 +181,6 @@ class Calibration:
         -------
         ndarray, ndarray
             m/s^2 and rad/s, shapes as given.
-
-        Raises
-        ------
-        ImuloopError
-            If shapes do not fit, or an effect needs what is not given.
         """
         f, w = np.asarray(acceleration, dtype=float), np.asarray(angular_rate, dtype=float)
         if f.shape != w.shape or f.ndim not in (1, 2) or f.shape[-1] != 3:
@@ -224,7 +204,7 @@ class Calibration:
         return f.reshape(shape), w.reshape(shape)
 
     def apply_file(self, source, target):
-        """Write the calibrated samples of a samples file; see `imuloop.core.pieces.apply_file`."""
+        """Write the calibrated samples of a samples file; see `imuloop.core.pieces`."""
         return apply_file(self, source, target)
 
     def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):
@@ -237,14 +217,10 @@ class Calibration:
         ----------
         f, w : ndarray, shape (n, 3)
             SI, as logged.
-        t : ndarray, shape (n,)
-            Seconds from the start of the log.
-        temperature : ndarray, shape (n,), or None
-            degC.
-        pasts, step
-            Of accelerometer and gyroscope, where the log comes in pieces: see `Channels`.
-        held
-            Of both, dicts that take where effects were held to their range: see `Channels`.
+        t, temperature : ndarray, shape (n,); None without temperature
+            Seconds from the start of the log; degC.
+        pasts, step, held
+            Of accelerometer and gyroscope: see `Channels`.
 
         Raises
         ------
@@ -252,7 +228,7 @@ class Calibration:
             If a value is not finite, and all that were logged are.
         """
         known = all(np.isfinite(values).all() for values in (f, w, t))
-        # what overflows is told below
+        # what overflows is refused below
         with np.errstate(over="ignore", invalid="ignore"):
             own, other = self.accelerometer.output(f), self.gyroscope.output(w)
             f = self.accelerometer.apply(
@@ -273,10 +249,7 @@ class Calibration:
     def to_json(self, path, failed=None):
         """Write the calibration as JSON; `failed` is what went wrong where it is none.
 
-        Raises
-        ------
-        ImuloopError
-            If it is none that can be: see `imuloop.core.calibration_faults`.
+        Raises an ImuloopError for one that cannot be: see `imuloop.core.calibration_faults`.
         """
         self._refuse(path)
         content = {
@@ -292,11 +265,8 @@ class Calibration:
     def from_json(cls, path):
         """Return the calibration of a JSON file.
 
-        Raises
-        ------
-        ImuloopError
-            If the file is of another format version, or no calibration: not as its schema has
-            it, or none that can be (see `imuloop.core.calibration_faults`).
+        Raises an ImuloopError for a file of another format, not as its schema has it, or that
+        cannot be (see `imuloop.core.calibration_faults`).
         """
         content = read_json(path, MOST_BYTES)
         found = content.get("format") if isinstance(content, dict) else None

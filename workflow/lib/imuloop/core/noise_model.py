@@ -57,14 +57,7 @@ class Coefficient:
     @classmethod
     def from_dict(cls, content):
         """Return the coefficient from its JSON form."""
-        interval = content["ci95"]
-        return cls(
-            content["value"],
-            None if interval is None else (interval[0], interval[1]),
-            content["upper95"],
-            content["identifiable"],
-            content.get("needed_s"),
-        )
+        return cls(**content | {"ci95": content["ci95"] and tuple(content["ci95"])})
 
 
 @dataclass(frozen=True)
@@ -132,13 +125,12 @@ class AxisNoise:
         return cls(
             *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
             gauss_markov=tuple(
-                GaussMarkov(Coefficient.from_dict(p["q"]), Coefficient.from_dict(p["tc"]))
+                GaussMarkov(*(Coefficient.from_dict(p[key]) for key in ("q", "tc")))
                 for p in content["gauss_markov"]
             ),
             sinusoid=tuple(
                 Sinusoid(
-                    Coefficient.from_dict(p["amplitude"]),
-                    Coefficient.from_dict(p["frequency"]),
+                    *(Coefficient.from_dict(p[key]) for key in ("amplitude", "frequency")),
                     p.get("origin"),
                 )
                 for p in content["sinusoid"]
@@ -183,11 +175,6 @@ class AxisNoise:
         rate : float
             Sampling rate r in Hz; only quantisation depends on it.
 
-        Returns
-        -------
-        ndarray
-            Unit of the axis squared per Hz, twice the two-sided density; shape of `f`.
-
         References
         ----------
         IEEE Std 952-1997 (R2008), annex C, which gives the two-sided densities.
@@ -227,10 +214,6 @@ class AxisNoise:
             Length in s that holds all times; the flicker's level refers to it.
         shared : tuple of ndarray, optional
             `lags` of the same times and span, where several axes have them.
-
-        Returns
-        -------
-        ndarray, shape (m, m)
         """
         d, d2, logarithm, early2, late = shared or lags(t, span)
         total = (
@@ -302,17 +285,10 @@ class NoiseModel:
     axes: dict[str, AxisNoise]
 
     def known(self, axis, term):
-        """Return what is known of flicker or walk of an axis: its size, and a standard deviation.
+        """Return what is known of an axis' flicker, 'B', or walk, 'K': size, standard deviation.
 
-        Of a term that was not seen the size is none; it may have one, below its limit with a
+        Of a term that was not seen the size is zero; it may have one, below its limit with a
         probability of 95 %.
-
-        Parameters
-        ----------
-        axis : str
-            Axis.
-        term : {'B', 'K'}
-            Flicker or walk.
         """
         c = getattr(self.axes[axis], term)
         if c.value is None:
@@ -327,10 +303,6 @@ class NoiseModel:
             own = replace(getattr(axes[axis], term), value=value)
             axes[axis] = replace(axes[axis], **{term: own})
         return replace(self, axes=axes)
-
-    def allan_variance(self, axis, tau):
-        """Return the Allan variance of `axis`, its unit squared, at `tau` in s (array_like)."""
-        return self.axes[axis].allan_variance(tau)
 
     def pose_mean_covariance(self, windows):
         """Return the covariance of the mean outputs over windows of time.
@@ -347,17 +319,10 @@ class NoiseModel:
         -------
         ndarray, shape (6, n, n)
             (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz.
-
-        Raises
-        ------
-        ValueError
-            Where `windows` has another shape or a window that does not end after its start.
         """
         windows = np.asarray(windows, float)
-        if windows.ndim != 2 or windows.shape[1] != 2:
-            raise ValueError(f"windows: shape (n, 2) needed, got {windows.shape}")
-        if not np.all(windows[:, 1] > windows[:, 0]):
-            raise ValueError("windows: each must end after its start")
+        if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):
+            raise ValueError("windows: a start and a later end each needed, shape (n, 2)")
         if not len(windows):
             return np.zeros((len(CHANNELS), 0, 0))
         shared, covariance = edges(windows), np.empty((len(CHANNELS), len(windows), len(windows)))
@@ -381,10 +346,8 @@ class NoiseModel:
     @classmethod
     def from_dict(cls, content):
         """Return the model from the content of noise.json; what else is in it is not read."""
-        return cls(
-            content["device"],
-            {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS},
-        )
+        axes = {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS}
+        return cls(content["device"], axes)
 
     @classmethod
     def from_json(cls, path):
@@ -396,16 +359,8 @@ def without_weight(covariance):
     """Return which covariances weigh nothing: no variance, or lines and no noise beside them.
 
     Lines are as many patterns as there are lines: some sums of the values would have no error.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (k, n, n)
-        Of n values each.
-
-    Returns
-    -------
-    silent, lines : ndarray of bool, shape (k,)
-        Those with a value of no variance, and those with a sum of none.
+    Of covariances, shape (k, n, n), returned are those with a value of no variance, and those with
+    a sum of none, shape (k,) each.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

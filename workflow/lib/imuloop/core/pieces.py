@@ -1,14 +1,12 @@
 """A calibration applied to a file of samples piece by piece: how long the log is does not matter.
 
-Effects that remember go on from piece to piece (`Channels.past`). What is known only of the whole
-log is found in passes before: the next temperature after a gap, the median step of time.
+Effects that remember go on from piece to piece (`Channels.past`).
 """
 
 import csv
 import io
 import json
-from contextlib import contextmanager
-from itertools import chain, pairwise
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +17,16 @@ import pyarrow.parquet as pq
 from imuloop.core.cells import text_cell, text_cells
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
-from imuloop.core.rows import ROWS, Rows, median_step
+from imuloop.core.memory import usual_step
 from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
+    CHANNELS,
     METADATA_KEY,
+    ROWS,
     TEMPERATURE,
     TIME,
-    Columns,
+    Samples,
     check_columns,
+    parquet_file,
     read_metadata,
 )
 
@@ -66,152 +65,113 @@ def apply_file(calibration, source, target, rows=ROWS):
     if target.suffix not in (".csv", ".parquet"):
         raise ImuloopError(f"{target}: give it the ending .csv or .parquet")
     refuse_overwriting([target], [source])
+    samples = Samples(source)
     try:
-        names = pq.read_schema(source).names
-    except pa.ArrowInvalid as error:
-        raise ImuloopError(f"{source}: no samples file: {error}") from error
-    try:
-        check_columns(names)
+        check_columns(samples.names)
     except ImuloopError as error:
         raise ImuloopError(f"{source}: {error}") from error
     if read_metadata(source).get("calibrated"):
         raise ImuloopError(f"{source}: its samples are calibrated already")
     reach = max((effect.effect.reach for effect in calibration.effects), default=0.0)
-    step = median_step(Rows(Columns(source))) if reach else None
-    ends = None
-    if TEMPERATURE in names and any(TEMPERATURE in e.effect.needs for e in calibration.effects):
-        ends = known_ends(source, rows)
+    step, more = None, 0
+    if reach and len(samples) > 1:
+        step = usual_step(samples.read((TIME,), 0, min(len(samples), rows))[0])
+        more = FEWEST + int(2 * reach / step)
     metadata = json.dumps({"calibrated": True, "device": calibration.device}).encode()
     pasts, counts = ({}, {}), {}
+    columns = _with_surroundings(samples, rows, more)
     with replaced(target) as temporary, _writer(temporary, target.suffix, metadata) as write:
-        arrays = _arrays(_pieces(source, rows), ends)
-        for table, columns, own in _with_surroundings(arrays, reach, step):
+        for table in _pieces(source, rows):
+            own, values = next(columns)
             held = {}, {}
-            f, w = calibration.calibrated(**columns, pasts=pasts, step=step, held=held)
+            f, w = calibration.calibrated(**values, pasts=pasts, step=step, held=held)
             for sensor, found in zip(("accelerometer", "gyroscope"), held, strict=True):
                 for name, at in found.items():
                     counts[sensor, name] = counts.get((sensor, name), 0) + int(at[own].sum())
-            for axes, values in ((ACCELERATION, f), (ANGULAR_RATE, w)):
-                for name, column in zip(axes, values[own].T, strict=True):
-                    place = table.column_names.index(name)
-                    table = table.set_column(place, name, pa.array(column))
+            calibrated = np.hstack([f, w])[own]
+            for name, column in zip(CHANNELS, calibrated.T, strict=True):
+                place = table.column_names.index(name)
+                table = table.set_column(place, name, pa.array(column))
             write(table)
     return {key: count for key, count in counts.items() if count}
 
 
-def _pieces(path, rows, columns=None):
+def _pieces(path, rows):
     """Yield a file as tables of so many rows, fewer in the last."""
-    waiting, count = [], 0
     # without pre_buffer, which keeps what was read
-    with pq.ParquetFile(path, pre_buffer=False) as file:
-        for batch in file.iter_batches(batch_size=rows, columns=columns):
-            while count + len(batch) >= rows:
-                waiting.append(batch.slice(0, rows - count))
-                batch = batch.slice(rows - count)
-                yield pa.Table.from_batches(waiting)
-                waiting, count = [], 0
-            if len(batch):
-                waiting.append(batch)
-                count += len(batch)
+    with parquet_file(path, pre_buffer=False) as file:
+        waiting = None
+        for batch in file.iter_batches(batch_size=rows):
+            more = pa.Table.from_batches([batch])
+            # Arrow writes text of an empty chunk wrongly
+            waiting = pa.concat_tables([waiting, more]) if waiting else more
+            while len(waiting) >= rows:
+                yield waiting.slice(0, rows)
+                waiting = waiting.slice(rows)
         if waiting or not file.metadata.num_rows:
-            yield pa.Table.from_batches(waiting, file.schema_arrow if columns is None else None)
+            yield waiting or file.schema_arrow.empty_table()
 
 
-def _column(table, name):
-    return table[name].to_numpy().astype(float, copy=False)
+def _with_surroundings(samples, rows, more):
+    """Yield the own rows of each piece and its arrays, with so many samples more on each side."""
+    warm = TEMPERATURE in samples
+    names = (TIME, *CHANNELS, *[TEMPERATURE] * warm)
+    count, before, after = len(samples), [], (0, [])
+    for first in range(0, max(count, 1), rows):
+        begin, last = max(first - more, 0), min(first + rows, count)
+        end = min(last + more, count)
+        t, *values = samples.read(names, begin, end)
+        temperature = values.pop() if warm else None
+        if warm:
+            known = np.flatnonzero(np.isfinite(temperature))
+            if after[0] < end:
+                after = _next_known(samples, end, rows)
+            points = np.array([*before, *zip(t[known], temperature[known], strict=True), *after[1]])
+            # the last one before the rows of the next piece
+            passed = known[known < max(last - more, 0) - begin]
+            if len(passed):
+                before = [(t[passed[-1]], temperature[passed[-1]])]
+            if len(known) < len(t) and len(points):
+                temperature = np.interp(t, *points.T)
+        f, w = np.array(values[:3]).T, np.array(values[3:]).T
+        own = slice(first - begin, last - begin)
+        yield own, {"f": f, "w": w, "t": t, "temperature": temperature}
 
 
-def _arrays(pieces, ends):
-    """Yield each piece with its columns, the temperature's gaps filled as in the whole log."""
-    for number, table in enumerate(pieces):
-        t = _column(table, TIME)
-        f, w = (
-            np.column_stack([_column(table, name) for name in axes])
-            for axes in (ACCELERATION, ANGULAR_RATE)
-        )
-        temperature = _column(table, TEMPERATURE) if TEMPERATURE in table.column_names else None
-        if ends is not None:
-            temperature = _filled(t, temperature, ends, number)
-        yield table, {"f": f, "w": w, "t": t, "temperature": temperature}
-
-
-def _filled(t, values, ends, number):
-    """Fill what is not a number on a line to the nearest known, in this piece or another."""
-    known = np.isfinite(values)
-    if known.all():
-        return values
-    before = [each[-1] for each in ends[:number] if each][-1:]
-    after = [each[0] for each in ends[number + 1 :] if each][:1]
-    points = [*before, *np.column_stack([t[known], values[known]]), *after]
-    return np.interp(t, *np.transpose(points)) if points else values
-
-
-def known_ends(path, rows=ROWS):
-    """Return (t, temperature) of the first and last known temperature of each piece, or None."""
-    found = []
-    for table in _pieces(path, rows, [TIME, TEMPERATURE]):
-        t, values = _column(table, TIME), _column(table, TEMPERATURE)
-        known = np.flatnonzero(np.isfinite(values))[[0, -1]] if np.isfinite(values).any() else []
-        found.append([(t[i], values[i]) for i in known] or None)
-    return found
-
-
-def _with_surroundings(pieces, reach, step):
-    """Yield table, columns and own rows of each piece, with the samples within reach about it."""
-    if not reach:
-        yield from ((table, columns, slice(None)) for table, columns in pieces)
-        return
-    more = FEWEST + int(np.ceil(reach / step)) if step else FEWEST
-    behind = None
-    for (table, columns), following in pairwise(chain(pieces, [None])):
-        t, parts = columns["t"], [columns]
-        first = 0
-        if behind is not None:
-            edge = max(np.searchsorted(behind["t"], t[0] - reach) - more, 0)
-            parts.insert(0, _cut(behind, slice(edge, None)))
-            first = len(parts[0]["t"])
-        if following is not None:
-            ahead = following[1]
-            edge = np.searchsorted(ahead["t"], t[-1] + reach, side="right") + more
-            parts.append(_cut(ahead, slice(0, edge)))
-        joined = {
-            name: None if value is None else np.concatenate([part[name] for part in parts])
-            for name, value in columns.items()
-        }
-        yield table, joined, slice(first, first + len(t))
-        behind = columns
-
-
-def _cut(columns, rows):
-    return {name: None if value is None else value[rows] for name, value in columns.items()}
+def _next_known(samples, row, rows):
+    """Return the next row with a known temperature, and [(t, temperature)] there."""
+    for first in range(row, len(samples), rows):
+        t, values = samples.read((TIME, TEMPERATURE), first, min(first + rows, len(samples)))
+        known = np.flatnonzero(np.isfinite(values))
+        if len(known):
+            return first + known[0], [(t[known[0]], values[known[0]])]
+    return len(samples), []
 
 
 @contextmanager
 def _writer(path, ending, metadata):
     """Give a function that writes tables to a file, one after the other."""
-    opened = []
+    with ExitStack() as stack:
+        opened = []
 
-    def write(table):
-        if ending == ".csv":
-            options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
+        def write(table):
+            if ending == ".parquet":
+                table = table.replace_schema_metadata({METADATA_KEY: metadata})
+                if not opened:
+                    writer = pq.ParquetWriter(path, table.schema, **_encodings(table))
+                    opened.append(stack.enter_context(writer))
+                opened[0].write_table(table)
+                return
             if not opened:
-                opened.append(open(path, "wb"))
+                opened.append(stack.enter_context(open(path, "wb")))
                 header = io.StringIO()
                 names = [text_cell(name) for name in table.column_names]
                 csv.writer(header, lineterminator="\n").writerow(names)
                 opened[0].write(header.getvalue().encode())
+            options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
             pa.csv.write_csv(text_cells(_without_nan(table)), opened[0], options)
-        else:
-            table = table.replace_schema_metadata({METADATA_KEY: metadata})
-            if not opened:
-                opened.append(pq.ParquetWriter(path, table.schema, **_encodings(table)))
-            opened[0].write_table(table)
 
-    try:
         yield write
-    finally:
-        for file in opened:
-            file.close()
 
 
 def _encodings(table):
@@ -225,5 +185,5 @@ def _without_nan(table):
     """Return a table with empty cells where a temperature is not a number."""
     if TEMPERATURE not in table.column_names:
         return table
-    column = pa.array(_column(table, TEMPERATURE), from_pandas=True)
+    column = pa.array(table[TEMPERATURE].to_numpy(), from_pandas=True)
     return table.set_column(table.column_names.index(TEMPERATURE), TEMPERATURE, column)

@@ -8,22 +8,8 @@ from scipy.linalg.lapack import dpotri
 def precision(covariance):
     """Return the inverse of a covariance, and its lower root.
 
-    A third of the work of an inverse that knows nothing of symmetry.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        Σ.
-
-    Returns
-    -------
-    ndarray, ndarray, shape (n, n)
-        Σ⁻¹, exactly symmetric, and L with ``L Lᵀ = Σ``.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If Σ is not positive definite.
+    Σ⁻¹, exactly symmetric, and L with ``L Lᵀ = Σ``: a third of the work of an inverse that knows
+    nothing of symmetry. Raises a LinAlgError if Σ is not positive definite.
     """
     root = cholesky(covariance, lower=True)
     half, _ = dpotri(root, lower=1)

@@ -8,8 +8,7 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.memory import filled
 from imuloop.core.pieces import FEWEST
-from imuloop.core.rows import Rows, median_step, sums_over
-from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME, Samples, sums_over
 
 # samples that are worked on at a time
 PART = 1 << 18
@@ -21,44 +20,46 @@ class RestLog:
 
     Attributes
     ----------
-    rows : Rows
-        Its samples, SI, as logged.
+    samples : Samples
+        SI, as logged.
     t : ndarray, shape (n,)
         Time, s.
-    interval : float
-        Median step of time, s; not a number without one.
     temperature : ndarray, shape (n,), or None
         degC, missing values filled.
     """
 
-    rows: Rows
+    samples: Samples
     t: np.ndarray
-    interval: float
     temperature: np.ndarray | None
-    _means: dict = field(default_factory=dict, repr=False)
-    _filled: dict = field(default_factory=dict, repr=False)
+    _cache: dict = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, samples):
         """Return the RestLog of samples, columns by name."""
-        t, rows, temperature = np.asarray(samples[TIME]), Rows(samples), None
+        samples, temperature = Samples(samples), None
+        t = samples[TIME]
         if TEMPERATURE in samples:
-            logged = np.asarray(samples[TEMPERATURE])
+            logged = samples[TEMPERATURE]
             temperature = filled(t, logged) if np.isfinite(logged).any() else None
-        return cls(rows, t, median_step(rows) or np.nan, temperature)
+        return cls(samples, t, temperature)
+
+    @property
+    def interval(self):
+        """Median step of time, s; not a number without one."""
+        return self.samples.interval or np.nan
 
     def column(self, name):
         """Return a column of the whole log, as logged, shape (n,)."""
-        return self.rows.read((name,), 0, len(self.t))[0]
+        return np.array(self.samples[name], dtype=float)
 
     def logged(self, sensor, part):
         """Return the output of a sensor in a part, SI, as logged, missing values filled, (m, 3)."""
-        values = self.rows.read(SENSORS[sensor], part.start, part.stop)
+        values = self.samples.read(SENSORS[sensor], part.start, part.stop)
         for row, name in zip(values, SENSORS[sensor], strict=True):
             if np.isnan(row).any():
-                if name not in self._filled:
-                    self._filled[name] = filled(self.t, self.column(name))
-                row[:] = self._filled[name][part]
+                if name not in self._cache:
+                    self._cache[name] = filled(self.t, self.samples[name])
+                row[:] = self._cache[name][part]
         return values.T
 
     def means(self, at):
@@ -72,10 +73,9 @@ class RestLog:
             Whether no sample of the rows lacks a value.
         """
         key = at.tobytes()
-        if key not in self._means:
+        if key not in self._cache:
             total, lacking = np.zeros((len(at), len(CHANNELS))), np.zeros(len(at))
-            centre = np.zeros(len(CHANNELS))
-            for first, x in self.rows.pieces(CHANNELS, PART):
+            for first, x in self.samples.pieces(CHANNELS, PART):
                 known = np.isfinite(x)
                 if not first:
                     # sums near zero keep their digits
@@ -85,15 +85,10 @@ class RestLog:
                     lacking += sums_over(~known.all(axis=0), at - first)
                     x = np.where(known, x, centre[:, None])
                 total += sums_over(x.T - centre, at - first)
-            found = total / np.diff(at) + centre
-            self._means[key] = (
-                {
-                    sensor: found[:, [CHANNELS.index(name) for name in names]]
-                    for sensor, names in SENSORS.items()
-                },
-                lacking == 0,
-            )
-        return self._means[key]
+            found = total / np.diff(at) + (centre if len(self.t) else 0.0)
+            axes = {sensor: list(map(CHANNELS.index, names)) for sensor, names in SENSORS.items()}
+            self._cache[key] = {s: found[:, axes[s]] for s in SENSORS}, lacking == 0
+        return self._cache[key]
 
     def parts(self, sensor):
         """Yield part after part of the log and what gives a function's values at its samples.
@@ -128,10 +123,7 @@ class RestLog:
 
 @dataclass(frozen=True)
 class LoggedChannels:
-    """The `Channels` of a sensor in a part of the log of a session at rest, outputs as logged.
-
-    An output is read when a function asks for it: few do.
-    """
+    """The `Channels` of a sensor in a part of a log at rest; an output is read when it is used."""
 
     log: RestLog
     sensor: str
@@ -141,12 +133,12 @@ class LoggedChannels:
 
     @property
     def t(self):
-        """Time, s, shape (n,)."""
+        """Time, s."""
         return self.log.t[self.part]
 
     @property
     def temperature(self):
-        """Temperature, degC, shape (n,), or None."""
+        """Temperature, degC, or None."""
         return None if self.log.temperature is None else self.log.temperature[self.part]
 
     @property

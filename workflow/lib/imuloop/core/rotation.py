@@ -63,11 +63,6 @@ def step_vectors(rates, steps, uneven=None):
     uneven : ndarray of bool, shape (..., n - 1), optional
         Steps over which samples are missing.
 
-    Returns
-    -------
-    ndarray, shape (..., n - 1, 3)
-        Rotation vectors, rad.
-
     References
     ----------
     Iserles, Munthe-Kaas, Nørsett, Zanna, "Lie-group methods", Acta Numerica 9 (2000), section 4.
@@ -112,16 +107,6 @@ def prefix_product(q):
 
     The products of neighbours, their prefix products by the same rule, and what lies between: two
     multiplications a quaternion in all.
-
-    Parameters
-    ----------
-    q : array_like, shape (..., n, 4)
-        Quaternions of single steps.
-
-    Returns
-    -------
-    ndarray, shape (..., n, 4)
-        Attitude after each step.
 
     References
     ----------

@@ -6,6 +6,9 @@ rebuilt, `t_logged` is the time as stamped.
 """
 
 import json
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -33,35 +36,22 @@ GAP_STEPS = 1.5
 # on after ten
 LONG_GAP_STEPS = 9.5
 
+# rows of a piece: 8 columns of it are 8 MB
+ROWS = 1 << 17
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
 
 
 def lost_samples(steps, usual):
-    """Return how many samples are missing in steps of time; a step below `GAP_STEPS` lacks none.
-
-    Parameters
-    ----------
-    steps : ndarray
-        s.
-    usual : float
-        Usual step, s.
-    """
+    """Return how many samples are missing in steps, s; one below `GAP_STEPS` usual ones has all."""
     wide = steps > GAP_STEPS * usual
     return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
 
 
 def schema(temperature, metadata, rebuilt=False):
-    """Return the Parquet schema of a samples file.
+    """Return the Parquet schema of a samples file, whose metadata are kept as JSON.
 
-    Parameters
-    ----------
-    temperature : bool
-        Whether the log holds a temperature.
-    metadata : dict
-        Source, units, hashes; kept as JSON in the file.
-    rebuilt : bool
-        Whether `t` is not that of the stamps.
+    With a column of temperature, and one of the stamps where `t` was rebuilt.
     """
     names = [TIME, *CHANNELS, *[TEMPERATURE] * temperature, *[LOGGED_TIME] * rebuilt]
     fields = [pa.field(name, pa.float64()) for name in names]
@@ -69,15 +59,8 @@ def schema(temperature, metadata, rebuilt=False):
 
 
 def check_columns(names):
-    """Refuse a table that lacks a column of samples.
-
-    Raises
-    ------
-    ImuloopError
-        If one is missing.
-    """
-    lacking = [name for name in (TIME, *CHANNELS) if name not in names]
-    if lacking:
+    """Raise an ImuloopError for a table that lacks a column of samples."""
+    if lacking := [name for name in (TIME, *CHANNELS) if name not in names]:
         raise ImuloopError(
             f"no column {', '.join(lacking)}; samples have t (s), ax ay az (m/s^2), gx gy gz "
             "(rad/s)"
@@ -103,64 +86,128 @@ def read_samples(path, columns=None):
 
 def read_columns(path, columns=None):
     """Return columns of a Parquet file, all or only those named, as a dict of arrays."""
-    # a data set's machinery and a second thread cost more than a session's file
     with parquet_file(path) as file:
-        table = file.read(columns and list(columns), use_threads=False)
-    return {name: values(table[name]) for name in table.column_names}
+        table = file.read(columns and list(columns))
+    return {name: np.array(table[name].to_numpy()) for name in table.column_names}
 
 
-def values(column):
-    """Return the values of an Arrow array or column, not-a-number where one is missing.
+class Samples:
+    """Samples of a session by column and by range of rows; of a file only what is asked for.
 
-    Arrow's own `to_numpy` loads pandas, which takes longer than a session's file.
-    """
-    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-        return np.array(column.to_pylist(), dtype=object)
-    if column.null_count:
-        column = column.cast(pa.float64()).fill_null(np.nan)
-    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
-    parts = [np.from_dlpack(chunk) for chunk in chunks]
-    return np.concatenate(parts) if parts else np.zeros(0, column.type.to_pandas_dtype())
-
-
-class Columns:
-    """Columns of a samples file by name, each read when it is asked for, none kept.
-
-    Serves as a DataFrame does where one column at a time is enough: ``np.asarray(samples[name])``,
-    ``name in samples`` and ``len(samples)``, the number of rows.
+    ``samples[name]``, ``name in samples`` and ``len(samples)``, the number of rows, are those of a
+    DataFrame; a column is read when it is asked for, and not kept.
 
     Parameters
     ----------
-    path : path-like
-        Samples, Parquet.
+    source : path-like, DataFrame, dict or Samples
+        Parquet file, or columns by name.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Columns.
     """
 
-    def __init__(self, path):
-        self.path = path
-        with parquet_file(path) as file:
-            metadata = file.metadata
-        self.names = tuple(metadata.schema.names)
-        self.rows = metadata.num_rows
+    def __init__(self, source):
+        self._table = source._table if isinstance(source, Samples) else source
+        self._metadata = None
+        if isinstance(self._table, (str, Path)):
+            with parquet_file(self._table) as file:
+                self._metadata = file.metadata
+            groups = range(self._metadata.num_row_groups)
+            rows = [self._metadata.row_group(g).num_rows for g in groups]
+            self._edges = np.cumsum([0, *rows])
+            self._held = {}
+        self.names = tuple(self._metadata.schema.names if self._metadata else self._table)
+
+    def __len__(self):
+        # of a dict the length is that of a column
+        return self._metadata.num_rows if self._metadata else len(self._table[self.names[0]])
+
+    def __contains__(self, name):
+        return name in self.names
 
     def __getitem__(self, name):
         """Return a column, shape (rows,), not-a-number where a value is missing."""
         if name not in self.names:
             raise KeyError(name)
-        column, first = np.empty(self.rows), 0
-        with parquet_file(self.path) as file:
-            # batches, or threads, would keep a file's worth of memory
-            for group in range(file.num_row_groups):
-                part = values(file.read_row_group(group, [name], use_threads=False).column(0))
-                last = first + len(part)
-                column[first:last] = part
-                first = last
+        if not self._metadata:
+            return np.asarray(self._table[name])
+        column = np.empty(len(self))
+        for g, (first, last) in enumerate(pairwise(self._edges)):
+            column[first:last] = self._group((name,), g)[0]
         return column
 
-    def __contains__(self, name):
-        return name in self.names
+    def _group(self, names, g):
+        """Return columns of a row group of the file."""
+        # batches, threads or buffers would keep a file's worth of memory
+        with parquet_file(self._table, metadata=self._metadata, pre_buffer=False) as file:
+            table = file.read_row_group(g, columns=list(names), use_threads=False)
+        return np.array([table[name].to_numpy() for name in names], float)
 
-    def __len__(self):
-        return self.rows
+    def _held_group(self, names, g):
+        """Return columns of a row group, of which the last three are held.
+
+        A range across two groups is read again half a range later.
+        """
+        if (names, g) not in self._held:
+            while len(self._held) > 2:
+                del self._held[next(iter(self._held))]
+            self._held[names, g] = self._group(names, g)
+        return self._held[names, g]
+
+    def read(self, names, first, last):
+        """Return columns of a range of rows, shape (len(names), last - first)."""
+        names = tuple(names)
+        if not self._metadata:
+            return np.array([np.asarray(self._table[name])[first:last] for name in names], float)
+        low, high = np.searchsorted(self._edges, (first, last - 1), side="right") - 1
+        out = np.empty((len(names), last - first))
+        for g in range(low, high + 1):
+            edge = self._edges[g]
+            begin, end = max(first, edge), min(last, self._edges[g + 1])
+            out[:, begin - first : end - first] = self._held_group(names, g)[
+                :, begin - edge : end - edge
+            ]
+        return out
+
+    def at(self, name, rows):
+        """Return a column's values at some rows, shape of `rows`."""
+        rows = np.asarray(rows, dtype=int)
+        if not self._metadata:
+            return np.asarray(self._table[name], dtype=float)[rows]
+        out = np.empty(rows.shape)
+        groups = np.searchsorted(self._edges, rows, side="right") - 1
+        for g in np.unique(groups):
+            out[groups == g] = self._held_group((name,), g)[0, rows[groups == g] - self._edges[g]]
+        return out
+
+    def pieces(self, names, rows=ROWS):
+        """Yield the first row of each piece and its columns, shape (len(names), n)."""
+        for first in range(0, len(self), rows):
+            yield first, self.read(names, first, min(first + rows, len(self)))
+
+    @cached_property
+    def interval(self):
+        """Median step of time, s; None of fewer than two samples."""
+        if len(self) < 2:
+            return None
+        return float(np.median(np.diff(self[TIME]), overwrite_input=True))
+
+
+def sums_over(values, ranges):
+    """Return sums of values, (n,) or (n, k), over half-open ranges of rows, (m, 2).
+
+    Rows before the first and behind the last count nothing: the values may be those of a piece.
+    """
+    if values.ndim > 1:
+        return np.column_stack([sums_over(column, ranges) for column in values.T])
+    total, inside = np.zeros(len(ranges)), np.clip(ranges, 0, len(values))
+    near = inside[:, 0] < inside[:, 1]
+    if near.any():
+        # a range may end behind the last row
+        total[near] = np.add.reduceat(np.append(values, 0.0), inside[near].ravel())[::2]
+    return total
 
 
 def read_metadata(path):

@@ -9,12 +9,19 @@ import json
 from math import sqrt
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.files import replaced
-from imuloop.core.rows import Rows
-from imuloop.core.samples import CHANNELS, METADATA_KEY, TEMPERATURE, TIME, parquet_file
+from imuloop.core.samples import (
+    CHANNELS,
+    METADATA_KEY,
+    TEMPERATURE,
+    TIME,
+    Samples,
+    parquet_file,
+)
 
 STATIC = "static"
 MOTION = "motion"
@@ -28,39 +35,19 @@ _ROUNDING = 1e-14
 
 
 def segment_table(samples, start_s, end_s, kinds, poses):
-    """Return the segments of a session with the statistics of every channel.
+    """Return the segments of samples, a DataFrame, with the statistics of every channel.
 
-    Parameters
-    ----------
-    samples : DataFrame
-        Samples of the session.
-    start_s, end_s : array_like, shape (n,)
-        Start and end of each stretch, s; a sample belongs to it if ``start <= t < end``.
-    kinds : sequence of str, length n
-        Kind of each stretch.
-    poses : array_like of int, shape (n,)
-        Number of the pose held, -1 where none.
-
-    Returns
-    -------
-    DataFrame
-        One row a stretch; not-a-number where a channel has no value in it.
+    Start and end of each stretch are in s, half-open; kinds and numbers of poses are of as many.
     """
-    # takes as long to import as the work on a short session
-    import pandas as pd
-
-    t = np.asarray(samples[TIME])
-    ranges = np.column_stack([np.searchsorted(t, edge, side="left") for edge in (start_s, end_s)])
-    return pd.DataFrame(
-        segment_columns(start_s, end_s, kinds, poses, ranges, *statistics(Rows(samples), ranges))
-    )
+    samples = Samples(samples)
+    edges = [np.searchsorted(samples[TIME], edge, side="left") for edge in (start_s, end_s)]
+    ranges = np.column_stack(edges)
+    found = statistics(samples, ranges)
+    return pd.DataFrame(segment_columns(start_s, end_s, kinds, poses, ranges, *found))
 
 
 def segment_columns(start_s, end_s, kinds, poses, ranges, means, deviations):
-    """Return the columns of a table of segments by name.
-
-    Parameters are those of `segment_table`, the ranges of samples, and what `statistics` gives.
-    """
+    """Return the columns of a table of segments, of ranges of samples and their `statistics`."""
     columns = {
         "start_s": np.asarray(start_s, dtype=float),
         "end_s": np.asarray(end_s, dtype=float),
@@ -75,19 +62,9 @@ def segment_columns(start_s, end_s, kinds, poses, ranges, means, deviations):
 
 
 def statistics(rows, ranges):
-    """Return mean and standard deviation of every channel in ranges of samples.
+    """Return mean and standard deviation of every channel in ranges of Samples, (n, 2), half-open.
 
-    Parameters
-    ----------
-    rows : Rows
-        Samples.
-    ranges : array_like of int, shape (n, 2)
-        Half-open.
-
-    Returns
-    -------
-    means, deviations : dict of str to ndarray, shape (n,)
-        Of the values that are not missing; not-a-number where there are none.
+    Two dicts of arrays, shape (n,), of the values that are not missing; not-a-number without any.
     """
     names = (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows.names))
     found = np.full((2, len(names), len(ranges)), np.nan)
@@ -120,11 +97,6 @@ def runs(segments):
 
     A gap longer than all that was recorded ends a run: a clock that was set, or a device that was
     off. What lies between is not known to be time, and noise is not followed across.
-
-    Parameters
-    ----------
-    segments : DataFrame or dict
-        Rows in order of time.
     """
     start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
     gap = np.asarray(segments["kind"]) == GAP
@@ -132,17 +104,7 @@ def runs(segments):
 
 
 def write_segments(path, segments, metadata):
-    """Write segments and what the segmentation chose as Parquet, in one step.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write.
-    segments : DataFrame or dict
-        Columns by name.
-    metadata : dict
-        Kept as JSON in the file.
-    """
+    """Write segments, columns by name, as Parquet, and with them what the segmentation chose."""
     table = {name: np.asarray(segments[name]) for name in segments}
     table["kind"] = pa.array(list(segments["kind"]), pa.large_string())
     table = pa.table(table).replace_schema_metadata({METADATA_KEY: json.dumps(metadata).encode()})

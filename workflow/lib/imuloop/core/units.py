@@ -35,14 +35,7 @@ _SI = {"acceleration": "m/s^2", "angular_rate": "rad/s"}
 class RawUnit:
     """The unit in which a sensor was logged: ``SI = (raw - offset) * scale``.
 
-    Attributes
-    ----------
-    name : str
-        Name of the unit, one of the contract's.
-    scale : float
-        SI units per raw unit.
-    offset : float
-        Raw value that stands for zero, raw units; 0 except for counts.
+    The scale is in SI units per raw unit, the offset in raw units, 0 except for counts.
     """
 
     name: str
@@ -59,21 +52,10 @@ class RawUnit:
 
 
 def raw_unit(quantity, name, nominal=None):
-    """Return the raw unit of a quantity by its name.
+    """Return the raw unit of acceleration or angular_rate by its name.
 
-    Parameters
-    ----------
-    quantity : {'acceleration', 'angular_rate'}
-        What is measured.
-    name : str
-        Name of the unit; ``count`` needs `nominal`; increments become their rate in SI.
-    nominal : dict, optional
-        ``scale`` (SI per count) and ``offset`` (counts) of raw counts.
-
-    Raises
-    ------
-    ImuloopError
-        If the unit is unknown, or is ``count`` without `nominal`.
+    Counts need `nominal`, their ``scale`` (SI per count) and ``offset`` (counts); increments become
+    their rate in SI. Raises an ImuloopError for an unknown unit.
     """
     if name == "count":
         if not nominal:

@@ -1,11 +1,8 @@
 """Overlapping Allan deviation of records that may be cut into stretches."""
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from scipy.special import chdtri
 
-from imuloop.core.files import replaced
 from imuloop.core.tables import table
 
 # columns of allan.parquet
@@ -102,13 +99,3 @@ def allan_table(axis, tau, variance, edf, stage="raw"):
 def interval(variance, edf):
     """Return the 95 % interval of a variance by chi-square with `edf` degrees of freedom."""
     return tuple(variance * edf / chdtri(edf, above) for above in (0.025, 0.975))
-
-
-def write_allan(raw, table, path):
-    """Write the Allan table of a session, its raw curves first, then the corrected if any."""
-    curves = pq.read_table(raw)
-    if table is not None:
-        more = pa.table({name: table[name] for name in curves.column_names}, curves.schema)
-        curves = pa.concat_tables([curves, more])
-    with replaced(path) as temporary:
-        pq.write_table(curves, temporary)

@@ -10,7 +10,7 @@ import pandas as pd
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, Columns, read_metadata
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, Samples, read_metadata
 
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 XYZ = ("x", "y", "z")
@@ -71,7 +71,7 @@ class Session:
     @cached_property
     def samples(self):
         """The samples, a column at a time."""
-        return Columns(self.samples_path)
+        return Samples(self.samples_path)
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,7 @@ def read_device(name, label, folder, sessions):
 
 def _session(folder, kind):
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
+    views = _read(pd.read_parquet, folder.parent / "views.parquet")
     return Session(
         folder.name,
         kind,
@@ -160,7 +161,8 @@ def _session(folder, kind):
         samples,
         pd.read_parquet(segments),
         read_metadata(segments),
-        *(_read(pd.read_parquet, folder / f"{table}.parquet") for table in ("allan", "views")),
+        _read(pd.read_parquet, folder / "allan.parquet"),
+        None if views is None else views[views["session"] == folder.name].reset_index(drop=True),
     )
 
 

@@ -111,8 +111,8 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     lasting tilt costs its transition only: before and after are separate stretches, never
     compared again.
 
-    Takes Rows, their stretches without a gap, the median step of time, s, and how many threads may
-    work at once, which changes nothing in the result.
+    Takes Samples, their stretches without a gap, the median step of time, s, and how many threads
+    may work at once, which changes nothing in the result.
 
     References
     ----------

@@ -3,8 +3,7 @@
 import numpy as np
 
 from imuloop.core.rotation import exponential, multiply, prefix_product, step_vectors
-from imuloop.core.rows import ROWS
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, ROWS, TIME
 from imuloop.segment.stretches import lengths
 
 
@@ -30,7 +29,7 @@ def number_poses(rows, rests, means, spreads, stretches, settings):
     `same_attitude` (or four standard errors of the two means, where the noise is larger) and the
     gyroscope, its bias taken from both rests, never turned by more than `turned` in between. So a
     full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
-    happened in a gap is not known: the rest after it is a new pose. Takes Rows, rests and stretches
+    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, stretches
     without a gap, and mean and standard deviation of each channel in each rest, SI.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)

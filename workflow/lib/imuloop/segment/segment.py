@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuloop.core.rows import Rows
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.multiples import attitudes, choose_multiples, cumulative
@@ -47,7 +46,7 @@ def session_columns(samples, kind, settings, threads=1):
 
     Parameters
     ----------
-    samples : Columns or DataFrame
+    samples : Samples or DataFrame
         Samples of the session, SI.
     kind : str
         "static", "six_position" or "multi_position".
@@ -65,7 +64,7 @@ def session_columns(samples, kind, settings, threads=1):
         number of rests dropped as too short, what `shorter` settings would bring, gaps and, of a
         static session, the number of slow tilts.
     """
-    rows = Rows(samples)
+    rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
         rests = undisturbed(rows, stretches, step, settings, threads)

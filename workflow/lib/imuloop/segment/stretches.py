@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.rows import median_step
+from imuloop.core.samples import TIME
 
 
 def runs(mask):
@@ -12,17 +12,16 @@ def runs(mask):
 
 
 def unbroken(rows, gap_factor):
-    """Return the stretches of `Rows` without a gap, and the median step, s.
+    """Return the stretches of `Samples` without a gap, and the median step, s.
 
     A gap is a step of time longer than `gap_factor` times the median step. A log of fewer than
     two samples has no step; one second stands in.
     """
-    step = median_step(rows)
+    step = rows.interval
     if step is None:
         return np.array([[0, len(rows)]])[: len(rows)], 1.0
-    limit = gap_factor * step
-    cuts = [first + 1 + np.flatnonzero(steps > limit) for first, steps in rows.time_steps()]
-    edges = np.concatenate([[0], *cuts, [len(rows)]])
+    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_factor * step)
+    edges = np.concatenate([[0], cuts, [len(rows)]])
     return np.column_stack([edges[:-1], edges[1:]]), step
 
 

@@ -27,7 +27,7 @@ def tilts(rows, ranges, step):
     First a line is taken from both courses of a window, so that no bias enters: this shows a tilt
     that begins or ends. In what is left b is the median, and a steady tilt shows by its slope.
     Slower than b wanders none is seen. Of a tilt that shows in windows of several lengths the
-    shortest is taken, and in it the part in which u moves. Takes Rows and the median step, s.
+    shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
     means = [_block_means(rows, i, j, width) for i, j in ranges]

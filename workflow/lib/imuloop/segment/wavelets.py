@@ -8,7 +8,7 @@ one's is a scale later.
 
 import pywt
 
-from imuloop.core.rows import ROWS
+from imuloop.core.samples import ROWS
 
 # two vanishing moments: a straight drift leaves nothing
 WAVELET = pywt.Wavelet("db2")

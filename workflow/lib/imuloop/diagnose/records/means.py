@@ -8,7 +8,7 @@ import numpy as np
 from imuloop.core.effect import Channels
 from imuloop.core.memory import in_pieces
 from imuloop.core.rest_log import RestLog, other_sensor
-from imuloop.core.rows import sums_over
+from imuloop.core.samples import sums_over
 from imuloop.core.segments import STATIC
 
 # fewer means leave a shorter window; more a longer one, for a covariance of n means has n² entries

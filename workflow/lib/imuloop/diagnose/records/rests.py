@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imuloop.core.rest_log import RestLog
-from imuloop.core.samples import Columns, read_columns
+from imuloop.core.samples import Samples, read_columns
 from imuloop.core.segments import STATIC, runs
 from imuloop.diagnose.records.means import static_record
 
@@ -18,7 +18,7 @@ class StaticData:
     """Samples at rest."""
 
     kinds: dict  # of each session used
-    samples: dict  # its samples by column, SI, as logged
+    samples: dict  # its Samples, SI, as logged
     segments: dict  # its segments, as `rests_to_use` gives them
     _logs: dict = field(default_factory=dict, repr=False)
 
@@ -49,7 +49,7 @@ def read_static(sessions):
     used = rests_to_use(kinds, segments)
     return StaticData(
         {name: kinds[name] for name in used},
-        {name: Columns(sessions[name]["samples"]) for name in used},
+        {name: Samples(sessions[name]["samples"]) for name in used},
         used,
     )
 

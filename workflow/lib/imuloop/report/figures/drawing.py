@@ -8,8 +8,8 @@ from html import escape
 import matplotlib
 import numpy as np
 import pyarrow as pa
-from cycler import cycler
 from markupsafe import Markup
+from matplotlib import cycler
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
 from pyarrow import csv
