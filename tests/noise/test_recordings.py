@@ -8,7 +8,7 @@ from imuloop.noise.axis import estimate_axis
 from imuloop.noise.modes import modes
 from imuloop.noise.records import Session, record_of
 from imuloop.noise.settings import NoiseSettings
-from imuloop.segment.segment import session_columns
+from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import carlsson_array, xsens
 
@@ -21,7 +21,7 @@ CHIPS = [
 
 def estimated(samples, axis):
     """Return the record of all rests and the noise of an axis."""
-    segments, _ = session_columns(samples, "multi_position", SegmentSettings())
+    segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     record = record_of(Session("poses", "multi_position", samples, segments))
     values = record.runs(record.cut(record.column(axis)))
     basis = modes(record.layouts)
