@@ -105,12 +105,6 @@ def test_imu_messages(run, single, write):
     assert len(done.quality["warnings"]) == 1
 
 
-def test_a_text_log_keeps_the_digits_of_its_text(run, log, write):
-    content = text(("IMU", IMU, imu(log))).replace(b"\n", b"\r\n")
-    assert_equal(run(write(content, "log.log"), format="dataflash"), log)
-    assert_equal(run(write(content.replace(b", ", b","), "log.log"), format="dataflash"), log)
-
-
 NUMBERS = dict(f="f4", d="f8", b="i1", B="u1", h="i2", H="u2", i="i4", I="u4", q="i8")
 SCALED = dict(c=("i2", 100), C=("u2", 100), e=("i4", 100), E=("u4", 100), L=("i4", 10_000_000))
 

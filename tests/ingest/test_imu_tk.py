@@ -37,10 +37,6 @@ def test_every_bit(hard, every_bit, tmp_path, form):
     every_bit(paths, nearest, np.array([float(form % x) for x in t.tolist()]))
 
 
-def test_batches_do_not_matter(run, pair):
-    assert run(*pair).path.read_bytes() == run(*pair, batch_rows=30).path.read_bytes()
-
-
 def test_counts(log, run, pair):
     done = run(*pair, units=COUNTS, nominal=NOMINAL)
     np.testing.assert_allclose(done.samples.az, 0.0024 * log.az, atol=1e-8)
@@ -96,11 +92,3 @@ def test_units_of_a_header(log, run, pair):
         assert units == {"time": "ms", "acceleration": "g", "angular_rate": "deg/s"}
     pair[0].write_text("t[ms] x y z\n" + plain[0])
     assert run(*pair).quality["reasons"] == ["the two files state different units of time"]
-
-
-def test_a_bad_line_is_no_lost_step(run, pair):
-    for path in pair:
-        lines = path.read_text().splitlines()
-        path.write_text("\n".join([*lines[:200], "reset", *lines[200:]]))
-    quality = run(*pair).quality
-    assert (quality["status"], quality["bad_lines"], quality["warnings"]) == ("ok", 2, [])

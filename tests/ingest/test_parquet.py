@@ -60,22 +60,6 @@ def test_dates_as_stamps(log, run, tmp_path, unit, zone):
     assert done.metadata["units"]["time"] == "ISO 8601"
 
 
-def test_whole_number_types(log, run, tmp_path):
-    path = tmp_path / "log.parquet"
-    raw = (log[["ax", "ay", "az", "gx", "gy", "gz"]] * 1000).round().astype(np.int16)
-    raw.insert(0, "t", pa.array(range(500), pa.uint32()).to_pandas())
-    raw.to_parquet(path, index=False)
-    nominal = {"acceleration": {"scale": 1e-3}, "angular_rate": {"scale": 1e-3}}
-    raw["t"] *= 10
-    raw.to_parquet(path, index=False)
-    done = run(
-        path,
-        units={"time": "ms", "acceleration": "count", "angular_rate": "count"},
-        nominal=nominal,
-    )
-    np.testing.assert_array_equal(done.samples.ax, raw.ax * 1e-3)
-
-
 def test_wrong_files_and_columns(log, run, tmp_path):
     path = tmp_path / "log.parquet"
     path.write_bytes(b"PAR1 and then nothing")

@@ -3,7 +3,6 @@
 import zipfile
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -231,17 +230,6 @@ def test_damaged_rows_are_counted(log, run, write):
     assert done.quality["bad_lines"] == 2
     assert done.quality["non_finite"] == 1
     np.testing.assert_array_equal(done.samples.gx, log.gx.drop([2, 4, 6]))
-
-
-def test_a_long_line_counts_by_what_was_in_it(log, run, write):
-    log = pd.concat([log] * 40, ignore_index=True)
-    log["t"] = np.arange(len(log)) / 100
-    members = phyphox(log)
-    lines = members["Accelerometer.csv"].splitlines(keepends=True)
-    lines[100:9000] = [line.rstrip("\n") for line in lines[100:9000]]
-    members["Accelerometer.csv"] = "".join(lines)
-    [reason] = run(write(members)).quality["reasons"]
-    assert "of the log's bytes are in 1 lines that are no row" in reason
 
 
 def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):

@@ -89,15 +89,6 @@ def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(log, run, tmp_path)
     assert "500 rows have no new sample of gyro" in done.quality["warnings"]
 
 
-def test_a_csv_that_is_not_of_sensorlog(log, run, tmp_path):
-    path = tmp_path / "log.csv"
-    log.to_csv(path, index=False)
-    assert run(path, format="sensorlog").quality["reasons"] == [
-        "the file holds no accelerometer and gyroscope as SensorLog names them: "
-        "t, ax, ay, az, gx, gy, gz"
-    ]
-
-
 def test_every_bit_of_sensorlog(hard, every_bit, tmp_path):
     t = 62608 + np.arange(300) / 100
     names = [f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"]

@@ -18,7 +18,7 @@ class StaticData:
     """Samples at rest."""
 
     kinds: dict  # of each session used
-    samples: dict  # its samples by column, SI, as logged
+    samples: dict  # its Samples, SI, as logged
     segments: dict  # its segments, as `rests_to_use` gives them
     _logs: dict = field(default_factory=dict, repr=False)
 
