@@ -260,7 +260,7 @@ TIME, WHOLE = "of processor time", "is no whole file of the format"
         ("log.nc", heap_without_end, TIME),
         ("log.nc", pipe_elsewhere, "to wait for more than 2 s"),
         ("log.ulg", fields_in_fields, f"{TIME}|of memory"),
-        ("log.ulg", back_and_back, TIME),
+        ("log.ulg", back_and_back, "too damaged to find its messages"),
         ("log.db3", endless_table, f"{TIME}|of memory"),
         ("log.zip", zeros_in_a_zip, "of memory"),
     ],
