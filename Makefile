@@ -79,7 +79,7 @@ SEEDS ?= 40
 coverage: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.coverage --seeds $(SEEDS)
 
-# 20,000 mutated logs and configs through ingest and the config check; two minutes on two cores
+# 20,000 mutated logs and configs through ingest and the config check
 fuzz: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz --cases 20000
 
