@@ -36,6 +36,8 @@ _SPELLINGS = {
     "degC": ("c", "°c", "celsius"),
     "K": ("kelvin",),
 }
+# a config of a thousand devices holds fewer
+MOST_VALUES = 100_000
 _TYPES = {
     "number": "a number",
     "integer": "a whole number",
@@ -101,13 +103,25 @@ def unreadable(path):
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         return one_line(f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}")
-    except (OSError, ValueError, RecursionError) as error:
-        # a text that is no UTF-8, a date that is none
+    except Exception as error:
+        # a text that is no UTF-8; a date, a number, a truth value that is none
         return one_line(f"{path}: cannot be read: {error}")
     if not isinstance(content, dict):
         kind = "empty" if content is None else "not a mapping of keys"
         return f"{path}: {kind}; it needs devices"
+    if _holds_more(content, MOST_VALUES):
+        return f"{path}: more than {MOST_VALUES} values, aliases (*name) written out"
     return None
+
+
+def _holds_more(content, most):
+    """Return whether there are more values than so many; in what holds itself there are."""
+    left = [content]
+    while left and most:
+        value, most = left.pop(), most - 1
+        if isinstance(value, (dict, list)):
+            left += value.values() if isinstance(value, dict) else value
+    return bool(left)
 
 
 def shown_path(path):

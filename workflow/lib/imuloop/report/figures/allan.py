@@ -77,13 +77,14 @@ def allan_pictures(device, session):
         def plot(areas, curves=curves, sensor=sensor):
             ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
             low = min(v[v > 0].min() for v in ends if (v > 0).any())
+            high = max(np.nanmax(v) for v in ends if np.isfinite(v).any())
             for area, axis, colour, (channel, r) in zip(
                 areas, XYZ, AXES, curves.items(), strict=True
             ):
                 key = draw_allan(area, r, device.axes.get(channel), colour, low)
                 area.set_xlabel(f"{axis}: averaging time τ, s")
             # a term may lie far below the curve
-            areas[0].set_ylim(low / 1.3, max(v.max() for v in ends) * 1.3)
+            areas[0].set_ylim(low / 1.3, high * 1.3)
             areas[0].set_ylabel(f"Allan deviation, {UNITS[sensor]}")
             return key
 
