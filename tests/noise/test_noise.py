@@ -11,7 +11,7 @@ from imuloop.noise.allan import COLUMNS
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
-from imuloop.segment.segment import session_columns
+from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.logger import lose, stamp_late
 
@@ -125,7 +125,7 @@ def gapped(gaps, kind="static", rate=50.0):
     for after, seconds in gaps:
         t[round(after * rate) :] += seconds
     samples["t"] = t
-    segments = session_columns(samples, kind, SegmentSettings())[0]
+    segments = segment_session(samples, kind, SegmentSettings())[0]
     return Session("rest", kind, samples, segments)
 
 
@@ -151,7 +151,7 @@ def test_a_log_that_is_mostly_gaps_keeps_its_walk_and_is_not_searched_for_lines(
     samples = session(length=30_000, rate=rate).samples
     samples["t"] += 290.0 * (np.arange(30_000) // 500)
     samples["ax"] += drift
-    segments = session_columns(samples, "static", SegmentSettings())[0]
+    segments = segment_session(samples, "static", SegmentSettings())[0]
     result = estimate_noise("imu", [Session("rest", "static", samples, segments)], SETTINGS)
     assert result.model.axes["ax"].K.value == pytest.approx(0.1 / np.sqrt(300), rel=0.3)
     assert any("no lines are sought" in note for note in result.notes)

@@ -8,14 +8,14 @@ from imuloop.noise.axis import estimate_axis
 from imuloop.noise.modes import modes
 from imuloop.noise.records import Session, record_of
 from imuloop.noise.settings import NoiseSettings
-from imuloop.segment.segment import session_columns
+from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import carlsson_array, xsens
 
 
 def assert_no_walk_by_another_name(samples, axis):
     """Assert that no process lasts longer than rests show, and that all intervals hold values."""
-    segments, _ = session_columns(samples, "multi_position", SegmentSettings())
+    segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     record = record_of(Session("poses", "multi_position", samples, segments))
     values, basis = record.runs(record.cut(record.column(axis))), modes(record.samplings)
     noise = estimate_axis(record.samplings, basis, values, NoiseSettings()).noise

@@ -12,7 +12,7 @@ from imuloop.segment.disturbance import (
     squared_distance,
     undisturbed,
 )
-from imuloop.segment.segment import segment_session, session_columns
+from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import static_log
 
@@ -154,9 +154,9 @@ def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
     path = tmp_path / "samples.parquet"
     samples.to_parquet(path, index=False, row_group_size=70_001)
     for threads in (1, 2):
-        columns, found = session_columns(Columns(path), "static", SETTINGS, threads)
+        table, found = segment_session(Columns(path), "static", SETTINGS, threads)
         assert found == metadata
-        pd.testing.assert_frame_equal(pd.DataFrame(columns), segments, check_exact=True)
+        pd.testing.assert_frame_equal(table, segments, check_exact=True)
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e30])

@@ -127,7 +127,7 @@ def segment(device):
     """Write the segments of each session."""
     from imuloop.core.samples import Columns
     from imuloop.core.segments import write_segments
-    from imuloop.segment.segment import no_segments, session_columns
+    from imuloop.segment.segment import no_segments, segment_session
     from imuloop.segment.settings import SegmentSettings
 
     settings, failures = SegmentSettings(**device.segment), []
@@ -135,12 +135,12 @@ def segment(device):
 
         def work(files=files):
             samples = Columns(files["samples"])
-            found = session_columns(samples, files["kind"], settings, device.threads)
+            found = segment_session(samples, files["kind"], settings, device.threads)
             write_segments(files["segments"], *found)
 
         def instead(reason, failed, files=files):
-            columns, metadata = no_segments(files["kind"])
-            write_segments(files["segments"], columns, metadata | {"failed": failed})
+            segments, metadata = no_segments(files["kind"])
+            write_segments(files["segments"], segments, metadata | {"failed": failed})
 
         failures += attempt(device, "segment", work, instead)
     return failures

@@ -25,7 +25,7 @@ def unpack(x):
 
 
 @dataclass(frozen=True)
-class Path:
+class AttitudePath:
     """What residuals and covariances take of the attitude C along m rotations.
 
     C takes body axes to those at the start of the rotation.
@@ -87,7 +87,7 @@ class GyroscopeModel:
         return K * (self.rate - b) - self.rate_known - self.rate_design @ x[12:], jacobian
 
     def path(self, x):
-        """Return the Path with parameters x."""
+        """Return the AttitudePath with parameters x."""
         key = np.asarray(x, dtype=float).tobytes()
         if key not in self._paths:
             self._paths.clear()
@@ -118,7 +118,9 @@ class GyroscopeModel:
         if len(x) > 12:
             seen = (middle @ T).swapaxes(1, 2).reshape(m, 3, -1)
             turn[:, :, 12:] = -seen @ self._design_steps
-        return Path(matrix(after[:, -1]), turn, mean, middle, rotations.steps, self._added(middle))
+        return AttitudePath(
+            matrix(after[:, -1]), turn, mean, middle, rotations.steps, self._added(middle)
+        )
 
     def _added(self, middle):
         """Return the covariance that time stamps add, each error turned by the attitude there."""

@@ -17,7 +17,7 @@ SINGULAR = (
 
 
 @dataclass(frozen=True)
-class Fit:
+class FitResult:
     """Result of a generalised least-squares fit of p parameters to n residuals.
 
     The covariance is ``(Jᵀ Σ⁻¹ J)⁻¹``, from the predicted covariance Σ of the residuals alone, χ²
@@ -60,7 +60,7 @@ def fit(residuals, x0, covariance, prior=None):
 
     Returns
     -------
-    Fit
+    FitResult
 
     Raises
     ------
@@ -99,7 +99,7 @@ def fit(residuals, x0, covariance, prior=None):
             damping = max(10 * damping, _DAMPING)
         if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
             break
-    return Fit(x, _covariance(white), float(chi2), len(r) - len(x), jacobian)
+    return FitResult(x, _covariance(white), float(chi2), len(r) - len(x), jacobian)
 
 
 def _covariance(white):

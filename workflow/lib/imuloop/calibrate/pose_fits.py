@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.least_squares import Fit, condition_number, fit, too_large
+from imuloop.calibrate.least_squares import FitResult, condition_number, fit, too_large
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, FittedEffect
 from imuloop.core.model import SensorCalibration
@@ -32,7 +32,7 @@ class Solution:
     """
 
     effects: tuple[Effect, ...]
-    fit: Fit
+    fit: FitResult
     calibration: SensorCalibration | None = None
 
 

@@ -1,9 +1,9 @@
 """Segment: the one entry of the stage, from samples to segments."""
 
 from dataclasses import asdict, replace
-from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 
 from imuloop.core.rows import Rows
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
@@ -27,15 +27,7 @@ WORTHWHILE, ALMOST = 1.2, 0.95
 DEAREST = 2.0
 
 
-def segment_session(samples, kind, settings):
-    """Return the segments of a session as a DataFrame, and the metadata: see `session_columns`."""
-    import pandas as pd
-
-    columns, metadata = session_columns(samples, kind, settings)
-    return pd.DataFrame(columns), metadata
-
-
-def session_columns(samples, kind, settings, threads=1):
+def segment_session(samples, kind, settings, threads=1):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
@@ -58,8 +50,8 @@ def session_columns(samples, kind, settings, threads=1):
 
     Returns
     -------
-    columns : dict of ndarray
-        As `imuloop.core.segments.segment_columns` gives them.
+    segments : DataFrame
+        As `imuloop.core.segments.segment_table` gives it.
     metadata : dict
         Level of rest and how it was found, the multiples and the table they were chosen from,
         number of rests dropped as too short, what `shorter` settings would bring, gaps and, of a
@@ -77,20 +69,15 @@ def session_columns(samples, kind, settings, threads=1):
     else:
         rests, metadata = _find_rests(rows, stretches, step, settings)
 
+    edges = np.union1d(stretches, rests)
+    ranges = np.column_stack([edges[:-1], edges[1:]])
     between = DISTURBED if kind == "static" else MOTION
-    ranges, kinds = [], []
-    stretch_of = np.searchsorted(stretches[:, 0], rests[:, 0], side="right") - 1
-    for n, (i, j) in enumerate(stretches):
-        edges = np.concatenate([[i], rests[stretch_of == n].ravel(), [j]])
-        for k, (first, last) in enumerate(pairwise(edges)):
-            if last > first:
-                ranges.append((first, last))
-                kinds.append(STATIC if k % 2 else between)
-        if n + 1 < len(stretches):
-            ranges.append((j, j))
-            kinds.append(GAP)
-    ranges = np.array(ranges, dtype=int).reshape(-1, 2)
-    is_rest, is_gap = (np.array(kinds, dtype=object) == each for each in (STATIC, GAP))
+    kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
+    # a gap is a row without samples
+    gaps = stretches[1:, 0]
+    at = np.searchsorted(edges, gaps)
+    ranges, kinds = np.insert(ranges, at, gaps[:, None], axis=0), np.insert(kinds, at, GAP)
+    is_rest, is_gap = kinds == STATIC, kinds == GAP
     # a stretch ends one step after its last sample, and a gap with the next one
     ends = dict(zip(stretches[:, 1], rows.at(TIME, stretches[:, 1] - 1) + step, strict=True))
     start = rows.at(TIME, np.where(is_gap, 0, ranges[:, 0]))
@@ -107,12 +94,13 @@ def session_columns(samples, kind, settings, threads=1):
         "gaps": max(len(stretches) - 1, 0),
         "poses": int(poses.max(initial=-1)) + 1,
     }
-    return segment_columns(start, end, kinds, poses, ranges, means, deviations), metadata
+    columns = segment_columns(start, end, kinds, poses, ranges, means, deviations)
+    return pd.DataFrame(columns), metadata
 
 
 def no_segments(kind):
-    """Return the segments of a session of a kind that has none, as `session_columns` does."""
-    return session_columns({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
+    """Return the segments of a session of a kind that has none, as `segment_session` does."""
+    return segment_session({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
 
 
 def _find_rests(rows, stretches, step, settings):
