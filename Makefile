@@ -21,11 +21,11 @@ picture: report
 		Image.open("docs/report.png").quantize(48).save("docs/report.png", optimize=True)'
 
 test: setup
-	$(BIN)/pytest -n $(CORES) --dist loadgroup
+	$(BIN)/pytest -n $(CORES)
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
 cluster: setup-cluster
-	.venv-cluster/bin/pytest -n $(CORES) --dist loadfile tests/cluster
+	.venv-cluster/bin/pytest -n $(CORES) tests/cluster
 
 lint: setup
 	$(BIN)/ruff check .

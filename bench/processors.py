@@ -82,7 +82,7 @@ def run(kind, *command, **how):
 def tested(kind, workers):
     """Return whether the numeric tests pass."""
     print(f"numeric tests as on {kind}", flush=True)
-    options = "-q", "-n", workers, "--dist", "loadgroup", "-p", "no:cacheprovider"
+    options = "-q", "-n", workers, "-p", "no:cacheprovider"
     return run(kind, "pytest", *options, *TESTS).returncode == 0
 
 

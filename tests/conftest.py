@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from snakemake.common.configfile import load_configfile
+from xdist.scheduler import LoadScopeScheduling
 
 from entries import REPLICAS
 from imuloop.config_faults import config_faults
@@ -23,12 +24,18 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 TOGETHER = ("published", "workflow")
 
 
-def pytest_collection_modifyitems(items):
-    """Keep on one worker what shares a fixture: a file, or a folder with a run of the workflow."""
-    for item in items:
-        folder = item.path.parent.name
-        group = folder if folder in TOGETHER else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
+class Together(LoadScopeScheduling):
+    """Keeps on one worker what shares a fixture: a file, or a folder with a run of the workflow."""
+
+    def _split_scope(self, nodeid):
+        path = Path(nodeid.partition("::")[0])
+        return path.parent.name if path.parent.name in TOGETHER else str(path)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Return the scheduler of all runs on several workers."""
+    return Together(config, log)
 
 
 @pytest.fixture(scope="session")
