@@ -76,9 +76,10 @@ def serve(pipe, numbers, seeds, folder):
 
     sys.addaudithook(watch)
     for number in numbers:
-        shutil.rmtree(folder)
-        work.mkdir(parents=True)
-        home.mkdir()
+        # a reader's process that ends just now removes what it had here itself
+        shutil.rmtree(folder, ignore_errors=True)
+        work.mkdir(parents=True, exist_ok=True)
+        home.mkdir(exist_ok=True)
         os.chdir(work)
         kind, name, content, declared = case(number, seeds)
         given = {name: content}
