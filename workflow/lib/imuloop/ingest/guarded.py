@@ -140,7 +140,8 @@ def serve():
     _limit(resource.RLIMIT_CPU, used + seconds)
     _limit(resource.RLIMIT_FSIZE, memory)
     _limit(resource.RLIMIT_CORE, 0)
-    error, path = None, given["paths"]["log"]
+    # words need memory too
+    caught, reserve = None, bytearray(4 << 20)
     try:
         signal.alarm(waiting)
         log = read(**given)
@@ -150,19 +151,24 @@ def serve():
             _send(out, batch)
             signal.alarm(waiting)
         _send(out, pa.record_batch({}), log=_told(log), end=True)
-    except errors.ImuloopError as foreseen:
-        error = [type(foreseen).__name__, str(foreseen)]
-    except MemoryError:
-        why = f"takes more than {memory >> 20} MB of memory to read, as no log of its size does"
-        error = ["", f"{Path(path).name} {why}: it is damaged, or no log"]
-    except Exception as unforeseen:
-        form, why = module.rpartition(".")[2], cause(unforeseen).replace(str(path), "the file")
-        why = f"is no whole file of the format {form} ({why}): copy it again, or save it anew"
-        error = ["", f"{Path(path).name} {why}"]
-    if error:
-        # words need memory too
+    except Exception as error:
+        del reserve
+        caught = error
+    if caught:
         _limit(resource.RLIMIT_AS, resource.RLIM_INFINITY)
-        _send(out, pa.record_batch({}), error=error)
+        _send(out, pa.record_batch({}), error=_words(caught, module, given["paths"]["log"], memory))
+
+
+def _words(error, module, path, memory):
+    """Return the name of an error that was foreseen, empty for others, and what to say of it."""
+    if isinstance(error, errors.ImuloopError):
+        return type(error).__name__, str(error)
+    if isinstance(error, MemoryError):
+        why = f"takes more than {memory >> 20} MB of memory to read, as no log of its size does"
+        return "", f"{Path(path).name} {why}: it is damaged, or no log"
+    form, why = module.rpartition(".")[2], cause(error).replace(str(path), "the file")
+    why = f"is no whole file of the format {form} ({why}): copy it again, or save it anew"
+    return "", f"{Path(path).name} {why}"
 
 
 def _limit(kind, most):
