@@ -98,7 +98,12 @@ def serve(pipe, numbers, seeds, folder):
             where = " ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames)
             end, fault = "traceback", f"{type(error).__name__} {error} ({where})"
         watching = False
-        found = {str(p.relative_to(folder)) for p in folder.rglob("*") if not p.is_dir()}
+        # passes over a folder that goes while it is looked through, unlike rglob
+        found = {
+            os.path.relpath(os.path.join(at, file), folder)
+            for at, _, files in os.walk(folder)
+            for file in files
+        }
         if left := found - {f"a/work/{path}" for path in {*given, *RESULTS}}:
             fault = fault or f"left behind {sorted(left)}"
         fault = fault or next(iter(outside), None)
