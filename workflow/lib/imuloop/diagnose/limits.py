@@ -21,6 +21,9 @@ RECORDS, DRAWS = 200, 200
 LARGEST, STEP = 16.0, 2.0
 # what a time constant or a width, even up to 1.3 from a shape, is off by: root mean square
 BETWEEN = 1.3**3**-0.5
+# what changes with time changes at a log's first rest too, where its noise was estimated larger for
+# it; so much larger are limits in such logs than those of drawn records, as the study measured
+OWN_REST = 1.15
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -75,6 +78,8 @@ def detection_limits(search, base, trial, power, kept=True):
             if size and search.problem.slow(trial.effect):
                 slow = partial(_with_pattern, search, effects, axis, records, one, **rules)
                 size = _least(slow, size, power)
+                if size and search.problem.own_rest and trial.effect.timed:
+                    size *= OWN_REST
             if size is not None:
                 limits |= dict.fromkeys(together, size / scale)
     return {name: limits[name] for name in names if name in limits}

@@ -222,6 +222,11 @@ class PoseProblem:
         """Return whether noise could be larger for an effect: it changes as slow noise does."""
         return effect.timed or "temperature" in effect.needs
 
+    @property
+    def own_rest(self):
+        """Whether the noise was estimated at rests of the same log."""
+        return self.information is None
+
     def noise_with(self, base, values):
         """Return what the noise of each block may be, were its residuals these."""
         return [self.nearest(base).noise_with(-values[0])]
