@@ -19,7 +19,8 @@ from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-from imuloop.core.segments import segment_table, write_segments
+from imuloop.core.segments import segment_table
+from imuloop.core.tables import write_table
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()
@@ -137,8 +138,8 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
 def test_missing_poses_are_explained_by_what_became_of_the_sessions(tmp_path):
     empty = pd.DataFrame({"t": [], **{c: [] for c in CHANNELS}})
     moving = pd.DataFrame({"t": [0.0, 1.0], **{c: [0.0, 1.0] for c in CHANNELS}})
-    write_segments(tmp_path / "turns", segment_table(empty, [], [], [], []), {})
-    write_segments(tmp_path / "swing", segment_table(moving, [0.0], [2.0], ["motion"], [-1]), {})
+    write_table(tmp_path / "turns", segment_table(empty, [], [], [], []), {})
+    write_table(tmp_path / "swing", segment_table(moving, [0.0], [2.0], ["motion"], [-1]), {})
     kind = "multi_position"
     sessions = {n: {"kind": kind, "segments": tmp_path / n} for n in ("turns", "swing")}
     reason = "no multi_position session with a pose"

@@ -6,9 +6,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.cells import text_cell
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS
+from imuloop.core.tables import text_cell
 from imuloop.core.units import RawUnit
 
 

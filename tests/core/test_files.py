@@ -8,7 +8,6 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, replaced, write_json
 from imuloop.core.samples import Samples, read_columns, read_metadata, read_samples
-from imuloop.core.segments import read_segments
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -35,6 +34,6 @@ def test_floats_come_back_to_the_last_bit(tmp_path):
 def test_a_result_that_is_not_whole_is_named(tmp_path):
     path = tmp_path / "r.parquet"
     path.write_bytes(b"PAR1 and then nothing")
-    for read in (read_samples, read_columns, read_metadata, read_segments, Samples):
+    for read in (read_samples, read_columns, read_metadata, Samples):
         with pytest.raises(ImuloopError, match=r"r\.parquet: no whole Parquet file; "):
             read(path)

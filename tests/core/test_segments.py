@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import CHANNELS, read_metadata
-from imuloop.core.segments import read_segments, runs, segment_table, write_segments
+from imuloop.core.segments import runs, segment_table
+from imuloop.core.tables import write_table
 
 
 def samples(temperature):
@@ -39,8 +40,8 @@ def test_the_file_gives_back_the_table_and_what_was_chosen(tmp_path):
     table = segment_table(
         samples(np.full(9, 3.3)), [0, 0.4], [0.4, 0.9], ["static", "gap"], [0, -1]
     )
-    write_segments(tmp_path / "s.parquet", table, {"multiples": [3, 10]})
-    pd.testing.assert_frame_equal(read_segments(tmp_path / "s.parquet"), table, check_exact=True)
+    write_table(tmp_path / "s.parquet", table, {"multiples": [3, 10]})
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "s.parquet"), table, check_exact=True)
     assert read_metadata(tmp_path / "s.parquet") == {"multiples": [3, 10]}
 
 

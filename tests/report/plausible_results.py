@@ -15,7 +15,7 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, schema
-from imuloop.core.segments import segment_table, write_segments
+from imuloop.core.segments import segment_table
 from imuloop.core.tables import write_table
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables
@@ -80,7 +80,7 @@ def _session(folder, device, session, kind, rng):
     metadata = schema(warm, metadata).metadata
     pq.write_table(table.replace_schema_metadata(metadata), path / "samples.parquet")
     chosen = {"multiples": [6.0, 12.0], "short_rests": 2}
-    write_segments(path / "segments.parquet", segment_table(samples, *edges), chosen)
+    write_table(path / "segments.parquet", segment_table(samples, *edges), chosen)
     reasons = ["angular rate: 'gx' is constant over all 4,800 rows; log it again"]
     quality = {
         "status": "rejected" if rejected else "ok",

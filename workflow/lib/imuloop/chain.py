@@ -109,7 +109,7 @@ def ingest(device, session, declared, paths, progress=None):
 def segment(device):
     """Write the segments of each session."""
     from imuloop.core.samples import Samples
-    from imuloop.core.segments import write_segments
+    from imuloop.core.tables import write_table
     from imuloop.segment.segment import no_segments, segment_session
     from imuloop.segment.settings import SegmentSettings
 
@@ -119,11 +119,11 @@ def segment(device):
         def work(files=files):
             samples = Samples(files["samples"])
             found = segment_session(samples, files["kind"], settings, device.threads)
-            write_segments(files["segments"], *found)
+            write_table(files["segments"], *found)
 
         def instead(reason, failed, files=files):
             segments, metadata = no_segments(files["kind"])
-            write_segments(files["segments"], segments, metadata | {"failed": failed})
+            write_table(files["segments"], segments, metadata | {"failed": failed})
 
         failures += attempt(device, "segment", work, instead)
     return failures

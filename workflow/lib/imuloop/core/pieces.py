@@ -14,7 +14,6 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from imuloop.core.cells import text_cell, text_cells
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
 from imuloop.core.memory import usual_step
@@ -29,6 +28,7 @@ from imuloop.core.samples import (
     parquet_file,
     read_metadata,
 )
+from imuloop.core.tables import text_cell, text_cells
 
 # samples that a filter reaches beyond `Effect.reach` at least
 FEWEST = 16

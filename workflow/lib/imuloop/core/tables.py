@@ -1,11 +1,16 @@
-"""Tables as dicts of arrays, one a column: made, joined and written to Parquet."""
+"""Tables as dicts of arrays: made, joined, written to Parquet; cells of text in CSV files."""
+
+import json
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.files import replaced
-from imuloop.core.samples import read_columns
+from imuloop.core.samples import METADATA_KEY, read_columns
+
+# how a formula begins, with what is skipped before it
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def table(names, *values):
@@ -19,14 +24,18 @@ def joined(tables):
     return {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
 
 
-def write_table(path, columns):
-    """Write a table as Parquet, in one step."""
+def write_table(path, columns, metadata=None):
+    """Write a table, a DataFrame too, as Parquet in one step; metadata as JSON."""
+    arrays = {name: np.asarray(columns[name]) for name in columns}
     arrays = {
         name: pa.array(x, pa.large_string() if x.dtype == object else None)
-        for name, x in columns.items()
+        for name, x in arrays.items()
     }
+    table = pa.table(arrays)
+    if metadata:
+        table = table.replace_schema_metadata({METADATA_KEY: json.dumps(metadata).encode()})
     with replaced(path) as temporary:
-        pq.write_table(pa.table(arrays), temporary)
+        pq.write_table(table, temporary)
 
 
 def write_sessions(path, tables):
@@ -43,3 +52,18 @@ def read_session(path, session):
     columns = read_columns(path)
     own = columns.pop("session") == session
     return {name: x[own] for name, x in columns.items()}
+
+
+def text_cell(text):
+    """Return a text of a config or log that no spreadsheet runs: a formula behind an apostrophe."""
+    return f"'{text}" if text.startswith(_FORMULA) else text
+
+
+def text_cells(table):
+    """Return an Arrow table with each column of text as `text_cell` has it."""
+    for place, field in enumerate(table.schema):
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+            texts = [text and text_cell(text) for text in table.column(place).to_pylist()]
+            table = table.set_column(place, field.name, pa.array(texts, kind))
+    return table

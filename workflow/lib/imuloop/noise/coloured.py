@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import dct
+from scipy.optimize import brentq
+from scipy.optimize.elementwise import find_root
 from scipy.special import log_ndtr, ndtri
 
 from imuloop.core.fisher import fisher
 from imuloop.core.noise_model import Coefficient, GaussMarkov
-from imuloop.core.root import root
 from imuloop.noise.likelihood import log_likelihood, weighted_nnls
 from imuloop.noise.modes import binned
 from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
@@ -210,12 +211,12 @@ def limits(test, spectrum, length, threshold, power):
     None where flicker and walk would imitate a process of any size.
     """
     times = sorted(spectrum.correlation_times, key=lambda tc: abs(np.log(tc * length / test.tc)))
+    alone = [np.log(0.5)] * (len(spectrum.power) - 1)
 
-    def chance(p):
-        alone = np.full((len(spectrum.power) - 1, *p.shape), np.log(0.5))
-        return fisher([p, *alone]) + np.log(len(times)) - threshold
+    def chance(log_p):
+        return fisher([log_p, *alone]) + np.log(len(times)) - threshold
 
-    needed = -ndtri(np.exp(root(chance, -700.0, 0.0))[0]) + ndtri(power)
+    needed = -ndtri(np.exp(brentq(chance, -700.0, 0.0))) + ndtri(power)
     # with a root d the gain of held-out blocks is normal about d²/2 less what other blocks do not
     # know, c, its variance d² + 2 c: that it is one for certain needs more
     certain, lost = ndtri(0.975) + ndtri(power), ESTIMATED / 2
@@ -236,31 +237,22 @@ def _limits(spectrum, tc, needed):
     process = gauss_markov_mean_spectrum(spectrum.theta, tc)
     bases = [plain @ most_likely(power, count, plain) for power in spectrum.power]
 
-    def excess(log_v, base):
-        expected = base + np.exp(log_v) * process
-        seen = plain @ most_likely(expected, count, plain)
-        loss = log_likelihood(expected, count, expected) - log_likelihood(expected, count, seen)
-        return np.sqrt(max(2 * loss, 0.0)) - needed
+    def size(base):
+        @np.vectorize
+        def excess(log_v):
+            expected = base + np.exp(log_v) * process
+            seen = plain @ most_likely(expected, count, plain)
+            loss = log_likelihood(expected, count, expected) - log_likelihood(expected, count, seen)
+            return np.sqrt(max(2 * loss, 0.0)) - needed
 
-    brackets, found = {}, [None] * len(bases)
-    for axis, base in enumerate(bases):
         tried = np.log(base.min() / process.max()) - 4 + np.arange(2.0, 32.0, 2.0)
-        above = next((u for u in tried if excess(u, base) > 0), None)
-        if above is not None:
-            brackets[axis] = above
-    if brackets:
-        high = np.array(list(brackets.values()))
-        sizes = root(
-            lambda log_v: np.array(
-                [excess(u, bases[axis]) for u, axis in zip(log_v, brackets, strict=True)]
-            ),
-            high - 2,
-            high,
-            1e-4,
-        )
-        for axis, size in zip(brackets, sizes, strict=True):
-            found[axis] = float(np.exp(size))
-    return found
+        high = next((u for u in tried if excess(u) > 0), None)
+        if high is None:
+            return None
+        known = {"xatol": 2e-4, "xrtol": 4 * np.finfo(float).eps}
+        return float(np.exp(find_root(excess, (high - 2, high), tolerances=known).x))
+
+    return [size(base) for base in bases]
 
 
 def held_out_ratio(folds, draws, seed):

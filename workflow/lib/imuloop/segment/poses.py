@@ -22,21 +22,21 @@ def _turned(rows, first, last, bias, limit):
     return False
 
 
-def number_poses(rows, rests, means, spreads, stretches, settings):
+def number_poses(rows, rests, table, stretches, settings):
     """Return the pose number of each rest: 0, 1, 2 … in order of time.
 
     A rest has the number of the one before it if their directions of specific force agree within
     `same_attitude` (or four standard errors of the two means, where the noise is larger) and the
     gyroscope, its bias taken from both rests, never turned by more than `turned` in between. So a
     full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
-    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, stretches
-    without a gap, and mean and standard deviation of each channel in each rest, SI.
+    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, their
+    rows of the table of segments, and stretches without a gap.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (
-        np.column_stack([means[name] for name in axes]) for axes in (ACCELERATION, ANGULAR_RATE)
+        table[[f"{name}_mean" for name in axes]].to_numpy() for axes in (ACCELERATION, ANGULAR_RATE)
     )
-    spread = np.column_stack([spreads[name] for name in ACCELERATION])
+    spread = table[[f"{name}_std" for name in ACCELERATION]].to_numpy()
     errors = np.linalg.norm(spread, axis=1) / np.sqrt(lengths(rests))
     stretch = np.searchsorted(np.asarray(stretches)[:, 0], rests[:, 0], side="right")
     first = 0

@@ -3,10 +3,9 @@
 from dataclasses import asdict, replace
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
-from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_columns, statistics
+from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.multiples import attitudes, choose_multiples, cumulative
 from imuloop.segment.poses import number_poses
@@ -83,18 +82,16 @@ def segment_session(samples, kind, settings, threads=1):
     start[is_gap] = [ends[j] for j in ranges[is_gap, 0]]
     end = np.append(start[1:], [ends[j] for j in stretches[-1:, 1]])
 
-    means, deviations = statistics(rows, ranges)
-    at_rest = [{name: x[is_rest] for name, x in each.items()} for each in (means, deviations)]
-    poses = np.full(len(ranges), -1)
-    poses[is_rest] = number_poses(rows, ranges[is_rest], *at_rest, stretches, settings)
+    table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
+    poses = number_poses(rows, ranges[is_rest], table[is_rest], stretches, settings)
+    table.loc[is_rest, "pose"] = poses
     metadata |= {
         "kind": kind,
         "step_s": step,
         "gaps": max(len(stretches) - 1, 0),
         "poses": int(poses.max(initial=-1)) + 1,
     }
-    columns = segment_columns(start, end, kinds, poses, ranges, means, deviations)
-    return pd.DataFrame(columns), metadata
+    return table, metadata
 
 
 def no_segments(kind):

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
 from pyarrow import csv
 
-from imuloop.core.cells import text_cells
 from imuloop.core.files import replaced
+from imuloop.core.tables import text_cells
 from imuloop.report.numbers import superscript
 
 INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"

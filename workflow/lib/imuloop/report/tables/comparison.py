@@ -3,8 +3,8 @@
 import csv
 from typing import NamedTuple
 
-from imuloop.core.cells import text_cell
 from imuloop.core.errors import one_line
+from imuloop.core.tables import text_cell
 from imuloop.report.numbers import (
     DEGREE_PER_SECOND,
     DEGREES,
