@@ -9,7 +9,7 @@ from calibrate.devices import RATE_UNIT, known_noise, noiseless, recording
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.calibrate import calibrate_gyroscope
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.gyroscope import gyroscope_model, residual_covariance
+from imuloop.calibrate.gyroscope import gyroscope_model
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import SensorCalibration
@@ -32,7 +32,7 @@ def model_of(truth, seed, effects=()):
     force = calibrated_force(true_accelerometer(truth), made, noise)
     model = gyroscope_model(made, force, None, effects)
     x = np.concatenate([true_parameters(truth), np.zeros(model.rate_design.shape[2])])
-    covariance = residual_covariance(model, x, made.poses, force.direction_covariance, noise)
+    covariance = model.covariance(x, made.poses, force.direction_covariance, noise)
     return model, made, covariance
 
 

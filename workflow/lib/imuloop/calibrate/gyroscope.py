@@ -5,12 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from imuloop.calibrate.gyroscope_covariance import cross_matrix, residual_covariance, tangents
 from imuloop.calibrate.poses import Rotations
 from imuloop.core.effect import effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
-
-__all__ = ["NAMES", "GyroscopeModel", "gyroscope_model", "residual_covariance", "unpack"]
+from imuloop.core.samples import ANGULAR_RATE
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1", "b2")
@@ -107,16 +105,17 @@ class GyroscopeModel:
         half[..., 1:] *= -1
         middle = matrix(multiply(after, half))
         # moments of the attitude with what each step turns by: entry of C, axis
-        entries = middle.reshape(m, -1, 9).swapaxes(1, 2)
-        of_raw = (entries @ (midpoints(raw, 1) * dt)).reshape(m, 3, 3, 3)
-        of_effects = (entries @ (midpoints(effects, 1) * dt)).reshape(m, 3, 3, 3)
+        steps = middle.shape[1]
+        entries = middle.reshape(m, steps, 9).swapaxes(1, 2)
+        of_raw = (entries @ (midpoints(raw) * dt)).reshape(m, 3, 3, 3)
+        of_effects = (entries @ (midpoints(effects) * dt)).reshape(m, 3, 3, 3)
         mean = (entries @ dt).reshape(m, 3, 3)
         turn = np.zeros((m, 3, len(x)))
         turn[:, :, :6] = (K * of_raw - of_effects)[:, :, *_OFF_DIAGONAL]
         turn[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
         turn[:, :, 9:12] = -mean @ (T * K)
         if len(x) > 12:
-            seen = (middle @ T).swapaxes(1, 2).reshape(m, 3, -1)
+            seen = (middle @ T).swapaxes(1, 2).reshape(m, 3, 3 * steps)
             turn[:, :, 12:] = -seen @ self._design_steps
         return AttitudePath(
             matrix(after[:, -1]), turn, mean, middle, rotations.steps, self._added(middle)
@@ -133,27 +132,20 @@ class GyroscopeModel:
     @cached_property
     def _design_steps(self):
         """What each parameter of the effects adds in each step, (m, 3 (k - 1), p)."""
-        steps = midpoints(self.rotation_design, 1) * self.rotations.steps[..., None, None]
-        return steps.reshape(len(steps), -1, steps.shape[-1])
-
-    def turned(self, x):
-        """Return gravity's direction after each rotation and its derivative.
-
-        With C the attitude, ``u_end = Cᵀ u_start`` and a small change of rate δw gives
-        ``δu_end = Cᵀ (u_start × φ), φ = ∫ C(t) δw(t) dt``. On the axes at the end, shape (m, 3);
-        the derivative has (m, 3, 12 + p).
-        """
-        path = self.path(x)
-        start = self.directions[self.rotations.first]
-        turned = np.einsum("mji,mj->mi", path.last, start)
-        return turned, path.last.swapaxes(1, 2) @ (cross_matrix(start) @ path.turn)
+        steps = midpoints(self.rotation_design) * self.rotations.steps[..., None, None]
+        return steps.reshape(len(steps), 3 * steps.shape[1], steps.shape[-1])
 
     def rotation_errors(self, x):
         """Return the angle between predicted and measured gravity, and its derivative.
 
-        In the plane normal to the measured direction, rad, (m, 2), derivative (m, 2, 12 + p).
+        With C the attitude, ``u_end = Cᵀ u_start`` and a small change of rate δw gives
+        ``δu_end = Cᵀ (u_start × φ), φ = ∫ C(t) δw(t) dt``. In the plane normal to the measured
+        direction, rad, (m, 2); the derivative has (m, 2, 12 + p).
         """
-        turned, jacobian = self.turned(x)
+        path = self.path(x)
+        start = self.directions[self.rotations.first]
+        turned = np.einsum("mji,mj->mi", path.last, start)
+        jacobian = path.last.swapaxes(1, 2) @ (cross_matrix(start) @ path.turn)
         return np.einsum("mij,mj->mi", self.plane, turned), self.plane @ jacobian
 
     @cached_property
@@ -168,39 +160,107 @@ class GyroscopeModel:
         parts = [each.reshape(-1, len(x)) for each in (of_rates, of_errors)]
         return np.concatenate([rates.ravel(), errors.ravel()]), np.concatenate(parts)
 
+    def covariance(self, x, poses, directions, noise):
+        """Return the covariance of all residuals that the noise model predicts: rates, rotations.
 
-def midpoints(values, axis=-1):
-    """Return the means of neighbours along an axis."""
-    values = np.moveaxis(values, axis, 0)
-    return np.moveaxis((values[1:] + values[:-1]) / 2, 0, axis)
+        Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
+        a bias of each rotation, so it goes through the derivative with respect to the bias, and
+        what a rotation has of it the mean rates at the poses beside it have too; noise of different
+        runs is independent. Time stamps: what lost samples and scatter add. Gravity: the error of a
+        pose's direction enters the rotation before and the one after it; `directions`, (3 n, 3 n),
+        is their covariance. Ordered pose by pose, the three axes of each together, then rotation by
+        rotation; (rad/s)² and rad², shape (3 n + 2 m, 3 n + 2 m).
+        """
+        rotations, path, n, m = self.rotations, self.path(x), len(poses), len(self.rotations)
+        plane, length = self.plane, rotations.end_s - rotations.start_s
+        # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
+        carried = plane @ path.last.swapaxes(1, 2)
+        to_error = carried @ cross_matrix(self.directions[rotations.first])
+        per_angle = to_error @ (path.mean / length[:, None, None])
+        covariance = np.zeros((3 * n + 2 * m, 3 * n + 2 * m))
+        means, of_run = poses.mean_covariance(noise)[3:], poses.run[rotations.first]
+        ends = np.column_stack([rotations.start_s, rotations.end_s])
+        # the two components of each rotation's error
+        pairs = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
+        for run in np.unique(poses.run):
+            at, turns = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
+            seconds = np.concatenate([np.ones(len(at)), length[turns]])
+            together = noise.pose_mean_covariance(np.concatenate([poses.windows[at], ends[turns]]))[
+                3:
+            ]
+            turned = len(at) + np.arange(len(turns))
+            for axis, name in enumerate(ANGULAR_RATE):
+                # means at the poses, angles of the rotations
+                slow = together[axis] * (seconds[:, None] * seconds)
+                slow[turned, turned] -= noise.axes[name].N.square * length[turns]
+                # what each of them makes of a residual
+                gain = np.zeros((len(seconds), len(at) + 2 * len(turns)))
+                gain[: len(at), : len(at)] = np.eye(len(at))
+                for k in range(2):
+                    gain[turned, len(at) + 2 * np.arange(len(turns)) + k] = per_angle[
+                        turns, k, axis
+                    ]
+                own = 3 * at + axis
+                rows = np.concatenate([own, pairs[turns].ravel()])
+                covariance[np.ix_(rows, rows)] += gain.T @ slow @ gain
+                if not together[axis].any():
+                    # of an axis without noise the poses' own variance is known
+                    covariance[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
+                elif poses.rounded is not None:
+                    covariance[own, own] += poses.rounded[at, axis]
+        within = sum(
+            noise.axes[name].N.square * (to_error @ path.spread[:, axis] @ to_error.swapaxes(1, 2))
+            for axis, name in enumerate(ANGULAR_RATE)
+        )
+        if path.added is not None:
+            within = within + to_error @ path.added @ to_error.swapaxes(1, 2)
+        covariance[pairs[:, :, None], pairs[:, None]] += within
+        # of all directions only those of the poses at both ends enter a rotation
+        of_ends = ((rotations.first, carried), (rotations.first + 1, -plane))
+        by_pose = directions.reshape(n, 3, 3 * n)
+        half = sum(of_end @ by_pose[pose] for pose, of_end in of_ends).reshape(2 * m, n, 3)
+        whole = sum(np.einsum("xmk,mjk->xmj", half[:, pose], of_end) for pose, of_end in of_ends)
+        covariance[3 * n :, 3 * n :] += whole.reshape(2 * m, 2 * m)
+        return covariance
+
+
+def midpoints(values):
+    """Return the means of neighbours along the second axis."""
+    return (values[:, 1:] + values[:, :-1]) / 2
+
+
+def tangents(directions):
+    """Return two unit vectors normal to each direction and to each other, shape (n, 2, 3)."""
+    helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+def cross_matrix(vectors):
+    """Return the matrices of ``v ×``, shape (n, 3, 3)."""
+    return np.cross(np.eye(3), vectors[:, None])
 
 
 def gyroscope_model(recording, force, x=None, effects=(), known=()):
-    """Return the model of the poses' rates and rotations, its effects seen with parameters x.
+    """Return the model of a Recording's rates at rest and rotations, beside its Force.
 
-    Parameters
-    ----------
-    recording : Recording
-        Poses and the rotations between them.
-    force : Force
-        Calibrated specific force at the poses and along the rotations.
-    x : array_like, optional
-        Parameters whose K and b give the output that the effects depend on; as logged without.
-    effects, known : sequence of Effect, sequence of FittedEffect
-        Effects to estimate, and known ones.
+    With effects to estimate and known FittedEffects, which depend on the output with K and b of
+    the parameters x; as logged without.
     """
     _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
-    rotations, shape, along = recording.rotations, recording.rotations.w.shape, None
+    rotations, shape = recording.rotations, recording.rotations.w.shape
 
     def output(y):
         return K * (y - b)
 
     poses = recording.pose_channels("gyroscope", output, force.poses)
-    design = np.zeros((*shape, 0))
-    if effects or known:
+    design = np.zeros((*shape, sum(len(effect.parameters) for effect in effects)))
+    added = 0.0
+    if len(rotations) and (effects or known):
         along = recording.rotation_channels("gyroscope", output, force.rotations)
-        parameters = sum(len(effect.parameters) for effect in effects)
-        design = effect_design(effects, along).reshape(*shape, parameters)
+        design = effect_design(effects, along).reshape(design.shape)
+        added = sum(effect.output(along).reshape(shape) for effect in known)
     return GyroscopeModel(
         rate=recording.poses.w,
         rate_design=effect_design(effects, poses),
@@ -208,5 +268,5 @@ def gyroscope_model(recording, force, x=None, effects=(), known=()):
         rotation_design=design,
         directions=force.poses / np.linalg.norm(force.poses, axis=1, keepdims=True),
         rate_known=sum(effect.output(poses) for effect in known),
-        rotation_known=sum(effect.output(along).reshape(shape) for effect in known),
+        rotation_known=added,
     )

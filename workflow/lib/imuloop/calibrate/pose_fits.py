@@ -46,18 +46,8 @@ class SensorPoses:
         """Return the Solution for a recording.
 
         All residuals together, weighted with the covariance that the noise model predicts. A bias
-        that is held is not in the fit's covariance and derivative.
-
-        Parameters
-        ----------
-        recording : Recording
-            Poses and rotations.
-        effects : sequence of Effect
-            Effects to estimate.
-        start : ndarray, optional
-            Parameters of a fit with fewer effects.
-        prior : (ndarray, ndarray), optional
-            What other data tell of the parameters, as of `least_squares.fit`.
+        that is held is not in the fit's covariance and derivative. `start` are parameters of a fit
+        with fewer effects, `prior` is what other data tell, as of `least_squares.fit`.
 
         References
         ----------
@@ -243,17 +233,15 @@ class GyroscopePoses(SensorPoses):
     def lost(self, solution, recording):
         """Return why a fit is none, or None if it is one: where it ends nothing is determined."""
         found, count = solution.fit, len(recording.rotations)
-        sizes, largest = (
-            np.append(np.ones(6), np.abs(found.x[6:9])),
-            self.settings.largest_condition,
-        )
+        sizes = np.append(np.ones(6), np.abs(found.x[6:9]))
         # the rows of the rotations are the last
         condition = condition_number(found.jacobian[len(found.jacobian) - 2 * count :, :9], sizes)
-        if condition > largest:
+        if condition > self.settings.largest_condition:
             return (
                 f"no misalignment and scale factor carries gravity through {count} rotations: the "
-                f"fit leads to where they determine nothing, {too_large(condition, largest)}; was "
-                "the angular rate clipped or wrapped around, did scale or axes change midway?"
+                "fit leads to where they determine nothing, "
+                f"{too_large(condition, self.settings.largest_condition)}; was the angular rate "
+                "clipped or wrapped around, did scale or axes change midway?"
             )
         std = np.sqrt(np.diag(found.scaled_covariance)[:9])
         axes, scale = std[:6].max(), np.max(std[6:] / sizes[6:])
@@ -280,7 +268,7 @@ class GyroscopePoses(SensorPoses):
     def covariance_at(self, x, model, recording, noise):
         """Return the covariance of a model's residuals, by a noise model."""
         directions = calibrated_force(self.accelerometer, recording, noise).direction_covariance
-        return gyroscope.residual_covariance(model, x, recording.poses, directions, noise)
+        return model.covariance(x, recording.poses, directions, noise)
 
     def designs(self, solution, recording):
         """Return the derivatives of the effects at the poses and along the rotations."""
@@ -302,29 +290,12 @@ def residuals(model, x):
 
 
 def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
-    """Return the calibration that parameters in SI as logged stand for, in raw units.
+    """Return the SensorCalibration that parameters in SI as logged stand for, in raw units.
 
-    ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``.
-
-    Parameters
-    ----------
-    unit : RawUnit
-        Unit of the log.
-    base : tuple of str
-        Names of the base parameters: misalignment, three scale factors, three biases.
-    x, covariance : ndarray, shape (p,) and (p, p)
-        The base parameters, then those of the effects, SI as logged, and their covariance.
-    method : {'multi_position', 'six_position'}
-        What they come from.
-    effects, known : sequence of Effect, sequence of FittedEffect
-        The effects whose parameters follow the base's, and those known from elsewhere.
-    reduced_chi2 : float, optional
-        Of the fit.
-
-    Returns
-    -------
-    SensorCalibration
-        Names of an effect's parameters begin with its own: ``g_sensitivity.G00``.
+    ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``. x, shape (p,), and
+    its covariance hold the parameters named in `base`, three scale factors and three biases last,
+    then those of the effects, whose names begin with the effect's: ``g_sensitivity.G00``. Effects
+    that are known from elsewhere, FittedEffect each, go before them.
     """
     count = len(base)
     factor = np.ones(len(x))
@@ -335,16 +306,12 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
     for name, value in zip(base[:-6], x[: count - 6], strict=True):
         T[int(name[1]), int(name[2])] = value
     names = [f"{effect.name}.{p}" for effect in effects for p in effect.parameters]
-    std = np.sqrt(np.diag(covariance))
-    fitted, at = [], count
+    std, fitted, at = np.sqrt(np.diag(covariance)), [], count
     for effect in effects:
-        end = at + len(effect.parameters)
-        parts = (
-            dict(zip(effect.parameters, values[at:end].tolist(), strict=True))
-            for values in (x, std)
-        )
-        fitted.append(FittedEffect(effect, *parts))
-        at = end
+        own = slice(at, at + len(effect.parameters))
+        both = (dict(zip(effect.parameters, v[own].tolist(), strict=True)) for v in (x, std))
+        fitted.append(FittedEffect(effect, *both))
+        at = own.stop
     return SensorCalibration(
         raw_unit=unit,
         T=T,

@@ -10,14 +10,12 @@ class SixPositionFit:
     """Result of the six-position calibration, ``x = T (K (y - b))``, SI as logged.
 
     Nine parameters in the order of `imuloop.calibrate.accelerometer.NAMES` with their covariance,
-    the rotation from the body axes to those of the faces, (3, 3), and the residuals
-    ``A y + c - g d``, m/s^2, (n, 3): placement errors of the faces above all.
+    and the rotation from the body axes to those of the faces, (3, 3).
     """
 
     x: np.ndarray
     covariance: np.ndarray
     case: np.ndarray
-    residuals: np.ndarray
 
 
 def find_faces(f, tolerance):
@@ -67,18 +65,10 @@ def fit_six_position(f, faces, gravity, noise=0.0):
 
     Parameters
     ----------
-    f : array_like, shape (n, 3)
-        Mean specific force of each pose, m/s^2.
-    faces : array_like of int, shape (n,)
-        As `find_faces` gives them, none 0.
-    gravity : float
-        Local gravity, m/s^2.
-    noise : float, optional
-        Variance of a pose's mean, (m/s^2)^2.
-
-    Returns
-    -------
-    SixPositionFit
+    f, faces : array_like, shape (n, 3), and of int, shape (n,)
+        Mean specific force of each pose, m/s^2, and its face as `find_faces` has it, none 0.
+    gravity, noise : float
+        Local gravity, m/s^2, and variance of a pose's mean, (m/s^2)^2.
 
     References
     ----------
@@ -112,4 +102,4 @@ def fit_six_position(f, faces, gravity, noise=0.0):
         plus, minus = (decompose(each[:3].T, each[3])[0] for each in changed)
         jacobian[:, i, j] = (plus - minus) / 2e-6
     covariance = np.einsum("aij,jik,bkj->ab", jacobian, cofactor, jacobian)
-    return SixPositionFit(x, covariance, case, design @ solution - wanted)
+    return SixPositionFit(x, covariance, case)

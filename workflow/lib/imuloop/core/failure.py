@@ -31,24 +31,9 @@ class Failure:
 def attempt(device, stage, work, instead, before=()):
     """Do the work of a stage; where it fails, or one before it did, write what stands instead.
 
-    Parameters
-    ----------
-    device : Device
-        Whose stage.
-    stage : str
-        Name of the stage.
-    work : callable
-        Writes the stage's results.
-    instead : callable
-        ``instead(reason, failed)`` writes results that say why there are none; ``failed`` is the
-        content of their key of that name, None where the failure is that of a stage before.
-    before : sequence of path-like
-        JSON results of the stages before, which may say that one failed.
-
-    Returns
-    -------
-    list of Failure
-        What went wrong here; empty where nothing did.
+    ``work()`` writes the stage's results; ``instead(reason, failed)`` writes some that say why
+    there are none, with the content of their key of that name, None where a stage before failed, as
+    one of the JSON results `before` may say. Gives the Failures, empty where nothing went wrong.
 
     Raises
     ------

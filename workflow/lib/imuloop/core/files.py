@@ -63,19 +63,9 @@ def _remove_left_behind(path):
 
 
 def refuse_overwriting(targets, sources):
-    """Refuse to write where something lies that is read, by whatever name: links, other case.
+    """Refuse to write files, or below folders, that are read, by whatever name: links, other case.
 
-    Parameters
-    ----------
-    targets : iterable of path-like
-        Files to write, or folders to write below.
-    sources : iterable of path-like
-        Files to read, or folders to read from.
-
-    Raises
-    ------
-    ImuloopError
-        If one is the other; it names both.
+    The ImuloopError names both.
     """
     read = {which: each for source in sources for each, which in _files_at(source)}
     for target in targets:

@@ -37,23 +37,16 @@ FEWEST = 16
 def apply_file(calibration, source, target, rows=ROWS):
     """Write the calibrated samples of a samples file, in memory that does not grow with it.
 
-    Gives what `Calibration.apply` gives of the whole. Columns that are no samples are kept.
+    Gives what `Calibration.apply` gives of the whole, whatever the rows of a piece. Columns that
+    are no samples are kept. Returned is by (sensor, effect) the number of samples at which the
+    effect was held to the range of its data.
 
     Parameters
     ----------
     calibration : Calibration
         To apply.
-    source : path-like
-        Samples, Parquet, as ingest writes them.
-    target : path-like
-        ``.csv`` or ``.parquet``; written in one step.
-    rows : int
-        Rows of a piece; changes nothing in the result.
-
-    Returns
-    -------
-    dict of (str, str) to int
-        By sensor and effect the samples at which the effect was held to the range of its data.
+    source, target : path-like
+        Samples, Parquet, as ingest writes them; ``.csv`` or ``.parquet``, written in one step.
 
     Raises
     ------

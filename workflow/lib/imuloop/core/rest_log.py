@@ -16,20 +16,13 @@ PART = 1 << 18
 
 @dataclass(frozen=True)
 class RestLog:
-    """The log of a session at rest; of the outputs only a part is read at a time.
+    """The log of a session at rest; of the outputs only a part is read at a time."""
 
-    Attributes
-    ----------
-    samples : Samples
-        SI, as logged.
-    t : ndarray, shape (n,)
-        Time, s.
-    temperature : ndarray, shape (n,), or None
-        degC, missing values filled.
-    """
-
+    # SI, as logged
     samples: Samples
+    # s, (n,)
     t: np.ndarray
+    # degC, missing values filled, (n,); None where none was logged
     temperature: np.ndarray | None
     _cache: dict = field(default_factory=dict, repr=False)
 
@@ -65,12 +58,7 @@ class RestLog:
     def means(self, at):
         """Return the mean output of each sensor over rows `at`, shape (m, 2), as logged.
 
-        Returns
-        -------
-        dict of str to ndarray, shape (m, 3)
-            By sensor.
-        ndarray of bool, shape (m,)
-            Whether no sample of the rows lacks a value.
+        By sensor, (m, 3) each, and whether no sample of the rows lacks a value, (m,).
         """
         key = at.tobytes()
         if key not in self._cache:

@@ -56,10 +56,8 @@ def step_vectors(rates, steps, uneven=None):
 
     Parameters
     ----------
-    rates : array_like, shape (..., n, 3)
-        Angular rate in rad/s, on body axes.
-    steps : array_like, shape (..., n - 1)
-        Time steps in s.
+    rates, steps : array_like, shape (..., n, 3) and (..., n - 1)
+        Angular rate in rad/s, on body axes; time steps in s.
     uneven : ndarray of bool, shape (..., n - 1), optional
         Steps over which samples are missing.
 

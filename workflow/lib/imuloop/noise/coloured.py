@@ -134,20 +134,13 @@ class _Fits:
 
 @dataclass(frozen=True)
 class Coloured:
-    """The test of noise with a correlation time.
+    """The test of noise with a correlation time."""
 
-    Attributes
-    ----------
-    log_p : float
-        Logarithm of the p-value, times the number of correlation times.
-    tc : float
-        The most telling correlation time, s.
-    variances, std : ndarray, shape (3, 5)
-        Q², N², B², K² and the variance of the process on each axis, SI, and standard errors.
-    """
-
+    # logarithm of the p-value, times the number of correlation times
     log_p: float
+    # the most telling correlation time, s
     tc: float
+    # Q², N², B², K² and the variance of the process on each axis, SI, and standard errors, (3, 5)
     variances: np.ndarray
     std: np.ndarray
 
@@ -260,19 +253,8 @@ def held_out_ratio(folds, draws, seed):
 
     ``exp(-gain)`` with the gain in log-likelihood a coefficient: a normal error that is smaller by
     this ratio gains as much. The noise, its correlation time too, is that of the other blocks.
-
-    Parameters
-    ----------
-    folds : list of (list of (θ, squares), list of (θ, squares))
-        Coefficients of the parts of the other blocks, and of each block.
-    draws, seed : int
-        Bootstrap draws of the interval, and their seed.
-
-    Returns
-    -------
-    float, list of float
-        The ratio, below 1 where the process predicts better, and its 95 % interval, whole blocks
-        drawn again.
+    Takes `coefficients` of the parts of the other blocks and of each block, and number and seed of
+    the bootstrap draws; gives the ratio and its 95 % interval, whole blocks drawn again.
     """
     gains, number = [], 0
     for others, own in folds:

@@ -79,21 +79,9 @@ def no_noise(device, sessions, *notes):
 def estimate_noise(device, sessions, settings, uncut=True, threads=1):
     """Return the NoiseResult of a device's static sessions, else of all its rests.
 
-    One estimate from all clean stretches of all sessions used; no term is identifiable where there
-    is nothing to fit.
-
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    sessions : sequence of Session
-        All; the static ones count or, where none of them holds a rest, the rests of all others.
-    settings : NoiseSettings
-        Averaging times, levels of the tests, other views.
-    uncut : bool
-        Whether the coefficients are also estimated with the disturbed stretches left in.
-    threads : int
-        What is worked on at once, of one axis; results do not depend on it.
+    One estimate from all clean stretches of all Sessions used; no term is identifiable where there
+    is nothing to fit. Where `uncut`, the coefficients are also estimated with the disturbed
+    stretches left in. Of one axis so many `threads` work at once, which changes no result.
     """
     notes = []
     static = static_records(sessions, notes)

@@ -38,13 +38,11 @@ def segment_session(samples, kind, settings, threads=1):
     Parameters
     ----------
     samples : Samples or DataFrame
-        Samples of the session, SI.
-    kind : str
-        "static", "six_position" or "multi_position".
-    settings : SegmentSettings
-        What is asked of a rest.
-    threads : int
-        How many may work at once; changes nothing in the result.
+        SI.
+    kind : {'static', 'six_position', 'multi_position'}
+        What was done with the device.
+    settings, threads : SegmentSettings, int
+        What is asked of a rest; how many may work at once, which changes nothing in the result.
 
     Returns
     -------

@@ -30,18 +30,16 @@ class Change:
 
     Attributes
     ----------
-    name : str
+    name, unit : str
         As in the calibration's covariance; ``b along (x, y, z)``, on the sensor's axes, where the
-        log shows one direction of the bias alone.
-    unit : str
-        SI; ``1`` for scale factors, whose change is relative.
+        log shows one direction of the bias alone. SI; ``1`` for scale factors, whose change is
+        relative.
     change, std : float
         New less old, and its standard error: that of the old calibration, of the new log, and of
         what a bias may do from one switching on to the next.
-    sigmas, p_value : float
-        ``change/std``, and the probability of as much without a drift.
-    p_holm : float
-        The same for the largest of all parameters tested, after Holm.
+    sigmas, p_value, p_holm : float
+        ``change/std``, the probability of as much without a drift, and that for the largest of all
+        parameters tested, after Holm.
     drifted : bool
         Whether that is too little for chance.
     """
@@ -67,8 +65,6 @@ class SensorDrift:
 
     Attributes
     ----------
-    sensor : str
-        Its name.
     drifted : bool or None
         None where nothing could be tested.
     changes : tuple of Change
@@ -104,23 +100,15 @@ class SensorDrift:
 class Drift:
     """The test of a calibration on a new log.
 
-    Attributes
-    ----------
-    device : str
-        Name in the calibration.
-    level : float
-        Probability that a device that did not drift is said to have.
-    poses, rotations : int
-        Rests and turns between rests that the log holds.
-    sensors : dict of str to SensorDrift
-        By name.
+    `level` is the probability that a device that did not drift is said to have; `poses` and
+    `rotations` are the rests, and turns between them, that the log holds.
     """
 
     device: str
     level: float
     poses: int
     rotations: int
-    sensors: dict
+    sensors: dict[str, SensorDrift]
 
     @property
     def drifted(self):
@@ -156,12 +144,8 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
 
     Parameters
     ----------
-    calibration : Calibration
-        Old calibration.
-    recording : Recording
-        Rests, and turns between them, of the new log.
-    noise : NoiseModel
-        Noise of the device.
+    calibration, recording, noise : Calibration, Recording, NoiseModel
+        The old calibration; rests, and turns between them, of the new log; noise of the device.
     gravity : float, optional
         Where the log was recorded, m/s^2; that of the calibration by default.
     level : float
@@ -174,7 +158,6 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     Returns
     -------
     Drift
-        The result.
 
     Raises
     ------

@@ -1,15 +1,14 @@
 """Residuals of a new log under an old calibration, and which of its changes the log determines."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.pose_fits import in_raw_units
-from imuloop.core.effect import effect_design
+from imuloop.calibrate.pose_fits import as_logged, in_raw_units
 from imuloop.core.units import DEGREE
 
 # condition number, each parameter in units of what the log shows of it, beyond which a set of
@@ -23,26 +22,18 @@ SCALES, BIASES = ("K0", "K1", "K2"), ("b0", "b1", "b2")
 
 @dataclass(frozen=True)
 class OldParameters:
-    """A sensor's calibration as its fit had it: n parameters, SI as logged.
+    """A sensor's calibration as its fit had it: p parameters, SI as logged.
 
-    Attributes
-    ----------
-    names : tuple of str
-        Misalignments, scale factors, biases, effects that were fitted with them.
-    x, covariance : ndarray, shape (n,) and (n, n)
-        Values; covariance zero for what was not estimated.
-    units : tuple of str
-        SI unit of each parameter's change; ``1`` for a scale factor, whose change is relative.
-    effects : list of Effect
-        Fitted with the base parameters.
-    known : list of FittedEffect
-        The others.
+    Misalignments, scale factors, biases, then the effects that were fitted with them.
     """
 
     names: tuple
     x: np.ndarray
+    # zero for what was not estimated, (p, p)
     covariance: np.ndarray
+    # SI unit of each parameter's change; 1 for a scale factor, whose change is relative
     units: tuple
+    # those that were fitted with the base parameters, Effect each, and the others, FittedEffect
     effects: list
     known: list
 
@@ -58,11 +49,9 @@ class OldParameters:
         for each in fitted:
             units |= {f"{each.name}.{p}": u for p, u in each.effect.units(name).items()}
         names = tuple(units)
-        T = [sensor.T[int(each[1]), int(each[2])] for each in base[:-6]]
-        values = [value for each in fitted for value in each.vector]
-        x = np.array([*T, *(sensor.K / unit.scale), *unit.to_si(sensor.b), *values])
-        factor = np.array([{"K": 1 / unit.scale, "b": unit.scale}.get(n[0], 1.0) for n in base])
-        factor = np.append(factor, np.ones(len(values)))
+        x = np.concatenate([as_logged(sensor, base), *(each.vector for each in fitted)])
+        factor = np.ones(len(x))
+        factor[: len(base)] = [{"K": 1 / unit.scale, "b": unit.scale}.get(n[0], 1) for n in base]
         covariance = np.zeros((len(x), len(x)))
         place = [names.index(each) for each in sensor.names]
         covariance[np.ix_(place, place)] = sensor.covariance
@@ -73,35 +62,21 @@ class OldParameters:
 
 @dataclass(frozen=True)
 class DriftResiduals:
-    """Residuals of a new log as a function of a sensor's parameters.
-
-    Attributes
-    ----------
-    sensor : str
-        Its name.
-    old : OldParameters
-        Of the old calibration, p of them.
-    estimated : tuple of str
-        What it estimated.
-    function : callable
-        Takes parameters; gives residuals, shape (n,), and their derivative, (n, p).
-    noise : ndarray, shape (n, n)
-        Covariance of the residuals that the noise predicts.
-    parts : dict of str to (str, slice)
-        Name of each kind of residual to its unit and place.
-    excess : float
-        Reduced chi square that the old calibration already had, at least 1.
-    data : str
-        What the log holds, in words.
-    """
+    """Residuals of a new log as a function of a sensor's parameters."""
 
     sensor: str
     old: OldParameters
+    # names of what the old calibration estimated
     estimated: tuple
+    # takes parameters; gives residuals, (n,), and their derivative, (n, p)
     function: Callable
+    # covariance of the residuals that the noise predicts, (n, n)
     noise: np.ndarray
+    # unit and place of each kind of residual
     parts: dict
+    # reduced chi square that the old calibration already had, at least 1
     excess: float
+    # what the log holds, in words
     data: str
 
     def groups(self):
@@ -127,23 +102,9 @@ class DriftResiduals:
 
 
 def accelerometer_residuals(calibration, recording, noise, gravity):
-    """Return the accelerometer's residuals ``|f| - g`` at the poses.
+    """Return the DriftResiduals ``|f| - g`` at the poses, or why there are none.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        Old calibration.
-    recording : Recording
-        Of the new log.
-    noise : NoiseModel
-        Noise of the device.
-    gravity : float
-        m/s^2.
-
-    Returns
-    -------
-    DriftResiduals or str
-        Or why there are none.
+    Takes the old Calibration, the Recording of the new log, the NoiseModel, and gravity, m/s^2.
     """
     sensor, poses = calibration.accelerometer, recording.poses
     if not sensor.names:
@@ -163,22 +124,11 @@ def accelerometer_residuals(calibration, recording, noise, gravity):
 
 
 def gyroscope_residuals(calibration, recording, noise, force, change):
-    """Return the gyroscope's residuals: the rate at rest, and gravity after each turn.
+    """Return the DriftResiduals of the rate at rest and of gravity after each turn, or why not.
 
-    Parameters
-    ----------
-    calibration, recording, noise
-        As of `accelerometer_residuals`.
-    force : DriftResiduals or str
-        The accelerometer's; without them there is no direction of gravity, and no turn.
-    change : (ndarray, ndarray), or None
-        How its parameters have changed, with the covariance, where they have.
-
-    Returns
-    -------
-    DriftResiduals or str
-        Or why there are none. Turns are left out where misalignment and scale factor of a sensor
-        were not estimated.
+    Takes those of the accelerometer too, and how its parameters have changed, with the covariance,
+    or None. Turns are left out where misalignment and scale factor of a sensor were not estimated:
+    there is no direction of gravity.
     """
     sensor, poses, axes = calibration.gyroscope, recording.poses, calibration.accelerometer
     if not sensor.names:
@@ -195,37 +145,22 @@ def gyroscope_residuals(calibration, recording, noise, force, change):
             known=force.old.known,
         )
     at = calibrated_force(axes, recording, noise)
+    if isinstance(force, str) or "K0" not in sensor.names:
+        nothing = recording.rotations.select(np.zeros(len(recording.rotations), dtype=bool))
+        recording = replace(recording, rotations=nothing)
+    model = gyroscope.gyroscope_model(recording, at, old.x, old.effects, old.known)
     n, turns = 3 * len(poses), len(recording.rotations)
-    if turns and not isinstance(force, str) and "K0" in sensor.names:
-        model = gyroscope.gyroscope_model(recording, at, old.x, old.effects, old.known)
-        function = model.residuals
-        expected = gyroscope.residual_covariance(
-            model, old.x, poses, at.direction_covariance, noise
-        )
+    if turns:
+        expected = model.covariance(old.x, poses, at.direction_covariance, noise)
     else:
-        turns, expected = 0, np.zeros((n, n))
+        expected = np.zeros((n, n))
         for axis, covariance in enumerate(poses.mean_covariance(noise)[3:]):
             expected[axis::3, axis::3] = covariance
-        K, b = old.x[6:9], old.x[9:12]
-        channels = recording.pose_channels("gyroscope", lambda y: K * (y - b), at.poses)
-        model = gyroscope.GyroscopeModel(
-            rate=poses.w,
-            rate_design=effect_design(old.effects, channels),
-            rotations=recording.rotations,
-            rotation_design=None,
-            directions=None,
-            rate_known=sum((e.output(channels) for e in old.known), start=np.zeros_like(poses.w)),
-        )
-
-        def function(x):
-            r, jacobian = model.pose_rates(x)
-            return r.ravel(), jacobian.reshape(n, -1)
-
     return DriftResiduals(
         "gyroscope",
         old,
         sensor.names,
-        function,
+        model.residuals,
         expected,
         {"pose_rate": ("rad/s", slice(None, n)), "rotation": ("rad", slice(n, None))},
         max(1.0, sensor.reduced_chi2 or 1.0),
@@ -246,18 +181,9 @@ def testable(residuals):
     """Return which changes of the p parameters a log determines.
 
     The bias first, then scale factors, misalignments and each effect, as long as what is taken in
-    stays determined. What is left out is taken as the calibration has it, with its errors.
-
-    Returns
-    -------
-    basis : ndarray, shape (p, q)
-        Changes of the parameters, a column each.
-    names, units : tuple of str
-        Their names and SI units.
-    untested : tuple of str
-        Parameters that are not determined.
-    why : str or None
-        The reason.
+    stays determined. What is left out is taken as the calibration has it, with its errors. Gives
+    changes of the parameters, a column each, (p, q), their names and SI units, the names of the
+    parameters that are not determined, and the reason.
     """
     old, groups = residuals.old, residuals.groups()
     r, jacobian = residuals.function(old.x)
