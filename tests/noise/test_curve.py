@@ -50,13 +50,6 @@ def test_degrees_of_freedom_agree_with_greenhall_and_riley(term, alpha):
     assert edf == pytest.approx(expected, rel=0.025)
 
 
-def test_white_noise_sample_by_sample_is_exact():
-    """Squared first differences of white noise: variance 2 + 2 (1/2)^2 2 (M-1)/M over M."""
-    count = LENGTH - 1
-    found = CurveVariance.of([1], [LENGTH], 1.0).variance(np.array([0, 1.0, 0, 0, 0]))
-    assert found == pytest.approx([(2 + (count - 1) / count) / count])
-
-
 @pytest.mark.parametrize(
     "theta", [[0.2, 1, 0, 0, 0], [0, 1, 0, 3e-3, 0], [0, 1, 0, 0, 4e-5]], ids=["QN", "NK", "NR"]
 )

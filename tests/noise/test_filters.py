@@ -13,7 +13,6 @@ from imuloop.noise.filters import LONGEST, POINTS, SHORTEST, bounding
 # the times at which the bound is held, and nineteen between each two
 TAU = np.geomspace(SHORTEST, LONGEST, 20 * (POINTS - 1) + 1)
 HELD = TAU[::20]
-FLICKER = 2 * np.log(2) / np.pi
 
 
 def known(value):
@@ -95,26 +94,6 @@ def test_no_pair_exceeds_the_curve_less(noise):
 def test_white_noise_and_walk_alone_stay_as_they_are(N, K):
     assert bounding(AxisNoise(N=N, K=K)) == (N.size, K.size)
     assert bounding(AxisNoise(N=limited(0.0), K=limited(0.0))) == (0.0, 0.0)
-
-
-def test_flicker_alone_touches_the_lowest_point_of_the_bound():
-    # N^2/tau + K^2 tau/3 is least at tau = sqrt(3) N/K, where it is 2 N K/sqrt(3)
-    B = 4e-5
-    N, K = bounding(AxisNoise(N=limited(1e-9), K=limited(1e-9), B=known(B)))
-    assert 2 * N * K / np.sqrt(3) == pytest.approx(FLICKER * B**2, rel=1e-3)
-    assert np.sqrt(3) * N / K == pytest.approx(np.sqrt(SHORTEST * LONGEST), rel=0.05)
-
-
-def test_a_ramp_alone_is_reached_at_the_longest_time():
-    N, K = bounding(RAISED["ramp"])
-    assert N == 8e-5
-    assert K == pytest.approx(np.sqrt(1.5 * LONGEST) * 1e-7, rel=1e-9)
-
-
-def test_a_process_slower_than_the_range_is_a_walk():
-    N, K = bounding(replace(WHITE, K=limited(1e-9), gauss_markov=(process(2e-5, 1e5),)))
-    assert pytest.approx(8e-5, rel=1e-4) == N
-    assert pytest.approx(2e-5, rel=5e-3) == K
 
 
 def test_a_line_raises_nothing():

@@ -228,16 +228,6 @@ def test_mains_are_named(frequency, rate, name):
     assert mains(frequency, rate) == name
 
 
-def test_sampled_harmonics_lie_where_mains_says():
-    # the transform of a sampled harmonic, not the folding formula
-    t = np.arange(4000) / 130.0
-    for f0 in (50.0, 60.0):
-        for h in range(1, 6):
-            power = abs(np.fft.rfft(np.cos(2 * np.pi * h * f0 * t + 0.3)))
-            frequency = np.fft.rfftfreq(t.size, 1 / 130.0)[power.argmax()]
-            assert f"{f0:.0f} Hz mains" in mains(frequency, 130.0)
-
-
 def test_a_name_is_seldom_an_accident():
     rng = np.random.default_rng(8)
     for rate, bound in ((100.0, 0.035), (200.0, 0.035), (1000.0, 0.012), (76.0, 0.1)):

@@ -22,12 +22,6 @@ def test_means_do_not_cross_a_cut():
     assert list(found) == [1, 5, 2]
 
 
-def test_white_noise_means_have_the_expected_scatter():
-    figures = summary([np.random.default_rng(0).standard_normal(400_000)], rate=10.0)
-    assert figures["std_10s"] == pytest.approx(0.1, rel=0.05)
-    assert figures["std_100s"] == pytest.approx(0.1 / np.sqrt(10), rel=0.15)
-
-
 def runs(tilts, rates=(1e-3, 3e-3, 5e-3)):
     """Means of sessions tilted about x by these angles, degrees, with these rates about z."""
     return {

@@ -7,8 +7,6 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
-from imuloop.simulate.course import spread
-from imuloop.simulate.motion import shortest_turn
 from imuloop.simulate.simulate import true_motion
 from imuloop.simulate.truth import Disturbance, SessionTruth, Vibration, example_truth
 
@@ -65,26 +63,6 @@ def test_rests_are_still_and_read_gravity():
         np.testing.assert_allclose(motion.specific_force[samples] - force, 0, atol=1e-9)
 
 
-def test_moves_have_several_axes_and_linear_acceleration():
-    motion = motion_of(SessionTruth("multi_position", poses=20))
-    for first, last in moves(motion):
-        rate = motion.angular_rate[first : last + 1]
-        singular = np.linalg.svd(rate, compute_uv=False)
-        assert singular[1] > 0.01 * singular[0]
-        norm = np.linalg.norm(motion.specific_force[first : last + 1], axis=1)
-        assert np.ptp(norm) > 0.05
-
-
-def test_poses_cover_the_sphere():
-    motion = motion_of(SessionTruth("multi_position", poses=40))
-    up = motion.specific_force[(motion.rests["start_s"] * 100).round().astype(int)] / GRAVITY
-    anywhere = spread(2000, np.random.default_rng(1))
-    nearest = np.degrees(np.arccos(np.clip(anywhere @ up[1:].T, -1, 1)).min(axis=1))
-    # forty caps of equal area have a radius of 18 degrees
-    assert nearest.max() < 27
-    np.testing.assert_allclose(up[1:].T @ up[1:] / 40, np.eye(3) / 3, atol=0.02)
-
-
 def test_turn_about_the_vertical_hides_from_the_accelerometer():
     motion = motion_of(SessionTruth("multi_position", poses=8, turns_about_vertical=4))
     assert len(motion.rests) == 13
@@ -139,14 +117,6 @@ def test_disturbances_must_fit(times):
     disturbances = tuple(Disturbance("knock", t, 1.0) for t in times)
     with pytest.raises(ImuloopError, match="overlap or leave"):
         motion_of(SessionTruth("static", duration_s=10.0, disturbances=disturbances))
-
-
-@pytest.mark.parametrize("after", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.3, -0.4, 0.1)])
-def test_shortest_turn_brings_one_direction_to_the_other(after):
-    before, after = np.array([0, 0, 1.0]), np.array(after) / np.linalg.norm(after)
-    turn = shortest_turn(before, after)
-    np.testing.assert_allclose(Rotation.from_rotvec(turn).apply(after), before, atol=1e-12)
-    assert np.linalg.norm(turn) == pytest.approx(np.arccos(before @ after))
 
 
 def test_a_motor_shakes_its_share_of_the_poses_and_turns_nothing():

@@ -70,10 +70,12 @@ def _faults(calibration, sensor):
         yield str(error)
     if known.name != unit.name:
         yield f"raw_unit {unit.name} is that of increments"
-    if not (unit.scale > 0 and math.isclose(known.scale, unit.scale, rel_tol=1e-9)):
-        yield f"raw_unit {unit.name} has the scale {known.scale}, not {unit.scale}"
-    if known.offset != unit.offset:
-        yield f"raw_unit {unit.name} has the offset {known.offset}, not {unit.offset}"
+    same = known.offset == unit.offset and math.isclose(known.scale, unit.scale, rel_tol=1e-9)
+    if not (same and unit.scale > 0):
+        yield (
+            f"raw_unit {unit.name} has the scale {known.scale} and the offset {known.offset}, not "
+            f"{unit.scale} and {unit.offset}"
+        )
     for i in range(3):
         if abs(b[i] - unit.offset) * unit.scale > _LARGEST:
             yield f"b{i} is {b[i]:.4g}: no sensor has such a bias"
@@ -131,9 +133,6 @@ def _covariance_faults(calibration, sensor):
             yield f"covariance: the standard error {size:.4g} of {name} is of no sensor"
     with np.errstate(over="ignore"):
         share = matrix / std / std[:, None]
-    if not np.abs(share - share.T).max() <= _ROUNDING:
-        yield "covariance: the matrix is not symmetric"
-    if share[held].any() or np.abs(share).max() > 1 + _ROUNDING:
-        yield "covariance: the matrix has correlations above 1"
-    if np.linalg.eigvalsh(share)[0] < -_ROUNDING:
-        yield "covariance: the matrix is not positive semi-definite"
+    symmetric = np.abs(share - share.T).max() <= _ROUNDING and not share[held].any()
+    if not symmetric or np.linalg.eigvalsh(share)[0] < -_ROUNDING:
+        yield "covariance: the matrix is not symmetric and positive semi-definite"

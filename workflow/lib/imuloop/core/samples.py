@@ -6,7 +6,7 @@ rebuilt, `t_logged` is the time as stamped.
 """
 
 import json
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -78,10 +78,10 @@ def parquet_file(path, **options):
         ) from error
 
 
-def read_samples(path, columns=None):
-    """Return samples of a Parquet file as a DataFrame, all columns or only those named."""
+def read_samples(path):
+    """Return samples of a Parquet file as a DataFrame."""
     with parquet_file(path) as file:
-        return file.read(columns and list(columns)).to_pandas()
+        return file.read().to_pandas()
 
 
 def read_columns(path, columns=None):
@@ -117,7 +117,8 @@ class Samples:
             groups = range(self._metadata.num_row_groups)
             rows = [self._metadata.row_group(g).num_rows for g in groups]
             self._edges = np.cumsum([0, *rows])
-            self._held = {}
+            # a range across two groups is read again half a range later
+            self._held_group = lru_cache(3)(self._group)
         self.names = tuple(self._metadata.schema.names if self._metadata else self._table)
 
     def __len__(self):
@@ -144,17 +145,6 @@ class Samples:
         with parquet_file(self._table, metadata=self._metadata, pre_buffer=False) as file:
             table = file.read_row_group(g, columns=list(names), use_threads=False)
         return np.array([table[name].to_numpy() for name in names], float)
-
-    def _held_group(self, names, g):
-        """Return columns of a row group, of which the last three are held.
-
-        A range across two groups is read again half a range later.
-        """
-        if (names, g) not in self._held:
-            while len(self._held) > 2:
-                del self._held[next(iter(self._held))]
-            self._held[names, g] = self._group(names, g)
-        return self._held[names, g]
 
     def read(self, names, first, last):
         """Return columns of a range of rows, shape (len(names), last - first)."""

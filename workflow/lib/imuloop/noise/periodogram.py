@@ -236,9 +236,8 @@ def _squares(x):
 def _filled(sampling, values, padded, size):
     """Return a session over `size`, levels and slope removed, zeros in the gaps and behind."""
     starts, lengths, level = np.array(sampling.starts), np.array(sampling.lengths), sampling.level
-    middles, counts = starts + (lengths - 1) / 2, np.bincount(level, lengths)
-    x_mean = (np.bincount(level, [np.sum(x) for x in values]) / counts)[level]
-    t_mean = (np.bincount(level, lengths * middles) / counts)[level]
+    middles, x_mean = starts + (lengths - 1) / 2, sampling.level_means(values)[level]
+    t_mean = (np.bincount(level, lengths * middles) / np.bincount(level, lengths))[level]
     # chunk by chunk: the times of a record of days need not be there at once
     parts = [(i, part, starts[i] - t_mean[i]) for i, part in sampling.parts]
     upper = sum(

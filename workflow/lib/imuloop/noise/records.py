@@ -144,16 +144,14 @@ def _parted(t, first, last):
 
 def static_records(sessions, notes):
     """Return the Record of each static session that holds a rest, else note that it holds none."""
-    found = []
-    for session in sessions:
-        if session.kind != "static":
-            continue
-        record = record_of(session) if len(session.samples) else None
-        if record is None:
-            notes.append(f"static session {session.name} holds no rest and is left out")
-        else:
-            found.append(record)
-    return found
+    static = [session for session in sessions if session.kind == "static"]
+    found = {s.name: record_of(s) if len(s.samples) else None for s in static}
+    notes += [
+        f"static session {name} holds no rest and is left out"
+        for name, record in found.items()
+        if record is None
+    ]
+    return [record for record in found.values() if record is not None]
 
 
 def all_rests(sessions, notes):

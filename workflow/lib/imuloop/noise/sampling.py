@@ -14,22 +14,15 @@ CHUNK = 8192
 
 @dataclass(frozen=True)
 class Sampling:
-    """Clean stretches of one session on its grid of samples; gaps keep their place in time.
+    """Clean stretches of one session on its grid of samples; gaps keep their place in time."""
 
-    Attributes
-    ----------
-    rate : float
-        Sampling rate, Hz.
-    starts, lengths : tuple of int
-        First sample of each stretch, counted from the session's start, and its samples.
-    levels : tuple of int
-        Stretches of equal number share a level (across a gap); a disturbance may have moved the
-        device, so that a new number, hence a level of its own, begins after it.
-    """
-
+    # Hz
     rate: float
+    # first sample of each stretch, counted from the session's start, and its samples
     starts: tuple[int, ...]
     lengths: tuple[int, ...]
+    # stretches of equal number share a level (across a gap); a disturbance may have moved the
+    # device, so that a new number, hence a level of its own, begins after it
     levels: tuple[int, ...]
 
     @property
@@ -41,6 +34,11 @@ class Sampling:
     def level(self):
         """The level of each stretch as 0, 1, ..., shape (s,)."""
         return np.unique(self.levels, return_inverse=True)[1]
+
+    def level_means(self, values):
+        """Return the mean of each level, of the values of each stretch."""
+        sums = [np.sum(x) for x in values]
+        return np.bincount(self.level, sums) / np.bincount(self.level, self.lengths)
 
     @property
     def parts(self):

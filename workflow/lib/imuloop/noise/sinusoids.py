@@ -152,7 +152,7 @@ def _baseband(sampling, values, frequency):
     first, last = sampling.extent
     width = -(-(last - first + 1) // BINS)
     size = -(-(last - first + 1) // width)
-    means = _level_means(sampling, values)
+    means = sampling.level_means(values)
     sums, number = np.zeros(size, complex), np.zeros(size)
     for group, sample, _, (cosine, sine) in _chunks(sampling, frequency):
         x, level = _values(sampling, values, group)
@@ -164,7 +164,7 @@ def _baseband(sampling, values, frequency):
 
 def _products(sampling, values, frequency):
     """Return the products of x, u, cosine, sine, u cosine, u sine without the levels' means."""
-    means = _level_means(sampling, values)
+    means = sampling.level_means(values)
     gram, sums = np.zeros((6, 6)), np.zeros((6, means.size))
     for group, _, u, waves in _chunks(sampling, frequency):
         x, level = _values(sampling, values, group)
@@ -172,12 +172,6 @@ def _products(sampling, values, frequency):
         gram += columns @ columns.T
         sums += [np.bincount(level, c, means.size) for c in columns]
     return gram - (sums / np.bincount(sampling.level, sampling.lengths)) @ sums.T
-
-
-def _level_means(sampling, values):
-    """Return the mean of each level."""
-    sums = [np.sum(x) for x in values]
-    return np.bincount(sampling.level, sums) / np.bincount(sampling.level, sampling.lengths)
 
 
 def _values(sampling, values, group):
