@@ -6,6 +6,7 @@ from imuloop.calibrate.poses import gather_poses
 from imuloop.core.samples import read_columns
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.pose_tables import MOVES, poses_table
+from imuloop.report.verdict import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 GAIN = "rad/s per m/s^2"
@@ -17,7 +18,7 @@ SIZES = {
 }
 # share of a twin, and what a residual goes with
 SHARE, PROBE = 0.97, 0.62
-BLANK = {"residuals": {}, "effects": [], "candidates": []}
+BLANK = UNTESTED | {"residuals": {}}
 WORKS = "lowers the residual in the fit and on held-out poses"
 TWIN = "in these data it could stand in for g_sensitivity: neither adds to the other"
 
@@ -134,6 +135,7 @@ def pose_diagnosis(gain):
             ],
             "candidates": turn,
             "confounded": [{"effect": "earth_rate", "with": "g_sensitivity", "share": SHARE}],
+            "correlates": [],
         },
     }
 
@@ -203,8 +205,8 @@ def static_diagnosis(sensor, sessions, verdict, rng):
     block["points"] = [p for s in sessions for p in _means(s, size, fall, found, rng)]
     if verdict in ("unexplained", "partly_explained"):
         block["correlates"] = [
-            {"name": "temperature_rate", "columns": 3, "share": PROBE, "p_value": 0.0},
-            {"name": "time", "columns": 6, "share": 0.04, "p_value": 0.3},
+            {"name": "temperature_rate", "residual": "bias", "share": PROBE, "p_value": 0.0},
+            {"name": "time", "residual": "bias", "share": 0.04, "p_value": 0.3},
         ]
     if found:
         name, constants = "bias_temperature", {"order": 1, "reference_temperature": 25.0}
@@ -242,4 +244,5 @@ def _coefficients(size):
     limit = {"value": None, "ci95": None, "upper95": size, "identifiable": False}
     ends = [0.9 * size, 1.1 * size]
     known = {"value": size, "ci95": ends, "upper95": ends[1], "identifiable": True}
-    return {"Q": limit, "N": known, "B": known, "K": limit, "R": limit}
+    terms = {"Q": limit, "N": known, "B": known, "K": limit, "R": limit}
+    return terms | {"gauss_markov": [], "sinusoid": []}

@@ -21,6 +21,8 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.export.export import write_exports
+from imuloop.noise.noise import no_noise
+from imuloop.validate.attitude import no_attitude
 from report.plausible_diagnosis import BLANK, pose_diagnosis, pose_tables, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_views, statistics
 
@@ -89,6 +91,16 @@ def _session(folder, device, session, kind, rng):
         "duration_s": t[-1] if len(t) else 0.0,
         "rate_hz": RATE,
         "warnings": ["1 gaps, 20 s together <i>"] if kind == "static" else [],
+        "misdeclared": False,
+        "simulated": warm,
+        "start": None,
+        "log_format": "csv",
+        "units": {},
+        "clock": None,
+        "temperature_range": None,
+        "constant": [],
+        "faults": {},
+        **dict.fromkeys(("duplicates", "out_of_order", "bad_lines", "outside_time_range"), 0),
         "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
         "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
         "non_finite": 3,
@@ -96,12 +108,15 @@ def _session(folder, device, session, kind, rng):
         "treatment": "Rows that are not finite are dropped and counted.",
     }
     write_json(path / "quality.json", quality)
-    if kind == "static" and not rejected:
-        allan = _allan(list(DEVICES).index(device))
-        allan.to_parquet(path / "allan.parquet")
+    allan = _allan(list(DEVICES).index(device))
+    if rejected or kind != "static":
+        allan = allan[:0]
+    allan.to_parquet(path / "allan.parquet")
+    if session == next(iter(DEVICES[device][1])):
+        views = pd.DataFrame(no_noise(device, [session]).views[session])
         if device == "board":
-            views = plausible_views(samples, RATE, allan).assign(session=path.name)
-            views.to_parquet(path.parent / "views.parquet")
+            views = plausible_views(samples, RATE, allan)
+        views.assign(session=session).to_parquet(path.parent / "views.parquet")
 
 
 def _signal(t, kind, rng):
@@ -161,10 +176,11 @@ def _noise(device):
     session = next(iter(DEVICES[device][1]))
     if device == "board":
         return plausible_noise(device, session, RATE, axes)
-    # what a noise stage may leave without an answer: null in one device, absent in the others
-    unknown = ("rate_hz", "curve_fit", "spectrum", "uncut", "repeatability")
+    # what a noise stage may leave without an answer
     return {
-        **(dict.fromkeys(unknown) if device == "still" else {}),
+        **dict.fromkeys(("rate_hz", "uncut", "repeatability")),
+        "curve_fit": {},
+        "spectrum": {},
         "format": 1,
         "device": device,
         "axes": axes,
@@ -214,6 +230,8 @@ def _device(folder, device, sessions, rng):
     multi.to_json(folder / "multi_position.json")
     final.to_json(folder / "calibration.json")
     write_json(folder / "noise.json", _noise(device))
+    tables["attitude"] = no_attitude(device, FEW)[1]
+    write_json(folder / "attitude.json", no_attitude(device, FEW)[0])
     for name, columns in tables.items():
         write_table(folder / f"{name}.parquet", columns)
     write_json(folder / "diagnosis.json", {"format": 1, "device": device, "sensors": diagnosis})
