@@ -5,8 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.export.densities import UNITS
-from imuloop.export.exported import for_filter
+from imuloop.export.exported import UNITS, for_filter
 from imuloop.report.figures.allan import curve
 from imuloop.report.numbers import sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
