@@ -1,9 +1,7 @@
 """The folder of a device's exports: a file per tool, and README.txt that says what is in them."""
 
 import hashlib
-import os
 import shutil
-import tempfile
 from pathlib import Path
 
 # a calibration may hold any effect of the library
@@ -81,25 +79,16 @@ def no_files(device, reason):
 
 
 def write_exports(folder, files, failed=None):
-    """Write the files into `folder` in one step, in the place of what it held before, and a list.
+    """Write the files into `folder`, in the place of what it held before, and a list of them.
 
     The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name, and
     what `failed` where there is nothing to write.
     """
     folder = Path(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    # of a run that was killed
-    for left in folder.parent.glob(f".{folder.name}.*"):
-        shutil.rmtree(left, ignore_errors=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-        # made by hand: what tempfile makes is for its owner alone
-        new = Path(temporary) / "new"
-        new.mkdir()
-        for name, text in files.items():
-            (new / name).write_text(text, encoding="utf-8", newline="\n")
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.rename(new, folder)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     write_json(
         folder.with_suffix(".json"), {"sha256": hashes} | ({"failed": failed} if failed else {})
