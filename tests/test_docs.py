@@ -47,7 +47,7 @@ ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imu
 # folders that a run makes
 MADE = ("results/", "data/simulated", "data/cache", ".venv")
 # files that an export writes
-EXPORTS = [each.FILE for each in FORMATS]
+EXPORTS = [each.file for each in FORMATS]
 
 
 def each_document():

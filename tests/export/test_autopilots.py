@@ -19,7 +19,7 @@ from export.devices import (
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
 from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.export import ardupilot, px4
+from imuloop.export.autopilots import ARDUPILOT, PX4
 
 # float32: half a unit of its last place, relative
 HALF = 2.0**-24
@@ -32,7 +32,7 @@ def vector(found, form, keys="XYZ"):
 
 
 class Px4:
-    module = px4
+    format = PX4
 
     @staticmethod
     def load(text):
@@ -68,7 +68,7 @@ class Px4:
 
 
 class ArduPilot:
-    module = ardupilot
+    format = ARDUPILOT
 
     @staticmethod
     def load(text):
@@ -128,18 +128,18 @@ def corrects_as(tool, found, board, effects, held=(COLD, WARM), sensors=SENSORS)
 
 def test_the_same_calibrated_samples_but_for_what_it_does_not_carry(tool):
     for board, effects in ((warm_device(), BIAS), (device(), ())):
-        corrects_as(tool, tool.load(tool.module.text(board)), board, effects)
+        corrects_as(tool, tool.load(tool.format.text(board)), board, effects)
 
 
 def test_a_reference_outside_the_data(tool):
     hot = fitted(BiasTemperature(3, 80.0), (5e-3, 1e-5, 1e-6))
     board = warm_device(accelerometer=(hot,))
-    corrects_as(tool, tool.load(tool.module.text(board)), board, BIAS)
+    corrects_as(tool, tool.load(tool.format.text(board)), board, BIAS)
 
 
 def test_temperatures_are_held_to_those_at_which_the_effect_was_seen(tool):
     ends = {"accelerometer": (10.0, 30.0), "gyroscope": (5.0, 25.0)}
-    found = tool.load(tool.module.text(narrow_device(**ends)))
+    found = tool.load(tool.format.text(narrow_device(**ends)))
     for name in SENSORS:
         # ArduPilot has one pair for both
         span = ends[name] if tool is Px4 else (10.0, 25.0)
@@ -148,20 +148,20 @@ def test_temperatures_are_held_to_those_at_which_the_effect_was_seen(tool):
 
 
 def test_without_a_range_of_its_own_an_effect_has_that_of_the_logs(tool):
-    found = tool.load(tool.module.text(warm_device()))
+    found = tool.load(tool.format.text(warm_device()))
     assert {tool.temperature_span(found, name) for name in SENSORS} == {(COLD, WARM)}
-    found = tool.load(tool.module.text(replace(narrow_device(), temperature_range=None)))
+    found = tool.load(tool.format.text(replace(narrow_device(), temperature_range=None)))
     assert tool.temperature_span(found, "accelerometer") == (10, 30)
 
 
 def test_a_polynomial_of_unknown_range_is_not_written(tool):
-    text = tool.module.text(replace(warm_device(), temperature_range=None))
+    text = tool.format.text(replace(warm_device(), temperature_range=None))
     assert not any(name.startswith(("TC_", "INS_TCAL")) for name in tool.load(text))
     assert "Not carried of the accelerometer: bias_temperature" in text
 
 
 def test_ardupilots_one_range_is_what_both_effects_have_in_common():
-    load, text = ArduPilot.load, ardupilot.text
+    load, text = ArduPilot.load, ARDUPILOT.text
     one = load(text(narrow_device(warm_device(gyroscope=()), (12.0, 28.0))))
     assert ArduPilot.temperature_span(one, "accelerometer") == (12, 28)
     # no old coefficients of the other are left
@@ -176,14 +176,14 @@ def test_values_are_float32_to_the_last_bit(tool):
     sensor = device().sensor("accelerometer")
     # digits that no shorter text holds
     K, b = sensor.K * np.pi / 3, 32768 + np.array([11.0, -7.0, 3.0]) / 7
-    found = tool.load(tool.module.text(with_sensor(device(), "accelerometer", K=K, b=b)))
+    found = tool.load(tool.format.text(with_sensor(device(), "accelerometer", K=K, b=b)))
     offset, scale = tool.offset_and_scale(found, "accelerometer")
     assert (offset == ((b - 32768) * 0.0024).astype(np.float32)).all()
     assert (scale == (K / 0.0024).astype(np.float32)).all()
 
 
 def test_what_it_cannot_carry_is_said(tool):
-    text = tool.module.text(warm_device())
+    text = tool.format.text(warm_device())
     for words in (
         "Not carried of the accelerometer: misalignment T",
         "Not carried of the accelerometer: scale_temperature",
@@ -200,7 +200,7 @@ def test_a_sensor_that_was_not_calibrated_keeps_the_vehicles_values(tool):
     nominal = SensorCalibration.nominal(sensor.raw_unit, "too few poses")
     nominal = replace(nominal, effects=sensor.effects)
     board = replace(board, calibration=replace(board.calibration, accelerometer=nominal))
-    text = tool.module.text(board)
+    text = tool.format.text(board)
     found = tool.load(text)
     assert not any("ACC0" in name or name.startswith("INS_ACC") for name in found)
     assert "TC_A0_X1_0" in found or "INS_TCAL1_ACC1_X" in found
@@ -209,8 +209,8 @@ def test_a_sensor_that_was_not_calibrated_keeps_the_vehicles_values(tool):
 
 def test_pymavlinks_reader_reads_the_same(tmp_path):
     mavparm = pytest.importorskip("pymavlink.mavparm")
-    path = tmp_path / ardupilot.FILE
-    path.write_text(ardupilot.text(warm_device("Board # 1, 2 = 3")), encoding="utf-8")
+    path = tmp_path / ARDUPILOT.file
+    path.write_text(ARDUPILOT.text(warm_device("Board # 1, 2 = 3")), encoding="utf-8")
     parameters = mavparm.MAVParmDict()
     assert parameters.load(str(path))
     found = {name: np.float32(value) for name, value in parameters.items()}

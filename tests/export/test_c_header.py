@@ -19,7 +19,7 @@ from export.devices import (
 )
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.export import c_header
+from imuloop.export.c_header import C_HEADER, EFFECTS
 
 # reads raw values of both sensors and the temperature, writes calibrated ones, as doubles
 PROGRAM = """
@@ -46,7 +46,7 @@ def calibrated(tmp_path):
     compiler = shutil.which("cc") or pytest.skip("no C compiler `cc` on this machine")
 
     def run(board, table):
-        (tmp_path / c_header.FILE).write_text(c_header.text(board), encoding="utf-8")
+        (tmp_path / C_HEADER.file).write_text(C_HEADER.text(board), encoding="utf-8")
         (tmp_path / "main.c").write_text(PROGRAM.replace("NAME", board.device.replace("-", "_")))
         command = [compiler, *FLAGS, "main.c", "-o", "main"]
         made = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
@@ -90,19 +90,19 @@ def test_it_computes_what_the_calibration_does(board, calibrated):
 
 
 def test_the_range_of_an_effect_is_not_taken_for_that_of_the_logs():
-    text = c_header.text(narrow_device())
+    text = C_HEADER.text(narrow_device())
     assert "Temperatures of the logs: -5 to 45 degC" in text
     assert "bias_temperature was seen from 10 to 30 degC; held to that" in text
-    assert "was seen" not in c_header.text(warm_device())
+    assert "was seen" not in C_HEADER.text(warm_device())
 
 
 def test_effects_with_a_memory_are_left_out_and_said(calibrated):
     shape = find_effect("bias_temperature_rate")(tau=30.0)
     lag = FittedEffect(shape, dict.fromkeys(shape.parameters, 0.1), {})
     board, table = warm_device(gyroscope=(g_sensitivity(), lag)), warm_samples()
-    applied = carried(board, tuple(c_header.EFFECTS)).apply(table)[list(CHANNELS)]
+    applied = carried(board, tuple(EFFECTS)).apply(table)[list(CHANNELS)]
     np.testing.assert_allclose(calibrated(board, table), applied, rtol=0, atol=1e-14 * 40)
-    assert "Not carried of the gyroscope: bias_temperature_rate" in c_header.text(board)
+    assert "Not carried of the gyroscope: bias_temperature_rate" in C_HEADER.text(board)
 
 
 @pytest.mark.parametrize("label", [HOSTILE, "*/ int x; /*", "/*/", "*??/", "a // b \\"])

@@ -6,8 +6,8 @@ import pytest
 from export.devices import carried, device, narrow_device, samples
 from export.test_densities import opencv
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
-from imuloop.export import openvins
 from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
+from imuloop.export.openvins import OPENVINS
 
 
 @pytest.mark.parametrize(
@@ -27,12 +27,12 @@ def test_imu_tk(sensor, written):
     below = "\n".join(text.splitlines()[12:])
     assert all(line.startswith("#") for line in below.splitlines())
     assert f"{board.sensor(sensor).raw_unit.name}, to subtract" in below
-    assert ("Effect not carried: g_sensitivity" in below) == (sensor == "gyroscope")
+    assert ("Not carried of the gyroscope: g_sensitivity" in below) == (sensor == "gyroscope")
 
 
 def through_openvins(exported, table):
     """Return specific force and angular rate as Propagator::predict_and_compute has them."""
-    content = openvins.text(exported)
+    content = OPENVINS.text(exported)
     imu = opencv(content)["imu0"]
     Ta, Tw, Tg, to_acc, to_gyro = (
         np.array(imu[key]) for key in ("Ta", "Tw", "Tg", "R_IMUtoACC", "R_IMUtoGYRO")
@@ -66,7 +66,7 @@ def test_openvins(board):
 def test_the_range_that_openvins_cannot_hold_is_said():
     board = narrow_device()
     seen = board.sensor("gyroscope").effects[1].seen
-    text = openvins.text(board)
+    text = OPENVINS.text(board)
     line = next(line for line in text.splitlines() if "g_sensitivity was seen" in line)
     assert line.endswith("m/s^2; OpenVINS holds it to no range")
     for axis, (low, high) in zip("xyz", (seen[f"G0{j}"] for j in range(3)), strict=True):

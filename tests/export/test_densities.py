@@ -23,14 +23,8 @@ from export.devices import (
 )
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
-from imuloop.export import (
-    allan_variance_ros,
-    kalibr,
-    openvins,
-    orb_slam3,
-    ros_covariance,
-    vins_fusion,
-)
+from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
+from imuloop.export.openvins import OPENVINS
 
 WORST = {"acc_n": N["az"], "gyr_n": N["gy"], "acc_w": K["ax"], "gyr_w": K["gz"]}
 KALIBR_KEYS = {
@@ -45,9 +39,9 @@ ORB_KEYS = {
     "acc_w": "IMU.AccWalk",
     "gyr_w": "IMU.GyroWalk",
 }
-KEYS = {orb_slam3: ORB_KEYS, vins_fusion: {key: key for key in WORST}}
+KEYS = {ORB_SLAM3: ORB_KEYS, VINS_FUSION: {key: key for key in WORST}}
 FORMATS = pytest.mark.parametrize(
-    "module", [kalibr, allan_variance_ros, orb_slam3, vins_fusion, openvins]
+    "form", [KALIBR, ALLAN_VARIANCE_ROS, ORB_SLAM3, VINS_FUSION, OPENVINS]
 )
 RAISED = "so that N and K bound its Allan curve from 0.1 s to 1000 s"
 
@@ -66,29 +60,29 @@ def opencv(text):
     return yaml.safe_load(rest)
 
 
-def read(module, board):
+def read(form, board):
     """Return what a tool reads, and the continuous densities and walks in it."""
-    text = module.text(board)
+    text = form.text(board)
     content = opencv(text) if text.startswith("%") else yaml.safe_load(text)
     content = content.get("imu0", content)
-    factor = RATE**-0.5 if module is vins_fusion else 1.0
-    names = KEYS.get(module, KALIBR_KEYS)
+    factor = RATE**-0.5 if form is VINS_FUSION else 1.0
+    names = KEYS.get(form, KALIBR_KEYS)
     return content, {key: content[name] * factor for key, name in names.items()}
 
 
 @FORMATS
-def test_a_tool_reads_the_densities_of_the_worst_axes(module):
-    content, found = read(module, without_flicker(device()))
+def test_a_tool_reads_the_densities_of_the_worst_axes(form):
+    content, found = read(form, without_flicker(device()))
     assert found == pytest.approx(WORST, rel=1e-15)
-    if module is not vins_fusion:
+    if form is not VINS_FUSION:
         assert content.get("update_rate", content.get("IMU.Frequency")) == RATE
-    if module is orb_slam3:
+    if form is ORB_SLAM3:
         # it ends where a number is an integer
         assert all(type(value) is float for value in content.values())
 
 
 def test_orb_slam3_and_kalibr_expect_the_variance_of_our_noise():
-    content, _ = read(orb_slam3, without_flicker(device()))
+    content, _ = read(ORB_SLAM3, without_flicker(device()))
     # new IMU::Calib(Tbc, Ng*sf, Na*sf, Ngw/sf, Naw/sf); a step adds dt^2 Na^2 and Naw^2
     root, steps = content["IMU.Frequency"] ** 0.5, RATE
     velocity = steps * (content["IMU.NoiseAcc"] * root / RATE) ** 2
@@ -96,13 +90,13 @@ def test_orb_slam3_and_kalibr_expect_the_variance_of_our_noise():
     assert velocity == pytest.approx(N["az"] ** 2, rel=1e-12)
     assert bias == pytest.approx(K["gz"] ** 2, rel=1e-12)
     # Kalibr's discrete value, as getAccelerometerStatistics has it
-    content, _ = read(kalibr, without_flicker(device()))
+    content, _ = read(KALIBR, without_flicker(device()))
     discrete = content["accelerometer_noise_density"] / (1 / content["update_rate"]) ** 0.5
     assert discrete == pytest.approx(N["az"] * RATE**0.5, rel=1e-15)
 
 
 def test_vins_fusion_expects_the_variance_of_our_noise():
-    content, _ = read(vins_fusion, without_flicker(device()))
+    content, _ = read(VINS_FUSION, without_flicker(device()))
     steps, dt = RATE, 1 / RATE
     for noise, walk in (("acc_n", "acc_w"), ("gyr_n", "gyr_w")):
         # V noise V^T: 0.5 dt of each of two samples, as if they were others in the next step
@@ -113,7 +107,7 @@ def test_vins_fusion_expects_the_variance_of_our_noise():
 
 
 def test_ros_has_the_variance_of_white_noise_at_that_rate():
-    text = ros_covariance.text(device())
+    text = ROS.text(device())
     content = yaml.safe_load(text)
     for key, axes in (
         ("linear_acceleration_covariance", ACCELERATION),
@@ -123,53 +117,53 @@ def test_ros_has_the_variance_of_white_noise_at_that_rate():
         variance = np.diag([N[axis] ** 2 * RATE for axis in axes])
         np.testing.assert_allclose(np.reshape(content[key], (3, 3)), variance, rtol=1e-15)
     assert content["orientation_covariance"] == [-1.0] + [0.0] * 8
-    assert yaml.safe_load(ros_covariance.text(device(HOSTILE))) == content
+    assert yaml.safe_load(ROS.text(device(HOSTILE))) == content
     with pytest.raises(Lacking, match="rate"):
-        ros_covariance.text(replace(device(), rate_hz=None))
+        ROS.text(replace(device(), rate_hz=None))
 
 
 @FORMATS
-def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(module):
+def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(form):
     board, tau = device(), np.geomspace(0.1, 1000, 201)
-    _, found = read(module, board)
+    _, found = read(form, board)
     for letter, channels in zip(("acc", "gyr"), SENSORS.values(), strict=True):
         bound = found[f"{letter}_n"] ** 2 / tau + found[f"{letter}_w"] ** 2 * tau / 3
         for axis in channels:
             assert (bound >= (1 - 1e-9) * board.noise.axes[axis].allan_variance(tau)).all(), axis
     # flicker stands far above white noise and walk of this gyroscope alone
     assert found["gyr_n"] > 1.3 * WORST["gyr_n"]
-    lines = module.text(device()).splitlines()
-    unit = RATE**0.5 if module is vins_fusion else 1.0
+    lines = form.text(device()).splitlines()
+    unit = RATE**0.5 if form is VINS_FUSION else 1.0
     (line,) = [x for x in lines if x.strip().startswith(("gyr_n:", "IMU.NoiseGyro", "gyroscope_n"))]
     assert line.endswith(f"worst axis: gy; raised from {N['gy'] * unit:.3g} {RAISED}")
-    assert "raised from" not in module.text(without_flicker(device()))
+    assert "raised from" not in form.text(without_flicker(device()))
 
 
 @FORMATS
-def test_a_bias_that_moves_from_run_to_run_says_where_a_filter_begins(module):
+def test_a_bias_that_moves_from_run_to_run_says_where_a_filter_begins(form):
     begin = "3 runs): start a filter's bias with this standard deviation"
-    text = module.text(power_cycled(device()))
+    text = form.text(power_cycled(device()))
     for sensor, unit in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s")):
         sizes = f"0.01, 0, 0.002 {unit}"
         line = f"# {sensor}: turn-on bias, run to run {sizes} (1 sigma of x, y, z; {begin}\n"
         assert text.count(line) == 1
-    assert "turn-on bias" not in module.text(device())
+    assert "turn-on bias" not in form.text(device())
 
 
 def test_a_walk_that_was_not_seen_is_said_to_be_a_limit():
-    for module, key in ((kalibr, "gyroscope_random_walk"), (orb_slam3, "IMU.GyroWalk")):
-        line = next(x for x in module.text(device()).splitlines() if x.startswith(key))
+    for form, key in ((KALIBR, "gyroscope_random_walk"), (ORB_SLAM3, "IMU.GyroWalk")):
+        line = next(x for x in form.text(device()).splitlines() if x.startswith(key))
         assert line.endswith("worst axis: gz, not seen: its 95 % upper limit")
-    text = allan_variance_ros.text(device())
+    text = ALLAN_VARIANCE_ROS.text(device())
     assert f"# gx: N, white noise, {N['gx']!r} rad/s/sqrt(Hz)\n" in text
     assert "# ay: K, random walk of the bias, 3.0e-05 m/s^3/sqrt(Hz) (95 % upper limit)\n" in text
 
 
 @FORMATS
-def test_what_is_not_carried_is_said_and_a_label_adds_nothing(module):
-    text = module.text(device(effects=(warm_bias(),)))
+def test_what_is_not_carried_is_said_and_a_label_adds_nothing(form):
+    text = form.text(device(effects=(warm_bias(),)))
     assert "bias_temperature: e_i = " in text
     assert "raised for flicker, Gauss-Markov processes, Q and R" in text
-    assert read(module, device(HOSTILE)) == read(module, device())
+    assert read(form, device(HOSTILE)) == read(form, device())
     with pytest.raises(Lacking):
-        module.text(unknown())
+        form.text(unknown())

@@ -24,7 +24,8 @@ from export.devices import (
 from imuloop.core.noise_model import Coefficient, GaussMarkov
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.export import gnss_ins_sim, matlab_imu_sensor
+from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
+from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR
 
 # flicker of every axis of the device
 B = 3e-5
@@ -40,7 +41,7 @@ def allan(x, m):
 def dictionary(text):
     """Return what the file of gnss-ins-sim makes; as bytes, so that a line on encoding counts."""
     names = {}
-    exec(compile(text.encode(), gnss_ins_sim.FILE, "exec"), names)
+    exec(compile(text.encode(), GNSS_INS_SIM.file, "exec"), names)
     return names["imu_err"]
 
 
@@ -60,7 +61,7 @@ def errors(model):
 
 def test_gnss_ins_sim_has_our_bias_and_white_noise():
     board = device()
-    found = errors(dictionary(gnss_ins_sim.text(board)))
+    found = errors(dictionary(GNSS_INS_SIM.text(board)))
     for name, axes in SENSORS.items():
         sensor, each = board.sensor(name), found[SHORT[name]]
         # what the log shows at truth zero, but for T, K and effects
@@ -68,12 +69,12 @@ def test_gnss_ins_sim_has_our_bias_and_white_noise():
         np.testing.assert_allclose(each["b"], bias, rtol=1e-14)
         np.testing.assert_allclose(each["white"], [N[axis] for axis in axes], rtol=1e-14)
         assert (each["corr"] == 100).all()
-    text = gnss_ins_sim.text(board)
+    text = GNSS_INS_SIM.text(board)
     assert "Not carried of the gyroscope: g_sensitivity" in text and "scale factor K" in text
 
 
 def test_gnss_ins_sim_has_a_process_whose_peak_is_the_floor_of_flicker():
-    accel = errors(dictionary(gnss_ins_sim.text(device())))["accel"]
+    accel = errors(dictionary(GNSS_INS_SIM.text(device())))["accel"]
     u = np.linspace(1, 3, 2001)
     # IEEE Std 952-1997, C.1.5, of standard deviation 1
     variance = 2 / u * (1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u))
@@ -86,7 +87,7 @@ def test_gnss_ins_sim_takes_a_gauss_markov_process_as_it_is():
     known = [Coefficient(value, None, value, True) for value in (3e-6, 40.0, 2e-6, 900.0)]
     both = GaussMarkov(known[0], known[1]), GaussMarkov(known[2], known[3])
     axes = dict(board.noise.axes, gy=replace(board.noise.axes["gy"], gauss_markov=both))
-    text = gnss_ins_sim.text(replace(board, noise=replace(board.noise, axes=axes)))
+    text = GNSS_INS_SIM.text(replace(board, noise=replace(board.noise, axes=axes)))
     gyro = errors(dictionary(text))["gyro"]
     assert gyro["corr"].tolist() == [100.0, 900.0, 100.0]
     # stationary: q^2 T / 2
@@ -95,10 +96,10 @@ def test_gnss_ins_sim_takes_a_gauss_markov_process_as_it_is():
 
 @pytest.mark.parametrize("label", [HOSTILE, "coding: utf-16", "coding=nonsense"])
 def test_a_label_adds_no_statement_to_python(label):
-    plain, other = (dictionary(gnss_ins_sim.text(device(each))) for each in ("Board", label))
+    plain, other = (dictionary(GNSS_INS_SIM.text(device(each))) for each in ("Board", label))
     assert str(plain) == str(other)
     # nor does the file hide a package
-    assert gnss_ins_sim.FILE.removesuffix(".py") not in ("gnss_ins_sim", *sys.stdlib_module_names)
+    assert GNSS_INS_SIM.file.removesuffix(".py") not in ("gnss_ins_sim", *sys.stdlib_module_names)
 
 
 def assigned(text):
@@ -115,7 +116,7 @@ def assigned(text):
 
 def imu_sensor(board, truth):
     """Return the log that imuSensor without noise gives of the truth, a table of samples."""
-    found, logged = assigned(matlab_imu_sensor.text(board)), truth.copy()
+    found, logged = assigned(MATLAB_IMU_SENSOR.text(board)), truth.copy()
     warmer = truth["temperature"].to_numpy()[:, None] - 25
     f = truth[list(ACCELERATION)].to_numpy()
     # it reads gravity less acceleration, the negative of specific force
@@ -143,13 +144,13 @@ def test_imu_sensor_has_the_tangent_of_a_curve_at_the_reference():
     back = carried(board, ("bias_temperature",)).apply(imu_sensor(board, truth))
     # the curvature over a thousandth of a kelvin
     np.testing.assert_allclose(back, truth, rtol=0, atol=2e-4 * 1e-6)
-    text = matlab_imu_sensor.text(board)
+    text = MATLAB_IMU_SENSOR.text(board)
     assert "Not carried of bias_temperature: its curvature" in text
     assert "Not carried of the accelerometer: scale_temperature" in text
 
 
 def test_the_range_that_imu_sensor_cannot_hold_is_said():
-    text = matlab_imu_sensor.text(narrow_device(gyroscope=(5.0, 25.0)))
+    text = MATLAB_IMU_SENSOR.text(narrow_device(gyroscope=(5.0, 25.0)))
     comments = [line.partition("% ")[2] for line in text.splitlines() if "was seen" in line]
     bias = "bias_temperature was seen from {} to {} degC; imuSensor holds it to no range"
     assert comments[:2] == [bias.format(10, 30), bias.format(5, 25)]
@@ -158,7 +159,7 @@ def test_the_range_that_imu_sensor_cannot_hold_is_said():
 
 def test_imu_sensors_noise_has_the_allan_deviation_of_our_model():
     board = device()
-    found = assigned(matlab_imu_sensor.text(board))
+    found = assigned(MATLAB_IMU_SENSOR.text(board))
     for name, axes in SENSORS.items():
         of = f"{SHORT[name]}."
         assert found[f"{of}NoiseDensity"].tolist() == [N[axis] for axis in axes]

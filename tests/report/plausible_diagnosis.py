@@ -1,11 +1,15 @@
 """Diagnoses as the stage writes them: one of each verdict, with every field that it may hold."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from imuloop.calibrate.poses import gather_poses
+from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import read_columns
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.pose_tables import MOVES, poses_table
+from imuloop.report.verdict import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 GAIN = "rad/s per m/s^2"
@@ -15,9 +19,6 @@ SIZES = {
     "pose_rate": (2e-3, 2e-4, 1.8e-4),
     "rotation": (9.1e-3, 2.4e-3, 2.1e-3),
 }
-# share of a twin, and what a residual goes with
-SHARE, PROBE = 0.97, 0.62
-BLANK = {"residuals": {}, "effects": [], "candidates": []}
 WORKS = "lowers the residual in the fit and on held-out poses"
 TWIN = "in these data it could stand in for g_sensitivity: neither adds to the other"
 
@@ -30,17 +31,9 @@ def residual(unit, before, after, floor, n=24):
 
 def _candidate(name, status, why, p=None, kind=None, after=None, limits=None, unit=None, twin=None):
     """Return a candidate; `limits` are detection limits by parameter."""
-    return {
-        "name": name,
-        "status": status,
-        "why": why,
-        "p_value": p,
-        "residual": kind,
-        "heldout_after": after,
-        "detection_limit": limits,
-        "units": dict.fromkeys(limits or {}, unit),
-        "confounded_with": twin,
-    }
+    found = {"name": name, "status": status, "why": why, "p_value": p, "residual": kind}
+    found |= {"heldout_after": after, "detection_limit": limits, "confounded_with": twin}
+    return found | {"units": dict.fromkeys(limits or {}, unit)}
 
 
 def _axes(stem, size):
@@ -65,67 +58,38 @@ def _effect(name, values, unit, p, kind, before, after, constants=None):
 def pose_diagnosis(gain):
     """Return a diagnosis of poses: accelerometer consistent, gyroscope explained by two effects.
 
-    Parameters
-    ----------
-    gain : dict
-        Parameters of g_sensitivity.
+    `gain` are the parameters of g_sensitivity.
     """
     c, norm, rate = _candidate, "gravity_norm", "pose_rate"
-    ratio, chance = "held-out error does not fall for certain", "no more than chance"
-    drift = "rad/s per s"
+    drift, si = "rad/s per s", "m/s^2"
     warm = c("bias_temperature", "not_available", "no <b>temperature</b>")
+    cubic = _axes("K3", 2.6e-7), f"{si} per ({si})^3"
+    square = _axes("K2", 1e-5), f"{si} per ({si})^2"
+    earth = {"w_up": 2e-4}, "rad/s", "g_sensitivity"
     force = [
         warm,
         c("lever_arm", "not_observable", "turns from rest to rest do not show it"),
-        c(
-            "cubic",
-            "rejected",
-            ratio,
-            1e-3,
-            norm,
-            3.1e-3,
-            _axes("K3", 2.6e-7),
-            "m/s^2 per (m/s^2)^3",
-        ),
-        c(
-            "quadratic",
-            "rejected",
-            chance,
-            0.21,
-            norm,
-            1.9e-3,
-            _axes("K2", 1e-5),
-            "m/s^2 per (m/s^2)^2",
-        ),
+        c("cubic", "rejected", "does not fall for certain", 1e-3, norm, 3.1e-3, *cubic),
+        c("quadratic", "rejected", "no more than chance", 0.21, norm, 1.9e-3, *square),
     ]
     turn = [
-        c(
-            "earth_rate",
-            "confounded",
-            TWIN,
-            1e-4,
-            rate,
-            1.9e-3,
-            {"w_up": 2e-4},
-            "rad/s",
-            "g_sensitivity",
-        ),
+        c("earth_rate", "confounded", TWIN, 1e-4, rate, 1.9e-3, *earth),
         warm,
         c("bias_drift", "added", WORKS, 1e-6, rate, 1.8e-3, _axes("d", 2e-8), drift),
         c("g_sensitivity", "added", WORKS, 1e-12, rate, 5e-4, dict.fromkeys(gain, 2e-5), GAIN),
     ]
-    units = {"gravity_norm": "m/s^2", "pose_rate": "rad/s", "rotation": "rad"}
+    units = {norm: si, rate: "rad/s", "rotation": "rad"}
     residuals = {name: residual(unit, *SIZES[name]) for name, unit in units.items()}
     return {
         "accelerometer": {
+            **UNTESTED,
             "verdict": "consistent",
             "residuals": {norm: residuals.pop(norm)},
-            "effects": [],
             "candidates": force,
             "confounded": [{"effect": "quadratic", "with": "asymmetry", "share": 0.9964}],
-            "correlates": [],
         },
         "gyroscope": {
+            **UNTESTED,
             "verdict": "explained",
             "residuals": residuals,
             "effects": [
@@ -133,7 +97,7 @@ def pose_diagnosis(gain):
                 _effect("bias_drift", _axes("d", 8e-7), drift, 1e-6, rate, 5e-4, 2e-4),
             ],
             "candidates": turn,
-            "confounded": [{"effect": "earth_rate", "with": "g_sensitivity", "share": SHARE}],
+            "confounded": [{"effect": "earth_rate", "with": "g_sensitivity", "share": 0.97}],
         },
     }
 
@@ -141,12 +105,7 @@ def pose_diagnosis(gain):
 def pose_tables(folder, rng):
     """Return the columns of poses.parquet and moves.parquet of the same diagnosis, by name.
 
-    Parameters
-    ----------
-    folder : Path
-        The device's results: poses on `faces`, and `turns` that were diagnosed.
-    rng : Generator
-        Of the errors and of the moves.
+    The device has poses on `faces`, and `turns` that were diagnosed.
     """
     faces, turns = (
         gather_poses([read_columns(folder / session / "segments.parquet")])
@@ -171,26 +130,14 @@ def pose_tables(folder, rng):
 
 
 def static_diagnosis(sensor, sessions, verdict, rng):
-    """Return the diagnosis of static records; effects are added where the verdict calls for them.
-
-    Parameters
-    ----------
-    sensor : str
-        The sensor.
-    sessions : sequence of str
-        Names of the static sessions.
-    verdict : str
-        The contract's word.
-    rng : Generator
-        Of the points.
-    """
+    """Return the diagnosis of static records, with effects where the verdict calls for them."""
     if not sessions:
-        return {"verdict": "not_testable", "why": "no static session", **BLANK}
+        return UNTESTED | {"why": "no static session"}
     unit, channels = OUTPUT[sensor], [f"{sensor[0]}{axis}" for axis in "xyz"]
     size = 1e-3 if sensor == "accelerometer" else 3e-5
     found = verdict in ("explained", "partly_explained")
     fall = 10.0 if found else 1.0
-    block = {**BLANK, "verdict": verdict}
+    block = {**UNTESTED, "verdict": verdict}
     bias = residual(unit, fall * size, size, size, 15 * len(sessions))
     bias["sessions"] = {
         session: {
@@ -203,8 +150,8 @@ def static_diagnosis(sensor, sessions, verdict, rng):
     block["points"] = [p for s in sessions for p in _means(s, size, fall, found, rng)]
     if verdict in ("unexplained", "partly_explained"):
         block["correlates"] = [
-            {"name": "temperature_rate", "columns": 3, "share": PROBE, "p_value": 0.0},
-            {"name": "time", "columns": 6, "share": 0.04, "p_value": 0.3},
+            {"name": "temperature_rate", "residual": "bias", "share": 0.62, "p_value": 0.0},
+            {"name": "time", "residual": "bias", "share": 0.04, "p_value": 0.3},
         ]
     if found:
         name, constants = "bias_temperature", {"order": 1, "reference_temperature": 25.0}
@@ -239,7 +186,5 @@ def _means(session, size, fall, found, rng):
 
 
 def _coefficients(size):
-    limit = {"value": None, "ci95": None, "upper95": size, "identifiable": False}
-    ends = [0.9 * size, 1.1 * size]
-    known = {"value": size, "ci95": ends, "upper95": ends[1], "identifiable": True}
-    return {"Q": limit, "N": known, "B": known, "K": limit, "R": limit}
+    known, limit = Coefficient.of(size, size / 19.6), Coefficient(upper95=size)
+    return asdict(AxisNoise(Q=limit, N=known, B=known, K=limit, R=limit))

@@ -1,23 +1,23 @@
 """What the noise stage tells of a device of which it could tell everything."""
 
-import copy
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
 
+from imuloop.core.noise_model import Coefficient, GaussMarkov, Sinusoid
 from imuloop.core.samples import CHANNELS
 
 KEYS = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
 # the coefficient that a disturbance changes most, and how
 DISTURBED = ("gy", "K", 3.0e-5)
-LINE = {"axis": "az", "amplitude": 2e-3, "frequency": 0.08}
-HUMP = {"axis": "gx", "q": 2e-5, "tc": 30.0}
+# axis, amplitude and frequency; axis, drive and correlation time
+LINE, HUMP = ("az", 2e-3, 0.08), ("gx", 2e-5, 30.0)
 
 
 def known(value):
     """Return a coefficient with an interval that is wider above."""
-    interval = [0.9 * value, 1.2 * value]
-    return {"value": value, "ci95": interval, "upper95": 1.15 * value, "identifiable": True}
+    return Coefficient(value, (0.9 * value, 1.2 * value), 1.15 * value, True)
 
 
 def statistics():
@@ -25,34 +25,28 @@ def statistics():
     return {axis: dict.fromkeys(KEYS, 0.0123456) for axis in CHANNELS}
 
 
-def plausible_noise(device, session, rate, axes):
-    """Return noise.json of a device with a line, a hump and a disturbance that was cut."""
-    axes = copy.deepcopy(axes)
-    for content in axes.values():
-        for key in "QKR":
-            content[key]["needed_s"] = 40 * 3600.0
-    line = {"amplitude": known(LINE["amplitude"]), "frequency": known(LINE["frequency"])}
-    axes[LINE["axis"]]["sinusoid"] = [{**line, "origin": "50 Hz mains, alias of its 2nd harmonic"}]
-    axes[HUMP["axis"]]["gauss_markov"] = [{"q": known(HUMP["q"]), "tc": known(HUMP["tc"])}]
-    uncut = copy.deepcopy(axes)
+def plausible_noise(axes, rate):
+    """Return what noise.json holds of a device with a line, a hump and a disturbance that was cut.
+
+    `axes` are an `AxisNoise` each.
+    """
+    line = Sinusoid(*map(known, LINE[1:]), "50 Hz mains, alias of its 2nd harmonic")
+    hump = GaussMarkov(*map(known, HUMP[1:]))
+    axes = axes | {LINE[0]: replace(axes[LINE[0]], sinusoid=(line,))}
+    axes |= {HUMP[0]: replace(axes[HUMP[0]], gauss_markov=(hump,))}
     axis, key, value = DISTURBED
-    uncut[axis][key] = known(value)
-    fit = {a: {k: content[k]["value"] or 0.0 for k in "QNBKR"} for a, content in axes.items()}
+    uncut = axes | {axis: replace(axes[axis], **{key: known(value)})}
+    fit = {a: {k: getattr(noise, k).value or 0.0 for k in "QNBKR"} for a, noise in axes.items()}
     fit["ay"]["N"] *= 1.3
+    gyroscope = {"std": 2e-4, "sessions": 3}
     return {
-        "format": 1,
-        "device": device,
-        "axes": axes,
-        "statistics": {session: statistics()},
-        "sessions": [session],
+        "axes": {a: asdict(noise) for a, noise in axes.items()},
         "notes": ["K would need a record of 40 h"],
         "rate_hz": rate,
         "curve_fit": fit,
         "spectrum": {a: {"misfit": 0.02, "band_hz": 0.25 * rate} for a in CHANNELS},
-        "uncut": {"seconds": 6.0, "axes": uncut},
-        "repeatability": {
-            a: {"std": 2e-4, "sessions": 3} if a[0] == "g" else None for a in CHANNELS
-        },
+        "uncut": {"seconds": 6.0, "axes": {a: asdict(noise) for a, noise in uncut.items()}},
+        "repeatability": {a: gyroscope if a[0] == "g" else None for a in CHANNELS},
     }
 
 

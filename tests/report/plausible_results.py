@@ -4,7 +4,7 @@
 `partly` has a rejected session; of `nothing` every session was rejected.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from imuloop.core.effect import FittedEffect
 from imuloop.core.files import write_json
 from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table
 from imuloop.core.tables import write_table
@@ -21,7 +22,10 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.export.export import write_exports
-from report.plausible_diagnosis import BLANK, pose_diagnosis, pose_tables, static_diagnosis
+from imuloop.noise.noise import no_noise
+from imuloop.report.verdict import UNTESTED
+from imuloop.validate.attitude import no_attitude
+from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
 from report.plausible_noise import plausible_noise, plausible_views, statistics
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
@@ -89,6 +93,16 @@ def _session(folder, device, session, kind, rng):
         "duration_s": t[-1] if len(t) else 0.0,
         "rate_hz": RATE,
         "warnings": ["1 gaps, 20 s together <i>"] if kind == "static" else [],
+        "misdeclared": False,
+        "simulated": warm,
+        "start": None,
+        "log_format": "csv",
+        "units": {},
+        "clock": None,
+        "temperature_range": None,
+        "constant": [],
+        "faults": {},
+        **dict.fromkeys(("duplicates", "out_of_order", "bad_lines", "outside_time_range"), 0),
         "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},
         "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
         "non_finite": 3,
@@ -96,12 +110,15 @@ def _session(folder, device, session, kind, rng):
         "treatment": "Rows that are not finite are dropped and counted.",
     }
     write_json(path / "quality.json", quality)
-    if kind == "static" and not rejected:
-        allan = _allan(list(DEVICES).index(device))
-        allan.to_parquet(path / "allan.parquet")
+    allan = _allan(list(DEVICES).index(device))
+    if rejected or kind != "static":
+        allan = allan[:0]
+    allan.to_parquet(path / "allan.parquet")
+    if session == next(iter(DEVICES[device][1])):
+        views = pd.DataFrame(no_noise(device, [session]).views[session])
         if device == "board":
-            views = plausible_views(samples, RATE, allan).assign(session=path.name)
-            views.to_parquet(path.parent / "views.parquet")
+            views = plausible_views(samples, RATE, allan)
+        views.assign(session=session).to_parquet(path.parent / "views.parquet")
 
 
 def _signal(t, kind, rng):
@@ -142,34 +159,27 @@ def _allan(place):
     return pd.concat(tables, ignore_index=True)
 
 
-def _coefficient(value=None, upper=None):
-    if value is None:
-        return {"value": None, "ci95": None, "upper95": upper, "identifiable": False}
-    interval = [0.95 * value, 1.05 * value]
-    return {"value": value, "ci95": interval, "upper95": 1.04 * value, "identifiable": True}
-
-
 def _noise(device):
-    known = device != "nothing"
-    worse = 1 + 0.5 * list(DEVICES).index(device)
+    seen, worse = device != "nothing", 1 + 0.5 * list(DEVICES).index(device)
+    limit = Coefficient(upper95=3e-6, needed_s=40 * 3600.0) if seen else Coefficient()
     axes = {}
     for axis in CHANNELS:
-        axes[axis] = {k: _coefficient(upper=3e-6 if known else None) for k in "QNBKR"}
-        axes[axis] |= {"gauss_markov": [], "sinusoid": []}
-        for key, size in (("N", N), ("B", B)) if known else ():
-            axes[axis][key] = _coefficient(size[axis[0]] * worse)
+        own = {k: size[axis[0]] * worse for k, size in (("N", N), ("B", B)) if seen}
+        own = {k: Coefficient.of(value, value / 39.2) for k, value in own.items()}
+        axes[axis] = AxisNoise(**dict.fromkeys("QNBKR", limit) | own)
     session = next(iter(DEVICES[device][1]))
-    if device == "board":
-        return plausible_noise(device, session, RATE, axes)
-    # what a noise stage may leave without an answer: null in one device, absent in the others
-    unknown = ("rate_hz", "curve_fit", "spectrum", "uncut", "repeatability")
     return {
-        **(dict.fromkeys(unknown) if device == "still" else {}),
+        # what a noise stage may leave without an answer
+        **dict.fromkeys(("rate_hz", "uncut", "repeatability")),
+        "curve_fit": {},
+        "spectrum": {},
         "format": 1,
         "device": device,
-        "axes": axes,
-        "statistics": {session: statistics()} if known else {},
-        "notes": ["K would need a record of 40 h"] if known else ["no rest is long enough"],
+        "axes": {a: asdict(noise) for a, noise in axes.items()},
+        "statistics": {session: statistics()} if seen else {},
+        "sessions": [session],
+        "notes": [] if seen else ["no rest is long enough"],
+        **(plausible_noise(axes, RATE) if device == "board" else {}),
     }
 
 
@@ -190,7 +200,7 @@ def _fitted(unit, names, method="multi_position", seed=0):
 def _device(folder, device, sessions, rng):
     nominal = (SensorCalibration.nominal(unit, FEW) for unit in (UNIT_A, UNIT_G))
     six = multi = final = Calibration(device, 9.80665, *nominal)
-    untested = {**BLANK, "verdict": "not_testable", "why": FEW}
+    untested = UNTESTED | {"why": FEW}
     poses = {"accelerometer": untested, "gyroscope": untested}
     tables = no_tables()
     if device == "board":
@@ -214,6 +224,8 @@ def _device(folder, device, sessions, rng):
     multi.to_json(folder / "multi_position.json")
     final.to_json(folder / "calibration.json")
     write_json(folder / "noise.json", _noise(device))
+    tables["attitude"] = no_attitude(device, FEW)[1]
+    write_json(folder / "attitude.json", no_attitude(device, FEW)[0])
     for name, columns in tables.items():
         write_table(folder / f"{name}.parquet", columns)
     write_json(folder / "diagnosis.json", {"format": 1, "device": device, "sensors": diagnosis})

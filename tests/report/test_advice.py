@@ -13,9 +13,11 @@ from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.advice import MOST, next_steps
 from imuloop.report.recording import attitude_words, parameter_words, sigma_words
 from imuloop.report.results import Device, Session
+from imuloop.report.verdict import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-COUNTED = {"status": "ok", "rate_hz": 100.0}
+COUNTED = {"status": "ok", "rate_hz": 100.0, "misdeclared": False, "reasons": [], "clipped": {}}
+COUNTED |= {"faults": {}}
 
 
 def poses(up):
@@ -80,14 +82,15 @@ def diagnosis(weight=0.5, gain=0.5, **blocks):
     turns = {"axis": "z", "std": 3.1e-4, "std_after": 3.1e-4, "level": 1e-3}
     turns |= {"poses": 12, "turns": 4, "mean_deg_s": [40.0, 30.0, 12.0]}
     turns |= {"turned_deg": [900.0, 800.0, 200.0], "largest_deg": [170.0, 160.0, 40.0]}
-    fine = {"verdict": "consistent"}
+    fine = UNTESTED | {"verdict": "consistent"}
     sensors = {s: {"poses": blocks.get(s, fine), "static_record": fine} for s in OUTPUT}
     return {"sensors": sensors, "next_recording": {"sensors": content, "turns": turns}}
 
 
 def above(name, unit, after, floor, verdict="unexplained"):
     residual = {"unit": unit, "n": 30, "floor": floor, "before": 4e-3, "after": after}
-    return {"verdict": verdict, "residuals": {name: residual}}
+    residual |= {"chi2_before": None, "chi2_after": None}
+    return UNTESTED | {"verdict": verdict, "residuals": {name: residual}}
 
 
 def test_a_healthy_device_needs_nothing(good):

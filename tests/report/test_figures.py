@@ -132,7 +132,10 @@ def test_the_allan_curve_has_its_terms_and_tells_how_well_the_model_fits(devices
     inside, count = map(int, re.search(r"at (\d+) of (\d+) averaging", force.caption).groups())
     assert count == 90 and 0 < inside <= 90
     # a model of N five times as large leaves the band
-    axes = {k: v | {"N": v["N"] | {"value": 5 * v["N"]["value"]}} for k, v in device.axes.items()}
+    axes = {
+        k: v | {"N": v["N"] | {"value": 5 * v["N"]["value"]}}
+        for k, v in device.noise["axes"].items()
+    }
     worse, _ = allan_pictures(replace(device, noise={"axes": axes}), device.sessions[0])
     assert int(re.search(r"at (\d+) of", worse.caption)[1]) < inside
     for letter in ("N", "B", "line"):

@@ -2,15 +2,10 @@
 
 import pytest
 
-from imuloop.report.numbers import (
-    MILLI_G,
-    NOISE_UNITS,
-    coefficient_text,
-    duration,
-    number,
-    with_sigma,
-)
+from imuloop.core.noise_model import Coefficient
+from imuloop.report.numbers import coefficient_text, duration, number, with_sigma
 from imuloop.report.tables.table import Sized, sized
+from imuloop.report.units import MILLI_G, quantities
 
 THIN = "\u202f"
 
@@ -75,15 +70,13 @@ def test_duration_is_given_in_the_unit_that_people_use():
     ],
 )
 def test_noise_units_of_data_sheets(sensor, key, unit, si, shown):
-    factor = next(d.factor for d in NOISE_UNITS[sensor][key] if d.unit == unit)
+    factor = next(d.factor for d in quantities(sensor)[key].sheet if d.unit == unit)
     assert si * factor == pytest.approx(shown, rel=1e-9)
 
 
 def test_coefficient_without_value_is_an_upper_limit():
-    limit = {"value": None, "ci95": None, "upper95": 2.5e-6, "identifiable": False}
-    seen = {"value": 1.0, "ci95": [0.9, 1.1], "upper95": 1.09, "identifiable": True}
-    nothing = {"value": None, "ci95": None, "upper95": None, "identifiable": False}
-    found = [coefficient_text(c).replace(THIN, " ") for c in (limit, seen, nothing)]
+    known = Coefficient(upper95=2.5e-6), Coefficient(1.0, (0.9, 1.1), 1.09, True), Coefficient()
+    found = [coefficient_text(c).replace(THIN, " ") for c in known]
     assert found == ["< 2.5 × 10⁻⁶", "1.000 ± 0.051", "—"]
 
 

@@ -23,8 +23,8 @@ from imuloop.core.samples import read_samples
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
-from imuloop.report.effect_units import data_sheet
-from imuloop.report.numbers import MILLIRADIAN, RESIDUAL, number, p_text, plural, with_sigma
+from imuloop.report.numbers import number, p_text, plural, with_sigma
+from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
 from imuloop.report.verdict import RESIDUAL_WORDS
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings

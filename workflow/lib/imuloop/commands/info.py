@@ -10,11 +10,9 @@ from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import add_arguments, log_samples
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
+from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import Samples, read_metadata
-from imuloop.report.effect_units import data_sheet
-from imuloop.report.noise_units import COEFFICIENTS, quantities
 from imuloop.report.numbers import (
-    RESIDUAL,
     coefficient_text,
     duration,
     number,
@@ -26,6 +24,7 @@ from imuloop.report.numbers import (
 )
 from imuloop.report.results import SENSORS, XYZ, base_parameters
 from imuloop.report.tables.calibration import BIAS, METHOD_WORDS
+from imuloop.report.units import COEFFICIENTS, RESIDUAL, data_sheet, quantities
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 
 EXAMPLE = """examples:
@@ -110,9 +109,8 @@ def calibration_lines(calibration):
             rows = []
             for name, value in effect.values.items():
                 display = data_sheet(units[name])
-                sigma = effect.std.get(name)
-                sigma = None if sigma is None else sigma * display.factor
-                rows.append((name, with_sigma(value * display.factor, sigma), display.unit))
+                text = with_sigma(value, effect.std.get(name), display.factor)
+                rows.append((name, text, display.unit))
             lines += aligned(rows, indent=4)
     return lines
 
@@ -122,15 +120,16 @@ def noise_lines(content):
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
+    noise = NoiseModel.from_dict(content).axes
     for sensor, axes in SENSORS.items():
         known = quantities(sensor)
         rows = [(f"{sensor}", *XYZ, "")]
         for key in COEFFICIENTS:
             display = known[key].sheet[0]
-            cells = [coefficient_text(content["axes"][axis][key], display.factor) for axis in axes]
+            cells = [coefficient_text(getattr(noise[a], key), display.factor) for a in axes]
             rows.append((known[key].words, *cells, display.unit))
         for key in ("gauss_markov", "sinusoid"):
-            counts = [len(content["axes"][axis][key]) for axis in axes]
+            counts = [len(getattr(noise[a], key)) for a in axes]
             if any(counts):
                 rows.append((key.replace("_", "-"), *counts, "found"))
         lines += aligned(rows, indent=0)
@@ -151,10 +150,7 @@ def diagnosis_lines(content):
                 lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
             for name, r in (block.get("residuals") or {}).items():
                 display = RESIDUAL[r["unit"]]
-                before, after, floor = (
-                    number(None if r.get(key) is None else r[key] * display.factor)
-                    for key in ("before", "after", "floor")
-                )
+                before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
                 error = f"{RESIDUAL_WORDS.get(name, name)}: {before} -> {after}, floor {floor}"
                 lines.append(f"  {with_unit(error, display.unit)}")
     return lines

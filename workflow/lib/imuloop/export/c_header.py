@@ -7,12 +7,8 @@ import numpy as np
 
 from imuloop.core.errors import one_line
 from imuloop.core.samples import SENSORS
-from imuloop.export.densities import UNITS
-from imuloop.export.exported import MODEL, number, numbers
-from imuloop.export.per_axis import BIAS, left_out, range_lines
-
-FILE = "imu_calibration.h"
-TITLE = "C99 header, plain numbers and functions that apply them"
+from imuloop.export.exported import MODEL, UNITS, Format, number, numbers
+from imuloop.export.per_axis import BIAS, range_lines
 
 # of what is held to no range
 LARGEST = np.finfo(float).max
@@ -68,14 +64,14 @@ def sensor_text(device, sensor_name, name):
     """Return numbers and function of one sensor, all called `name`."""
     sensor, si = device.sensor(sensor_name), UNITS[sensor_name]["B"]
     unit, gyroscope = sensor.raw_unit.name, sensor_name == "gyroscope"
-    body = remark(*left_out(device, sensor_name, tuple(EFFECTS), aligned=True))
+    body = remark(*device.left_out(sensor_name, tuple(EFFECTS), aligned=True))
     if not device.measured(sensor_name):
         body += remark(f"The {sensor_name} has no calibration: {sensor.not_testable}")
     body += remark(f"b: bias, {unit}, subtracted from raw") + array(f"{name}_b", sensor.b)
     body += remark(f"K: scale factor, {si} per {unit}, multiplies") + array(f"{name}_K", sensor.K)
     body += remark("T: misalignment, row by row, multiplies last") + array(f"{name}_T", sensor.T)
     for effect in (BIAS, "g_sensitivity"):
-        body += remark(*range_lines(sensor, effect, "held to that"))
+        body += remark(*range_lines(device, sensor_name, effect, "held to that"))
     terms = ""
     for index, fitted in enumerate(e for e in sensor.effects if e.name in EFFECTS):
         arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
@@ -158,3 +154,6 @@ def g_sensitivity(fitted, name):
 
 # effects that the functions apply
 EFFECTS = {each.__name__: each for each in (bias_temperature, scale_temperature, g_sensitivity)}
+C_HEADER = Format(
+    "imu_calibration.h", "C99 header, plain numbers and functions that apply them", text
+)

@@ -1,9 +1,7 @@
 """The folder of a device's exports: a file per tool, and README.txt that says what is in them."""
 
 import hashlib
-import os
 import shutil
-import tempfile
 from pathlib import Path
 
 # a calibration may hold any effect of the library
@@ -12,53 +10,26 @@ from imuloop.core.errors import Lacking, one_line
 from imuloop.core.files import read_json, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.export import (
-    allan_variance_ros,
-    ardupilot,
-    c_header,
-    gnss_ins_sim,
-    imu_tk,
-    kalibr,
-    matlab_imu_sensor,
-    openvins,
-    orb_slam3,
-    px4,
-    ros_covariance,
-    vins_fusion,
-)
+from imuloop.export.autopilots import ARDUPILOT, PX4
+from imuloop.export.c_header import C_HEADER
 from imuloop.export.exported import MODEL, Exported
+from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
+from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
+from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
+from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR
+from imuloop.export.openvins import OPENVINS
 
-# each has FILE, the name of its file, TITLE, the tool, and text(device), what the file holds, which
-# raises Lacking where the device does not have it
 FORMATS = (
-    kalibr,
-    openvins,
-    vins_fusion,
-    orb_slam3,
-    allan_variance_ros,
-    ros_covariance,
-    imu_tk.ACCELEROMETER,
-    imu_tk.GYROSCOPE,
-    px4,
-    ardupilot,
-    matlab_imu_sensor,
-    gnss_ins_sim,
-    c_header,
+    *(KALIBR, OPENVINS, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS),
+    *(ACCELEROMETER, GYROSCOPE, PX4, ARDUPILOT, MATLAB_IMU_SENSOR, GNSS_INS_SIM, C_HEADER),
 )
 README = "README.txt"
 
 
 def read_exported(device, label, calibration, noise, quality):
-    """Return a device as the formats take it.
+    """Return a device as the formats take it, from its JSON files.
 
-    Parameters
-    ----------
-    device, label : str
-        As in the config.
-    calibration, noise : path-like
-        calibration.json and noise.json.
-    quality : list of path-like
-        quality.json of its sessions: the temperatures, and the rate where the noise has none.
+    The quality of its sessions gives the temperatures, and the rate where the noise has none.
     """
     content = read_json(noise)
     used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
@@ -69,8 +40,8 @@ def read_exported(device, label, calibration, noise, quality):
         label,
         Calibration.from_json(calibration),
         NoiseModel.from_dict(content),
-        content.get("rate_hz") or longest.get("rate_hz"),
-        tuple(content.get("notes", ())),
+        content["rate_hz"] or longest.get("rate_hz"),
+        tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
     )
 
@@ -80,10 +51,10 @@ def export_files(exported):
     files, carried, left_out = {}, [], []
     for each in FORMATS:
         try:
-            files[each.FILE] = each.text(exported)
-            carried.append(f"{each.FILE}: {each.TITLE}")
+            files[each.file] = each.text(exported)
+            carried.append(f"{each.file}: {each.title}")
         except Lacking as reason:
-            left_out.append(f"{each.FILE} ({each.TITLE}): {reason}")
+            left_out.append(f"{each.file} ({each.title}): {reason}")
     lines = [
         f"Calibration and noise of {exported.label} ({exported.device}) for other tools.",
         f"All of it, with covariances: ../calibration.json and ../noise.json; {MODEL}.",
@@ -108,33 +79,16 @@ def no_files(device, reason):
 
 
 def write_exports(folder, files, failed=None):
-    """Write the files into `folder` in one step, in the place of what it held before, and a list.
+    """Write the files into `folder`, in the place of what it held before, and a list of them.
 
-    The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name.
-
-    Parameters
-    ----------
-    folder : path-like
-        ``results/<device>/exports``.
-    files : dict of str to str
-        Text by the file's name.
-    failed : dict, optional
-        What went wrong where there is nothing to write.
+    The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name, and
+    what `failed` where there is nothing to write.
     """
     folder = Path(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    # of a run that was killed
-    for left in folder.parent.glob(f".{folder.name}.*"):
-        shutil.rmtree(left, ignore_errors=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-        # made by hand: what tempfile makes is for its owner alone
-        new = Path(temporary) / "new"
-        new.mkdir()
-        for name, text in files.items():
-            (new / name).write_text(text, encoding="utf-8", newline="\n")
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.rename(new, folder)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     write_json(
         folder.with_suffix(".json"), {"sha256": hashes} | ({"failed": failed} if failed else {})
@@ -144,4 +98,4 @@ def write_exports(folder, files, failed=None):
 def listed(path):
     """Return the file name and the tool of each export in a device's list of them."""
     names = read_json(path)["sha256"]
-    return [(each.FILE, each.TITLE) for each in FORMATS if each.FILE in names]
+    return [(each.file, each.title) for each in FORMATS if each.file in names]

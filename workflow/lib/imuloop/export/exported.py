@@ -1,6 +1,8 @@
 """What an export is made of: a device's calibration and noise, its numbers and words as text."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,10 +10,27 @@ from imuloop.core.errors import Lacking, one_line
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
+from imuloop.core.units import DEGREE
 from imuloop.noise.filters import RANGE, bounding
 
 # what follows K (raw - b) by the contract; every file says it
 MODEL = "x = T (K (raw - b) - e)"
+# SI units of the noise coefficients
+UNITS = {
+    "accelerometer": {"N": "m/s^2/sqrt(Hz)", "B": "m/s^2", "K": "m/s^3/sqrt(Hz)"},
+    "gyroscope": {"N": "rad/s/sqrt(Hz)", "B": "rad/s", "K": "rad/s^2/sqrt(Hz)"},
+}
+
+
+class Format(NamedTuple):
+    """A file for another tool: its name, the tool, and what returns its text of an `Exported`.
+
+    The text's function raises Lacking where the device does not have what the file holds.
+    """
+
+    file: str
+    title: str
+    text: Callable
 
 
 @dataclass(frozen=True)
@@ -131,9 +150,20 @@ class Exported:
         densities = (for_filter(self.noise.axes[axis], axis, term) for axis in SENSORS[sensor])
         return max(densities, key=lambda density: density.value)
 
-    def effects(self, sensor, carried=()):
-        """Return a line for each effect of a sensor but some: name, equation, sizes, constants."""
+    def effects(self, sensor, name):
+        """Return the fitted effects of a sensor that have a name."""
+        return [fitted for fitted in self.sensor(sensor).effects if fitted.name == name]
+
+    def left_out(self, sensor, carried=(), aligned=False):
+        """Return a line for each part of a sensor's calibration that a format does not carry.
+
+        Of an effect its name, equation, sizes and constants, but of those that are `carried`; the
+        misalignment unless the format, or what comes before it, is `aligned`.
+        """
         lines = []
+        angle = np.abs(self.sensor(sensor).T - np.eye(3)).max() / DEGREE
+        if angle and not aligned:
+            lines.append(f"misalignment T, largest element {angle:.2g} deg")
         for fitted in self.sensor(sensor).effects:
             if fitted.name in carried:
                 continue
@@ -146,7 +176,7 @@ class Exported:
                 if isinstance(value, (int, float)):
                     words.append(f"{name} = {value:g}")
             lines.append("; ".join(words))
-        return lines
+        return [f"Not carried of the {sensor}: {line}" for line in lines]
 
 
 def number(value):

@@ -4,12 +4,8 @@ import numpy as np
 
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE, HOUR
-from imuloop.export.exported import MODEL, comment, numbers
-from imuloop.export.per_axis import left_out, scale_and_offset
-
-# no module of the package's own name: it would hide the package beside it
-FILE = "gnss_ins_sim_model.py"
-TITLE = "gnss-ins-sim, a model of the device for simulation"
+from imuloop.export.exported import MODEL, Format, comment, numbers
+from imuloop.export.per_axis import scale_and_offset
 
 # floor of the Allan deviation of flicker, over B
 FLOOR = np.sqrt(2 * np.log(2) / np.pi)
@@ -51,7 +47,7 @@ def text(device):
         "Not carried: scale factor K, quantisation Q, random walk K, ramp R, sinusoids.",
     )
     for name in SENSORS:
-        body += comment(*left_out(device, name))
+        body += comment(*device.left_out(name))
     body += "import numpy as np\n\nimu_err = {\n"
     for name, (prefix, white, bias_unit, bias_name, white_unit, white_name) in KEYS.items():
         offset = scale_and_offset(device.sensor(name))[1] / bias_unit
@@ -86,3 +82,9 @@ def drift(device, axis):
     flicker = device.density(axis, "B")
     words = f"{axis}: flicker B{', its 95 % upper limit' * flicker.limit}"
     return flicker.value * FLOOR / PEAK, TIME_CONSTANT, words
+
+
+# no module of the package's own name: it would hide the package beside it
+GNSS_INS_SIM = Format(
+    "gnss_ins_sim_model.py", "gnss-ins-sim, a model of the device for simulation", text
+)

@@ -1,13 +1,12 @@
 """The text calibrations of imu_tk, one per sensor."""
 
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 
 from imuloop.core.errors import Lacking
-from imuloop.export.densities import UNITS, heading
-from imuloop.export.exported import comment, numbers
+from imuloop.export.exported import UNITS, Format, comment, numbers
+from imuloop.export.filters import heading
 
 
 def text(sensor, device):
@@ -29,13 +28,13 @@ def text(sensor, device):
             f"rows 7 to 9: b, bias, {found.raw_unit.name}, to subtract; raw as in the log",
             f"Calibrated by: {found.method}",
             *([found.not_testable] if found.not_testable else []),
-            *(f"Effect not carried: {line}" for line in device.effects(sensor)),
+            *device.left_out(sensor, aligned=True),
             "Not carried: covariances, temperature, noise.",
         )
     )
 
 
 ACCELEROMETER, GYROSCOPE = (
-    SimpleNamespace(FILE=file, TITLE=f"imu_tk, {sensor}", text=partial(text, sensor))
+    Format(file, f"imu_tk, {sensor}", partial(text, sensor))
     for sensor, file in (("accelerometer", "imu_tk_acc.calib"), ("gyroscope", "imu_tk_gyro.calib"))
 )

@@ -5,20 +5,14 @@ from functools import partial
 import numpy as np
 
 from imuloop.core.samples import SENSORS
-from imuloop.export.densities import UNITS
-from imuloop.export.exported import MODEL, comment, number, numbers
+from imuloop.export.exported import MODEL, UNITS, Format, comment, number, numbers
 from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
     bias_reference,
-    effects_of,
-    left_out,
     range_lines,
     scale_and_offset,
 )
-
-FILE = "matlab_imu_sensor.m"
-TITLE = "MATLAB imuSensor, a model of the device for simulation"
 
 # degC, about which imuSensor's temperature bias counts
 STANDARD = 25.0
@@ -75,9 +69,9 @@ def sensor_text(device, name):
     sensor, (variable, sign) = device.sensor(name), VARIABLES[name]
     unit = UNITS[name]["B"]
     scale, bias = scale_and_offset(sensor)
-    reference = bias_reference(sensor)
+    reference = bias_reference(device, name)
     if reference is not None:
-        c = bias_polynomial(sensor, reference)
+        c = bias_polynomial(device, name, reference)
         slope = c[1] / scale
         bias = bias + (c[0] / scale) + slope * (STANDARD - reference)
 
@@ -85,7 +79,7 @@ def sensor_text(device, name):
         rows = "; ".join(numbers(row, " ") for row in np.atleast_2d(values))
         return f"{variable}.{key} = [{rows}]; {remark(what)}"
 
-    lines = remark(*left_out(device, name, CARRIED, aligned=True))
+    lines = remark(*device.left_out(name, CARRIED, aligned=True))
     if not device.measured(name):
         lines += remark(f"The {name} has no calibration: {sensor.not_testable}")
     lines += f"{variable} = {variable}params;\n"
@@ -104,11 +98,11 @@ def sensor_text(device, name):
     if reference is not None:
         words = f"{unit}/K: slope of {BIAS} at {reference:g} degC, times unit/K{negated}"
         lines += field("TemperatureBias", sign * slope, words)
-        lines += remark(*range_lines(sensor, BIAS, HELD))
+        lines += remark(*range_lines(device, name, BIAS, HELD))
         if c[2:].any():
             curve = ", ".join(f"{np.abs(c[k]).max():.2g} {unit}/K^{k}" for k in (2, 3))
             lines += remark(f"Not carried of {BIAS}: its curvature, up to {curve}")
-    for fitted in effects_of(sensor, "g_sensitivity"):
+    for fitted in device.effects(name, "g_sensitivity"):
         G = fitted.vector.reshape(3, 3) / scale[:, None]
         rows = "; ".join(numbers(row, " ") for row in G)
         lines += f"gSensitivity = [{rows}]; "
@@ -116,6 +110,11 @@ def sensor_text(device, name):
             "(rad/s)/(m/s^2): g_sensitivity, times unit/K",
             "Not carried by AccelerationBias, which takes the acceleration without gravity and on",
             "navigation axes. Add by hand: w + f*gSensitivity', f the specific force on body axes.",
-            *range_lines(sensor, fitted.name, HELD),
+            *range_lines(device, name, fitted.name, HELD),
         )
     return lines
+
+
+MATLAB_IMU_SENSOR = Format(
+    "matlab_imu_sensor.m", "MATLAB imuSensor, a model of the device for simulation", text
+)

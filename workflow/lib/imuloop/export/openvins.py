@@ -2,18 +2,11 @@
 
 import numpy as np
 
-from imuloop.export.densities import (
-    KALIBR,
-    density_fields,
-    effect_lines,
-    heading,
-    noise_left_out,
-)
-from imuloop.export.exported import comment, number, numbers
-from imuloop.export.per_axis import effects_of, range_lines, scale_and_offset
+from imuloop.core.samples import SENSORS
+from imuloop.export.exported import Format, comment, number, numbers
+from imuloop.export.filters import KALIBR_KEYS, OPENCV, density_fields, heading, noise_left_out
+from imuloop.export.per_axis import range_lines, scale_and_offset
 
-FILE = "openvins_kalibr_imu_chain.yaml"
-TITLE = "OpenVINS"
 # the effect that it takes
 G = "g_sensitivity"
 
@@ -37,11 +30,11 @@ def text(device):
     signs = np.sign(np.diag(upper))
     rotation, upper = rotation * signs, signs[:, None] * upper
     Tg = np.zeros((3, 3))
-    for fitted in effects_of(turn, G):
+    for fitted in device.effects("gyroscope", G):
         Tg = fitted.vector.reshape(3, 3) / scale_g[:, None]
     return (
-        "%YAML:1.0\n"
-        + heading(device, f"{TITLE}: relative_config_imu of its estimator_config.yaml; all SI")
+        OPENCV
+        + heading(device, "OpenVINS: relative_config_imu of its estimator_config.yaml; all SI")
         + comment(
             "For samples in SI as logged, not calibrated ones. Biases belong to the filter's state",
             "and not into this file; to start it at ours, put into estimator_config.yaml:",
@@ -51,7 +44,7 @@ def text(device):
         )
         + "imu0:\n"
         + matrix("T_i_b", np.eye(4), "identity: body axes are the accelerometer's")
-        + density_fields(device, KALIBR, "  ")
+        + density_fields(device, KALIBR_KEYS, "  ")
         + '  rostopic: "/imu0"  # not ours: the topic\n'
         + "  time_offset: 0.0  # not ours\n"
         + f"  update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
@@ -64,8 +57,8 @@ def text(device):
         + matrix("R_IMUtoACC", np.eye(3), "identity: body axes are the accelerometer's")
         + matrix("Tg", Tg, "K^-1 G, rad/s per m/s^2; zero where none was found")
         + comment(
-            *range_lines(turn, G, "OpenVINS holds it to no range"),
-            *effect_lines(device, carried=(G,)),
+            *range_lines(device, "gyroscope", G, "OpenVINS holds it to no range"),
+            *(line for each in SENSORS for line in device.left_out(each, (G,), aligned=True)),
             "Not carried: covariances of all these, temperature.",
             *device.limits(),
         )
@@ -77,3 +70,6 @@ def matrix(key, values, words):
     """Return a matrix as a list of rows."""
     rows = "".join(f"    - [{numbers(row)}]\n" for row in values)
     return f"  {key}:  {comment(words)}{rows}"
+
+
+OPENVINS = Format("openvins_kalibr_imu_chain.yaml", "OpenVINS", text)

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from imuloop.core.units import DEGREE
 from imuloop.effects.axes import AXES
 
 # the effect that such a polynomial carries
@@ -20,24 +19,13 @@ def scale_and_offset(sensor):
     return sensor.K / sensor.raw_unit.scale, sensor.raw_unit.to_si(sensor.b)
 
 
-def scale_left_out(scale):
-    """Return a line on the gyroscope's scale factor for an autopilot that takes none, if any."""
-    error = np.abs(scale - 1).max()
-    return [f"Not carried of the gyroscope: scale factor K, up to {error:.2g} from 1"] * bool(error)
-
-
-def effects_of(sensor, name):
-    """Return the fitted effects of a sensor that have a name."""
-    return [fitted for fitted in sensor.effects if fitted.name == name]
-
-
-def bias_reference(sensor):
+def bias_reference(device, name):
     """Return θ0 of the bias of a sensor that follows the temperature, degC; None without."""
-    found = effects_of(sensor, BIAS)
+    found = device.effects(name, BIAS)
     return found[0].effect.reference_temperature if found else None
 
 
-def bias_polynomial(sensor, reference):
+def bias_polynomial(device, name, reference):
     """Return the bias that follows the temperature, about another temperature, degC.
 
     ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3: the effect `bias_temperature`, exactly.
@@ -48,34 +36,13 @@ def bias_polynomial(sensor, reference):
         c, SI of the output ``K (raw - b)`` per K^k; zeros where there is no such effect.
     """
     total = np.zeros((TERMS, 3))
-    for fitted in effects_of(sensor, BIAS):
+    for fitted in device.effects(name, BIAS):
         warmer = Polynomial([reference - fitted.effect.reference_temperature, 1.0])
         orders = range(1, fitted.effect.order + 1)
         for axis, letter in enumerate(AXES):
             c = Polynomial([0.0, *(fitted.values[f"c{k}{letter}"] for k in orders)])(warmer).coef
             total[: len(c), axis] += c
     return total
-
-
-def left_out(device, name, carried=(), aligned=False):
-    """Return a line for each part of a sensor's calibration that a format does not carry.
-
-    Parameters
-    ----------
-    device : Exported
-        The device.
-    name : {'accelerometer', 'gyroscope'}
-        The sensor.
-    carried : tuple of str
-        Effects that the format carries.
-    aligned : bool
-        Whether it carries the misalignment.
-    """
-    lines = device.effects(name, carried)
-    angle = np.abs(device.sensor(name).T - np.eye(3)).max() / DEGREE
-    if angle and not aligned:
-        lines.insert(0, f"misalignment T, largest element {angle:.2g} deg")
-    return [f"Not carried of the {name}: {line}" for line in lines]
 
 
 def common(spans):
@@ -102,25 +69,18 @@ def common_temperatures(device, *sensors):
     Of an effect without a range those of the logs; None where no sensor has the effect, a range is
     not known, or they have none in common.
     """
-    found = [fitted for name in sensors for fitted in effects_of(device.sensor(name), BIAS)]
+    found = [fitted for name in sensors for fitted in device.effects(name, BIAS)]
     spans = [temperature_range(fitted) or device.temperature_range for fitted in found]
     return common(spans) if spans and None not in spans else None
 
 
-def range_lines(sensor, name, held):
-    """Return a line on the range in which an effect of a sensor was seen; none where it has none.
+def range_lines(device, sensor, name, held):
+    """Return a line on the range in which `bias_temperature` or `g_sensitivity` was seen, if known.
 
-    Parameters
-    ----------
-    sensor : SensorCalibration
-        Of an accelerometer or gyroscope.
-    name : {'bias_temperature', 'g_sensitivity'}
-        The effect.
-    held : str
-        What the format does about the range.
+    `held` is what the format does about it.
     """
     lines = []
-    for fitted in effects_of(sensor, name):
+    for fitted in device.effects(sensor, name):
         if name == BIAS:
             span = temperature_range(fitted)
             words = span and "from {:g} to {:g} degC".format(*span)

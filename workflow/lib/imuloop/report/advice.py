@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.numbers import joined, missing, number
+from imuloop.report.numbers import joined, number
 from imuloop.report.recording import (
     best_recording,
     enough,
@@ -23,7 +23,6 @@ from imuloop.report.verdict import (
     misfit,
     quoted,
     shown,
-    verdict_of,
 )
 
 # the most sentences per device
@@ -92,7 +91,7 @@ def next_steps(device):
         _heat_and_cool,
     )
     # what is wrong with a log or its entry makes every other number doubtful
-    mend = device.failures or any(s.quality.get("misdeclared") for s in device.sessions)
+    mend = device.failures or any(s.quality["misdeclared"] for s in device.sessions)
     if mend:
         sources = (_failed, _rejected)
     found = sorted((step for source in sources for step in source(device)), key=lambda s: -s[0])
@@ -117,19 +116,15 @@ def _rejected(device):
     """Yield what to do about rejected sessions."""
     for s in device.sessions:
         if s.rejected and not s.quality.get("failed") and not s.segmentation.get("failed"):
-            reasons = ("; ".join(s.reasons) or "no reason given").rstrip(".")
-            if s.quality.get("misdeclared"):
-                yield (
-                    1.0,
-                    f"Correct what is declared of session {s.name} and run again, before anything "
-                    f"else: {reasons}.",
-                )
-            else:
-                yield (
-                    1.0,
-                    f"Record session {s.name} again, or correct its entry in the config: it was "
-                    f"rejected ({reasons}).",
-                )
+            reasons = "; ".join(s.reasons).rstrip(".")
+            yield (
+                1.0,
+                f"Correct what is declared of session {s.name} and run again, before anything "
+                f"else: {reasons}."
+                if s.quality["misdeclared"]
+                else f"Record session {s.name} again, or correct its entry in the config: it was "
+                f"rejected ({reasons}).",
+            )
 
 
 def _short_rests(device):
@@ -150,27 +145,26 @@ def _short_rests(device):
 def _unexplained(device):
     """Yield what to do about residuals above their floor."""
     for sensor, part, block in blocks(device.diagnosis):
-        if verdict_of(block) not in ABOVE:
+        if block["verdict"] not in ABOVE:
             continue
-        _, residual = quoted(sensor, block)
-        after, floor = residual.get("after"), residual.get("floor")
-        gain = 0.0 if missing(after) or missing(floor) or not after else 1 - floor / after
         lacks = (
             f"{sensor.capitalize()}, {PARTS[part]}: something that the model lacks is in the data"
         )
         force = block_of(device.diagnosis, "accelerometer")
-        if sensor == "gyroscope" and part == "poses" and verdict_of(force) in ABOVE:
+        if sensor == "gyroscope" and part == "poses" and force["verdict"] in ABOVE:
             yield (
                 0.0,
                 f"{lacks}, or in the accelerometer's, which is above its floor too and gives "
                 "the direction of gravity: mend that first.",
             )
             continue
-        size, earth = misfit(block), ""
+        _, residual = quoted(sensor, block)
+        after, floor = residual["after"], residual["floor"]
+        gain, size, earth = 1 - floor / after if after else 0.0, misfit(block), ""
         if gain > 0:
             held, least = (shown(residual, key, 2) for key in ("after", "floor"))
             size = f" Held-out error {held}, floor {least}."
-            if sensor == "gyroscope" and residual.get("unit") == "rad/s":
+            if sensor == "gyroscope" and residual["unit"] == "rad/s":
                 earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
         yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
 
@@ -178,8 +172,8 @@ def _unexplained(device):
 def _clipped(device):
     """Yield what to do about values that lie at the end of the range."""
     for s in device.used:
-        counts = {k: v for k, v in (s.quality.get("clipped") or {}).items() if v}
-        seen = (s.quality.get("faults") or {}).get("clipped_at") or {}
+        counts = {k: v for k, v in s.quality["clipped"].items() if v}
+        seen = s.quality["faults"].get("clipped_at", {})
         counts |= {k: f["rows"] for k, f in seen.items() if k not in counts and f["values"]}
         if counts:
             listed = joined([f"{n} samples of {name}" for name, n in counts.items()])
@@ -214,7 +208,7 @@ def _heat_and_cool(device):
     pairs = {
         " and ".join(sorted((p["effect"], p["with"])))
         for _, _, block in blocks(device.diagnosis)
-        for p in block.get("confounded") or []
+        for p in block["confounded"]
         if "temperature" in p["effect"] + p["with"] and {p["effect"], p["with"]} & _WITH_TIME
     }
     also = f" These data cannot tell apart {joined(sorted(pairs))}." if pairs else ""

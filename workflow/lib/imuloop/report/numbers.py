@@ -1,58 +1,11 @@
-"""Numbers as a person reads them: sensible digits, value ± σ, units of data sheets."""
+"""Numbers as a person reads them: sensible digits, value ± σ, a size with its unit."""
 
 import math
-from dataclasses import dataclass
 
-from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
+from imuloop.core.units import HOUR
 
 # what stands where there is no number
 NO_NUMBER = "—"
-
-
-@dataclass(frozen=True)
-class Display:
-    """A unit as printed, and how many of it an SI unit is: ``shown = SI * factor``."""
-
-    unit: str
-    factor: float
-
-
-MILLI_G = Display("mg", 1e3 / STANDARD_GRAVITY)
-DEGREE_PER_SECOND = Display("°/s", 1 / DEGREE)
-DEGREES = Display("°", 1 / DEGREE)
-PERCENT = Display("%", 1e2)
-MILLIRADIAN = Display("mrad", 1e3)
-
-# the unit that people think in, for each SI unit of a residual
-RESIDUAL = {"m/s^2": MILLI_G, "rad/s": DEGREE_PER_SECOND, "rad": DEGREES}
-
-# units of the noise coefficients: SI, then those of data sheets, the usual one first
-_MICRO_G = 1e6 / STANDARD_GRAVITY
-_DEGREE_PER_HOUR = HOUR / DEGREE
-NOISE_UNITS = {
-    "accelerometer": {
-        "Q": (Display("m/s", 1.0), Display("mm/s", 1e3)),
-        "N": (
-            Display("m/s²/√Hz", 1.0),
-            Display("µg/√Hz", _MICRO_G),
-            Display("m/s/√h", HOUR**0.5),
-        ),
-        "B": (Display("m/s²", 1.0), Display("µg", _MICRO_G)),
-        "K": (Display("m/s³/√Hz", 1.0), Display("µg/√s", _MICRO_G)),
-        "R": (Display("m/s³", 1.0), Display("µg/h", _MICRO_G * HOUR)),
-    },
-    "gyroscope": {
-        "Q": (Display("rad", 1.0), Display("arcsec", HOUR / DEGREE)),
-        "N": (
-            Display("rad/s/√Hz", 1.0),
-            Display("°/√h", HOUR**0.5 / DEGREE),
-            Display("°/s/√Hz", 1 / DEGREE),
-        ),
-        "B": (Display("rad/s", 1.0), Display("°/h", _DEGREE_PER_HOUR)),
-        "K": (Display("rad/s²/√Hz", 1.0), Display("°/h/√h", _DEGREE_PER_HOUR * HOUR**0.5)),
-        "R": (Display("rad/s²", 1.0), Display("°/h/h", _DEGREE_PER_HOUR * HOUR)),
-    },
-}
 
 
 def missing(value):
@@ -100,13 +53,17 @@ def number(value, digits=3):
     return _fixed(rounded, digits - 1 - exponent)
 
 
-def with_sigma(value, sigma):
-    """Return ``value ± σ``: σ to two digits, the value to the same place; the value without a σ."""
+def with_sigma(value, sigma, factor=1.0):
+    """Return ``value ± σ`` in another unit: σ to two digits, the value to the same place.
+
+    The value alone without a σ.
+    """
     if missing(value):
         return NO_NUMBER
+    value *= factor
     if missing(sigma) or sigma <= 0:
         return number(value)
-    sigma = float(f"{sigma:.1e}")
+    sigma = float(f"{sigma * factor:.1e}")
     exponent = _exponent(max(abs(value), sigma))
     place = 1 - _exponent(sigma)
     if -3 <= exponent < 7 and place <= 7:
@@ -151,25 +108,22 @@ def duration(seconds, digits=3):
 
 
 def sigma_of(coefficient):
-    """Return 1 σ of a noise coefficient from its 95 % interval."""
-    low, high = coefficient.get("ci95") or (None, None)
-    return None if missing(low) or missing(high) else (high - low) / (2 * 1.959964)
+    """Return 1 σ of a noise `Coefficient` from its 95 % interval, None without one."""
+    low, high = coefficient.ci95 or (None, None)
+    return None if low is None else (high - low) / (2 * 1.959964)
 
 
 def coefficient_text(coefficient, factor=1.0):
-    """Return a noise coefficient as ``value ± σ``, or its 95 % upper limit without one."""
-    if not coefficient:
-        return NO_NUMBER
-    value, upper = coefficient.get("value"), coefficient.get("upper95")
-    if coefficient.get("identifiable") and not missing(value):
-        sigma = sigma_of(coefficient)
-        return with_sigma(value * factor, None if sigma is None else sigma * factor)
-    return NO_NUMBER if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
+    """Return a noise `Coefficient` as ``value ± σ``, or its 95 % upper limit without one."""
+    upper = coefficient.upper95
+    if coefficient.value is not None:
+        return with_sigma(coefficient.value, sigma_of(coefficient), factor)
+    return NO_NUMBER if upper is None else f"<\u202f{number(upper * factor, 2)}"
 
 
 def interval_text(interval, factor=1.0):
     """Return an interval as ``low to high``, its width to two digits."""
-    if not interval or any(missing(end) for end in interval):
+    if not interval or any(map(missing, interval)):
         return NO_NUMBER
     low, high = (end * factor for end in interval)
     digits = max(2, _exponent(high) - _exponent(high - low) + 2)

@@ -6,20 +6,11 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.units import HOUR
 from imuloop.noise.record_length import record_seconds
 from imuloop.plan.session import INITIAL_REST_S, POSES
-from imuloop.report.effect_units import data_sheet
 from imuloop.report.figures.poses import largest_hole, pose_directions
-from imuloop.report.noise_units import quantities
-from imuloop.report.numbers import (
-    MILLIRADIAN,
-    duration,
-    joined,
-    missing,
-    number,
-    percent,
-    with_unit,
-)
+from imuloop.report.numbers import duration, joined, number, percent
 from imuloop.report.results import SENSORS, XYZ
-from imuloop.report.verdict import ABOVE, block_of, verdict_of
+from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
+from imuloop.report.verdict import ABOVE, block_of
 
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
@@ -46,7 +37,6 @@ def attitude_words(up):
     As ``x axis down, tilted 30° towards +y``: the axis nearest to the vertical, and which other
     axes rise by the tilt.
     """
-    up = np.asarray(up, dtype=float)
     main = int(np.abs(up).argmax())
     text = f"{XYZ[main]} axis {'up' if up[main] > 0 else 'down'}"
     tilt = np.degrees(np.arccos(np.clip(abs(up[main]), 0, 1)))
@@ -71,7 +61,8 @@ def parameter_words(sensor, name):
 def sigma_words(unit, *values):
     """Return standard errors, SI, one or two, in the data sheets' unit: ``310 to 140 ppm``."""
     display = MILLIRADIAN if unit == "rad" else data_sheet(unit)
-    return with_unit(" to ".join(number(v * display.factor, 2) for v in values), display.unit)
+    *first, last = values
+    return " to ".join([*(display.size(v, 2) for v in first), display.text(last, 2)])
 
 
 def _candidate_words(entry):
@@ -92,11 +83,10 @@ def _candidate_words(entry):
     return f"{text} ({length})"
 
 
-def _plans(device, sensor):
-    """Return parameters and candidates of the next recording of a sensor."""
-    content = (device.diagnosis.get("next_recording") or {}).get("sensors") or {}
-    found = content.get(sensor) or {}
-    return found.get("parameters") or {}, found.get("candidates") or []
+def _plans(device):
+    """Return (sensor, parameters, candidates) of the next recording."""
+    content = device.diagnosis.get("next_recording", {}).get("sensors", {})
+    return [(sensor, own["parameters"], own["candidates"]) for sensor, own in content.items()]
 
 
 def _drops(device, name=None, least=MATTERS):
@@ -104,17 +94,20 @@ def _drops(device, name=None, least=MATTERS):
 
     Of those of a name, or of all; of parameters whose weights are above the least.
     """
-    found = []
-    for sensor in SENSORS:
-        parameters, candidates = _plans(device, sensor)
-        for entry in candidates:
-            for parameter, after in entry["std"].items() if name in (None, entry["name"]) else ():
-                now = parameters.get(parameter) or {}
-                if missing(after) or missing(now.get("weight")) or now["weight"] <= least:
-                    continue
-                fall = sigma_words(now["unit"], now["std"], after)
-                words = f"{parameter_words(sensor, parameter)} from {fall}"
-                found.append((1 - after / now["std"], words, entry))
+    found = [
+        (
+            1 - after / now["std"],
+            f"{parameter_words(sensor, parameter)} from "
+            f"{sigma_words(now['unit'], now['std'], after)}",
+            entry,
+        )
+        for sensor, parameters, candidates in _plans(device)
+        for entry in candidates
+        if name in (None, entry["name"])
+        for parameter, after in entry["std"].items()
+        if (now := parameters.get(parameter)) and (now["weight"] or 0.0) > least
+        if after is not None
+    ]
     return sorted(found, key=lambda drop: -drop[0])
 
 
@@ -124,12 +117,10 @@ def first_session(device):
     if any(s.kind == "multi_position" for s in device.sessions):
         return
     gains = []
-    for sensor in SENSORS:
-        _, candidates = _plans(device, sensor)
+    for sensor, _, candidates in _plans(device):
         after = next((c["std"] for c in candidates if c["name"] == "multi_position"), {})
         for letter, words, unit in (("K", "scale factor", "1"), ("T", "misalignment", "rad")):
-            known = [s for name, s in after.items() if name[0] == letter and not missing(s)]
-            if known:
+            if known := [s for name, s in after.items() if name[0] == letter and s is not None]:
                 gains.append(f"the {sensor}'s {words} to {sigma_words(unit, max(known))}")
     expected = f" It would give {joined(gains)} (1 σ, the worst axis)." if gains else ""
     yield (
@@ -174,20 +165,22 @@ def hole(device):
 
 def turns_needed(device):
     """Yield how many turns show the gyroscope's scale factor, where it matters."""
-    turns = (device.diagnosis.get("next_recording") or {}).get("turns") or {}
-    now, after, level = (turns.get(k) for k in ("std", "std_after", "level"))
-    if missing(after) or missing(level) or (not missing(now) and now <= MATTERS * level):
+    turns = device.diagnosis.get("next_recording", {}).get("turns")
+    if not turns or turns["std_after"] is None:
+        return
+    now, after, level = (turns[k] for k in ("std", "std_after", "level"))
+    if now is not None and now <= MATTERS * level:
         return
     # where the fit is bad σ is large for that, and more turns are no answer
-    if verdict_of(block_of(device.diagnosis, "gyroscope")) in ABOVE and not missing(now):
+    if block_of(device.diagnosis, "gyroscope")["verdict"] in ABOVE and now is not None:
         return
-    gain = 1.0 if missing(now) else 1 - after / now
+    gain = 1.0 if now is None else 1 - after / now
     if gain < NOTICEABLE:
         return
     axis = turns["axis"]
     figures = [turns[k][XYZ.index(axis)] for k in ("turned_deg", "largest_deg", "mean_deg_s")]
     turned, largest, rate = (number(v, 2) for v in figures)
-    known = "unknown" if missing(now) else f"known to {sigma_words('1', now)}"
+    known = "unknown" if now is None else f"known to {sigma_words('1', now)}"
     size = "slow" if figures[2] < SLOW else "few" if figures[1] > SMALL_TURN else "small"
     yield (
         gain,
@@ -204,9 +197,9 @@ def enough(device):
     """Return that no standard error matters, with the one that comes nearest; empty if one does."""
     weights = [
         (now["weight"], f"{parameter_words(sensor, name)}, {sigma_words(now['unit'], now['std'])}")
-        for sensor in SENSORS
-        for name, now in _plans(device, sensor)[0].items()
-        if not missing(now.get("weight"))
+        for sensor, parameters, _ in _plans(device)
+        for name, now in parameters.items()
+        if now["weight"] is not None
     ]
     scales = sum("scale factor" in known for _, known in weights)
     gain, *_ = next(iter(_drops(device)), (0.0,))
@@ -227,14 +220,13 @@ def enough(device):
 
 def initial_rest(device):
     """Yield how long the first rest has to be until flicker limits the gyroscope's mean rate."""
-    parameters, _ = _plans(device, "gyroscope")
-    if not any(((parameters.get(f"b{i}") or {}).get("weight") or 0.0) > MATTERS for i in range(3)):
+    parameters = next((own for sensor, own, _ in _plans(device) if sensor == "gyroscope"), {})
+    if not any((now["weight"] or 0.0) > MATTERS for n, now in parameters.items() if n[0] == "b"):
         return
     needs = []
     for channel in SENSORS["gyroscope"]:
-        axis = device.axes.get(channel) or {}
-        white, flat = ((axis.get(k) or {}).get("value") for k in "NB")
-        if not missing(white) and not missing(flat) and flat:
+        white, flat = device.axes[channel].N.value, device.axes[channel].B.value
+        if white is not None and flat:
             flat *= np.sqrt(2 * np.log(2) / np.pi)
             needs.append(((white / flat) ** 2, white, flat, channel))
     needed, white, flat, channel = max(needs, default=(0.0, 0.0, 0.0, ""))
@@ -253,30 +245,30 @@ def initial_rest(device):
 
 def static_record(device):
     """Yield the length of a record at rest that would show flicker and walk."""
-    lengths = [s.quality.get("duration_s") or 0.0 for s in device.used if s.kind == "static"]
-    longest = max(lengths, default=0.0)
-    rates = [s.quality.get("rate_hz") for s in device.used if not missing(s.quality.get("rate_hz"))]
+    longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
+    rates = [rate for s in device.used if (rate := s.quality["rate_hz"])]
     wanted, limited = [], []
     for channel, axis in device.axes.items() if rates else ():
-        white = (axis.get("N") or {}).get("value")
-        if missing(white):
+        white = axis.N.value
+        if white is None:
             continue
         usual = {
             "B": white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S)),
             "K": white * np.sqrt(3) / WALK_S,
         }
         for name, size in usual.items():
-            term = axis.get(name) or {}
-            upper = term.get("upper95")
-            if term.get("identifiable") or not upper:
+            term = getattr(axis, name)
+            if term.value is not None or not term.upper95:
                 continue
             limited.append(f"{name} of {channel}")
-            target = min(upper, size)
-            if target < (1 - WORTH) * upper:
-                known = _processes(axis)
-                seconds = record_seconds(name, target, *known, 1 / min(rates), MISSED)
+            target = min(term.upper95, size)
+            if target < (1 - WORTH) * term.upper95:
+                squares = [getattr(axis, k).square for k in "QNBK"]
+                processes = [(p.q.square * p.tc.value / 2, p.tc.value) for p in axis.gauss_markov]
+                known = squares, processes, 1 / min(rates)
+                seconds = record_seconds(name, target, *known, MISSED)
                 if seconds and longest < seconds <= LONGEST_RECORD:
-                    wanted.append((seconds, name, channel, upper, target))
+                    wanted.append((seconds, name, channel, term.upper95, target))
     if not wanted:
         if limited and not longest:
             yield (
@@ -295,20 +287,10 @@ def static_record(device):
             axes.setdefault(words, []).append(key)
     shows = [f"{' and '.join(keys)} of {words}" for words, keys in axes.items()]
     unit = quantities(sensor)[name].sheet[0]
-    limits = " to ".join(number(v * unit.factor, 2) for v in (upper, target))
     now = f"{duration(longest, 2)} now" if longest else "there is no static record now"
     yield (
         1 - target / upper,
         f"Record {duration(max(seconds, HOUR), 2)} at rest ({now}). Nine times in ten it would "
         f"show {joined(shows)} at the size usual beside this white noise: {name} of {channel}, now "
-        f"only limited, would fall from {with_unit(limits, unit.unit)}.",
+        f"only limited, would fall from {unit.size(upper, 2)} to {unit.text(target, 2)}.",
     )
-
-
-def _processes(axis):
-    """Return squares of Q, N, B, K of an axis of noise.json, and its Gauss-Markov processes."""
-    squares = [((axis.get(k) or {}).get("value") or 0.0) ** 2 for k in "QNBK"]
-    return squares, [
-        (p["q"]["value"] ** 2 * p["tc"]["value"] / 2, p["tc"]["value"])
-        for p in axis.get("gauss_markov") or []
-    ]

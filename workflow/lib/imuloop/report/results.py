@@ -10,9 +10,9 @@ import pandas as pd
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, Samples, read_metadata
+from imuloop.core.noise_model import AxisNoise
+from imuloop.core.samples import CHANNELS, SENSORS, Samples, read_metadata
 
-SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 XYZ = ("x", "y", "z")
 # unit of what each sensor gives, as printed and as in files
 UNITS = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
@@ -29,7 +29,7 @@ class Session:
     """One session of a device, its name and kind as in the config.
 
     `quality`, content of quality.json; `source`, metadata of the samples; `segmentation`, what was
-    chosen for the segments; `allan` and `views` where they were computed.
+    chosen for the segments.
     """
 
     name: str
@@ -39,29 +39,24 @@ class Session:
     samples_path: Path
     segments: pd.DataFrame
     segmentation: dict
-    allan: pd.DataFrame | None = None
-    views: pd.DataFrame | None = None
+    allan: pd.DataFrame = field(default_factory=pd.DataFrame)
+    views: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def rejected(self):
         """Whether the session could not be used."""
-        return self.quality.get("status") != "ok" or bool(self.segmentation.get("failed"))
+        return self.quality["status"] != "ok" or bool(self.segmentation.get("failed"))
 
     @property
     def reasons(self):
         """Why the session could not be used."""
         failed = self.segmentation.get("failed")
-        return (self.quality.get("reasons") or []) + ([str(Failure(**failed))] if failed else [])
+        return self.quality["reasons"] + ([str(Failure(**failed))] if failed else [])
 
     @property
     def poses(self):
         """How many attitudes were held."""
         return self.segments["pose"][self.segments["pose"] >= 0].nunique()
-
-    @property
-    def has_allan(self):
-        """Whether there is an Allan deviation."""
-        return self.allan is not None and len(self.allan) > 0
 
     def seconds(self, kind):
         """Return how long all segments of a kind are, s."""
@@ -78,9 +73,9 @@ class Session:
 class Device:
     """All results of one device, its name, label and order of sessions as in the config.
 
-    `calibrations` by method, as in `CALIBRATIONS`, only those that exist; `noise` and `diagnosis`,
-    content of noise.json and diagnosis.json, empty where there is none; `failures`, pairs of a
-    session's name or None and a `Failure`.
+    `calibrations` by method, as in `CALIBRATIONS`; `noise` and `diagnosis`, content of noise.json
+    and diagnosis.json; `failures`, pairs of a session's name or None and a `Failure`. Where its
+    part of the report could not be made, there are only the failures.
     """
 
     name: str
@@ -97,7 +92,7 @@ class Device:
     @property
     def simulated(self):
         """Whether any of its logs was made by a computer."""
-        return any(s.quality.get("simulated") or s.source.get("simulated") for s in self.sessions)
+        return any(s.quality["simulated"] for s in self.sessions)
 
     @property
     def title(self):
@@ -110,10 +105,10 @@ class Device:
         """The sessions that were not rejected."""
         return tuple(s for s in self.sessions if not s.rejected)
 
-    @property
+    @cached_property
     def axes(self):
-        """Noise of each axis, as in noise.json."""
-        return self.noise.get("axes") or {}
+        """Noise of each channel, an `AxisNoise`."""
+        return axes_of(self.noise.get("axes", {}))
 
     @property
     def figures(self):
@@ -121,38 +116,34 @@ class Device:
         return self.folder / "figures"
 
 
-def read_device(name, label, folder, sessions):
-    """Return the results of a device.
+def axes_of(content):
+    """Return an `AxisNoise` for each channel of noise.json, without a term where it has none."""
+    return {c: AxisNoise.from_dict(content[c]) if c in content else AxisNoise() for c in CHANNELS}
 
-    Parameters
-    ----------
-    name, label : str
-        As in the config.
-    folder : path-like
-        ``results/<device>``.
-    sessions : dict of str to str
-        Kind of each session by its name.
-    """
+
+def of_axes(values, sensor):
+    """Return axis and value of each channel of a sensor."""
+    return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
+
+
+def read_device(name, label, folder, sessions):
+    """Return the results of a device in ``results/<device>``; kind of each session by its name."""
     folder = Path(folder)
+    views = pd.read_parquet(folder / "views.parquet")
     return Device(
         name,
         label,
         folder,
-        tuple(_session(folder / session, kind) for session, kind in sessions.items()),
-        {
-            method: Calibration.from_json(folder / file)
-            for method, file in CALIBRATIONS.items()
-            if (folder / file).exists()
-        },
-        *(_read(read_json, folder / f"{stem}.json") or {} for stem in ("noise", "diagnosis")),
+        tuple(_session(folder / session, kind, views) for session, kind in sessions.items()),
+        {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
+        *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
         tuple(read_failures(folder, sessions)),
         *(pd.read_parquet(folder / f"{table}.parquet") for table in ("poses", "moves")),
     )
 
 
-def _session(folder, kind):
+def _session(folder, kind, views):
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
-    views = _read(pd.read_parquet, folder.parent / "views.parquet")
     return Session(
         folder.name,
         kind,
@@ -161,28 +152,16 @@ def _session(folder, kind):
         samples,
         pd.read_parquet(segments),
         read_metadata(segments),
-        _read(pd.read_parquet, folder / "allan.parquet"),
-        None if views is None else views[views["session"] == folder.name].reset_index(drop=True),
+        pd.read_parquet(folder / "allan.parquet"),
+        views[views["session"] == folder.name].reset_index(drop=True),
     )
 
 
-def _read(read, path):
-    return read(path) if path.exists() else None
-
-
 def base_parameters(sensor):
-    """Return a sensor's bias, scale factor error and misalignment with their σ.
+    """Return bias, scale factor error and misalignment of a `SensorCalibration` with their σ.
 
-    Parameters
-    ----------
-    sensor : SensorCalibration
-        A calibration.
-
-    Returns
-    -------
-    dict
-        ``bias`` (SI), ``scale`` (relative), each a pair of value and σ, shape (3,), and
-        ``misalignment`` {(i, j): (value, σ)}, rad; σ is not-a-number where it was not estimated.
+    ``bias`` (SI), ``scale`` (relative), each a pair of value and σ, shape (3,), and
+    ``misalignment`` {(i, j): (value, σ)}, rad; σ is not-a-number where it was not estimated.
     """
     std, unit = sensor.std, sensor.raw_unit
     sigma = {p: np.array([std.get(f"{p}{i}", np.nan) for i in range(3)]) for p in "Kb"}

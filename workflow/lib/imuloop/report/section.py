@@ -47,7 +47,7 @@ from imuloop.report.tables.noise import (
     statistics_tables,
     uncut_table,
 )
-from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence, verdict_of
+from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 
 
 def write_section(name, label, folder, sessions):
@@ -72,10 +72,7 @@ def write_section(name, label, folder, sessions):
 
 
 def write_failed(name, label, folder, sessions, failed):
-    """Write what `write_section` does, of a device whose part could not be made: why.
-
-    Parameters are those of `write_section`, and ``failed``, the content of a `Failure`.
-    """
+    """Write what `write_section` does, of a device whose part failed, with the `Failure`."""
     failures = (*read_failures(folder, sessions), (None, Failure(**failed)))
     device = Device(name, label, Path(folder), failures=failures)
     _empty(device.figures)
@@ -100,8 +97,14 @@ def _empty(folder):
 
 def content(device):
     """Return what the section's template lays out, and write the figures' numbers."""
-    final, noise, used = device.calibrations.get("final"), bool(device.noise), device.used
-    poses = pose_picture(device)
+    final, used = device.calibrations["final"], device.used
+
+    def tables(make):
+        return [table for sensor in SENSORS if (table := make(device, sensor))]
+
+    def pictures(make):
+        return [picture for session in used for picture in make(device, session)]
+
     return {
         "parts": diagnosis_parts(device),
         "steps": next_steps(device),
@@ -109,23 +112,23 @@ def content(device):
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data_table(device), source_table(device)],
         "warnings": warnings(device),
-        "series": [p for s in used for p in session_pictures(device, s)],
+        "series": pictures(session_pictures),
         "segments": segment_table(device),
-        "poses": poses,
-        "basis": [(s, METHOD_WORDS[getattr(final, s).method]) for s in SENSORS if final],
+        "poses": pose_picture(device),
+        "basis": [(s, METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
         "reasons": reasons(device),
-        "parameters": [t for s in SENSORS if (t := parameter_table(device, s))],
+        "parameters": tables(parameter_table),
         "matrices": correlation_matrices(device),
-        "model": [model_table(device, s) for s in SENSORS if final],
-        "allan": [p for s in used for p in allan_pictures(device, s)],
-        "spectra": [p for s in used for p in density_pictures(device, s)],
-        "autocorrelations": [p for s in used for p in correlation_pictures(device, s)],
+        "model": tables(model_table),
+        "allan": pictures(allan_pictures),
+        "spectra": pictures(density_pictures),
+        "autocorrelations": pictures(correlation_pictures),
         "definitions": definitions(device),
-        "deviations": [p for s in used for p in deviation_pictures(device, s)],
-        "coefficients": [coefficient_table(device, s) for s in SENSORS if noise],
+        "deviations": pictures(deviation_pictures),
+        "coefficients": tables(coefficient_table),
         "coefficient_note": coefficient_note(device),
-        "uncut": [t for s in SENSORS if (t := uncut_table(device, s))],
-        "stability": [stability_table(device, s) for s in SENSORS if noise],
+        "uncut": tables(uncut_table),
+        "stability": tables(stability_table),
         "statistics": statistics_tables(device),
         "heldout": heldout_table(device),
         "attitude": attitude_part(device),
@@ -138,12 +141,12 @@ def diagnosis_parts(device):
 
 
 def _part(device, sensor, part, block):
-    verdict = verdict_of(block)
+    verdict = block["verdict"]
     above = verdict in ABOVE
     tables = [steps_table(sensor, part, block), *effect_tables(sensor, part, block)]
     allan = []
     if part == "static_record":
-        allan = corrected_pictures(device, sensor) if block.get("effects") else []
+        allan = corrected_pictures(device, sensor) if block["effects"] else []
         tables += [
             heldout_by_session(device, sensor, block),
             *session_tables(device, sensor, block),

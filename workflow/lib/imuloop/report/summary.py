@@ -5,11 +5,11 @@ from dataclasses import asdict
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.export.exported import for_filter
+from imuloop.export.exported import UNITS, for_filter
 from imuloop.report.figures.allan import curve
-from imuloop.report.numbers import missing, sigma_of
-from imuloop.report.results import SENSORS, XYZ, base_parameters
-from imuloop.report.verdict import PARTS, answers, block_of, quoted, sentence, verdict_of
+from imuloop.report.numbers import sigma_of
+from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
+from imuloop.report.verdict import PARTS, answers, block_of, quoted, sentence
 
 # version of the JSON file
 FORMAT = 1
@@ -17,24 +17,9 @@ FORMAT = 1
 PAIRS = ("xy", "xz", "yx", "yz", "zx", "zy")
 # what the comparison holds of each sensor, with the unit in files
 FIGURE_UNITS = {
-    "accelerometer": {
-        "residual": "m/s^2",
-        "bias": "m/s^2",
-        "scale": "1",
-        "misalignment": "rad",
-        "N": "m/s^2/sqrt(Hz)",
-        "B": "m/s^2",
-        "K": "m/s^3/sqrt(Hz)",
-    },
-    "gyroscope": {
-        "residual": "rad",
-        "bias": "rad/s",
-        "scale": "1",
-        "misalignment": "rad",
-        "N": "rad/s/sqrt(Hz)",
-        "B": "rad/s",
-        "K": "rad/s^2/sqrt(Hz)",
-    },
+    sensor: {"residual": residual, "bias": UNITS[sensor]["B"], "scale": "1", "misalignment": "rad"}
+    | UNITS[sensor]
+    for sensor, residual in (("accelerometer", "m/s^2"), ("gyroscope", "rad"))
 }
 
 
@@ -45,18 +30,13 @@ def summarise(device, steps=()):
     {name: {unit, value, std}} for all three, or for the six pairs of a misalignment; ``filter``
     {name: {value, axis, limit, raised_from}}, noise as a filter takes it; ``allan`` {channel:
     {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``verdicts``, ``rejected``, ``logs``.
-
-    Parameters
-    ----------
-    device : Device
-        Its results.
-    steps : sequence of str
-        What would help most, from `next_steps`.
+    `steps` are those of `next_steps`.
     """
     axes = _axes(device)
-    records = [s for s in device.used if s.has_allan]
     # the curve that reaches farthest
-    record = max(records, key=lambda s: s.allan["tau_s"].max(), default=None)
+    record = max(
+        (s for s in device.used if len(s.allan)), key=lambda s: s.allan["tau_s"].max(), default=None
+    )
     return {
         "format": FORMAT,
         "device": device.name,
@@ -70,15 +50,11 @@ def summarise(device, steps=()):
             if s.rejected
         ],
         "sessions": {
-            s.name: {"kind": s.kind, "duration_s": s.quality.get("duration_s")}
-            for s in device.sessions
+            s.name: {"kind": s.kind, "duration_s": s.quality["duration_s"]} for s in device.sessions
         },
         "verdicts": {
             sensor: {
-                part: {
-                    "verdict": verdict_of(block),
-                    "sentence": sentence(sensor, block),
-                }
+                part: {"verdict": block["verdict"], "sentence": sentence(sensor, block)}
                 for part in PARTS
                 for block in [block_of(device.diagnosis, sensor, part)]
             }
@@ -89,18 +65,14 @@ def summarise(device, steps=()):
         "figures": _figures(device, axes),
         "filter": _filter(device),
         "axes": axes,
-        "allan": {
-            c: curve(record.allan, c)[["tau_s", "adev"]].to_dict("list")
-            for channels in SENSORS.values()
-            for c in channels
-        }
+        "allan": {c: curve(record.allan, c)[["tau_s", "adev"]].to_dict("list") for c in device.axes}
         if record
         else {},
         "allan_csv": record and f"{device.name}/figures/{record.name}_allan.csv",
         "logs": [
             {"session": s.name, "file": file, "sha256": digest}
             for s in device.sessions
-            for file, digest in (s.source.get("sha256") or {}).items()
+            for file, digest in s.source["sha256"].items()
         ],
     }
 
@@ -129,26 +101,29 @@ def _axes(device):
 def _figures(device, axes):
     """Return one figure for each column of the comparison."""
     figures = {}
-    for sensor, channels in SENSORS.items():
+    for sensor in SENSORS:
         _, residual = quoted(sensor, block_of(device.diagnosis, sensor))
-        if residual and not missing(residual.get("after")):
+        if residual:
             # the root mean square of n normal errors has a relative σ of 1/sqrt(2 n)
             figures[f"{sensor}_residual"] = {
                 "value": residual["after"],
-                "std": residual["after"] / np.sqrt(2 * max(residual.get("n") or 1, 1)),
+                "std": residual["after"] / np.sqrt(2 * max(residual["n"], 1)),
                 "unit": residual["unit"],
-                "floor": residual.get("floor"),
+                "floor": residual["floor"],
             }
         # what the added effects explain is no noise
-        change = block_of(device.diagnosis, sensor, "static_record").get("noise") or {}
-        logged = {c: device.axes.get(c) or {} for c in channels}
-        cleaned = {c: (change.get(c) or {}).get("after") or logged[c] for c in channels}
-        for key in "NBK":
+        change = block_of(device.diagnosis, sensor, "static_record").get("noise", {})
+        logged = of_axes(device.axes, sensor)
+        cleaned = [
+            (axis, AxisNoise.from_dict(own["after"]) if own else noise)
+            for (axis, noise), (_, own) in zip(logged, of_axes(change, sensor), strict=True)
+        ]
+        for key, unit in UNITS[sensor].items():
             if figure := _largest_noise(cleaned, key):
                 before = _largest_noise(logged, key) if change else None
                 if before and before["value"] not in (None, figure["value"]):
                     figure["as_logged"] = before["value"]
-                figures[f"{sensor}_{key}"] = {**figure, "unit": FIGURE_UNITS[sensor][key]}
+                figures[f"{sensor}_{key}"] = {**figure, "unit": unit}
         for key, names in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
             if content := axes.get(f"{sensor}_{key}"):
                 i = int(np.nanargmax(np.abs(np.array(content["value"], float))))
@@ -167,14 +142,12 @@ def _filter(device):
     One number per sensor, that of the worst axis as logged; of a term that was not seen the 95 %
     upper limit; raised where N and K would not bound the Allan curve. The exports give the same.
     """
-    rates = [s.quality.get("rate_hz") for s in device.used]
+    rates = [s.quality["rate_hz"] for s in device.used]
     found = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
-    for sensor, channels in SENSORS.items():
+    for sensor in SENSORS:
         known = [
             (noise, axis)
-            for axis, channel in zip(XYZ, channels, strict=True)
-            if channel in device.axes
-            for noise in [AxisNoise.from_dict(device.axes[channel])]
+            for axis, noise in of_axes(device.axes, sensor)
             if None not in (noise.N.size, noise.K.size)
         ]
         for key in "NK" if known else "":
@@ -185,13 +158,9 @@ def _filter(device):
 
 def _largest_noise(axes, key):
     """Return the largest of three axes, and the limit of another if that is larger."""
-    found = [(content.get(key) or {}, a) for content, a in zip(axes.values(), XYZ, strict=True)]
-    values = [(c["value"], sigma_of(c), a) for c, a in found if not missing(c.get("value"))]
-    limits = [
-        (c["upper95"], a)
-        for c, a in found
-        if missing(c.get("value")) and not missing(c.get("upper95"))
-    ]
+    found = [(getattr(noise, key), axis) for axis, noise in axes]
+    values = [(c.value, sigma_of(c), a) for c, a in found if c.value is not None]
+    limits = [(c.upper95, a) for c, a in found if c.value is None and c.upper95 is not None]
     value, std, axis = max(values, key=lambda v: v[0], default=(None, None, None))
     upper, upper_axis = max(limits, default=(None, None))
     if value is None and upper is None:

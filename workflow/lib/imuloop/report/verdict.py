@@ -3,15 +3,8 @@
 import numpy as np
 from scipy.special import chdtr
 
-from imuloop.report.numbers import (
-    RESIDUAL,
-    joined,
-    missing,
-    number,
-    p_text,
-    percent,
-    with_unit,
-)
+from imuloop.report.numbers import joined, missing, number, p_text, percent
+from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none
 WORDS = {
@@ -58,22 +51,26 @@ FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
 ABOVE = ("partly_explained", "unexplained")
 # held-out error that a candidate leaves, as a share of that without it, that is worth a word
 WORTH_A_WORD = 0.75
+# where a stage before could not be read
+UNTESTED = {
+    "verdict": "not_testable",
+    "why": "no recording of this kind",
+    **dict.fromkeys(("effects", "candidates", "confounded", "correlates"), ()),
+    "residuals": {},
+}
 # the residual that a verdict quotes, the one a user feels first
 QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
 
 
 def block_of(diagnosis, sensor, part="poses"):
-    """Return the diagnosis of a sensor's poses or static record; empty where there is none."""
-    return diagnosis.get("sensors", {}).get(sensor, {}).get(part) or {}
+    """Return the diagnosis of a sensor's poses or static record."""
+    return diagnosis.get("sensors", {}).get(sensor, {}).get(part) or UNTESTED
 
 
 def blocks(diagnosis):
-    """Return every part of a diagnosis that there is: (sensor, part, content)."""
+    """Return every part of a diagnosis: (sensor, part, content)."""
     return [
-        (sensor, part, block)
-        for sensor in QUOTED
-        for part in PARTS
-        if (block := block_of(diagnosis, sensor, part))
+        (sensor, part, block_of(diagnosis, sensor, part)) for sensor in QUOTED for part in PARTS
     ]
 
 
@@ -82,20 +79,16 @@ def quoted(sensor, block):
 
     Where one is above its floor, the one that is farthest above it.
     """
-    residuals = block.get("residuals") or {}
+    residuals = block["residuals"]
     names = [*(n for n in QUOTED[sensor] if n in residuals), *residuals]
-    if verdict_of(block) in ABOVE:
-        names.sort(key=lambda n: -(residuals[n]["after"] or 0) / (residuals[n]["floor"] or np.inf))
+    if block["verdict"] in ABOVE:
+        names.sort(key=lambda n: -residuals[n]["after"] / (residuals[n]["floor"] or np.inf))
     return (names[0], residuals[names[0]]) if names else (None, {})
 
 
 def shown(residual, key, digits=3):
     """Return a figure of a residual in the unit that people think in, as text with its unit."""
-    display = RESIDUAL[residual["unit"]]
-    value = residual.get(key)
-    if missing(value):
-        return "unknown"
-    return with_unit(number(value * display.factor, digits), display.unit)
+    return RESIDUAL[residual["unit"]].text(residual[key], digits)
 
 
 def change(residual, changed):
@@ -105,26 +98,17 @@ def change(residual, changed):
     # where what is known of the noise leaves it wide
     if high - low > WIDE * residual["floor"]:
         display = RESIDUAL[residual["unit"]]
-        low, high = (number(v * display.factor, 2) for v in (low, high))
-        floor += f" ({low} to {with_unit(high, display.unit)} by the intervals of the noise)"
-    if not changed:
-        return f"held-out root mean square {shown(residual, 'after')}, {floor}"
+        ends = f"{display.size(low, 2)} to {display.text(high, 2)}"
+        floor += f" ({ends} by the intervals of the noise)"
     before, after = (shown(residual, when) for when in ("before", "after"))
-    if before == after:
-        return f"held-out root mean square stays at {after}, {floor}"
-    known = not missing(residual.get("before")) and not missing(residual.get("after"))
-    verb = "falls" if known and residual["after"] < residual["before"] else "goes"
-    return f"held-out root mean square {verb} from {before} to {after}, {floor}"
-
-
-def verdict_of(block):
-    """Return the verdict's word as the contract has it."""
-    return block.get("verdict") or "not_testable"
-
-
-def reason_of(block):
-    """Return why a sensor could not be tested."""
-    return block.get("why") or "no recording of this kind"
+    if not changed:
+        moved = after
+    elif before == after:
+        moved = f"stays at {after}"
+    else:
+        verb = "falls" if residual["after"] < residual["before"] else "goes"
+        moved = f"{verb} from {before} to {after}"
+    return f"held-out root mean square {moved}, {floor}"
 
 
 def correlate_words(name):
@@ -134,14 +118,13 @@ def correlate_words(name):
 
 def beyond_chance(probe, count):
     """Return whether the residual goes with one of `count` probes by more than chance."""
-    p = probe.get("p_value")
-    return not missing(p) and p * count < BY_CHANCE
+    return not missing(probe["p_value"]) and probe["p_value"] * count < BY_CHANCE
 
 
 def leading(block):
     """Return what the residual that is left goes with most; None if with nothing worth naming."""
-    probes = block.get("correlates") or []
-    sure = [c for c in probes if beyond_chance(c, len(probes)) and not missing(c.get("share"))]
+    probes = block["correlates"]
+    sure = [c for c in probes if beyond_chance(c, len(probes)) and not missing(c["share"])]
     found = max(sure, key=lambda c: c["share"], default=None)
     return found if found and found["share"] >= WORTH_NAMING else None
 
@@ -149,17 +132,13 @@ def leading(block):
 def lacking(block):
     """Return the largest reduced χ² of a fit's residuals above one, and its words, or None."""
     found = [
-        (r["chi2_after"], RESIDUAL_WORDS.get(name, name))
-        for name, r in (block.get("residuals") or {}).items()
-        if not missing(r.get("chi2_after"))
+        (r["chi2_after"] or 0.0, RESIDUAL_WORDS[name]) for name, r in block["residuals"].items()
     ]
     return max((f for f in found if f[0] > 1), default=None)
 
 
 def misfit(block):
     """Return by how much the residual exceeds the noise where it does most, as a sentence's end."""
-    if not block.get("residuals"):
-        return ""
     if (most := lacking(block)) is None:
         return " The fit to all data leaves no more than noise; without a part of them it fails."
     chi2, words = most
@@ -168,23 +147,22 @@ def misfit(block):
 
 def too_quiet(block):
     """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
-    for name, r in (block.get("residuals") or {}).items():
-        chi2 = r.get("chi2_before")
-        if missing(chi2) or chi2 >= FAR_BELOW:
-            continue
-        dof = max((r.get("n") or 0) - MOST_PARAMETERS, 1)
-        p = float(chdtr(dof, dof * chi2))
-        if p < UNLIKELY:
-            return name, chi2, p
+    for name, r in block["residuals"].items():
+        chi2 = r["chi2_before"]
+        if chi2 is not None and chi2 < FAR_BELOW:
+            dof = max(r["n"] - MOST_PARAMETERS, 1)
+            p = float(chdtr(dof, dof * chi2))
+            if p < UNLIKELY:
+                return name, chi2, p
     return None
 
 
 def _known_text(block):
     """Return the effects that came from the other kind of data, as a sentence's end."""
-    added = {e["name"] for e in block.get("effects") or []}
+    added = {e["name"] for e in block["effects"]}
     known = {
-        c["name"]: c.get("why") or "found elsewhere"
-        for c in block.get("candidates") or []
+        c["name"]: c["why"]
+        for c in block["candidates"]
         if c["status"] == "added" and c["name"] not in added
     }
     if not known:
@@ -195,13 +173,13 @@ def _known_text(block):
 
 def _tried(block):
     """Return what the effects that were rejected do to the held-out error, in words."""
-    residuals, found = block.get("residuals") or {}, []
-    rejected = [c for c in block.get("candidates") or [] if c["status"] == "rejected"]
+    residuals, found = block["residuals"], []
+    rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
     if not rejected:
         return "and no effect of the library can be told from these data"
     for c in rejected:
-        before = (residuals.get(c.get("residual")) or {}).get("before")
-        if before and not missing(c.get("heldout_after")):
+        before = residuals.get(c.get("residual"), {}).get("before")
+        if before and not missing(c["heldout_after"]):
             found.append((c["heldout_after"] / before, c))
     share, best = min(found, key=lambda f: f[0], default=(1.0, None))
     if share > WORTH_A_WORD:
@@ -212,13 +190,11 @@ def _tried(block):
 
 def sentence(sensor, block):
     """Return the verdict on a sensor's poses or static record in a sentence."""
-    verdict = verdict_of(block)
+    verdict = block["verdict"]
     if verdict == "not_testable":
-        return f"not testable: {reason_of(block)}."
+        return f"not testable: {block['why']}."
     name, residual = quoted(sensor, block)
-    if not residual:
-        return f"{WORDS[verdict]}; no residual was given."
-    effects = joined([e["name"] for e in block.get("effects") or []])
+    effects = joined([e["name"] for e in block["effects"]])
     words = {
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
@@ -226,7 +202,7 @@ def sentence(sensor, block):
         + ("something is still missing" if lacking(block) else "not in every part of the data"),
         "unexplained": f"unexplained, {_tried(block)}",
     }[verdict]
-    moved = f"{RESIDUAL_WORDS.get(name, name)}, {change(residual, bool(effects))}"
+    moved = f"{RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
     text = f"{words}: {moved}{_known_text(block)}."
     if verdict in ABOVE:
         text += misfit(block)
@@ -241,7 +217,7 @@ def sentence(sensor, block):
     if found := too_quiet(block):
         name, chi2, p = found
         text += (
-            f" Reduced χ² of the {RESIDUAL_WORDS.get(name, name)} is {number(chi2)}, far below 1, "
+            f" Reduced χ² of the {RESIDUAL_WORDS[name]} is {number(chi2)}, far below 1, "
             f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected "
             "or filtered before they were logged, and say little of the sensor."
         )
@@ -262,14 +238,14 @@ def answers(diagnosis):
     said = []
     for sensor in QUOTED:
         poses, still = (block_of(diagnosis, sensor, part) for part in PARTS)
-        tested = [v for v in map(verdict_of, (poses, still)) if v != "not_testable"]
+        tested = [b["verdict"] for b in (poses, still) if b["verdict"] != "not_testable"]
         if not tested:
-            words = f"not testable: {reason_of(poses)}"
-        elif verdict_of(poses) == "not_testable":
+            words = f"not testable: {poses['why']}"
+        elif poses["verdict"] == "not_testable":
             words = f"at rest {_words(still)}; no poses to test it"
         else:
             words = _words(poses)
-            if verdict_of(still) not in ("consistent", "not_testable"):
+            if still["verdict"] not in ("consistent", "not_testable"):
                 words += f"; at rest {_words(still)}"
         said.append((sensor, max(tested, key=rank, default="not_testable"), words))
     return said
@@ -279,13 +255,13 @@ def _words(block):
     """Return what a tested block says."""
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
-    effects = joined([e["name"].replace("_", " ") for e in block.get("effects") or []])
+    effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
     return {
         "consistent": "as good as its noise allows",
         "explained": f"as good as its noise allows with {effects} corrected",
         "partly_explained": f"better with {effects} corrected, but something is still missing",
         "unexplained": "something is missing that no known effect explains",
-    }.get(verdict_of(block), verdict_of(block))
+    }[block["verdict"]]
 
 
 def grouped(summaries):

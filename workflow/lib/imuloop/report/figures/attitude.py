@@ -14,6 +14,7 @@ METHODS = {
     "stretch": "gyroscope alone, through a held-out stretch",
     "mahony": "Mahony filter, arriving at a rest",
 }
+SIZES = ("rms_deg", "p95_deg")
 FIGURES = {
     "stretch": "Gyroscope alone from the first rest of each stretch on",
     "mahony": "Mahony filter with gains of {k_P:g} 1/s and {k_I:g} 1/s²",
@@ -22,13 +23,11 @@ FIGURES = {
 
 def attitude_part(device):
     """Return finding, tables and pictures of the validation by attitude, empty without one."""
-    path = device.folder / "attitude.json"
-    content = read_json(path) if path.exists() else {}
-    if content.get("status") != "ok":
-        why = content.get("why")
-        finding = f"The error of the vertical cannot be tested: {why}." if why else ""
+    content = read_json(device.folder / "attitude.json")
+    if content["status"] != "ok":
+        finding = f"The error of the vertical cannot be tested: {content['why']}."
         return {"finding": finding, "tables": [], "pictures": []}
-    series = pd.read_parquet(path.with_suffix(".parquet"))
+    series = pd.read_parquet(device.folder / "attitude.parquet")
     return {
         "finding": _finding(content["methods"]["rotation"]),
         "tables": [_table(content["methods"])],
@@ -58,37 +57,28 @@ def _finding(rotation):
 
 
 def _table(methods):
-    rows = []
-    for method, words in METHODS.items():
-        m = methods[method]
-        errors = [
-            f"{number(m['models'][model]['rms_deg'], 2)} "
-            f"({number(m['models'][model]['p95_deg'], 2)})"
-            for model in MODELS
-        ]
-        ratio = (number(m["base_over_final"]), interval_text(m["ratio_ci95"]))
-        rows.append((words, str(m["n"]), duration(m["duration_s"], 2), *errors, *ratio))
-    heads = [f"{words[0].upper()}{words[1:]}, °" for words in MODELS.values()]
-    return Table(
+    def error(model):
+        def cell(method):
+            rms, most = (number(methods[method]["models"][model][k], 2) for k in SIZES)
+            return f"{rms} ({most})"
+
+        return cell
+
+    return Table.of(
         "Error of the vertical on held-out stretches, °: root mean square (95 % quantile)",
-        ("Carried by", "Count", "Time, median", *heads, "Base over final", "95 % interval"),
-        rows,
+        METHODS,
+        {
+            "Carried by": lambda method: METHODS[method],
+            "Count": lambda method: str(methods[method]["n"]),
+            "Time, median": lambda method: duration(methods[method]["duration_s"], 2),
+            **{f"{words[0].upper()}{words[1:]}, °": error(m) for m, words in MODELS.items()},
+            "Base over final": lambda method: number(methods[method]["base_over_final"]),
+            "95 % interval": lambda method: interval_text(methods[method]["ratio_ci95"]),
+        },
         "As logged: with the scale of the data sheet. Base: bias, scale factor and misalignment of "
         "both sensors. Final: with the effects that the diagnosis added. The filter follows the "
         "accelerations of a turn too, which no calibration takes away.",
     )
-
-
-def draw_attitude(area, series, words):
-    """Draw the error of the vertical over time, a line per stretch, for each model of `words`."""
-    handles = []
-    for model in words:
-        for _, r in series[series["model"] == model].groupby("stretch"):
-            line = area.semilogy(r["t_s"], r["error_deg"], "-o", color=COLOURS[model], ms=3)
-        handles += line
-    area.set_xlabel("time, s")
-    area.set_ylabel("error of the vertical, °")
-    return handles, list(words.values())
 
 
 def _picture(device, content, series, method):
@@ -99,17 +89,21 @@ def _picture(device, content, series, method):
     of, words = content["methods"][method]["models"], dict(MODELS)
     if of["base"] == of["final"]:
         words = {"raw": MODELS["raw"], "final": f"{MODELS['base']}, also the final one"}
+
+    def plot(area):
+        for model, text in words.items():
+            for _, r in shown[shown["model"] == model].groupby("stretch"):
+                looks = {"color": COLOURS[model], "ms": 3, "label": text}
+                area.semilogy(r["t_s"], r["error_deg"], "-o", **looks)
+        area.set_xlabel("time, s")
+        area.set_ylabel("error of the vertical, °")
+
     errors = ", ".join(f"{_degrees(of[m]['rms_deg'])} {text}" for m, text in words.items())
     caption = (
         f"{FIGURES[method].format(**content['gains'])}: error "
         f"{'at the end of a stretch' if method == 'stretch' else 'when a turn is over'} {errors} "
         f"({plural(content['methods'][method]['n'], 'case')})."
     )
-    return picture(
-        f"{device.name}.attitude_{method}",
-        "Error of the vertical",
-        caption,
-        lambda area: draw_attitude(area, shown, words),
-        (440, 270),
-        write_csv(device.figures, f"attitude_{method}", shown),
-    )
+    csv = write_csv(device.figures, f"attitude_{method}", shown)
+    name = f"{device.name}.attitude_{method}"
+    return picture(name, "Error of the vertical", caption, plot, (440, 270), csv)

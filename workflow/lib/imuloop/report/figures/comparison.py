@@ -14,20 +14,22 @@ from imuloop.report.figures.drawing import (
     fill,
     picture,
 )
-from imuloop.report.numbers import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT, number
+from imuloop.report.numbers import number
 from imuloop.report.results import SENSORS, UNITS, XYZ
 from imuloop.report.summary import PAIRS
+from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT
 
 DASHES = ("-", "--", ":")
 # colour and mark of each axis or pair of axes
 MARKS = tuple(zip(PALETTE, "os^Dvp", strict=False))
 INTERVALS = {
-    "accelerometer_bias": ("accelerometer bias", MILLI_G, XYZ),
-    "gyroscope_bias": ("gyroscope bias", DEGREE_PER_SECOND, XYZ),
-    "accelerometer_scale": ("accelerometer scale factor error", PERCENT, XYZ),
-    "gyroscope_scale": ("gyroscope scale factor error", PERCENT, XYZ),
-    "accelerometer_misalignment": ("accelerometer misalignment", MILLIRADIAN, PAIRS),
-    "gyroscope_misalignment": ("gyroscope misalignment", MILLIRADIAN, PAIRS),
+    f"{sensor}_{key}": (f"{sensor} {words}", display, names)
+    for key, words, displays, names in (
+        ("bias", "bias", (MILLI_G, DEGREE_PER_SECOND), XYZ),
+        ("scale", "scale factor error", (PERCENT, PERCENT), XYZ),
+        ("misalignment", "misalignment", (MILLIRADIAN, MILLIRADIAN), PAIRS),
+    )
+    for sensor, display in zip(SENSORS, displays, strict=True)
 }
 # robust standard deviations from the median from which on a device stands out
 FAR = 5.0
@@ -49,14 +51,10 @@ def shortened(label, most):
 
 
 def allan_comparison(summaries, together):
-    """Return six pictures: the Allan deviation of one axis of all devices.
+    """Return six pictures: the Allan deviation of one axis of all devices, given summary.json.
 
-    Parameters
-    ----------
-    summaries : sequence of dict
-        summary.json of each device.
-    together : bool
-        Whether there is a line per device; else the band of all, and who stands out.
+    Where the devices are shown together there is a line per device; else the band of all, and who
+    stands out.
     """
     pictures = []
     for sensor, channels in SENSORS.items():
@@ -126,7 +124,9 @@ def _allan_band(name, sensor, axis, curves):
         for colour, i in zip(COLOURS, out, strict=False):
             handles += area.loglog(*curves[i][2:], color=colour)
         _label_axes(area, sensor)
-        return handles, ["median, 5–95 %", *(shortened(curves[i][1], 14) for i in out)]
+        # labels of artists may not begin with "_", those of devices may
+        labels = ["median, 5–95 %", *(shortened(curves[i][1], 14) for i in out)]
+        area.figure.legend(handles, labels, loc="outside right upper")
 
     named = [f"{curves[i][1]}, {number(np.exp(levels[i, at]) / middle[at], 2)} ×" for i in out]
     caption = (
@@ -134,8 +134,7 @@ def _allan_band(name, sensor, axis, curves):
         f"median is {number(middle[at])} {UNITS[sensor]}, nine of ten lie between "
         f"{number(low[at])} and {number(high[at])}; {_named(distances, named)}"
     )
-    legend = "outside right upper"
-    return picture(name, "Allan deviation", f"{caption}.", plot, (470, 270), legend=legend)
+    return picture(name, "Allan deviation", f"{caption}.", plot, (470, 270))
 
 
 def far_out(values):
@@ -167,14 +166,9 @@ def _named(distances, named):
 
 
 def parameter_comparison(summaries, csv, together):
-    """Return pictures of bias, scale factor error and misalignment of all devices.
+    """Return pictures of bias, scale factor error and misalignment, as `allan_comparison` does.
 
-    Parameters
-    ----------
-    summaries, together
-        As for `allan_comparison`.
-    csv : str
-        Path of comparison.csv from the report's folder.
+    `csv` is the path of comparison.csv from the report's folder.
     """
     pictures = []
     for key, (words, display, names) in INTERVALS.items():
@@ -197,7 +191,7 @@ def _intervals(name, words, unit, names, labels, value, std, csv):
     def plot(area):
         area.axvline(0, color=INK, lw=0.8)
         offsets = np.linspace(-0.3, 0.3, len(shown)) if len(shown) > 3 else 0.2 * (shown - 1)
-        handles = [
+        for i, offset in zip(shown, offsets, strict=True):
             area.errorbar(
                 value[:, i],
                 np.arange(count) + offset,
@@ -205,13 +199,11 @@ def _intervals(name, words, unit, names, labels, value, std, csv):
                 fmt=MARKS[i][1],
                 color=MARKS[i][0],
                 ms=5,
+                label=names[i],
             )
-            for i, offset in zip(shown, offsets, strict=True)
-        ]
         area.set_yticks(range(count), [shortened(label, 22) for label in labels])
         area.set_ylim(count - 0.5, -0.5)
         area.set_xlabel(f"{words}, {unit}")
-        return handles, [names[i] for i in shown]
 
     size = sorted(zip(np.nanmax(np.abs(value), axis=1), labels, strict=True))
     largest = "largest axis" if names == XYZ else "largest pair of axes"

@@ -3,26 +3,17 @@
 import numpy as np
 import pandas as pd
 
-from imuloop.report.figures.drawing import BLUE, GRID, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, GRID, WIDE, picture, write_csv
 from imuloop.report.numbers import missing, p_text, percent
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, beyond_chance, correlate_words
-
-
-def draw_bars(area, names, lengths, marked, said, widest):
-    """Draw a bar per name, the last on top, those marked in colour, with a text at its end."""
-    area.barh(names, lengths, color=[BLUE if m else GRID for m in marked], height=0.62)
-    for place, text in enumerate(said):
-        area.text(widest, place, text, ha="right", va="center", fontsize=10)
-    area.set(xlim=(0, widest), ylim=(-0.5, len(names) - 0.5))
-    area.grid(visible=False, axis="y")
 
 
 def correlate_pictures(device, sensor, part, block):
     """Return how much of each kind of residual every quantity explains, a picture per kind."""
     kinds = {}
-    for probe in block.get("correlates") or []:
-        if not missing(probe.get("share")):
-            kinds.setdefault(probe.get("residual"), []).append(probe)
+    for probe in block["correlates"]:
+        if not missing(probe["share"]):
+            kinds.setdefault(probe["residual"], []).append(probe)
     count = sum(map(len, kinds.values()))
     return [_picture(device, sensor, part, *each, count) for each in kinds.items()]
 
@@ -33,10 +24,15 @@ def _picture(device, sensor, part, residual, probes, count):
     words = [correlate_words(c["name"]) for c in probes]
     shares = np.clip([c["share"] for c in probes], 0, 1) * 1e2
     sure = [beyond_chance(c, count) for c in probes]
-    said = [f"{percent(max(c['share'], 0.0))}, {p_text(c.get('p_value'))}" for c in probes]
+    said = [f"{percent(max(c['share'], 0.0))}, {p_text(c['p_value'])}" for c in probes]
 
     def plot(area):
-        draw_bars(area, words, shares, sure, said, max(1.6 * shares.max(), 10))
+        widest = max(1.6 * shares.max(), 10)
+        area.barh(words, shares, color=[BLUE if s else GRID for s in sure], height=0.62)
+        for place, text in enumerate(said):
+            area.text(widest, place, text, ha="right", va="center", fontsize=10)
+        area.set(xlim=(0, widest), ylim=(-0.5, len(words) - 0.5))
+        area.grid(visible=False, axis="y")
         area.set_xlabel("share of the residual explained, %")
 
     leading = [i for i, s in enumerate(sure) if s]
@@ -46,13 +42,13 @@ def _picture(device, sensor, part, residual, probes, count):
         else f"nothing that it was compared with explains more than chance; first is "
         f"{words[-1]}, {said[-1]}"
     )
-    of = f" of the {RESIDUAL_WORDS.get(residual, residual)}" if residual else ""
-    stem = "_".join(filter(None, [sensor, part, residual, "correlates"]))
+    stem = f"{sensor}_{part}_{residual}_correlates"
     return picture(
         f"{device.name}.{stem}",
         "What a residual goes with",
-        f"{sensor.capitalize()}, {PARTS[part]}, what is left{of}: {finding}.",
+        f"{sensor.capitalize()}, {PARTS[part]}, what is left of the {RESIDUAL_WORDS[residual]}: "
+        f"{finding}.",
         plot,
-        (500, 62 + 24 * len(probes)),
+        (WIDE, 62 + 24 * len(probes)),
         write_csv(device.figures, stem, pd.DataFrame(probes[::-1])),
     )

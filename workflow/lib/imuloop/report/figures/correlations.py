@@ -30,24 +30,6 @@ def parameter_words(name):
     return f"{quantity} {''.join(XYZ[int(axis)] for axis in axes)}"
 
 
-def draw_correlations(area, r, names, side):
-    """Draw the lower half of a matrix of correlations in a square of `side` px."""
-    count = len(r)
-    i, j = np.tril_indices(count, -1)
-    size = (SQUARE * side / count) ** 2
-    area.scatter(j, i, size, SHADE, marker="s", lw=0)
-    values = r[i, j]
-    colours = np.where(values > 0, BLUE, VERMILLION)
-    marks = area.scatter(j, i, size, colours, marker="s", alpha=np.abs(values), lw=0)
-    pairs = zip(i, j, values, strict=True)
-    entitle(area, marks, [f"{names[a]}, {names[b]} {number(v, 2)}" for a, b, v in pairs])
-    # on the diagonal, at the end of its row and on top of its column
-    for k, name in enumerate(names):
-        area.text(k - 0.4, k, name, va="center", fontsize=min(11, 0.8 * side / count))
-    area.set(xlim=(-0.5, count - 0.5), ylim=(count - 0.5, -0.5), box_aspect=1, anchor="W")
-    area.set_axis_off()
-
-
 def correlation_matrices(device):
     """Return the picture of the parameters' correlations of each sensor that has some."""
     final = device.calibrations.get("final")
@@ -79,11 +61,29 @@ def _picture(device, sensor, names, r):
         f"{'correlates' if tight < 2 else 'correlate'} by more than {TOLD_APART}; largest: {told}."
     )
     side = min(SIDE * len(names), LARGEST)
+
+    def plot(area):
+        # the lower half, in a square
+        count = len(r)
+        i, j = np.tril_indices(count, -1)
+        size = (SQUARE * side / count) ** 2
+        area.scatter(j, i, size, SHADE, marker="s", lw=0)
+        values = r[i, j]
+        colours = np.where(values > 0, BLUE, VERMILLION)
+        marks = area.scatter(j, i, size, colours, marker="s", alpha=np.abs(values), lw=0)
+        told = zip(i, j, values, strict=True)
+        entitle(area, marks, [f"{short[a]}, {short[b]} {number(v, 2)}" for a, b, v in told])
+        # on the diagonal, at the end of its row and on top of its column
+        for k, name in enumerate(short):
+            area.text(k - 0.4, k, name, va="center", fontsize=min(11, 0.8 * side / count))
+        area.set(xlim=(-0.5, count - 0.5), ylim=(count - 0.5, -0.5), box_aspect=1, anchor="W")
+        area.set_axis_off()
+
     return picture(
         f"{device.name}.{sensor}_correlations",
         "Correlation of parameters",
         caption,
-        lambda area: draw_correlations(area, r, short, side),
+        plot,
         (440, side + 8),
         write_csv(device.figures, f"{sensor}_correlations", table),
     )

@@ -60,6 +60,8 @@ STYLE = {
     "ytick.major.size": 0,
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
+# the width that a picture has beside another, px
+WIDE = 500
 # powers of ten that are written out
 PLAIN = range(-2, 4)
 
@@ -97,39 +99,22 @@ class Picture:
         return Markup(svg.replace("xlink:href", "href"))
 
 
-def picture(
-    name,
-    kind,
-    caption,
-    plot,
-    size=(440, 300),
-    csv="",
-    wide=False,
-    legend="outside upper right",
-    columns=(1,),
-    rows=(1,),
-    sharex=False,
-    sharey=False,
-):
+def picture(name, kind, caption, plot, size=(440, 300), csv="", columns=(1,), rows=(1,)):
     """Return a picture.
 
     Parameters
     ----------
-    name, caption, csv, wide
+    name, caption, csv
         As in `Picture`; the drawing's ids are made from the name.
     kind : str
         What is drawn; with the caption it is what readers get who cannot see it.
     plot : callable
-        Draws on the `Axes`, or on the list of them, row by row, that it is given. What it returns,
-        handles and labels, is the key.
+        Draws on the `Axes`, or on the list of them, row by row, that it is given. What it labels
+        is in the key.
     size : tuple of float
         Width and height, px.
-    legend : str
-        Where the key is.
     columns, rows : tuple of float
-        Relative widths and heights of the areas.
-    sharex, sharey : bool
-        Whether areas below (beside) each other have the same limits.
+        Relative widths and heights of the areas, which share their limits.
     """
     with matplotlib.rc_context(STYLE | {"svg.hashsalt": name}):
         # 72 points an inch: a point is a pixel
@@ -137,25 +122,27 @@ def picture(
         areas = figure.subplots(
             len(rows),
             len(columns),
-            sharex="col" if sharex else False,
-            sharey="row" if sharey else False,
+            sharex="col",
+            sharey="row",
             squeeze=False,
             width_ratios=columns,
             height_ratios=rows,
         )
         areas = areas.ravel().tolist()
-        handles, labels = plot(areas if len(areas) > 1 else areas[0]) or ([], [])
-        for axis in (axis for area in areas for axis in (area.xaxis, area.yaxis)):
-            if axis.get_scale() == "log":
-                _mark_decades(axis)
-        if handles:
-            count = len(labels) if legend.split()[1] == "upper" else 1
-            figure.legend(handles, labels, loc=legend, ncols=count)
+        plot(areas if len(areas) > 1 else areas[0])
+        key = {}
+        for area in areas:
+            key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
+            for axis in (area.xaxis, area.yaxis):
+                if axis.get_scale() == "log":
+                    _mark_decades(axis)
+        if key:
+            figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
         figure.align_ylabels()
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(figure, "titles", {}))
-    return Picture(name, svg, caption, csv, wide)
+    return Picture(name, svg, caption, csv, size[0] > WIDE)
 
 
 def fill(area, x, low, high, colour, alpha=0.2):

@@ -27,13 +27,7 @@ NEAR = 0.94
 
 
 def largest_hole(directions):
-    """Return the direction farthest from all poses, and its angle to the nearest, rad.
-
-    Parameters
-    ----------
-    directions : array_like, shape (n, 3)
-        Unit vectors.
-    """
+    """Return the direction farthest from unit vectors, (n, 3), and how far the nearest is, rad."""
     # some 4 degrees apart
     grid = fibonacci_lattice(2000)
     nearest = (grid @ np.asarray(directions).T).max(axis=1)
@@ -60,18 +54,11 @@ def pose_directions(device):
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 
-def draw_poses(area, directions, sign, hole=None):
-    """Draw one half of the sphere, seen from outside along z.
+def draw_poses(area, directions, sign, hole):
+    """Draw one half of the sphere, seen from outside from +z or −z, by the `sign`.
 
-    Parameters
-    ----------
-    area : Axes
-    directions : dict of str to ndarray, shape (n, 3)
-        Upward unit vectors by kind of session.
-    sign : {1, -1}
-        Seen from +z or from −z.
-    hole : ndarray, shape (3,), optional
-        Middle of the largest hole.
+    `directions` are upward unit vectors, (n, 3), by kind of session; `hole` is the middle of the
+    largest hole.
     """
     area.set_axis_off()
     area.set_aspect("equal")
@@ -85,7 +72,7 @@ def draw_poses(area, directions, sign, hole=None):
         u = u[u[:, 2] * sign >= 0]
         (marks,) = area.plot(*_project(u, sign), mark, color=colour, ms=6)
         entitle(area, marks, [f"{kind}, “up” {_components(v)}" for v in u])
-    if hole is not None and hole[2] * sign >= 0:
+    if hole[2] * sign >= 0:
         x, y = _project(hole[None], sign)
         area.plot(x + 0.12 * circle.real, y + 0.12 * circle.imag, color=VERMILLION, lw=2.5)
     plus, minus = ("+x", "−x") if sign > 0 else ("−x", "+x")

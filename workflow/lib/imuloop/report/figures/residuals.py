@@ -6,8 +6,9 @@ from scipy.stats import spearmanr
 from imuloop.core.samples import ACCELERATION, TEMPERATURE
 from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, entitle, picture, write_csv
 from imuloop.report.figures.time_series import clock
-from imuloop.report.numbers import DEGREE_PER_SECOND, DEGREES, RESIDUAL, number, with_unit
+from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
+from imuloop.report.units import DEGREE_PER_SECOND, DEGREES, RESIDUAL
 from imuloop.report.verdict import RESIDUAL_WORDS, change
 
 SHORT_WORDS = {
@@ -42,19 +43,9 @@ def elapsed(table):
 
 
 def against(name, table):
-    """Return what the residuals of one kind are shown against.
+    """Return what the residuals of one kind, of poses or moves of a table, are shown against.
 
-    Parameters
-    ----------
-    name : str
-        Kind of residual.
-    table : DataFrame
-        Its poses or moves.
-
-    Returns
-    -------
-    dict of str to (str, ndarray)
-        By the name of a column of the CSV file: words with unit, and values in it.
+    By the name of a column of the CSV file: words with unit, and values in it.
     """
     time, _ = elapsed(table)
     unit, size = clock(time.max())
@@ -103,29 +94,27 @@ def goes_with(panels, error):
     return f"its size {verb} with {words} (rank correlation {number(rho, 2)})"
 
 
-def draw_residuals(area, x, before, after, floor, titles=None):
+def draw_residuals(area, x, before, after, floor):
     """Draw the residual of each pose or turn over `x`; without `before` the model did not change.
 
-    Returns handles and labels of the key.
+    Returns the marks of what is left.
     """
     order = np.argsort(x, kind="stable")
     signed = min(np.min(e) for e in (before, after) if e is not None) < 0
     for sign in (1, -1) if signed else (1,):
-        handles = area.plot(x[order], sign * floor[order], color=INK, ls="--", lw=1)
-    names = ["floor from noise"]
+        looks = {"color": INK, "ls": "--", "lw": 1, "label": "floor from noise"}
+        area.plot(x[order], sign * floor[order], **looks)
     if before is not None:
-        handles += area.plot(x, before, "o", color=ORANGE, mfc=PAGE, mew=1.2, ms=4)
-        names.append("before")
-    handles += area.plot(x, after, "o", color=BLUE, ms=4.5)
-    if titles is not None:
-        entitle(area, handles[-1], titles)
+        area.plot(x, before, "o", color=ORANGE, mfc=PAGE, mew=1.2, ms=4, label="before")
+    words = "residual" if before is None else "after"
+    (marks,) = area.plot(x, after, "o", color=BLUE, ms=4.5, label=words)
     if not signed:
         area.set_ylim(0)
-    return handles, [*names, "residual" if before is None else "after"]
+    return marks
 
 
 def _picture(device, sensor, name, table, block):
-    residual, changed = block["residuals"][name], bool(block.get("effects"))
+    residual, changed = block["residuals"][name], bool(block["effects"])
     display = RESIDUAL[residual["unit"]]
     errors = {when: table[f"{name}_{when}"].to_numpy() for when in ("before", "after", "floor")}
     before, after, floor = (values * display.factor for values in errors.values())
@@ -148,8 +137,9 @@ def _picture(device, sensor, name, table, block):
             # over time the floor of each; elsewhere it would jump from mark to mark
             first = area is areas[0]
             level = floor if first else np.full(len(x), np.median(floor))
-            old = before if changed else None
-            found = draw_residuals(area, x, old, after, level, said if first else None)
+            marks = draw_residuals(area, x, before if changed else None, after, level)
+            if first:
+                entitle(area, marks, said)
             area.set_xlabel(label)
             if key == "axis":
                 area.set_xlim(-0.6, len(TURN_AXES) - 0.4)
@@ -160,12 +150,11 @@ def _picture(device, sensor, name, table, block):
             where = areas[0].get_xaxis_transform()
             areas[0].text(at, 0.98, f" {session}", rotation=90, va="top", transform=where)
         areas[0].set_ylabel(f"{SHORT_WORDS[name]}, {display.unit}")
-        return found
 
     worst = np.abs(after).argmax()
     caption = (
         f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
-        f"{with_unit(number(abs(after[worst])), display.unit)}, {things[worst]}; "
+        f"{display.text(abs(errors['after'][worst]))}, {things[worst]}; "
         f"{goes_with(panels, after)}."
     )
     return picture(
@@ -175,7 +164,5 @@ def _picture(device, sensor, name, table, block):
         plot,
         (1000, 270),
         write_csv(device.figures, f"{sensor}_{name}", columns),
-        wide=True,
         columns=(2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:])),
-        sharey=True,
     )

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from imuloop.core.noise_model import AxisNoise
 from imuloop.report.figures.drawing import AXES, GRID, INK, fill, picture, write_csv
-from imuloop.report.noise_units import quantities
 from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
-from imuloop.report.results import SENSORS, UNITS, XYZ
+from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
+from imuloop.report.units import quantities
 
 # departure of the measured density from the model that is worth a word: this factor of power, in
 # so many neighbouring points, and so many standard deviations that hundreds of groups have none
@@ -14,37 +13,36 @@ DEPARTURE, NEIGHBOURS, SURE = 1.1, 10, 5.0
 
 
 def _view(session, name):
-    """Return the rows of one view of a session, sorted; empty where it was not computed."""
-    if session.views is None:
-        return None
+    """Return the rows of one view of a session, sorted."""
     found = session.views[(session.views["view"] == name) & np.isfinite(session.views["value"])]
     found = found.astype({"axis": str}).sort_values(["axis", "x"], kind="stable")
-    return None if found.empty else found.drop(columns="view")
+    return found.drop(columns="view")
 
 
-def _of_axes(found, sensor):
-    return {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[sensor], strict=True)}
+def _by_sensor(found):
+    """Return the rows of each axis of the sensors that have any."""
+    by = {
+        s: {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[s], strict=True)}
+        for s in SENSORS
+    }
+    return {sensor: curves for sensor, curves in by.items() if any(map(len, curves.values()))}
 
 
 def density_pictures(device, session):
     """Return the power spectral density of a session's accelerometer and gyroscope."""
     found = _view(session, "psd")
-    if found is None:
+    if found.empty:
         return []
-    rate = device.noise.get("rate_hz") or session.quality["rate_hz"]
+    rate = device.noise["rate_hz"] or session.quality["rate_hz"]
     found["model"] = np.nan
-    for channel, content in device.axes.items():
+    for channel, noise in device.axes.items():
         at = found["axis"] == channel
         if at.any():
-            noise, f = AxisNoise.from_dict(content), found["x"][at].to_numpy()
+            f = found["x"][at].to_numpy()
             found.loc[at, "model"] = noise.density(f, rate) + noise.R.square * _ramp(f)
     table = found.rename(columns={"x": "frequency_hz", "value": "psd"})
     csv = write_csv(device.figures, f"{session.name}_psd", table)
-    return [
-        _density(device, session, sensor, _of_axes(found, sensor), csv)
-        for sensor, channels in SENSORS.items()
-        if found["axis"].isin(channels).any()
-    ]
+    return [_density(device, session, *each, csv) for each in _by_sensor(found).items()]
 
 
 def _ramp(frequency):
@@ -59,59 +57,41 @@ def _ramp(frequency):
     return longest**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
 
 
-def draw_density(area, curves, lines=(), band=None):
-    """Draw the density of each axis with its interval and its model.
-
-    Parameters
-    ----------
-    area : Axes
-    curves : dict of str to DataFrame
-        Rows of views.parquet of each axis, with a column ``model``.
-    lines : sequence of (float, str, str)
-        Frequency, axis and origin of each line of the model.
-    band : float, optional
-        Highest frequency that the fit used, Hz.
-    """
-    handles = []
-    for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
-        handles += area.loglog(r["x"], r["value"], color=colour)
-        fill(area, r["x"], r["ci_low"], r["ci_high"], colour)
-        if (r["model"] > 0).all():
-            area.loglog(r["x"], r["model"], color=colour, ls="--", lw=1)
-        at = [f for f, a, _ in lines if a == axis]
-        area.plot(at, [0.98] * len(at), "v", color=colour, transform=area.get_xaxis_transform())
-    highest = max(r["x"].max() for r in curves.values() if len(r))
-    if band and band < 0.95 * highest:
-        area.axvspan(band, highest, color=GRID, alpha=0.35, lw=0)
-    return handles, XYZ
-
-
 def _density(device, session, sensor, curves, csv):
+    axes = of_axes(device.axes, sensor)
     lines = [
-        (line["frequency"]["value"], axis, line.get("origin"))
-        for axis, channel in zip(XYZ, SENSORS[sensor], strict=True)
-        for line in (device.axes.get(channel) or {}).get("sinusoid") or []
-        if line["frequency"].get("value")
+        (line.frequency.value, axis, line.origin)
+        for axis, noise in axes
+        for line in noise.sinusoid
+        if line.frequency.value
     ]
-    spectrum = device.noise.get("spectrum") or {}
-    bands = [(spectrum.get(c) or {}).get("band_hz") or 0.0 for c in SENSORS[sensor]]
-    band = max(bands) or None
+    spectrum = device.noise["spectrum"]
+    # the highest frequency that the fit used
+    band = max(spectrum.get(c, {}).get("band_hz", 0.0) for c in SENSORS[sensor]) or None
 
     def plot(area):
+        for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
+            area.loglog(r["x"], r["value"], color=colour, label=axis)
+            fill(area, r["x"], r["ci_low"], r["ci_high"], colour)
+            if (r["model"] > 0).all():
+                area.loglog(r["x"], r["model"], color=colour, ls="--", lw=1)
+            at = [f for f, a, _ in lines if a == axis]
+            on_top = area.get_xaxis_transform()
+            area.plot(at, [0.98] * len(at), "v", color=colour, transform=on_top)
+        highest = max(r["x"].max() for r in curves.values() if len(r))
+        if band and band < 0.95 * highest:
+            area.axvspan(band, highest, color=GRID, alpha=0.35, lw=0)
         area.set_xlabel("frequency, Hz")
         area.set_ylabel(f"power spectral density, ({UNITS[sensor]})²/Hz")
-        return draw_density(area, curves, lines, band)
 
     unit = quantities(sensor)["N"].sheet[0]
-    white = [
-        coefficient_text((device.axes.get(c) or {}).get("N"), unit.factor) for c in SENSORS[sensor]
-    ]
+    white = ", ".join(coefficient_text(noise.N, unit.factor) for _, noise in axes)
     named = [
         f"{with_unit(number(f), 'Hz')} ({axis}{f': {origin}' if origin else ''})"
         for f, axis, origin in lines
     ]
     caption = (
-        f"{session.name}, {sensor}: N {', '.join(white)} {unit.unit} (x, y, z); "
+        f"{session.name}, {sensor}: N {white} {unit.unit} (x, y, z); "
         f"{'lines at ' + joined(named) + '; ' if named else ''}"
         f"{_departure(curves, band or np.inf)}."
     )
@@ -148,40 +128,30 @@ def _departure(curves, highest):
 def correlation_pictures(device, session):
     """Return the autocorrelation of a session's accelerometer and gyroscope."""
     found = _view(session, "autocorrelation")
-    if found is None:
+    if found.empty:
         return []
     # it is 1 at lag 0
     found = found[found["x"] > 0]
     table = found.rename(columns={"x": "lag_s", "value": "autocorrelation"})
     csv = write_csv(device.figures, f"{session.name}_autocorrelation", table)
-    return [
-        _correlation(device, session, sensor, _of_axes(found, sensor), csv)
-        for sensor, channels in SENSORS.items()
-        if found["axis"].isin(channels).any()
-    ]
-
-
-def draw_correlation(area, curves):
-    """Draw the autocorrelation of each axis over the band of white noise."""
-    # it depends on the number of samples only
-    band = next(r for r in curves.values() if len(r))
-    area.axhline(0, color=INK, lw=0.8)
-    fill(area, band["x"], band["ci_low"], band["ci_high"], GRID, 0.6)
-    handles = []
-    for colour, r in zip(AXES, curves.values(), strict=True):
-        handles += area.semilogx(r["x"], r["value"], color=colour)
-    return handles, XYZ
+    return [_correlation(device, session, *each, csv) for each in _by_sensor(found).items()]
 
 
 def _correlation(device, session, sensor, curves, csv):
+    known = {axis: r for axis, r in curves.items() if len(r)}
+    # the band of white noise depends on the number of samples only
+    band = next(iter(known.values()))
+
     def plot(area):
+        area.axhline(0, color=INK, lw=0.8)
+        fill(area, band["x"], band["ci_low"], band["ci_high"], GRID, 0.6)
+        for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
+            area.semilogx(r["x"], r["value"], color=colour, label=axis)
         area.set_xlabel("lag, s")
         area.set_ylabel("autocorrelation, 1")
-        return draw_correlation(area, curves)
 
-    known = {axis: r for axis, r in curves.items() if len(r)}
     first = ", ".join(number(r["value"].iloc[0], 2) for r in known.values())
-    lag = with_unit(number(next(iter(known.values()))["x"].iloc[0]), "s")
+    lag = with_unit(number(band["x"].iloc[0]), "s")
     farthest = {axis: _farthest(r) for axis, r in known.items()}
     axis = max(farthest, key=farthest.get)
     reach = (

@@ -9,16 +9,9 @@ import pywt
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
 from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, picture, write_csv
-from imuloop.report.numbers import (
-    DEGREE_PER_SECOND,
-    MILLI_G,
-    NO_NUMBER,
-    Display,
-    duration,
-    number,
-    plural,
-)
+from imuloop.report.numbers import NO_NUMBER, duration, plural
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
+from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
 
 # stretches of equal length that a line is cut into; each gives two points
 BUCKETS = 240
@@ -148,35 +141,30 @@ def _picture(device, session, sensor, t):
     unit, size = clock(t[-1])
 
     def plot(areas):
-        areas = areas if resting else [areas]
-        for area in areas:
+        areas = areas if resting else [areas] * 3
+        for area in dict.fromkeys(areas):
             shade(area, segments, size)
         areas[-1].set_xlim(0, t[-1] / size)
         areas[-1].set_xlabel(f"time, {unit}")
         areas[0].set_ylabel(f"{QUANTITY[sensor]}, {display.unit}")
-        handles = []
-        for area, colour, axis in zip(areas if resting else areas * 3, AXES, XYZ, strict=True):
+        for area, colour, axis in zip(areas, AXES, XYZ, strict=True):
 
-            def shown(values, level=middle[axis]):
-                return (np.asarray(values) - level) * display.factor
+            def line(x, y, level=middle[axis], area=area, **looks):
+                area.plot(x / size, (np.asarray(y) - level) * display.factor, **looks)
 
-            x, y = raw[axis]
-            handles += area.plot(x / size, shown(y), color=colour, lw=0.9)
+            words = "as logged" if resting else axis
+            line(*raw[axis], color=colour, lw=0.9, label=words)
             if resting:
-                low, high = shown(quiet[axis])
+                low, high = ((end - middle[axis]) * display.factor for end in quiet[axis])
                 area.set_ylim(*((low, high) if low < high else (low - 1, high + 1)))
-                x, y = smooth[axis]
-                smooth_line = area.plot(x / size, shown(y), color=INK, lw=1.6)
+                line(*smooth[axis], color=INK, lw=1.6, label="without noise (wavelets)")
                 area.set_ylabel(f"{axis}, {display.unit}")
-        if resting:
-            return [handles[-1], *smooth_line], ["as logged", "without noise (wavelets)"]
-        return handles, XYZ
 
     caption = _finding(session, sensor, np.sqrt(np.max(square)))
     if resting:
         moved = [np.ptp(y[np.isfinite(y)]) for _, y in smooth.values() if np.isfinite(y).any()]
-        moves = ", ".join(number(m * display.factor, 2) for m in moved) or NO_NUMBER
-        levels = ", ".join(number(m * display.factor, 4) for m in middle.values())
+        moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
+        levels = ", ".join(display.size(m, 4) for m in middle.values())
         caption += (
             f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
             f"{levels} {display.unit}."
@@ -188,9 +176,7 @@ def _picture(device, session, sensor, t):
         plot,
         (900, 310 if resting else 250),
         csv,
-        wide=True,
         rows=(1, 1, 1) if resting else (1,),
-        sharex=True,
     )
 
 
@@ -213,8 +199,7 @@ def _finding(session, sensor, peak):
         text += f" in {plural(session.poses, 'pose')}"
     if (kinds == MOTION).any():
         display = MOVING[sensor]
-        size = f"{number(peak * display.factor)} {display.unit}"
-        text += f", {length[MOTION]} of motion up to {size}"
+        text += f", {length[MOTION]} of motion up to {display.size(peak)} {display.unit}"
     cut = start[kinds == DISTURBED]
     if len(cut):
         text += (

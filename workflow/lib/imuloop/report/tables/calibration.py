@@ -1,16 +1,9 @@
 """The calibration's parameters with σ, methods side by side, and the model as it is stored."""
 
-from imuloop.report.numbers import (
-    DEGREE_PER_SECOND,
-    MILLI_G,
-    MILLIRADIAN,
-    PERCENT,
-    number,
-    typeset,
-    with_sigma,
-)
+from imuloop.report.numbers import number, typeset, with_sigma
 from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters
 from imuloop.report.tables.table import Sized, Table
+from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT
 
 METHODS = {"six_position": "Six-position", "multi_position": "Multi-position", "final": "Final"}
 METHOD_WORDS = {
@@ -46,7 +39,7 @@ def parameter_table(device, sensor):
         "output is from a true unit. Misalignment ij: how much of axis j shows on axis i. "
         "A parameter that is not listed, or not estimated, is not determined by these data. "
         "Reduced χ² near 1: the fit is as good as the noise allows.",
-        sorts=range(2 + len(methods)),
+        sortable=True,
     )
 
 
@@ -69,8 +62,7 @@ def _cells(sensor, bias):
     for words, name, display, value, sigma in found:
         text = NOT_ESTIMATED
         if name in estimated:
-            shown = with_sigma(value * display.factor, sigma * display.factor)
-            text = Sized(shown, value)
+            text = Sized(with_sigma(value, sigma, display.factor), value)
         elif name[0] == "T" and estimated & {"T01", "K0"}:
             text = "0 (by definition)"
         cells[words, display.unit] = text

@@ -1,13 +1,10 @@
 """The ranking of the candidates: what became of each and why, and which cannot be told apart."""
 
 from imuloop.core.effect import Effect
-from imuloop.report.effect_units import spans
 from imuloop.report.numbers import (
     NO_NUMBER,
-    RESIDUAL,
     duration,
     missing,
-    number,
     percent,
     plural,
     probability,
@@ -15,6 +12,7 @@ from imuloop.report.numbers import (
     with_unit,
 )
 from imuloop.report.tables.table import Sized, Table
+from imuloop.report.units import RESIDUAL, spans
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS
 
 # what an effect varies with, and the recording in which that varies
@@ -58,38 +56,32 @@ STATUS = ("added", "confounded", "rejected", *UNTRIED)
 
 def ranked(block):
     """Return a diagnosis' candidates: added ones in their order, then by p-value."""
-    order = [effect["name"] for effect in block.get("effects") or []]
+    order = [effect["name"] for effect in block["effects"]]
 
     def rank(candidate):
-        name, p = candidate["name"], candidate.get("p_value")
+        name, p = candidate["name"], candidate["p_value"]
         return (
-            _place(candidate["status"]),
+            STATUS.index(candidate["status"]),
             order.index(name) if name in order else len(order),
-            float("inf") if missing(p) else p,
+            float("inf") if p is None else p,
         )
 
-    return sorted(block.get("candidates") or [], key=rank)
-
-
-def _place(status):
-    return STATUS.index(status) if status in STATUS else len(STATUS)
+    return sorted(block["candidates"], key=rank)
 
 
 def ranking_table(sensor, part, block):
     """Return all effects that were thought of: what became of each, and why; None without any."""
-    candidates = ranked(block)
+    candidates, residuals = ranked(block), block["residuals"]
     if not candidates:
         return None
-    residuals = block.get("residuals") or {}
     meant = "; ".join(
-        f"in {RESIDUAL[r['unit']].unit}: {RESIDUAL_WORDS.get(name, name)}"
-        for name, r in residuals.items()
+        f"in {RESIDUAL[r['unit']].unit}: {RESIDUAL_WORDS[name]}" for name, r in residuals.items()
     )
     # a row for each reason why effects could not be tried, with all that share it
     untried = {}
     for c in candidates:
         if c["status"] in UNTRIED:
-            untried.setdefault((c["status"], c.get("why") or NO_NUMBER), []).append(c["name"])
+            untried.setdefault((c["status"], c["why"]), []).append(c["name"])
     return Table(
         f"{sensor.capitalize()}, {PARTS[part]}: candidate effects, best first",
         (
@@ -106,47 +98,43 @@ def ranking_table(sensor, part, block):
         "Detection limit: the smallest size that these data would have shown in nine of ten "
         "cases; the least and the greatest of the effect's parameters.",
         dense=True,
-        sorts=(0, 1, 2, 3),
+        sortable=True,
     )
 
 
 def _status(status, twin=None):
     words = status.replace("_", " ")
-    return Sized(f"{words} with {twin}" if twin else words, _place(status))
+    return Sized(f"{words} with {twin}" if twin else words, STATUS.index(status))
 
 
 def _row(candidate, residuals):
-    known, p = Effect.library.get(candidate["name"]), candidate.get("p_value")
-    adds = (known and known.equation, constants_text(candidate.get("constants")))
-    limits = spans(candidate.get("detection_limit") or {}, candidate.get("units") or {})
+    known, p = Effect.library.get(candidate["name"]), candidate["p_value"]
+    adds = (known and known.equation, constants_text(candidate.get("constants", {})))
+    limits = spans(candidate["detection_limit"] or {}, candidate.get("units", {}))
+    error, after = NO_NUMBER, candidate["heldout_after"]
+    if residuals and not missing(after):
+        residual = residuals.get(candidate.get("residual")) or next(iter(residuals.values()))
+        unit, before = RESIDUAL[residual["unit"]], residual["before"]
+        # residuals of several units share the column
+        error = Sized(
+            f"{unit.size(before)}\u00a0→\u00a0{unit.text(after)}",
+            after / before if before else None,
+        )
     return (
         candidate["name"],
-        _status(candidate["status"], candidate.get("confounded_with")),
+        _status(candidate["status"], candidate["confounded_with"]),
         Sized(probability(p), p),
-        _heldout(candidate, residuals),
+        error,
         "; ".join(limits) or NO_NUMBER,
-        candidate.get("why") or NO_NUMBER,
+        candidate["why"],
         ", ".join(filter(None, adds)) or NO_NUMBER,
     )
-
-
-def _heldout(candidate, residuals):
-    """Return the held-out error without effects and with this one alone."""
-    after = candidate.get("heldout_after")
-    residual = residuals.get(candidate.get("residual")) or next(iter(residuals.values()), None)
-    if residual is None or missing(after):
-        return NO_NUMBER
-    unit, before = RESIDUAL[residual["unit"]], residual.get("before")
-    start = NO_NUMBER if missing(before) else number(before * unit.factor)
-    text = f"{start}\u00a0→\u00a0{with_unit(number(after * unit.factor), unit.unit)}"
-    # residuals of several units share the column
-    return Sized(text, after / before if before else None)
 
 
 def constants_text(constants):
     """Return the constants of an effect's shape in words."""
     parts = []
-    for name, value in (constants or {}).items():
+    for name, value in constants.items():
         if name == "times":
             parts.append(f"{plural(len(value), 'step')}, {', '.join(map(duration, value[:3]))}")
             parts[-1] += ", …" * (len(value) > 3)
@@ -168,21 +156,24 @@ def telling_apart(*names):
 def twin_table(sensor, part, block):
     """Return the effects that these data cannot tell apart, and what would; None without any."""
     twins = {}
-    for pair in block.get("confounded") or []:
+    for pair in block["confounded"]:
         twins.setdefault(pair["effect"], []).append(pair)
     if not twins:
         return None
-    rows = []
-    for effect, pairs in twins.items():
-        others = [f"{pair['with']} ({percent(pair.get('share'))})" for pair in pairs]
-        advice = telling_apart(effect, *(pair["with"] for pair in pairs))
-        rows.append((effect, ", ".join(others), advice))
-    return Table(
+    return Table.of(
         f"{sensor.capitalize()}, {PARTS[part]}: cannot be told apart in these data",
-        ("Effect", "Looks like (share of its pattern)", "What would tell them apart"),
-        rows,
+        twins.items(),
+        {
+            "Effect": lambda twin: twin[0],
+            "Looks like (share of its pattern)": lambda twin: ", ".join(
+                f"{pair['with']} ({percent(pair['share'])})" for pair in twin[1]
+            ),
+            "What would tell them apart": lambda twin: telling_apart(
+                twin[0], *(pair["with"] for pair in twin[1])
+            ),
+        },
         "From the attitudes, times and temperatures of the recording alone, before its residuals: "
         "how much of the pattern that the first would leave the other could leave as well. Where "
         "one of them is named as the cause, it may as well be the other.",
-        sorts=(0, 1),
+        sortable=True,
     )

@@ -1,26 +1,23 @@
 """The comparison of devices: the tables on the first screen, and comparison.csv."""
 
-import csv
 from typing import NamedTuple
+
+import pandas as pd
 
 from imuloop.core.errors import one_line
 from imuloop.core.tables import text_cell
-from imuloop.report.numbers import (
+from imuloop.report.numbers import NO_NUMBER, missing, with_sigma
+from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.summary import FIGURE_UNITS, PAIRS
+from imuloop.report.units import (
     DEGREE_PER_SECOND,
     DEGREES,
     MILLI_G,
     MILLIRADIAN,
-    NO_NUMBER,
-    NOISE_UNITS,
     PERCENT,
     Display,
-    missing,
-    number,
-    with_sigma,
-    with_unit,
+    quantities,
 )
-from imuloop.report.results import SENSORS, XYZ
-from imuloop.report.summary import FIGURE_UNITS, PAIRS
 from imuloop.report.verdict import PARTS, rank
 
 
@@ -32,23 +29,23 @@ class Column(NamedTuple):
     display: Display
 
 
-def _columns(sensor, residual, bias):
-    units = NOISE_UNITS[sensor]
-    found = (
-        ("residual", "Held-out residual", residual),
-        ("bias", "Bias", bias),
-        ("scale", "Scale factor error", PERCENT),
-        ("misalignment", "Misalignment", MILLIRADIAN),
-        ("N", "White noise", units["N"][1]),
-        ("B", "Bias instability", units["B"][1]),
-        ("K", "Random walk", units["K"][1]),
-    )
-    return tuple(Column(f"{sensor}_{name}", *rest) for name, *rest in found)
-
-
 COLUMNS = {
-    "accelerometer": _columns("accelerometer", MILLI_G, MILLI_G),
-    "gyroscope": _columns("gyroscope", DEGREES, DEGREE_PER_SECOND),
+    sensor: (
+        Column(f"{sensor}_residual", "Held-out residual", residual),
+        Column(f"{sensor}_bias", "Bias", bias),
+        Column(f"{sensor}_scale", "Scale factor error", PERCENT),
+        Column(f"{sensor}_misalignment", "Misalignment", MILLIRADIAN),
+        *(
+            Column(f"{sensor}_{key}", header, quantities(sensor)[key].sheet[0])
+            for key, header in zip(
+                "NBK", ("White noise", "Bias instability", "Random walk"), strict=True
+            )
+        ),
+    )
+    for sensor, residual, bias in (
+        ("accelerometer", MILLI_G, MILLI_G),
+        ("gyroscope", DEGREES, DEGREE_PER_SECOND),
+    )
 }
 
 
@@ -82,8 +79,7 @@ def best_words(summaries):
         found = [(f["value"], s["label"]) for s in summaries if (f := s["figures"].get(key))]
         if len(found) > 1:
             value, label = min(found)
-            size = with_unit(number(value * display.factor, 2), display.unit)
-            words.append(f"{sensor} – {label}, {size}")
+            words.append(f"{sensor} – {label}, {display.text(value, 2)}")
     return words
 
 
@@ -102,23 +98,22 @@ def cells(summaries, sensor):
 def _cell(figure, display, best):
     if not figure:
         return Cell(NO_NUMBER)
-    factor = display.factor
-    upper, logged, floor = (figure.get(key) for key in ("upper95", "as_logged", "floor"))
-    limit = "" if missing(upper) else f"<\u202f{number(upper * factor, 2)}"
-    unseen = missing(figure["value"])
+    value, upper, logged, floor = (
+        figure.get(k) for k in ("value", "upper95", "as_logged", "floor")
+    )
+    limit = "" if missing(upper) else f"<\u202f{display.size(upper, 2)}"
+    unseen = missing(value)
     below = [
-        not missing(floor) and f"floor {number(floor * factor, 2)}",
+        not missing(floor) and f"floor {display.size(floor, 2)}",
         figure.get("axis") and f"axis {figure['axis']}",
         limit and not unseen and f"{figure['upper95_axis']} {limit}",
         unseen and f"axis {figure['upper95_axis']}, 95 % limit",
-        not missing(logged) and f"as logged {number(logged * factor, 2)}",
+        not missing(logged) and f"as logged {display.size(logged, 2)}",
     ]
     below = "; ".join(filter(None, below))
     if unseen:
         return Cell(limit, below, best, upper)
-    std = figure["std"]
-    text = with_sigma(figure["value"] * factor, None if missing(std) else std * factor)
-    return Cell(text, below, best, abs(figure["value"]))
+    return Cell(with_sigma(value, figure["std"], display.factor), below, best, abs(value))
 
 
 def verdict_rank(verdicts):
@@ -139,7 +134,7 @@ def filter_cells(summary):
     White noise and random walk of the accelerometer, then of the gyroscope.
     """
     content = summary["filter"]
-    rate = content.get("rate_hz")
+    rate = content["rate_hz"]
     row = [Cell(NO_NUMBER if missing(rate) else f"{rate:.4g}", value=rate)]
     for found in (content.get(f"{sensor}_{term}") for sensor in SENSORS for term in "NK"):
         if not found:
@@ -153,20 +148,8 @@ def filter_cells(summary):
 
 
 def write_comparison(path, summaries):
-    """Write comparison.csv: a row per device, SI, units in the headers.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write.
-    summaries : list of dict
-        Content of summary.json of each device.
-    """
-    rows = [_row(s) for s in summaries]
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else [], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    """Write comparison.csv: a row per summary.json of a device, SI, units in the headers."""
+    pd.DataFrame(map(_row, summaries)).to_csv(path, index=False, lineterminator="\n")
 
 
 def _row(summary):
@@ -186,15 +169,11 @@ def _row(summary):
             figure = summary["figures"].get(f"{sensor}_{name}", {})
             for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):
                 ending = "" if key == "value" else f"_{key}"
-                row[f"{sensor}_{name}{ending} [{unit}]"] = _digits(figure.get(key))
+                row[f"{sensor}_{name}{ending} [{unit}]"] = figure.get(key)
         for name, axes in (("bias", XYZ), ("scale", XYZ), ("misalignment", PAIRS)):
-            content = summary["axes"].get(f"{sensor}_{name}", {})
+            content = summary["axes"].get(f"{sensor}_{name}")
             for i, axis in enumerate(axes):
                 for key, ending in (("value", ""), ("std", "_std")):
-                    value = content[key][i] if content else None
-                    row[f"{sensor}_{name}_{axis}{ending} [{units[name]}]"] = _digits(value)
+                    value = content and content[key][i]
+                    row[f"{sensor}_{name}_{axis}{ending} [{units[name]}]"] = value
     return row
-
-
-def _digits(value):
-    return "" if missing(value) else repr(value)

@@ -21,7 +21,7 @@ MENDED = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
 def data_table(device):
     """Return the table of sessions, a column per session: rows, rate, every fault counted."""
     columns = [_quality(session) for session in device.sessions]
-    treatment = [t for s in device.sessions if (t := s.quality.get("treatment"))]
+    treatment = [t for s in device.sessions if (t := s.quality["treatment"])]
     return Table(
         "Sessions and the quality of their logs",
         ("Figure, unit", *(session.name for session in device.sessions)),
@@ -33,10 +33,10 @@ def data_table(device):
 def _quality(session):
     """Return the figures of one session as text by their name and unit."""
     q = session.quality
-    jitter, clock, limits = q["jitter"]["std_s"], q.get("clock") or {}, q.get("temperature_range")
+    jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
     mended = text_of({name: clock.get(key) for name, key in MENDED.items()})
     # without a full scale nobody can tell
-    clipped = {k: v for k, v in (q.get("clipped") or {}).items() if v is not None}
+    clipped = {k: v for k, v in q["clipped"].items() if v is not None}
     return {
         "Kind": session.kind,
         "Status": "rejected" if session.rejected else "used",
@@ -49,48 +49,46 @@ def _quality(session):
         "Clock from GNSS time, ppm": number((clock.get("pps") or {}).get("drift_ppm")),
         "Gaps": text_of(q["gaps"]["count"]),
         "Gaps in all, s": number(q["gaps"]["total_s"]),
-        **{f"{words}, rows": text_of(q.get(key)) for key, words in DROPPED.items()},
+        **{f"{words}, rows": text_of(q[key]) for key, words in DROPPED.items()},
         "Clipped, values": text_of(clipped) if clipped else "not known, no full_scale",
-        "Constant channels": text_of(q.get("constant")),
-        **_faults(q.get("faults") or {}),
-        "Temperature, °C": " to ".join(map(number, limits))
-        if limits and None not in limits
-        else "not logged",
-        "Start": text_of(q.get("start")),
-        "Format": text_of(q.get("log_format")),
-        "Units as logged": text_of(q.get("units")),
+        "Constant channels": text_of(q["constant"]),
+        **_faults(q["faults"]),
+        "Temperature, °C": " to ".join(map(number, limits)) if limits else "not logged",
+        "Start": text_of(q["start"]),
+        "Format": text_of(q["log_format"]),
+        "Units as logged": text_of(q["units"]),
     }
 
 
 def _faults(found):
-    """Return the faults of the values themselves, which stay in the samples."""
+    """Return the faults of the values themselves, which stay in the samples; none without rows."""
+
+    def rows(key):
+        return text_of({k: v["rows"] for k, v in found.get(key, {}).items()})
 
     def part(key):
         return found.get(key) or {}
 
     held = {sensor: n for sensor, n in part("rows_a_value").items() if n > 1}
     shares = [share for share in part("noise_near_nyquist").values() if share is not None]
-    rests = part("rests")
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
-        "Stuck at one value, rows": text_of({k: v["rows"] for k, v in part("stuck").items()}),
+        "Stuck at one value, rows": rows("stuck"),
         "Without noise at rest": text_of(found.get("silent_at_rest")),
         "Spikes of one sample": text_of(found.get("spikes")),
-        "Clipped at a repeated extreme, rows": text_of(
-            {k: v["rows"] for k, v in part("clipped_at").items()}
-        ),
+        "Clipped at a repeated extreme, rows": rows("clipped_at"),
         "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
         "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
         "Mean angular rate at rest, power as a share of its noise's": number(
             part("mean_at_rest").get("noise_share")
         ),
-        "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
+        "Specific force at rest, m/s²": number((part("rests").get("force") or [None] * 2)[1], 4),
         "Turns by angular rate and by gravity alike, 1 at best": number(
             part("axes").get("agreement")
         ),
         "Turns by angular rate per turns of gravity, rest to rest": number(
-            (rests.get("turn_ratio") or {}).get("value")
+            (part("rests").get("turn_ratio") or {}).get("value")
         ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
@@ -98,7 +96,7 @@ def _faults(found):
 
 def warnings(device):
     """Return what ingest wants a user to look at: (session, text)."""
-    return [(s.name, text) for s in device.sessions for text in s.quality.get("warnings") or []]
+    return [(s.name, text) for s in device.sessions for text in s.quality["warnings"]]
 
 
 def source_table(device):
@@ -113,41 +111,40 @@ def source_table(device):
             strict=False,
         )
     ]
-    return Table("Log files", ("Session", "File", "Source", "SHA-256"), rows, sorts=(0, 1, 2))
+    columns = ("Session", "File", "Source", "SHA-256")
+    return Table("Log files", columns, rows, sortable=True)
 
 
 def _origin(source):
     """Return where a log came from: an address, a path, or a member of a package's wheel."""
-    if not isinstance(source, dict):
-        return str(source)
     return ", ".join(str(v) for k, v in source.items() if k != "sha256")
 
 
 def segment_table(device):
     """Return the table of stretches: how long each session was at rest, moving, disturbed."""
-    rows = []
-    for session in device.used:
-        counts = (session.poses, int((session.segments["pose"] >= 0).sum()))
-        seconds = map(session.seconds, KINDS)
-        short, multiples = (session.segmentation.get(k) for k in ("short_rests", "multiples"))
-        rows.append(
-            (
-                session.name,
-                *(Sized(text_of(count), count) for count in counts),
-                *(Sized(duration(s), s) for s in seconds),
-                Sized(text_of(short), short),
-                text_of(multiples),
-            )
-        )
-    return Table(
+
+    def counted(count):
+        return lambda session: Sized(text_of(value := count(session)), value)
+
+    lengths = {
+        kind.capitalize(): lambda s, kind=kind: Sized(duration(s.seconds(kind)), s.seconds(kind))
+        for kind in KINDS
+    }
+    return Table.of(
         "Stretches found in each session",
-        (
-            *("Session", "Poses", "Rests", "Static", "Motion", "Disturbed", "Gap"),
-            *("Short rests dropped", "Detector, multiples of the rest's variance"),
-        ),
-        rows,
+        device.used,
+        {
+            "Session": lambda s: s.name,
+            "Poses": counted(lambda s: s.poses),
+            "Rests": counted(lambda s: int((s.segments["pose"] >= 0).sum())),
+            **lengths,
+            "Short rests dropped": counted(lambda s: s.segmentation.get("short_rests")),
+            "Detector, multiples of the rest's variance": lambda s: text_of(
+                s.segmentation.get("multiples")
+            ),
+        },
         "A pose is one attitude held; several rests in the same attitude count as one pose. "
         "Detector: a stretch is static where its variance stays below this multiple "
         "(accelerometer, gyroscope) of the variance at rest.",
-        sorts=range(8),
+        sortable=True,
     )

@@ -7,22 +7,21 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.samples import ACCELERATION
 from imuloop.effects.turn_on_bias import TurnOnBias
-from imuloop.report.effect_units import data_sheet
 from imuloop.report.numbers import (
     NO_NUMBER,
-    RESIDUAL,
     duration,
+    interval_text,
     missing,
     number,
     probability,
     text_of,
     typeset,
     with_sigma,
-    with_unit,
 )
 from imuloop.report.results import XYZ
 from imuloop.report.tables.candidates import constants_text
 from imuloop.report.tables.table import Sized, Table, sized
+from imuloop.report.units import RESIDUAL, data_sheet
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, blocks
 
 # cosine of the angle within which a session lies on an axis, 20 degrees
@@ -31,55 +30,47 @@ ON_AXIS = 0.94
 
 def heldout_table(device):
     """Return held-out residuals before and after, their floor and reduced χ²."""
-    rows = []
-    for sensor, part, block in blocks(device.diagnosis):
-        for name, r in (block.get("residuals") or {}).items():
-            display = RESIDUAL[r["unit"]]
-            rows.append(
-                (
-                    f"{sensor}, {PARTS[part]}: {RESIDUAL_WORDS.get(name, name)}",
-                    display.unit,
-                    Sized(text_of(r.get("n")), r.get("n")),
-                    *(sized(r.get(k), display.factor) for k in ("floor", "before", "after")),
-                    *(sized(r.get(k)) for k in ("chi2_before", "chi2_after")),
-                )
-            )
+    found = [
+        (f"{sensor}, {PARTS[part]}: {RESIDUAL_WORDS[name]}", RESIDUAL[r["unit"]], r)
+        for sensor, part, block in blocks(device.diagnosis)
+        for name, r in block["residuals"].items()
+    ]
     return Table(
         "Held-out residuals, root mean square",
         ("Residual", "Unit", "Count", "Floor", "Before", "After", "χ² before", "χ² after"),
-        rows,
+        [
+            (
+                words,
+                display.unit,
+                Sized(text_of(r["n"]), r["n"]),
+                *(sized(r[k], display.factor) for k in ("floor", "before", "after")),
+                *(sized(r[k]) for k in ("chi2_before", "chi2_after")),
+            )
+            for words, display, r in found
+        ],
         "Held-out: each pose or block of time is predicted by a calibration that never saw it. "
         "Floor: what the noise alone gives. Reduced χ² is 1 where the residual is noise.",
-        sorts=range(8),
+        sortable=True,
     )
 
 
 def steps_table(sensor, part, block):
     """Return the effects in the order in which they were added; None without any."""
-    effects, residuals = block.get("effects") or [], block.get("residuals") or {}
-    if not effects:
-        return None
-    rows = []
-    for place, effect in enumerate(effects, 1):
+    residuals, rows = block["residuals"], []
+    for place, effect in enumerate(block["effects"], 1):
         # the residual that it was judged by
-        name = effect.get("residual")
-        name = name if name in residuals else next(iter(residuals))
+        name = effect["residual"] if effect["residual"] in residuals else next(iter(residuals))
         unit = RESIDUAL[residuals[name]["unit"]]
-        errors = (
-            NO_NUMBER if missing(v) else with_unit(number(v * unit.factor), unit.unit)
-            for v in (effect.get("heldout_before"), effect.get("heldout_after"))
-        )
-        ratio = effect.get("ratio_ci95") or (None, None)
         rows.append(
             (
                 f"{place}. {effect['name']}",
-                probability(effect.get("p_value")),
-                RESIDUAL_WORDS.get(name, name),
-                *errors,
-                NO_NUMBER if any(map(missing, ratio)) else " to ".join(number(r, 2) for r in ratio),
+                probability(effect["p_value"]),
+                RESIDUAL_WORDS[name],
+                *(unit.text(effect[f"heldout_{when}"]) for when in ("before", "after")),
+                interval_text(effect["ratio_ci95"]),
             )
         )
-    return Table(
+    return rows and Table(
         f"{sensor.capitalize()}, {PARTS[part]}: effects added, in order",
         (
             *("Effect", "p-value", "Held-out error of", "Before", "After"),
@@ -93,29 +84,33 @@ def steps_table(sensor, part, block):
 
 def effect_tables(sensor, part, block):
     """Return a table for each effect that was added: its parameters ± σ."""
-    return [_effect_table(sensor, part, e) for e in block.get("effects") or []]
+    return [_effect_table(sensor, part, e) for e in block["effects"]]
 
 
 def _effect_table(sensor, part, effect):
-    known = Effect.library.get(effect["name"])
-    units, std = effect.get("units") or {}, effect.get("std") or {}
+    known, units, std = Effect.library.get(effect["name"]), effect["units"], effect["std"]
     rows = []
     for name, value in effect["parameters"].items():
-        display = data_sheet(units.get(name))
-        in_sheet, in_si = (_pm(value, std.get(name), f) for f in (display.factor, 1.0))
-        label = f"{name}{_place(name, effect)}"
-        rows.append((label, in_sheet, display.unit, in_si, typeset(units.get(name) or "SI")))
+        display, sigma = data_sheet(units[name]), std.get(name)
+        shown = with_sigma(value, sigma, display.factor), display.unit
+        rows.append(
+            (
+                f"{name}{_place(name, effect)}",
+                *shown,
+                with_sigma(value, sigma),
+                typeset(units[name]),
+            )
+        )
     if effect["name"] == TurnOnBias.name:
         si = next(iter(units.values()))
         shown = data_sheet(si)
         run_to_run, interval = TurnOnBias(**effect["constants"]).run_to_run(effect["parameters"])
-        for axis, value, *ends in zip(XYZ, run_to_run, *interval, strict=True):
-            low, high = (number(end * shown.factor) for end in ends)
-            label = f"run to run, {axis}: 1 σ, 95 % interval {low} to {high} {shown.unit}"
-            cells = (number(value * shown.factor), shown.unit, number(value), typeset(si))
-            rows.append((label, *cells))
+        for axis, value, low, high in zip(XYZ, run_to_run, *interval, strict=True):
+            ends = f"{shown.size(low)} to {shown.size(high)} {shown.unit}"
+            label = f"run to run, {axis}: 1 σ, 95 % interval {ends}"
+            rows.append((label, shown.size(value), shown.unit, number(value), typeset(si)))
     note = f"{known.equation} ({known.reference})." if known else ""
-    if constants := constants_text(effect.get("constants")):
+    if constants := constants_text(effect["constants"]):
         note = f"{note} Of the shapes that were tried this one is best: {constants}.".strip()
     return Table(
         f"{effect['name']}, added to the {sensor} ({PARTS[part]})",
@@ -125,14 +120,10 @@ def _effect_table(sensor, part, effect):
     )
 
 
-def _pm(value, std, factor):
-    return with_sigma(value * factor, None if missing(std) else std * factor)
-
-
 def _place(name, effect):
     """Return when and in which session the step that a parameter belongs to was."""
-    constants = effect.get("constants") or {}
-    steps = list(zip(constants.get("sessions") or [], constants.get("times") or [], strict=False))
+    constants = effect["constants"]
+    steps = list(zip(constants.get("sessions", ()), constants.get("times", ()), strict=False))
     count = re.search(r"\d+", name)
     if not count or not 0 < int(count[0]) <= len(steps):
         return ""
@@ -155,21 +146,17 @@ def orientations(device):
 
 def heldout_by_session(device, sensor, block):
     """Return the held-out error of each session and axis with its floor; None where not given."""
-    residual = (block.get("residuals") or {}).get("bias") or {}
-    sessions = residual.get("sessions")
-    if not sessions:
+    residual = block["residuals"].get("bias", {})
+    if "sessions" not in residual:
         return None
     unit, up = RESIDUAL[residual["unit"]], orientations(device)
     rows, gains = [], []
-    for session, axes in sessions.items():
+    for session, axes in residual["sessions"].items():
         for axis, figures in axes.items():
-            errors = [figures.get(k) for k in ("before", "after", "floor")]
-            gain = NO_NUMBER
-            if not any(map(missing, errors[:2])) and errors[1] > 0:
-                ratio = errors[0] / errors[1]
-                gains.append((ratio, f"{session}, {axis[-1]}"))
-                gain = Sized(f"{number(ratio, 2)} ×", ratio)
-            cells = (sized(v, unit.factor) for v in errors)
+            ratio = figures["before"] / figures["after"] if figures["after"] else None
+            gains += [(ratio, f"{session}, {axis[-1]}")] if ratio else []
+            cells = (sized(figures[k], unit.factor) for k in ("before", "after", "floor"))
+            gain = Sized(f"{number(ratio, 2)} ×", ratio) if ratio else NO_NUMBER
             rows.append((session, up.get(session, NO_NUMBER), axis[-1], *cells, gain))
     most = ""
     if gains:
@@ -186,29 +173,24 @@ def heldout_by_session(device, sensor, block):
         rows,
         "Each block of time is predicted by a bias and effects that were fitted to the other "
         f"blocks. Floor: what the noise alone gives.{most}",
-        sorts=range(7),
+        sortable=True,
     )
 
 
 def session_tables(device, sensor, block):
     """Return a table for each effect of a static record: its parameters in each session alone."""
     units = {}
-    for entry in [*(block.get("candidates") or []), *(block.get("effects") or [])]:
-        units.setdefault(entry["name"], {}).update(entry.get("units") or {})
+    for entry in [*block["candidates"], *block["effects"]]:
+        units.setdefault(entry["name"], {}).update(entry.get("units", {}))
     up, tables = orientations(device), []
-    for effect, sessions in (block.get("by_session") or {}).items():
+    for effect, sessions in block.get("by_session", {}).items():
         if len(sessions) < 2:
             continue
         rows = []
         for name in dict.fromkeys(name for fitted in sessions.values() for name in fitted):
-            display = data_sheet((units.get(effect) or {}).get(name))
-            fits = [fitted.get(name) or {} for fitted in sessions.values()]
-            cells = (
-                NO_NUMBER
-                if missing(f.get("value"))
-                else _pm(f["value"], f.get("std"), display.factor)
-                for f in fits
-            )
+            display = data_sheet(units.get(effect, {}).get(name))
+            fits = [fitted.get(name, {}) for fitted in sessions.values()]
+            cells = (with_sigma(f.get("value"), f.get("std"), display.factor) for f in fits)
             rows.append((name, display.unit, *cells, number(largest_difference(fits), 2)))
         heads = (f"{s}, {up[s]}" if s in up else s for s in sessions)
         tables.append(
@@ -226,11 +208,7 @@ def session_tables(device, sensor, block):
 
 def largest_difference(fits):
     """Return the largest difference of two estimates in units of its standard error."""
-    known = [
-        (f["value"], f["std"])
-        for f in fits
-        if not missing(f.get("value")) and not missing(f.get("std")) and f["std"] > 0
-    ]
+    known = [(f["value"], f["std"]) for f in fits if not missing(f.get("std")) and f["std"] > 0]
     return max(
         (abs(a - b) / np.hypot(s, r) for i, (a, s) in enumerate(known) for b, r in known[:i]),
         default=None,

@@ -38,8 +38,8 @@ class Table:
         Whether the cells are many and may break into lines.
     heads : sequence of int
         Rows that open a group: its name, then the unit of each column in this group.
-    sorts : sequence of int
-        Columns that a reader may sort the rows by: by the values of `Sized` cells, else by text.
+    sortable : bool
+        Whether a reader may sort the rows: by the values of `Sized` cells, else by text.
     """
 
     caption: str
@@ -48,4 +48,10 @@ class Table:
     note: str = ""
     dense: bool = False
     heads: tuple[int, ...] = ()
-    sorts: tuple[int, ...] = ()
+    sortable: bool = False
+
+    @classmethod
+    def of(cls, caption, items, columns, note="", **looks):
+        """Return a table with a row per item; columns are functions of an item by their header."""
+        rows = [tuple(cell(item) for cell in columns.values()) for item in items]
+        return cls(caption, tuple(columns), rows, note, **looks)
