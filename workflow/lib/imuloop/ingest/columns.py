@@ -5,9 +5,13 @@ from dataclasses import dataclass, field
 from itertools import islice, product
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TIME
+from imuloop.core.units import TEMPERATURE as DEGREES
 
 AXES = ("x", "y", "z")
+# name of the stamps in raw batches; absent where the log has no time column
+STAMP = "stamp"
 # usual names of a sensor's columns without their axis, words joined by "_": of the quantity itself,
 # and of its increments over the interval that ends at the stamp
 _SENSORS = {
@@ -89,7 +93,7 @@ UNITS = {
     "time": (*TIME,),
     "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
     "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
-    "temperature": (*TEMPERATURE,),
+    "temperature": (*DEGREES,),
     "interval": (*TIME,),
 }
 
@@ -111,10 +115,16 @@ class Columns:
     increments: frozenset = frozenset()
     units: dict = field(default_factory=dict)
 
+    def keys(self):
+        """Return the names of the raw columns: those that are stamps, six axes, temperature."""
+        stamps = [] if self.time is None else [STAMP]
+        warm = [] if self.temperature is None else [TEMPERATURE]
+        return [*stamps, *self.others, *CHANNELS, *warm]
+
     def positions(self):
-        """Return positions in the order of the raw columns: six axes, time, temperature, others."""
-        rest = [i for i in (self.time, self.temperature) if i is not None]
-        return [*self.acceleration, *self.angular_rate, *rest, *self.others.values()]
+        """Return the positions of the raw columns, in the order of `keys`."""
+        axes = *self.others.values(), *self.acceleration, *self.angular_rate
+        return [i for i in (self.time, *axes, self.temperature) if i is not None]
 
     def stated(self, quantity, text):
         """Return the contract's name of a unit as the log spells it, or None."""

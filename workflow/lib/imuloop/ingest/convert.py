@@ -12,8 +12,7 @@ from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
 from imuloop.ingest.bursts import Points
 from imuloop.ingest.clocks import Clock, ahead
-from imuloop.ingest.columns import unknown_unit
-from imuloop.ingest.raw_log import STAMP
+from imuloop.ingest.columns import STAMP, unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,

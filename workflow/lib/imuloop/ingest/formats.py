@@ -8,7 +8,6 @@ from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.ingest import (
     dataflash,
     delimited,
-    euroc,
     imu_tk,
     matlab,
     netcdf,
@@ -56,7 +55,7 @@ FORMATS = {
     # the separator is found in the file; the name is there for those who look for it
     "tsv": Format(delimited.read, (".tsv", ".tab")),
     # the folder; its table alone is a csv
-    "euroc": Format(euroc.read, (), folder=True),
+    "euroc": Format(delimited.read, (), folder=True),
     "imu_tk": Format(imu_tk.read, (), imu_tk.FILES),
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
@@ -120,7 +119,7 @@ def guess_format(paths):
         for name, form in FORMATS.items():
             if form.folder and inside & {*form.endings}:
                 return name
-        if (path / euroc.TABLE).is_file():
+        if (path / delimited.IN_FOLDER).is_file():
             return "euroc"
         raise ImuloopError(f"{path} is a folder, not a file")
     if name := _by_first_bytes(path):

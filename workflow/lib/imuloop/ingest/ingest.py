@@ -112,7 +112,7 @@ def ingest(
         try:
             log = opened()
         except RejectedLog as error:
-            log, rejected = RawLog(batches=iter(()), temperature=False, found={}), error
+            log, rejected = RawLog(), error
         units, doubts = used_units(log, units or {})
         raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in _SENSORS}
         source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
@@ -242,14 +242,13 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
         Reason, and the content of the key ``failed``.
     """
     reason, failed = why
-    log = RawLog(batches=iter(()), temperature=False, found={})
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
     with replaced(samples_path) as temporary:
         pq.write_table(schema(False, origin).empty_table(), temporary)
         figures = quality.measure(temporary)
-    found = _quality([reason], figures, Counts(), log) | origin
+    found = _quality([reason], figures, Counts(), RawLog()) | origin
     write_json(quality_path, found | {"failed": failed})
 
 

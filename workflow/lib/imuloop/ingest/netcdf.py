@@ -9,8 +9,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest.columns import resolve
-from imuloop.ingest.guarded import guarded
-from imuloop.ingest.packed import check_unpacked
+from imuloop.ingest.guarded import check_unpacked, guarded
 from imuloop.ingest.raw_log import by_axis, column_names, table_log
 from imuloop.ingest.stamps import YEARS
 

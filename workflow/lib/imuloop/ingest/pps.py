@@ -111,8 +111,7 @@ def read_marks(path, columns):
         position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
         for i, key in enumerate(("counter", "time"))
     ]
-    log = RawLog(batches=iter(()), temperature=False, found={})
-    parts = [_pairs(*each) for each in text_batches(path, layout, where, _MARK_ROWS, log, stamps=2)]
+    parts = [_pairs(*each) for each in text_batches(path, layout, where, _MARK_ROWS, RawLog(), 2)]
     if not parts:
         raise RejectedLog(f"{path} holds no marks")
     counters, times = (np.concatenate([part[i][part[2]] for part in parts]) for i in (0, 1))

@@ -9,7 +9,7 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES, unit_of
-from imuloop.ingest.series import read_series
+from imuloop.ingest.delimited import read_series
 from imuloop.ingest.streams import Stream, raw_log
 from imuloop.ingest.text_layout import find_layout
 
