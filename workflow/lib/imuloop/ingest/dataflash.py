@@ -32,13 +32,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a DataFlash log.
 
     The streams are messages with their instance, ``IMU_0``; in older logs without instances
-    messages, ``IMU2``. Increments become rates by their own interval.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names streams, or ``STREAM.FIELD``, of
-        messages other than IMU, ACC, GYR and IMT too.
+    messages, ``IMU2``. `columns` names streams, or ``STREAM.FIELD``, of messages other than IMU,
+    ACC, GYR and IMT too. Increments become rates by their own interval.
     """
     # a library that few need
     from pymavlink import DFReader as library

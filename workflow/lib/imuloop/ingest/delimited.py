@@ -49,7 +49,6 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
     Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
     names and units.
-    Parameters are as of `imuloop.ingest.formats.Format`.
     """
     path = Path(paths["log"])
     if path.is_dir():

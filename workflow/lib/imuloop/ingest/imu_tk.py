@@ -18,12 +18,7 @@ FILES = ("acceleration", "angular_rate")
 def read(paths, columns=None, batch_rows=1 << 16):
     """Read an accelerometer's and a gyroscope's file of the same rows and stamps.
 
-    Parameters
-    ----------
-    paths, batch_rows
-        As of `imuloop.ingest.formats.Format`.
-    columns : None
-        The format has fixed columns, time and three axes; a header can only state their units.
+    The format has fixed `columns`, time and three axes; a header can only state their units.
     """
     if columns:
         raise ImuloopError("imu_tk files have fixed columns t x y z; leave columns out")

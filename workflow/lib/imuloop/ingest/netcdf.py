@@ -25,11 +25,7 @@ _CF_UNITS |= {"sec": "s", "s": "s", "minute": "m", "hour": "h", "day": "D"}
 def read(paths, columns=None, batch_rows=1 << 16):
     """Read a NetCDF file, whose longest dimension is time.
 
-    Parameters
-    ----------
-    paths, columns, batch_rows
-        As of `imuloop.ingest.formats.Format`; in `columns` a sensor is one variable of shape
-        (time, 3), or three.
+    In `columns` a sensor is one variable of shape (time, 3), or three.
     """
     # takes long to import
     import netCDF4

@@ -76,13 +76,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a zip of CSV tables as phyphox and Sensor Logger export it.
 
     Of Sensor Logger, what is not calibrated by the phone goes before what is; acceleration
-    without gravity is never taken by itself.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names a file without its ending, where it
-        holds one sensor, or three of ``FILE.COLUMN``. `most` counts for each table.
+    without gravity is never taken by itself. `columns` names a file without its ending, where it
+    holds one sensor, or three of ``FILE.COLUMN``. `most` counts for each table.
     """
     with zipfile.ZipFile(paths["log"]) as archive:
         members = _members(archive)

@@ -41,11 +41,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read the topics of inertial messages of a bag.
 
     The stamps are those of the headers in ns; where a topic's never change, the times of receipt.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names topics, or ``TOPIC.FIELD``.
+    `columns` names topics, or ``TOPIC.FIELD``.
     """
     path, topics = Path(paths["log"]), {}
     files, notes = _files(path)

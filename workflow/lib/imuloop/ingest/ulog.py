@@ -46,14 +46,9 @@ _NO_ACCELERATION = 0x7FFFFFFF
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a ULog file.
 
-    The streams are the topics with their instance, ``sensor_accel_0``. Increments become rates by
+    The streams are the topics with their instance, ``sensor_accel_0``; `columns` names streams, or
+    ``STREAM.FIELD``, of topics other than the inertial sensors' too. Increments become rates by
     their own interval; first-in first-out buffers become one row a sample.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names streams, or ``STREAM.FIELD``, of
-        topics other than the inertial sensors' too.
     """
     # a library that few need
     from pyulog import ULog
