@@ -123,20 +123,6 @@ def test_the_same_through_a_process(seeds, tmp_path, ending):
     assert {**vars(here), "batches": 0} == {**vars(there), "batches": 0}
 
 
-@pytest.mark.parametrize("share", [0, 0.9])
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_a_file_cut_off_is_rejected_or_read_up_to_there(seeds, run, tmp_path, ending, share):
-    path = tmp_path / f"log.{ending}"
-    path.write_bytes(seeds[ending][: int(share * len(seeds[ending]))])
-    quality = run(path, format="dataflash" if ending == "bin" else None).quality
-    if ending in ("ulg", "bin") and share == 0.9:
-        assert quality["rows"] > 90
-        assert re.search("was cut off|are no message", " ".join(quality["warnings"]))
-    else:
-        [line] = quality["reasons"]
-        assert line.isprintable()
-
-
 @pytest.mark.parametrize(
     ("ending", "library", "extra"),
     [("bag", "rosbags", "ros"), ("ulg", "pyulog", "ulog"), ("bin", "pymavlink", "dataflash")],
