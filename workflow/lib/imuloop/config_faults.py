@@ -31,6 +31,8 @@ _TYPES = {
 def config_faults(config, files, schema, replicas, mirror=None):
     """Return the faults of a config, one line each; empty if there is none.
 
+    ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
+
     Parameters
     ----------
     config : dict
@@ -43,11 +45,6 @@ def config_faults(config, files, schema, replicas, mirror=None):
         Sessions of each simulated device that the workflow can make.
     mirror : str, optional
         Folder named by the environment variable IMULOOP_MIRROR.
-
-    Returns
-    -------
-    list of str
-        ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
     """
     config, contents, found = without_dates(config), {}, {}
     for name, path in files.items():

@@ -183,11 +183,6 @@ def resolve(names, declared=None, headed=True):
         is left out is found by its usual name; one that is None is taken as not logged.
     headed : bool
         Whether the names are the log's own; without, columns must be declared by number.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there, or a sensor's three are not found or not unique.
     """
     declared = dict(declared or {})
     guessed = guess(names) if headed else dict.fromkeys((*_QUANTITIES, "interval"), ())

@@ -81,11 +81,6 @@ def si_batches(
         Usual step of the stamps, s; that of increments after a gap.
     timeline : imuloop.ingest.pps.Timeline, optional
         GNSS time over the stamps; `t` is then in it.
-
-    Raises
-    ------
-    ImuloopError
-        If there are neither stamps nor a rate, or the stamps do not fit what is declared.
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     for kind in (counts.missing_values, counts.impossible_values):

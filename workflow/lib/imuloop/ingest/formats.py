@@ -89,10 +89,7 @@ _HEAD = 1 << 14
 def find_format(name, paths):
     """Return the name of a format and the Format: that declared, else that its files show.
 
-    Raises
-    ------
-    ImuloopError
-        If the name is unknown, the files do not say which format, or are not the format's.
+    An ImuloopError where the name is unknown, or the files show none or are not the format's.
     """
     name = name or guess_format(paths)
     if name not in FORMATS:

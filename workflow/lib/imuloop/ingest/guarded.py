@@ -40,11 +40,6 @@ def guarded(read):
     The reader's process ends with the file or with the last reference to the log. Whatever the
     reader raises that it did not foresee, and its death, become a `RejectedLog`; files that it
     unpacks into the folder of temporary files are removed.
-
-    Parameters
-    ----------
-    read : callable
-        ``read`` of its module, with ``paths["log"]``.
     """
 
     @functools.wraps(read)

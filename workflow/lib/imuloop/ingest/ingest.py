@@ -234,12 +234,7 @@ def _quality(reasons, figures, counts, log):
 def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     """Write samples without rows and a quality that says why, for a log that could not be read.
 
-    Parameters
-    ----------
-    device, session, kind, samples_path, quality_path
-        As of `ingest`.
-    why : (str, dict or None)
-        Reason, and the content of the key ``failed``.
+    Parameters are as of `ingest`; `why` is the reason, and the content of the key ``failed``.
     """
     reason, failed = why
     units = {quantity: known[0] for quantity, known in UNITS.items()}
@@ -281,17 +276,7 @@ def _encodings(table):
 def used_units(log, declared):
     """Return the unit of each quantity, and where the log itself says otherwise (texts).
 
-    Parameters
-    ----------
-    log : RawLog
-        Log being read.
-    declared : dict
-        Units of the config.
-
-    Raises
-    ------
-    ImuloopError
-        If one is no unit.
+    `declared` are those of the config; an ImuloopError where one is no unit.
     """
     used, doubts = {}, []
     for quantity, known in UNITS.items():

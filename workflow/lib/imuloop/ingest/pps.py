@@ -67,14 +67,7 @@ def find_timeline(log, units, columns, path=None):
     """Return GNSS time over the counter of a log, its time column; the log is read to its end.
 
     Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
-    `path`.
-
-    Raises
-    ------
-    ImuloopError
-        If the log has no counter, or not the columns.
-    RejectedLog
-        If the marks do not fit the log.
+    `path`. Marks that do not fit the log reject it.
     """
     if path is None and not log.found.get("pps"):
         raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")

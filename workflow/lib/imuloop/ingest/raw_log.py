@@ -66,18 +66,10 @@ class RawLog:
 
 
 def table_log(names, chosen, batches, **known):
-    """Return the RawLog of a table.
+    """Return the RawLog of a table with columns of these names, of which `chosen` are read.
 
-    Parameters
-    ----------
-    names : list of str
-        Names of all columns.
-    chosen : imuloop.ingest.columns.Columns
-        Those that are read.
-    batches : iterable of list of pyarrow.Array
-        The columns at ``chosen.positions()``, in their order, a part of the rows at once.
-    **known
-        Attributes of the log that it states itself, beside its units.
+    `batches` give the columns at ``chosen.positions()``, in their order, a part of the rows at
+    once; `known` are attributes that the log states itself.
     """
     known["units"] = {**chosen.units, **known.get("units", {})}
 

@@ -54,13 +54,6 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
     notes, damage : sequence of str
         What the log's notes begin with, and what was lost: where the log lacks what is looked for
         and something was lost, that is a fault of the data, not of the config.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there, or a quantity is in no stream or in several.
-    RejectedLog
-        If there are no rows, or the streams share no time.
     """
     columns = dict(columns or {})
     if columns.get("interval") is not None:
