@@ -49,7 +49,7 @@ ACTS = {
 def read(paths, columns=None, batch_rows=1 << 16):
     """Give two rows, and do what the log's name says before the first or the second one."""
     act, _, when = paths["log"].stem.partition("_")
-    log = RawLog(iter(()), temperature=False, found={})
+    log = RawLog()
 
     def batches():
         for row in range(2):

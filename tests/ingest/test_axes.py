@@ -122,14 +122,6 @@ def test_turns_about_one_axis_tell_that_axis_alone(run):
     assert "with x as -gy: swapped or mirrored axes (the turns of this log leave" in lines[0]
 
 
-def test_good_logs_agree():
-    for seed in range(3):
-        for kind in KINDS:
-            found = fitted(simulated(kind, seed))
-            assert found["agreement"] > 0.95
-            assert found["mapping"] is None
-
-
 def test_rows_of_a_long_log_are_thinned_evenly():
     thinned = Thinned(KEPT)
     for start in range(0, 100_000, 777):

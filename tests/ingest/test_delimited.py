@@ -9,15 +9,9 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
+from ingest.tables import same
 
 SIX = "ax ay az gx gy gz".split()
-
-
-def same(samples, log):
-    """Whether samples hold the log to the last bit."""
-    for name in log.columns:
-        np.testing.assert_array_equal(samples[name], log[name])
-    return True
 
 
 @pytest.mark.parametrize("separator", [",", "\t", ";", " "])
@@ -161,23 +155,6 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value, thr
     az = np.ones(20_000)
     az[7000 : 7000 + len(odd)] = odd
     np.testing.assert_array_equal(np.array(columns["az"], dtype=float), az[len(left_out) :])
-
-
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        ("", "no rows"),
-        ("%PDF-1.4 something\nthat is no table\nat all\n", "not a table"),
-        ("t,ax,ay,az,gx,gy,gz\n", "not a table"),
-    ],
-)
-def test_a_file_that_is_no_table_is_rejected(run, tmp_path, content, reason):
-    path = tmp_path / "log.csv"
-    path.write_text(content)
-    done = run(path)
-    assert done.quality["status"] == "rejected"
-    assert reason in done.quality["reasons"][0]
-    assert len(done.samples) == 0
 
 
 def test_headerless_log_needs_numbers(log, run, tmp_path):

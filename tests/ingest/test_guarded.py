@@ -4,7 +4,6 @@ import os
 import re
 import sqlite3
 import struct
-import sys
 import time
 import zipfile
 
@@ -124,35 +123,20 @@ def test_the_same_through_a_process(seeds, tmp_path, ending):
     assert {**vars(here), "batches": 0} == {**vars(there), "batches": 0}
 
 
-@pytest.mark.parametrize("share", [0, 0.9])
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_a_file_cut_off_is_rejected_or_read_up_to_there(seeds, run, tmp_path, ending, share):
-    path = tmp_path / f"log.{ending}"
-    path.write_bytes(seeds[ending][: int(share * len(seeds[ending]))])
-    quality = run(path, format="dataflash" if ending == "bin" else None).quality
-    if ending in ("ulg", "bin") and share == 0.9:
-        assert quality["rows"] > 90
-        assert re.search("was cut off|are no message", " ".join(quality["warnings"]))
-    else:
-        [line] = quality["reasons"]
-        assert line.isprintable()
-
-
 @pytest.mark.parametrize(
-    ("ending", "module", "extra"),
-    [
-        ("bag", "rosbags.typesys", "ros"),
-        ("ulg", "pyulog", "ulog"),
-        ("bin", "pymavlink.DFReader", "dataflash"),
-    ],
+    ("ending", "library", "extra"),
+    [("bag", "rosbags", "ros"), ("ulg", "pyulog", "ulog"), ("bin", "pymavlink", "dataflash")],
 )
 def test_the_extra_is_named_where_its_library_is_missing(
-    seeds, run, in_process, tmp_path, monkeypatch, ending, module, extra
+    seeds, run, tmp_path, monkeypatch, ending, library, extra
 ):
     path = tmp_path / f"log.{ending}"
     path.write_bytes(seeds[ending])
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ImuloopError, match=rf"needs the package .*pip install '\.\[{extra}\]'"):
+    missing = f"raise ModuleNotFoundError(name='{library}')"
+    (tmp_path / f"{library}.py").write_text(missing)
+    monkeypatch.syspath_prepend(tmp_path)
+    line = rf"needs the package {library}, .*pip install '\.\[{extra}\]'"
+    with pytest.raises(ImuloopError, match=line):
         run(path)
 
 

@@ -97,6 +97,8 @@ def test_an_encoding_that_is_not_read(log, run, tmp_path, encoding, reason):
         (b"\n \r\n\n" * 9, "the file has no rows"),
         (bytes(1 << 17), "the file begins with zeros: no table"),
         (b"7" * (1 << 17), "the first line is longer than 64 kB: no table"),
+        (b"%PDF-1.4 something\nthat is no table\n", "the file is not a table"),
+        (b"t,ax,ay,az,gx,gy,gz\n", "the file is not a table"),
     ],
 )
 def test_a_file_that_holds_nothing(run, tmp_path, content, reason):

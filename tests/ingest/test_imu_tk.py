@@ -18,14 +18,6 @@ def pair(log, tmp_path):
     return paths
 
 
-def test_both_files_make_one_table(log, run, pair):
-    done = run(*pair)
-    assert done.quality["status"] == "ok"
-    for name in log.columns:
-        np.testing.assert_allclose(done.samples[name], log[name], rtol=0, atol=5e-7)
-    assert set(done.metadata["sha256"]) == {"acc.mat", "gyro.mat"}
-
-
 @pytest.mark.parametrize("form", ["%.7e", "%r"])
 def test_every_bit(hard, every_bit, tmp_path, form):
     t = 1e9 + np.arange(300) / 100

@@ -106,21 +106,6 @@ def test_wrong_declarations_stop_with_one_line(path, run, declared, text):
     assert not list(path.parent.glob("out/*"))
 
 
-def test_text_as_time_is_named(log, run, tmp_path):
-    log["t"] = "morning"
-    log.to_csv(tmp_path / "log.csv", index=False)
-    with pytest.raises(ImuloopError, match="'t' holds neither numbers nor ISO 8601"):
-        run(tmp_path / "log.csv")
-
-
-def test_missing_file_and_unknown_ending(run, tmp_path):
-    with pytest.raises(ImuloopError, match="there is no such file"):
-        run(tmp_path / "none.csv")
-    (tmp_path / "log.xyz").write_text("")
-    with pytest.raises(ImuloopError, match=r"log\.xyz does not say its format; add format: csv"):
-        run(tmp_path / "log.xyz")
-
-
 def test_stamps_that_are_too_large(log, path, run):
     """One is a missing stamp; where there are no others, the log is rejected."""
     for stamp in ("9999-12-31T23:59:{:06.3f}", "7" * 400 + "{:.2f}", "7" * 400 + "{:.0f}"):

@@ -13,14 +13,6 @@ from imuloop.core.samples import METADATA_KEY
 from imuloop.ingest import parquet
 
 
-def test_exact_and_independent_of_batches(log, run, tmp_path):
-    path = tmp_path / "log.parquet"
-    log.to_parquet(path, index=False, row_group_size=37)
-    done = run(path)
-    pd.testing.assert_frame_equal(done.samples, log)
-    assert done.path.read_bytes() == run(path, batch_rows=11).path.read_bytes()
-
-
 @pytest.mark.parametrize("kind", ["f4", "f8"])
 @pytest.mark.parametrize("packing", ["none", "snappy", "zstd", "brotli"])
 def test_every_bit(hard, hard_stamps, every_bit, tmp_path, kind, packing):
@@ -102,14 +94,6 @@ def test_a_name_that_repeats(log, run, tmp_path):
         done = run(path, columns={"acceleration": [number, 3, 4]})
         np.testing.assert_array_equal(done.samples.ax, sign * log.ax)
         np.testing.assert_array_equal(done.samples.ay, log.ay)
-
-
-def test_dates_of_the_year_9999(log, run, tmp_path):
-    path = tmp_path / "log.parquet"
-    far = np.datetime64("9999-01-01", "us") + (log.t * 1e6).astype(int).to_numpy()
-    log.assign(t=far).to_parquet(path, index=False)
-    [reason] = run(path).quality["reasons"]
-    assert "as 9999-01-01 00:00:00, are too large, or dates outside of the years 1824" in reason
 
 
 def test_numbers_and_stamps_of_other_types(log, run, tmp_path):

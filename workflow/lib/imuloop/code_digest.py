@@ -19,17 +19,7 @@ def code_digest(script, library=_LIBRARY):
     and classes. A module counts with the ``__init__`` of its packages, and a package whose
     ``__init__`` walks its own folder (``pkgutil``) counts with every module in it.
 
-    Parameters
-    ----------
-    script : path-like
-        Python file of the job.
-    library : path-like, optional
-        Folder of the package; its name is the package's name.
-
-    Returns
-    -------
-    str
-        Hexadecimal digest.
+    `library` is the folder of the package, whose name is the package's.
     """
     library = Path(library)
     own = _parts(Path(script), "")

@@ -3,6 +3,7 @@
 import math
 import os
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 
 import yaml
@@ -11,31 +12,10 @@ from jsonschema import Draft202012Validator
 from imuloop.config import merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults, path_fault
+from imuloop.ingest.columns import UNITS, stated_unit
+from imuloop.ingest.stamps import is_iso
 from imuloop.yaml_traps import yaml_faults
 
-# other spellings of the units, in small letters: by similarity dps would be rad/s
-_SPELLINGS = {
-    "s": ("sec", "secs", "second", "seconds"),
-    "ms": ("msec", "millis", "milliseconds"),
-    "us": ("µs", "μs", "usec", "microseconds"),
-    "ns": ("nsec", "nanoseconds"),
-    "ISO 8601": ("iso", "iso8601", "iso-8601"),
-    "m/s^2": ("m/s2", "m/s²", "m/s/s", "m/s**2", "mps2", "ms-2", "m s-2"),
-    "g": ("g0", "gs"),
-    "mg": ("milli-g",),
-    "count": ("counts", "lsb", "raw"),
-    "rad/s": ("rad/sec", "rads", "radians/s"),
-    "deg/s": ("dps", "°/s", "deg/sec", "degrees/s", "degree/s"),
-    "mrad/s": ("mrad/sec",),
-    "deg/h": ("dph", "°/h", "deg/hr", "degrees/h"),
-    "m/s": ("mps", "m/sec", "m s-1"),
-    "mm/s": ("mmps", "mm/sec"),
-    "rad": ("radian", "radians"),
-    "mrad": ("milliradian", "milliradians"),
-    "deg": ("°", "degree", "degrees"),
-    "degC": ("c", "°c", "celsius"),
-    "K": ("kelvin",),
-}
 # a config of a thousand devices holds fewer
 MOST_VALUES = 100_000
 _TYPES = {
@@ -51,6 +31,8 @@ _TYPES = {
 def config_faults(config, files, schema, replicas, mirror=None):
     """Return the faults of a config, one line each; empty if there is none.
 
+    ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
+
     Parameters
     ----------
     config : dict
@@ -63,11 +45,6 @@ def config_faults(config, files, schema, replicas, mirror=None):
         Sessions of each simulated device that the workflow can make.
     mirror : str, optional
         Folder named by the environment variable IMULOOP_MIRROR.
-
-    Returns
-    -------
-    list of str
-        ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
     """
     config, contents, found = without_dates(config), {}, {}
     for name, path in files.items():
@@ -219,9 +196,12 @@ def _shown(text):
 
 def _nearest_unit(name, known, cutoff):
     """Return the unit that another spelling means; by similarity only what is hardly another."""
-    small = name.lower()
-    meant = [unit for unit in known if small == unit.lower() or small in _SPELLINGS[unit]]
-    return f"; did you mean '{meant[0]}'?" if meant else nearest(name, known, 2 * cutoff)
+    # by similarity dps would be rad/s
+    meant = "ISO 8601" if is_iso(name) else None
+    for quantity, increments in product(UNITS, (True, False)):
+        unit = stated_unit(quantity, name, increments)
+        meant = meant or (unit if unit in known else None)
+    return f"; did you mean '{meant}'?" if meant else nearest(name, known, 2 * cutoff)
 
 
 def _meaning_faults(config, wrong, replicas):

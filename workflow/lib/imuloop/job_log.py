@@ -18,12 +18,7 @@ class Printable(logging.Formatter):
 def open_log(path, job):
     """Begin a job: send all that it logs, warnings and a last traceback to its log file.
 
-    Parameters
-    ----------
-    path : path-like
-        Log file.
-    job : str
-        Stage and device, named in the one line that the terminal gets when the job fails.
+    `job`, stage and device, is named in the one line that the terminal gets when the job fails.
     """
     logging.basicConfig(filename=path, filemode="w", level=logging.INFO, force=True)
     for handler in logging.getLogger().handlers:
@@ -39,16 +34,9 @@ def open_log(path, job):
 
 
 def run_stage(stage, device, *arguments):
-    """Run a stage of `imuloop.chain` as a job; say what failed. Return its failures.
+    """Run a stage, a function of `imuloop.chain`, as a job; say what failed. Return its failures.
 
-    Parameters
-    ----------
-    stage : callable
-        Function of `imuloop.chain`.
-    device : Device
-        With a log.
-    *arguments
-        Of the stage, after the device.
+    The device has a log; `arguments` are those of the stage after the device.
     """
     open_log(device.log, f"{stage.__name__} {device.name}")
     failures = stage(device, *arguments)
@@ -66,17 +54,8 @@ def say(line):
 def progress_lines(job, seconds=10.0, clock=time.monotonic):
     """Return ``progress(what, done, total)``, in bytes, that says how far a job is.
 
-    Each line goes to the job's log and to the terminal:
+    A line every so many seconds goes to the job's log and to the terminal:
     ``imu/still: read 3.2 of 10.0 GB, 104 MB/s, 65 s left``.
-
-    Parameters
-    ----------
-    job : str
-        What the lines begin with.
-    seconds : float
-        From line to line, and to the first one.
-    clock : callable
-        The time now, s.
     """
     begun, last = {}, clock()
 

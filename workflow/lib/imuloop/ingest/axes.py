@@ -81,17 +81,7 @@ class Axes:
         self.steps.add(np.hstack([change[:, turns].T, weighted.sum(axis=2).T, moment]))
 
     def fit(self):
-        """Return how well the axes fit, and what would mend them; None without enough turns.
-
-        Returns
-        -------
-        dict
-            `agreement` of the axes as logged, of the best mapping `best`, and how far that turns
-            gravity beside how far it turns, `ratio`, None where they have nothing in common;
-            `steps` in favour and against, and `steps_used` in all; `mapping`: for each axis of the
-            acceleration the angular rate's axis that fits, as 1, 2, 3 with its sign and 0 where
-            the turns leave it open; None where the axes as logged fit.
-        """
+        """Return how well the axes fit, as `axes` in quality.schema.yaml; None of too few turns."""
         steps = self.steps.rows()
         if len(steps) < LEAST_STEPS:
             return None

@@ -32,27 +32,19 @@ class Points:
     """Number and time of every k-th row: few enough to hold, the same for any batches."""
 
     def __init__(self):
-        self._stride = 1
-        self._parts = [(np.empty(0, dtype=np.int64), np.empty(0))]
-
-    @property
-    def rows(self):
-        """Row numbers."""
-        return np.concatenate([rows for rows, _ in self._parts])
-
-    @property
-    def t(self):
-        """Times, s."""
-        return np.concatenate([t for _, t in self._parts])
+        self._stride, self._parts = 1, [np.empty((0, 2))]
 
     def add(self, rows, t):
         """Take further rows."""
-        chosen = rows % self._stride == 0
-        self._parts.append((rows[chosen], t[chosen]))
-        while sum(len(rows) for rows, _ in self._parts) > _POINTS:
+        self._parts.append(np.column_stack([rows, t])[rows % self._stride == 0])
+        while sum(map(len, self._parts)) > _POINTS:
             self._stride *= 2
-            chosen = self.rows % self._stride == 0
-            self._parts = [(self.rows[chosen], self.t[chosen])]
+            held = np.concatenate(self._parts)
+            self._parts = [held[held[:, 0] % self._stride == 0]]
+
+    def columns(self):
+        """Return the row numbers and the times, s."""
+        return np.concatenate(self._parts).T
 
 
 def follows_stamps(path, step):
@@ -83,7 +75,7 @@ def line_step(counts, measured, rate=None, increments=False):
 
     `measured` are the figures of the samples as stamped, `rate` is the declared one, Hz.
     """
-    rows, t = counts.points.rows, counts.points.t
+    rows, t = counts.points.columns()
     if counts.clock.resets or len(rows) < 10 * _PARTS:
         return None
     rows = rows - rows[0]

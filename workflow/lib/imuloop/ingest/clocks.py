@@ -111,15 +111,9 @@ class Clock:
         """Return stamps as of a clock that never falls, and which of them can be used.
 
         Single late rows stay as they are: rows that follow leap back to where the stamps were.
-
-        Parameters
-        ----------
-        x, readable : ndarray, shape (n,)
-            Stamps as logged, of the rows after those of the last call, and which are readable.
-        after : (ndarray, ndarray of bool), optional
-            The same of the next `AHEAD` rows, fewer only at the end of the log.
-        tick : int or None
-            Nanoseconds per unit; None for dates, which do not roll over.
+        `x` and `readable` are stamps as logged, of the rows after those of the last call, and which
+        of them are readable; `after` the same of the next `AHEAD` rows, fewer only at the end of
+        the log; `tick` nanoseconds per unit, None for dates, which do not roll over.
         """
         after = after or (x[:0], readable[:0])
         own = np.flatnonzero(readable)

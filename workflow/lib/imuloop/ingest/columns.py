@@ -5,9 +5,13 @@ from dataclasses import dataclass, field
 from itertools import islice, product
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TIME
+from imuloop.core.units import TEMPERATURE as DEGREES
 
 AXES = ("x", "y", "z")
+# name of the stamps in raw batches; absent where the log has no time column
+STAMP = "stamp"
 # usual names of a sensor's columns without their axis, words joined by "_": of the quantity itself,
 # and of its increments over the interval that ends at the stamp
 _SENSORS = {
@@ -48,13 +52,13 @@ _SPELLINGS = {
         "min": "min mins minute minutes",
         "h": "h hr hrs hour hours",
         "s": "s sec secs second seconds",
-        "ms": "ms msec millisecond milliseconds",
+        "ms": "ms msec millis millisecond milliseconds",
         "us": "us usec microsecond microseconds",
         "ns": "ns nsec nanosecond nanoseconds",
     },
     "acceleration": {
         "m/s^2": "m/s^2 m/s2 m/s/s ms-2 ms2 mps2 m/sec2",
-        "g": "g gs",
+        "g": "g gs g0",
         "mg": "mg milli-g",
         "count": "count counts lsb adc raw",
         "cm/s^2": "cm/s^2 cm/s2 cms-2 cms2 gal",
@@ -63,10 +67,10 @@ _SPELLINGS = {
         "mm/s": "mm/s mm/sec mmps mms-1",
     },
     "angular_rate": {
-        "rad/s": "rad/s rad/sec rads-1 rads radps",
+        "rad/s": "rad/s rad/sec radians/s rads-1 rads radps",
         "deg/s": "deg/s deg/sec degree/s degrees/s degs-1 degs dps",
-        "mrad/s": "mrad/s mrads-1 mrads",
-        "deg/h": "deg/h deg/hr degree/h degrees/h",
+        "mrad/s": "mrad/s mrad/sec mrads-1 mrads",
+        "deg/h": "deg/h deg/hr degree/h degrees/h dph",
         "count": "count counts lsb adc raw",
         "rpm": "rpm rev/min r/min",
         "rad": "rad radian radians",
@@ -89,7 +93,7 @@ UNITS = {
     "time": (*TIME,),
     "acceleration": (*ACCELERATION, "count", *INCREMENTS["acceleration"]),
     "angular_rate": (*ANGULAR_RATE, "count", *INCREMENTS["angular_rate"]),
-    "temperature": (*TEMPERATURE,),
+    "temperature": (*DEGREES,),
     "interval": (*TIME,),
 }
 
@@ -111,10 +115,16 @@ class Columns:
     increments: frozenset = frozenset()
     units: dict = field(default_factory=dict)
 
+    def keys(self):
+        """Return the names of the raw columns: those that are stamps, six axes, temperature."""
+        stamps = [] if self.time is None else [STAMP]
+        warm = [] if self.temperature is None else [TEMPERATURE]
+        return [*stamps, *self.others, *CHANNELS, *warm]
+
     def positions(self):
-        """Return positions in the order of the raw columns: six axes, time, temperature, others."""
-        rest = [i for i in (self.time, self.temperature) if i is not None]
-        return [*self.acceleration, *self.angular_rate, *rest, *self.others.values()]
+        """Return the positions of the raw columns, in the order of `keys`."""
+        axes = *self.others.values(), *self.acceleration, *self.angular_rate
+        return [i for i in (self.time, *axes, self.temperature) if i is not None]
 
     def stated(self, quantity, text):
         """Return the contract's name of a unit as the log spells it, or None."""
@@ -173,11 +183,6 @@ def resolve(names, declared=None, headed=True):
         is left out is found by its usual name; one that is None is taken as not logged.
     headed : bool
         Whether the names are the log's own; without, columns must be declared by number.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there, or a sensor's three are not found or not unique.
     """
     declared = dict(declared or {})
     guessed = guess(names) if headed else dict.fromkeys((*_QUANTITIES, "interval"), ())

@@ -12,8 +12,7 @@ from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
 from imuloop.ingest.bursts import Points
 from imuloop.ingest.clocks import Clock, ahead
-from imuloop.ingest.columns import unknown_unit
-from imuloop.ingest.raw_log import STAMP
+from imuloop.ingest.columns import STAMP, unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -82,11 +81,6 @@ def si_batches(
         Usual step of the stamps, s; that of increments after a gap.
     timeline : imuloop.ingest.pps.Timeline, optional
         GNSS time over the stamps; `t` is then in it.
-
-    Raises
-    ------
-    ImuloopError
-        If there are neither stamps nor a rate, or the stamps do not fit what is declared.
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     for kind in (counts.missing_values, counts.impossible_values):

@@ -8,8 +8,6 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
-from imuloop.ingest.damage import blamed_for_loss
-from imuloop.ingest.extras import needed
 from imuloop.ingest.guarded import guarded
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -34,15 +32,12 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a DataFlash log.
 
     The streams are messages with their instance, ``IMU_0``; in older logs without instances
-    messages, ``IMU2``. Increments become rates by their own interval.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names streams, or ``STREAM.FIELD``, of
-        messages other than IMU, ACC, GYR and IMT too.
+    messages, ``IMU2``. `columns` names streams, or ``STREAM.FIELD``, of messages other than IMU,
+    ACC, GYR and IMT too. Increments become rates by their own interval.
     """
-    library = needed("pymavlink.DFReader", "dataflash")
+    # a library that few need
+    from pymavlink import DFReader as library
+
     with open(paths["log"], "rb") as file:
         data = file.read(most)
     declared = {re.sub(r"_\d+\Z", "", name) for name in stream_names(columns)}
@@ -65,12 +60,12 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
                 bad += len(part.stamps)
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
-    with blamed_for_loss(damage or ([f"{bad} rows cannot be read"] if bad else [])):
-        raw = raw_log(streams, columns, batch_rows)
-    raw.notes[:0] = [
+    notes = [
         *damage,
         "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before",
     ]
+    damage = damage or ([f"{bad} rows cannot be read"] if bad else [])
+    raw = raw_log(streams, columns, batch_rows, notes, damage)
     raw.bad_lines = bad
     return raw
 

@@ -2,6 +2,7 @@
 
 import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,12 +11,12 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog
-from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.core.samples import CHANNELS
 from imuloop.ingest.columns import guess, listed, resolve, unit_of
+from imuloop.ingest.guarded import check_unpacked
 from imuloop.ingest.in_order import in_order
-from imuloop.ingest.packed import check_unpacked
-from imuloop.ingest.raw_log import STAMP, RawLog, doubles
-from imuloop.ingest.stamps import stamp_array
+from imuloop.ingest.raw_log import RawLog, doubles, table_log
+from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.text_layout import (
     AXES,
     BLANKS,
@@ -30,6 +31,8 @@ from imuloop.ingest.text_layout import (
 )
 
 ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc")
+# the table in a folder of EuRoC
+IN_FOLDER = "data.csv"
 
 # a line that may be a header
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
@@ -44,27 +47,25 @@ _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for 
 def read(paths, columns=None, batch_rows=1 << 16):
     """Read a text table; a compressed one (.gz, .bz2, ...) is unpacked on the way.
 
-    Parameters are as of `imuloop.ingest.formats.Format`.
+    Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
+    names and units.
     """
-    path = paths["log"]
+    path = Path(paths["log"])
+    if path.is_dir():
+        path = path / IN_FOLDER
+        if not path.is_file():
+            raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
     chosen = resolve(layout.names, columns, layout.headed)
-    stamps = {} if chosen.time is None else {STAMP: chosen.time}
-    stamps |= chosen.others
-    wanted = stamps | dict(zip(CHANNELS, (*chosen.acceleration, *chosen.angular_rate), strict=True))
-    if chosen.temperature is not None:
-        wanted[TEMPERATURE] = chosen.temperature
-    log = RawLog(
-        batches=iter(()),
-        temperature=chosen.temperature is not None,
-        found=chosen.found(layout.names),
-        units={**chosen.units, **_units_below(layout, chosen)},
-        columns=listed(layout.names, layout.headed),
-    )
+    known = {"units": _units_below(layout, chosen), "columns": listed(layout.names, layout.headed)}
     if layout.preamble:
-        log.notes.append(f"{layout.preamble} line(s) before the table skipped")
-    batches = text_batches(path, layout, [*wanted.values()], batch_rows, log, len(stamps))
-    log.batches = (batch.rename_columns([*wanted]) for batch in batches)
+        known["notes"] = [f"{layout.preamble} line(s) before the table skipped"]
+    log = table_log(layout.names, chosen, (), **known)
+    keys = chosen.keys()
+    batches = text_batches(
+        path, layout, chosen.positions(), batch_rows, log, stamps=keys.index(CHANNELS[0])
+    )
+    log.batches = (batch.rename_columns(keys) for batch in batches)
     return log
 
 
@@ -108,6 +109,27 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
                     yield batch.slice(begin, batch_rows)
         except (pa.ArrowInvalid, OSError) as error:
             raise unreadable(error) from error
+
+
+def read_series(source, layout, positions, batch_rows, most=-1):
+    """Return the stamps in the first of the columns, the numbers in the others, what is left out.
+
+    Parameters are as of `text_batches`; no more is read after `most` bytes, -1 is all. What is left
+    out is a RawLog with the bad lines and bytes lost, and the number of rows without a stamp.
+    """
+    count, parts, unstamped, held = RawLog(), [], 0, 0
+    for batch in text_batches(source, layout, positions, batch_rows, count, stamps=1):
+        stamps, readable, dates = stamp_values(batch[0])
+        readable = readable & (not dates)
+        unstamped += int((~readable).sum())
+        columns = [x.to_numpy(zero_copy_only=False) for x in batch.columns[1:]]
+        parts.append([x[readable] for x in (stamps, *columns)])
+        held += batch.nbytes
+        if 0 <= most < held:
+            break
+    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    stamps, *values = joined or [np.empty(0)] * len(positions)
+    return stamps, values, count, unstamped
 
 
 def _packing(path):

@@ -8,7 +8,6 @@ from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.ingest import (
     dataflash,
     delimited,
-    euroc,
     imu_tk,
     matlab,
     netcdf,
@@ -56,7 +55,7 @@ FORMATS = {
     # the separator is found in the file; the name is there for those who look for it
     "tsv": Format(delimited.read, (".tsv", ".tab")),
     # the folder; its table alone is a csv
-    "euroc": Format(euroc.read, (), folder=True),
+    "euroc": Format(delimited.read, (), folder=True),
     "imu_tk": Format(imu_tk.read, (), imu_tk.FILES),
     "parquet": Format(parquet.read, parquet.ENDINGS),
     "netcdf": Format(netcdf.read, netcdf.ENDINGS),
@@ -90,10 +89,7 @@ _HEAD = 1 << 14
 def find_format(name, paths):
     """Return the name of a format and the Format: that declared, else that its files show.
 
-    Raises
-    ------
-    ImuloopError
-        If the name is unknown, the files do not say which format, or are not the format's.
+    An ImuloopError where the name is unknown, or the files show none or are not the format's.
     """
     name = name or guess_format(paths)
     if name not in FORMATS:
@@ -120,7 +116,7 @@ def guess_format(paths):
         for name, form in FORMATS.items():
             if form.folder and inside & {*form.endings}:
                 return name
-        if (path / euroc.TABLE).is_file():
+        if (path / delimited.IN_FOLDER).is_file():
             return "euroc"
         raise ImuloopError(f"{path} is a folder, not a file")
     if name := _by_first_bytes(path):

@@ -19,9 +19,10 @@ from pathlib import Path
 import pyarrow as pa
 
 from imuloop.core import errors
-from imuloop.ingest.packed import MOST_TIMES
 from imuloop.ingest.raw_log import RawLog
 
+# no log packs better than this
+MOST_TIMES = 200
 # memory that a reader may take, bytes: beside `MOST_TIMES` the file, which is at most `MOST_HELD`
 # or so many times a large file
 MEMORY, MOST_HELD, LARGE_TIMES = 512 << 20, 4 << 30, 16
@@ -29,8 +30,6 @@ MEMORY, MOST_HELD, LARGE_TIMES = 512 << 20, 4 << 30, 16
 SECONDS, SECONDS_PER_BYTE = 2, 10e-6
 # longest that a reader may wait, as for a pipe that a file leads to, s
 WAITING = 60
-# of a log, what is known when it has been opened and may have grown when it has been read
-_TOLD = "temperature found units simulated notes bad_lines lost_bytes text_bytes columns".split()
 # what may go wrong in a declaration or in the data
 _FORESEEN = {kind.__name__: kind for kind in (errors.Lacking, errors.ImuloopError)}
 
@@ -41,23 +40,27 @@ def guarded(read):
     The reader's process ends with the file or with the last reference to the log. Whatever the
     reader raises that it did not foresee, and its death, become a `RejectedLog`; files that it
     unpacks into the folder of temporary files are removed.
-
-    Parameters
-    ----------
-    read : callable
-        ``read`` of its module, with ``paths["log"]``.
     """
 
     @functools.wraps(read)
     def apart(paths, columns=None, batch_rows=1 << 16, **options):
         given = {"paths": paths, "columns": columns, "batch_rows": batch_rows, **options}
         messages = _messages(read.__module__, given)
-        log = RawLog(iter(()), **next(messages)[0])
+        log = RawLog(**next(messages)[0])
         # a log that is let go lets its reader go
         log.batches = _batches(weakref.ref(log), messages)
         return log
 
     return apart
+
+
+def check_unpacked(packed, unpacked):
+    """Refuse a file of `packed` bytes of which so far more than `MOST_TIMES` as many came out."""
+    if unpacked > MOST_TIMES * packed:
+        raise errors.RejectedLog(
+            f"unpacked, the file is more than {MOST_TIMES} times its {packed} bytes: refused, "
+            "no log packs so well"
+        )
 
 
 def cause(error):
@@ -103,10 +106,7 @@ def _messages(module, given):
                     if "error" in told:
                         kind, text = told["error"]
                         raise _FORESEEN.get(kind, errors.RejectedLog)(text)
-                    known = told.get("log", {})
-                    if known:
-                        known["interpolated"] = {*known["interpolated"]}
-                    yield known, table.replace_schema_metadata()
+                    yield told.get("log", {}), table.replace_schema_metadata()
             finally:
                 process.kill()
 
@@ -167,6 +167,11 @@ def _words(error, module, path, memory):
         why = f"takes more than {memory >> 20} MB of memory to read, as no log of its size does"
         return "", f"{Path(path).name} {why}: it is damaged, or no log"
     form, why = module.rpartition(".")[2], cause(error).replace(str(path), "the file")
+    if isinstance(error, ImportError):
+        package = str(error.name).partition(".")[0]
+        why = f"format {form} needs the package {package}, which is not installed"
+        # an extra of the project is called as the format that needs it
+        return "ImuloopError", f"{why}: pip install '.[{form}]'"
     why = f"is no whole file of the format {form} ({why}): copy it again, or save it anew"
     return "", f"{Path(path).name} {why}"
 
@@ -181,7 +186,8 @@ def _limit(kind, most):
 
 
 def _told(log):
-    return {name: getattr(log, name) for name in _TOLD} | {"interpolated": [*log.interpolated]}
+    """Return what is known of a log that was opened, which may have grown once it is read."""
+    return {name: value for name, value in vars(log).items() if name != "batches"}
 
 
 def _send(out, batch, **told):

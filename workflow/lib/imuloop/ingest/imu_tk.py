@@ -6,9 +6,9 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.ingest.columns import unit_of
+from imuloop.ingest.columns import STAMP, unit_of
 from imuloop.ingest.delimited import numbers, text_batches
-from imuloop.ingest.raw_log import STAMP, RawLog, rechunked
+from imuloop.ingest.raw_log import RawLog, rechunked
 from imuloop.ingest.stamps import parse_stamps, stamp_values
 from imuloop.ingest.text_layout import find_layout
 
@@ -18,17 +18,12 @@ FILES = ("acceleration", "angular_rate")
 def read(paths, columns=None, batch_rows=1 << 16):
     """Read an accelerometer's and a gyroscope's file of the same rows and stamps.
 
-    Parameters
-    ----------
-    paths, batch_rows
-        As of `imuloop.ingest.formats.Format`.
-    columns : None
-        The format has fixed columns, time and three axes; a header can only state their units.
+    The format has fixed `columns`, time and three axes; a header can only state their units.
     """
     if columns:
         raise ImuloopError("imu_tk files have fixed columns t x y z; leave columns out")
     found = {"time": "0", **{name: ["1", "2", "3"] for name in FILES}}
-    log = RawLog(batches=iter(()), temperature=False, found=found)
+    log = RawLog(found=found)
     layouts = {}
     for name in FILES:
         layouts[name] = find_layout(paths[name])

@@ -112,7 +112,7 @@ def ingest(
         try:
             log = opened()
         except RejectedLog as error:
-            log, rejected = RawLog(batches=iter(()), temperature=False, found={}), error
+            log, rejected = RawLog(), error
         units, doubts = used_units(log, units or {})
         raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in _SENSORS}
         source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
@@ -234,22 +234,16 @@ def _quality(reasons, figures, counts, log):
 def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     """Write samples without rows and a quality that says why, for a log that could not be read.
 
-    Parameters
-    ----------
-    device, session, kind, samples_path, quality_path
-        As of `ingest`.
-    why : (str, dict or None)
-        Reason, and the content of the key ``failed``.
+    Parameters are as of `ingest`; `why` is the reason, and the content of the key ``failed``.
     """
     reason, failed = why
-    log = RawLog(batches=iter(()), temperature=False, found={})
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
     with replaced(samples_path) as temporary:
         pq.write_table(schema(False, origin).empty_table(), temporary)
         figures = quality.measure(temporary)
-    found = _quality([reason], figures, Counts(), log) | origin
+    found = _quality([reason], figures, Counts(), RawLog()) | origin
     write_json(quality_path, found | {"failed": failed})
 
 
@@ -282,17 +276,7 @@ def _encodings(table):
 def used_units(log, declared):
     """Return the unit of each quantity, and where the log itself says otherwise (texts).
 
-    Parameters
-    ----------
-    log : RawLog
-        Log being read.
-    declared : dict
-        Units of the config.
-
-    Raises
-    ------
-    ImuloopError
-        If one is no unit.
+    `declared` are those of the config; an ImuloopError where one is no unit.
     """
     used, doubts = {}, []
     for quantity, known in UNITS.items():

@@ -21,12 +21,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
     """Read a MATLAB file; one that is text is read as a table.
 
     A variable of shape (n, 1) or (1, n) is a column, one of (n, 3) or (3, n) the columns `NAME.x`,
-    `NAME.y` and `NAME.z`, other matrices `NAME.0` and on; a struct's are `STRUCT.FIELD`.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows
-        As of `imuloop.ingest.formats.Format`; in `columns` a sensor is one variable, or three.
+    `NAME.y` and `NAME.z`, other matrices `NAME.0` and on; a struct's are `STRUCT.FIELD`. In
+    `columns` a sensor is one variable, or three.
     """
     path = paths["log"]
     with open(path, "rb") as file:

@@ -9,8 +9,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest.columns import resolve
-from imuloop.ingest.guarded import guarded
-from imuloop.ingest.packed import check_unpacked
+from imuloop.ingest.guarded import check_unpacked, guarded
 from imuloop.ingest.raw_log import by_axis, column_names, table_log
 from imuloop.ingest.stamps import YEARS
 
@@ -26,11 +25,7 @@ _CF_UNITS |= {"sec": "s", "s": "s", "minute": "m", "hour": "h", "day": "D"}
 def read(paths, columns=None, batch_rows=1 << 16):
     """Read a NetCDF file, whose longest dimension is time.
 
-    Parameters
-    ----------
-    paths, columns, batch_rows
-        As of `imuloop.ingest.formats.Format`; in `columns` a sensor is one variable of shape
-        (time, 3), or three.
+    In `columns` a sensor is one variable of shape (time, 3), or three.
     """
     # takes long to import
     import netCDF4

@@ -13,13 +13,7 @@ ENDINGS = (".parquet", ".pq")
 
 
 def read(paths, columns=None, batch_rows=1 << 16):
-    """Read a Parquet table; ``simulated`` and ``units`` of the project's metadata are passed on.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows
-        As of `imuloop.ingest.formats.Format`.
-    """
+    """Read a Parquet table; ``simulated`` and ``units`` of the project's metadata are passed on."""
     try:
         file = pq.ParquetFile(paths["log"])
         names = file.schema_arrow.names

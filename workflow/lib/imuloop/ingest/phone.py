@@ -17,8 +17,8 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import AXES, guess, unit_of
+from imuloop.ingest.delimited import read_series
 from imuloop.ingest.guarded import guarded
-from imuloop.ingest.series import read_series
 from imuloop.ingest.streams import Stream, printable, raw_log
 from imuloop.ingest.text_layout import find_layout
 
@@ -59,7 +59,7 @@ _IOS_UNITS |= {"accelerometer": "m/s^2", "gravity": "m/s^2"}
 class _Table:
     """A table on one clock; `sensors` maps sensors, lower case, to their columns x, y, z.
 
-    `count` is what was left out, of `imuloop.ingest.series.read_series`.
+    `count` is what was left out, of `imuloop.ingest.delimited.read_series`.
     """
 
     app: _App
@@ -76,13 +76,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a zip of CSV tables as phyphox and Sensor Logger export it.
 
     Of Sensor Logger, what is not calibrated by the phone goes before what is; acceleration
-    without gravity is never taken by itself.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names a file without its ending, where it
-        holds one sensor, or three of ``FILE.COLUMN``. `most` counts for each table.
+    without gravity is never taken by itself. `columns` names a file without its ending, where it
+    holds one sensor, or three of ``FILE.COLUMN``. `most` counts for each table.
     """
     with zipfile.ZipFile(paths["log"]) as archive:
         members = _members(archive)
@@ -200,9 +195,8 @@ def _table(name, text, turned, batch_rows):
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
     positions = [time, *others.values()]
-    stamps, values, count, unstamped = read_series(
-        io.BytesIO(text), layout, positions, batch_rows, -1
-    )
+    source = io.BytesIO(text)
+    stamps, values, count, unstamped = read_series(source, layout, positions, batch_rows)
     count.bad_lines += unstamped
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit}

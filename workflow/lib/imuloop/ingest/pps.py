@@ -67,14 +67,7 @@ def find_timeline(log, units, columns, path=None):
     """Return GNSS time over the counter of a log, its time column; the log is read to its end.
 
     Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
-    `path`.
-
-    Raises
-    ------
-    ImuloopError
-        If the log has no counter, or not the columns.
-    RejectedLog
-        If the marks do not fit the log.
+    `path`. Marks that do not fit the log reject it.
     """
     if path is None and not log.found.get("pps"):
         raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
@@ -111,8 +104,7 @@ def read_marks(path, columns):
         position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
         for i, key in enumerate(("counter", "time"))
     ]
-    log = RawLog(batches=iter(()), temperature=False, found={})
-    parts = [_pairs(*each) for each in text_batches(path, layout, where, _MARK_ROWS, log, stamps=2)]
+    parts = [_pairs(*each) for each in text_batches(path, layout, where, _MARK_ROWS, RawLog(), 2)]
     if not parts:
         raise RejectedLog(f"{path} holds no marks")
     counters, times = (np.concatenate([part[i][part[2]] for part in parts]) for i in (0, 1))

@@ -1,6 +1,6 @@
 """A log as it was written: what each reader gives, before units and time zero."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import pyarrow as pa
@@ -12,8 +12,6 @@ from imuloop.ingest.stamps import stamp_array
 
 # more columns than a matrix of samples has
 WIDEST = 64
-# name of the stamps in raw batches; absent where the log has no time column
-STAMP = "stamp"
 
 
 @dataclass
@@ -22,7 +20,7 @@ class RawLog:
 
     Attributes
     ----------
-    batches : iterator of pyarrow.RecordBatch
+    batches : iterable of pyarrow.RecordBatch
         Columns `stamp` (int64, float64 or timestamp[ns]; absent without a time column),
         `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units).
     found, units : dict
@@ -36,15 +34,14 @@ class RawLog:
         unwritten memory are in neither.
     position : int
         Bytes of the file read so far, 0 where the reader does not say.
-    interpolated : set of str
+    interpolated : list of str
         Sensors that are interpolated onto the clock of the other.
     threads : int
         How many the reader may use, set before the first batch is taken; changes no result.
     """
 
-    batches: Iterator[pa.RecordBatch]
-    temperature: bool
-    found: dict
+    batches: Iterable[pa.RecordBatch] = ()
+    found: dict = field(default_factory=dict)
     units: dict = field(default_factory=dict)
     simulated: bool = False
     notes: list[str] = field(default_factory=list)
@@ -52,9 +49,14 @@ class RawLog:
     lost_bytes: int = 0
     text_bytes: int = 0
     position: int = 0
-    interpolated: set = field(default_factory=set)
+    interpolated: list[str] = field(default_factory=list)
     columns: str = ""
     threads: int = 1
+
+    @property
+    def temperature(self):
+        """Whether the log holds a temperature."""
+        return TEMPERATURE in self.found
 
     def lose(self, count):
         """Add the bad lines and the bytes of a part of the log that was counted by itself."""
@@ -64,22 +66,11 @@ class RawLog:
 
 
 def table_log(names, chosen, batches, **known):
-    """Return the RawLog of a table.
+    """Return the RawLog of a table with columns of these names, of which `chosen` are read.
 
-    Parameters
-    ----------
-    names : list of str
-        Names of all columns.
-    chosen : imuloop.ingest.columns.Columns
-        Those that are read.
-    batches : iterable of list of pyarrow.Array
-        The columns at ``chosen.positions()``, in their order, a part of the rows at once.
-    **known
-        Attributes of the log that it states itself, beside its units.
+    `batches` give the columns at ``chosen.positions()``, in their order, a part of the rows at
+    once; `known` are attributes that the log states itself.
     """
-    stamps = [STAMP] * (chosen.time is not None)
-    temperature = [TEMPERATURE] * (chosen.temperature is not None)
-    keys = [*CHANNELS, *stamps, *temperature, *chosen.others]
     known["units"] = {**chosen.units, **known.get("units", {})}
 
     def converted(key, position, column):
@@ -94,12 +85,11 @@ def table_log(names, chosen, batches, **known):
 
     def raw_batches():
         for columns in batches:
-            parts = zip(keys, chosen.positions(), columns, strict=True)
+            parts = zip(chosen.keys(), chosen.positions(), columns, strict=True)
             yield pa.RecordBatch.from_pydict({part[0]: converted(*part) for part in parts})
 
     return RawLog(
         batches=raw_batches(),
-        temperature=chosen.temperature is not None,
         found=chosen.found(names),
         **{"columns": listed(names), **known},
     )

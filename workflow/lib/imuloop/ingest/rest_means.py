@@ -64,17 +64,10 @@ class RestMeans:
         self.held += n
 
     def figures(self, steps):
-        """Return the mean rate at rest beside what noise and Earth make of it.
+        """Return the mean rate at rest beside noise and Earth, as in quality.schema.yaml.
 
-        `steps` are the quantisation steps of the three axes, rad/s, or None.
-
-        Returns
-        -------
-        dict or None
-            `rate` and its `upper` bound, rad/s, of windows of `window_s`, both None where the
-            rests are too short; `noise_share`, the power of the means as a share of what white
-            noise alone gives them, the least of several windows; `tracked`. None where there are
-            no rests, or no noise.
+        `steps` are the quantisation steps of the three axes, rad/s, or None. Mean rate and bound
+        are None where the rests are too short, all is None where there are none, or no noise.
         """
         if not self.blocks:
             return None

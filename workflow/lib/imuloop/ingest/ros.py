@@ -10,8 +10,6 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import AXES
-from imuloop.ingest.damage import blamed_for_loss
-from imuloop.ingest.extras import needed
 from imuloop.ingest.guarded import cause, guarded
 from imuloop.ingest.streams import Stream, raw_log
 
@@ -43,11 +41,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read the topics of inertial messages of a bag.
 
     The stamps are those of the headers in ns; where a topic's never change, the times of receipt.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names topics, or ``TOPIC.FIELD``.
+    `columns` names topics, or ``TOPIC.FIELD``.
     """
     path, topics = Path(paths["log"]), {}
     files, notes = _files(path)
@@ -63,7 +57,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
             bag = _plain(file, Path(folder, str(number)))
             try:
                 _gather(bag, topics, damage, most)
-            except (ImuloopError, MemoryError):
+            except (ImuloopError, ImportError, MemoryError):
                 raise
             except Exception as error:
                 tool = _MENDED_BY.get(bag.suffix, "ros2 bag reindex")
@@ -72,8 +66,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
                     f"recording was cut off, mend it with {tool}"
                 ) from error
     streams, about = _streams(topics)
-    with blamed_for_loss(damage):
-        log = raw_log(streams, columns, batch_rows)
+    log = raw_log(streams, columns, batch_rows, damage=damage)
     found = [name for each in log.found.values() for name in np.atleast_1d(each)]
     notes += damage
     notes += [line for name, line in about if any(field.startswith(f"{name}.") for field in found)]
@@ -167,12 +160,13 @@ def _plain(path, target):
 
 def _gather(bag, topics, damage, most):
     """Add the messages of a bag to the topics, and what it lacks to the damage."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
     ros1 = bag.suffix == ".bag"
-    library = needed("rosbags.rosbag1" if ros1 else "rosbags.rosbag2", "ros")
-    types = needed("rosbags.typesys", "ros")
+    library = rosbag1 if ros1 else rosbag2
     # never the definitions in the bag: the library makes them Python code and runs it
-    kinds = types.Stores
-    store = types.get_typestore(kinds.ROS1_NOETIC if ros1 else kinds.ROS2_HUMBLE)
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     with library.Reader(bag) as reader:
         wanted = [c for c in reader.connections if c.msgtype in _FIELDS]

@@ -9,7 +9,7 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES, unit_of
-from imuloop.ingest.series import read_series
+from imuloop.ingest.delimited import read_series
 from imuloop.ingest.streams import Stream, raw_log
 from imuloop.ingest.text_layout import find_layout
 
@@ -27,11 +27,8 @@ _SENSORS = {
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
 
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names ``STREAM.COLUMN``, streams being
-        ``accelerometer`` and ``gyro`` or, where that is not logged, ``motion``.
+    `columns` names ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
+    is not logged, ``motion``.
     """
     path = paths["log"]
     layout, columns = find_layout(path), dict(columns or {})

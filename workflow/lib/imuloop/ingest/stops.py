@@ -125,20 +125,10 @@ class Stops:
                 self.jump = (float(change), first + int(j) * width, float(angle))
 
     def figures(self, guess=None):
-        """Return what the stops show, None without any.
+        """Return what the stops show, as `rests` in quality.schema.yaml, None without any.
 
         `guess` is the scale of the angular rate, as turns inside the moves have it; one if None.
-
-        Returns
-        -------
-        dict or None
-            `share` of the windows that are at rest; `force`, 5 %, 50 % and 95 % quantile of the
-            specific force, m/s^2; `attitudes`, their number, and how far gravity `turned` from
-            where it is most of the time, at most, and from a stop to the `next`, at most, rad;
-            `turn_ratio`, see `scale`; `jump_m_s2`, the largest change of the force that no turn
-            goes with, at `jump_row`, 0 where there is none; `change`, the median change of the
-            angular rate from window to window, rad/s, and `change_share`, its square beside that
-            which white noise alone gives it.
+        In place of `jump_s` is its row.
         """
         stops = self.stops.rows()
         if not len(stops):

@@ -1,5 +1,6 @@
 """Logs of several streams, each on a clock of its own: chosen, and merged onto one."""
 
+import re
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,8 +9,8 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
 from imuloop.ingest.clocks import Clock, turns_apart
-from imuloop.ingest.columns import AXES, guess, listed
-from imuloop.ingest.raw_log import STAMP, RawLog
+from imuloop.ingest.columns import AXES, STAMP, guess, listed
+from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS
 
 _SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
@@ -32,7 +33,7 @@ class Stream:
     units: dict = field(default_factory=dict)
 
 
-def raw_log(streams, columns=None, batch_rows=1 << 16):
+def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
     r"""Return the RawLog of the streams that hold acceleration and angular rate.
 
     The accelerometer's stamps are the log's. A quantity of another stream is interpolated
@@ -50,13 +51,9 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         not logged.
     batch_rows : int
         Rows given at once.
-
-    Raises
-    ------
-    ImuloopError
-        If a declared column is not there, or a quantity is in no stream or in several.
-    RejectedLog
-        If there are no rows, or the streams share no time.
+    notes, damage : sequence of str
+        What the log's notes begin with, and what was lost: where the log lacks what is looked for
+        and something was lost, that is a fault of the data, not of the config.
     """
     columns = dict(columns or {})
     if columns.get("interval") is not None:
@@ -64,16 +61,26 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
     streams = [_signed(stream) for stream in streams]
     if not any(len(stream.stamps) for stream in streams):
         raise RejectedLog("the log has no rows")
-    chosen = _chosen(columns, streams)
-    clock = chosen["acceleration"][0]
+    try:
+        chosen = _chosen(columns, streams)
+        clock = chosen["acceleration"][0]
+        stream, name, doubts = _temperature(columns, streams, clock)
+        time = None
+        if columns.get("time") is not None:
+            time = _locate("time", columns["time"], streams)
+    except Lacking as error:
+        if not damage:
+            raise
+        # the names of streams are enough
+        lacks = re.sub(r" \([^()]*\)", "", str(error))
+        raise RejectedLog(f"{lacks}; it may be lost to damage: {'; '.join(damage)}") from error
     wanted = {quantity: (names, *chosen[quantity]) for quantity, names in _SENSORS.items()}
-    stream, name, notes = _temperature(columns, streams, clock)
     if stream:
         wanted[TEMPERATURE] = (TEMPERATURE,), stream, [name]
-    arrays, interpolated, found = {}, set(), {}
+    arrays, interpolated, found, notes = {}, [], {}, [*notes, *doubts]
     stamps, units = clock.stamps, {q: unit for q, unit in clock.units.items() if q == "time"}
-    if columns.get("time") is not None:
-        own, name = _locate("time", columns["time"], streams)
+    if time:
+        own, name = time
         if own is not clock:
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
         # in a unit of its own
@@ -82,7 +89,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
         values, merged = _onto(clock, stream, fields, quantity)
         notes += merged
         if merged:
-            interpolated.add(quantity)
+            interpolated.append(quantity)
         arrays |= dict(zip(names, values, strict=True))
         units |= {q: unit for q, unit in stream.units.items() if q == quantity}
         found[quantity] = [f"{stream.name}.{field}" for field in fields]
@@ -99,7 +106,6 @@ def raw_log(streams, columns=None, batch_rows=1 << 16):
 
     return RawLog(
         batches=batches(),
-        temperature=TEMPERATURE in arrays,
         found=found,
         units=units,
         columns=f"{clock.name}: {listed([*clock.fields])}",

@@ -7,8 +7,6 @@ import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import AXES
-from imuloop.ingest.damage import blamed_for_loss
-from imuloop.ingest.extras import needed
 from imuloop.ingest.guarded import guarded
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -48,20 +46,17 @@ _NO_ACCELERATION = 0x7FFFFFFF
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read a ULog file.
 
-    The streams are the topics with their instance, ``sensor_accel_0``. Increments become rates by
+    The streams are the topics with their instance, ``sensor_accel_0``; `columns` names streams, or
+    ``STREAM.FIELD``, of topics other than the inertial sensors' too. Increments become rates by
     their own interval; first-in first-out buffers become one row a sample.
-
-    Parameters
-    ----------
-    paths, columns, batch_rows, most
-        As of `imuloop.ingest.formats.Format`; `columns` names streams, or ``STREAM.FIELD``, of
-        topics other than the inertial sensors' too.
     """
-    library = needed("pyulog", "ulog")
+    # a library that few need
+    from pyulog import ULog
+
     topics = {*_SENSORS, *(re.sub(r"_\d+\Z", "", name) for name in stream_names(columns))}
     with open(paths["log"], "rb") as file:
         tape = _Tape(file.read(most))
-    log = library.ULog(tape, sorted(topics))
+    log = ULog(tape, sorted(topics))
     damage = []
     if tape.cut:
         damage.append("the file ends inside a message: the log was cut off")
@@ -72,19 +67,17 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         streams += _streams(topic.name, topic.multi_id, topic.data)
     if not streams:
         raise RejectedLog(f"the log holds no rows of {', '.join(_SENSORS)}")
-    with blamed_for_loss(damage):
-        raw = raw_log(streams, columns, batch_rows)
     notes = list(damage)
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
+    raw = raw_log(streams, columns, batch_rows, notes, damage)
     for topic in _CORRECTED:
         if any(name.startswith(topic) for name in raw.found["acceleration"]):
-            notes.append(
+            raw.notes.append(
                 f"{topic} is corrected by PX4's own calibration; in newer logs sensor_accel and "
                 "sensor_gyro are not"
             )
-    raw.notes[:0] = notes
     return raw
 
 
