@@ -215,6 +215,11 @@ def test_python_runs(results, monkeypatch, tmp_path, block):
         np.testing.assert_allclose(found, [[0.1, 0.2, 0.3] * 2] * len(results), atol=1e-12)
 
 
+def test_published_figures_are_printed(results, capsys):
+    runpy.run_path(str(REPOSITORY / "bench/figures.py"), run_name="__main__")
+    assert "Xsens accelerometer K" in capsys.readouterr().out
+
+
 def commands():
     """Return the distinct command lines of all documents."""
     lines = [line for block in all_blocks("sh") for line in block.values[0].splitlines()]
@@ -248,6 +253,8 @@ def test_commands_work(results, tmp_path, command):
             check=False,
         )
         assert run.returncode == 0, run.stderr
+    elif arguments[0] == "-m":
+        assert (REPOSITORY / f"{arguments[1].replace('.', '/')}.py").exists()
     else:
         assert tool.endswith("pytest"), f"no test knows how to run {tool}"
         assert all((REPOSITORY / word).exists() for word in arguments if not word.startswith("-"))
