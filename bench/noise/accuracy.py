@@ -14,9 +14,10 @@ TITLE = "Errors beside the bound and beside common tools"
 INTRODUCTION = """
 Relative rms error in %, over {seeds} records of 3 h at 10 Hz of each kind, the same for every
 estimator; it is itself known to {own:.0%}. In brackets: the number of records in which the
-coefficient is given, if not in all, and the error over all with 0 where it is not. The bound is
-that of the exact Gaussian likelihood with the level unknown too (`bench/noise/bound.py`). The
-rivals (`bench/noise/rivals.py`) read the curve at log-spaced τ up to a third of the record."""
+coefficient is given, if not in all, and the error over all with 0 where it is not. “False”: in how
+many records a term is given that is not there. The bound is that of the exact Gaussian likelihood
+with the level unknown too. The rivals (`bench/noise/rivals.py`) read the curve at log-spaced τ up
+to a third of the record."""
 # 3 h
 LENGTH = 108_000
 WHITE = Scenario("white noise", {"N": 0.01})
@@ -32,10 +33,7 @@ LIMITS = {"N": 0.26, "K": 1.4, "B": 1.3, "false": 0.05}
 
 
 def run(seeds, each, length=LENGTH):
-    """Return for each scenario the coefficients that each estimator gives of each record.
-
-    Beside them, ``"others"``, how many processes imuloop names.
-    """
+    """Return for each scenario the coefficients that each estimator gives of each record."""
     return by_scenario(_one, SCENARIOS, seeds, each, length)
 
 
@@ -48,7 +46,7 @@ def _one(job):
     given = {name: getattr(noise, name).value for name in TERMS}
     found = {PRODUCT: {name: value for name, value in given.items() if value is not None}}
     found |= {name: tool(factors / RATE, variance) for name, tool in RIVALS.items()}
-    return {**found, "others": len(noise.gauss_markov) + len(noise.sinusoid)}
+    return found
 
 
 def _rms(errors):
@@ -67,7 +65,7 @@ def _false(made, estimator, name):
 
 
 def text(outcomes):
-    """Return the introduction and the tables, of errors and of false terms."""
+    """Return the introduction and the table of errors and of false terms."""
     white, estimators = outcomes[WHITE], (PRODUCT, *RIVALS)
     seeds = len(white)
     rows = []
@@ -76,20 +74,12 @@ def text(outcomes):
             cells = [_cell(*_errors(made, estimator, name, value)) for estimator in estimators]
             least = f"{100 * _bound(scenario)[name]:.3g}"
             rows.append((scenario.label, f"{name} = {value:g}", least, *cells))
-    false = [
-        [name, *(f"{_false(white, estimator, name)}/{seeds}" for estimator in estimators)]
-        for name in "QBKR"
-    ]
-    other = sum(m["others"] > 0 for m in white)
-    return "\n\n".join(
-        [
-            " ".join(INTRODUCTION.format(seeds=seeds, own=1 / np.sqrt(2 * seeds)).split()),
-            table(("records", "coefficient", "Cramér–Rao bound", *estimators), rows),
-            "Records of white noise in which a term is given that is not there:",
-            table(("term", *estimators), false),
-            f"Humps and lines in them, imuloop: {other}/{seeds}.",
-        ]
-    )
+    for name in "QBKR":
+        false = (f"{_false(white, estimator, name)}/{seeds}" for estimator in estimators)
+        rows.append((WHITE.label, f"false {name}", "–", *false))
+    introduction = INTRODUCTION.format(seeds=seeds, own=1 / np.sqrt(2 * seeds))
+    head = ("records", "coefficient", "Cramér–Rao bound", *estimators)
+    return f"{' '.join(introduction.split())}\n\n{table(head, rows)}"
 
 
 @cache

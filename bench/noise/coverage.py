@@ -84,15 +84,18 @@ def _counts(scenario, made):
 
 
 def text(outcomes):
-    """Return the introduction and the table of coefficients."""
+    """Return the introduction and the table, a row per kind of record, in it its coefficients."""
     rows, seeds = [], len(outcomes[SCENARIOS[0]])
     for scenario, made in outcomes.items():
+        terms, *cells = [], [], [], []
         for name, (truth, given, inside, limits, hold, always) in _counts(scenario, made).items():
+            terms.append(f"{name} = {truth:g}")
             counts = ((inside, given), (hold, limits), (always, given + limits))
-            shares = (f"{part}/{whole}" if whole else "–" for part, whole in counts)
-            rows.append((scenario.label, f"{name} = {truth:g}", *shares))
+            for cell, (part, whole) in zip(cells, counts, strict=True):
+                cell.append(f"{part}/{whole}" if whole else "–")
+        rows.append((scenario.label, *map(", ".join, (terms, *cells))))
     header = (
-        "records", "coefficient", "identifiable: interval holds it",
+        "records", "coefficients", "identifiable: interval holds it",
         "not identifiable: upper limit holds it", "upper limit, all",
     )  # fmt: skip
     count = np.arange(np.ceil(LOW * seeds - 1e-9), np.floor(HIGH * seeds + 1e-9) + 1)
