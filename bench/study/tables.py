@@ -109,7 +109,7 @@ def bounds(chosen):
         (f"right name or twin, at {limits:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
         (f"held-out error after ≤ {RATIO} × without the effect", "all",
          sum(r <= RATIO for r in ratios), len(ratios), 1.0),
-        ("the same, steps, with the block of time that each happens in", "all",
+        ("the same, steps, with the block that each happens in", "all",
          sum(r <= RATIO for r in steps), len(steps), 1.0),
         (f"parameters within {SIGMAS:g} σ", f"≥ {INSIDE:.0%}", inside.sum(), len(inside), INSIDE),
         (f"95 % intervals of T, K and b, {len(of_poses)} devices", "93 to 97%",
