@@ -18,15 +18,15 @@ from bench.study.tables import table
 from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, TIME, schema
 
-# what each computes, and what a user still lacks
-CURVES = {
-    "imuloop": "gaps too",
-    "imuloop, intervals": "gaps, 95 % intervals by the fitted noise",
-    "allantools": "σ/√n as its error",
-    "allan-variance": "the curve",
-    "avar": "the curve",
-    "allan-variance-analyzer": "not overlapping, larger scatter",
-}
+CURVES = (
+    "imuloop",
+    "imuloop, intervals",
+    "allantools",
+    "allan-variance",
+    "avar",
+    "allan-variance-analyzer",
+)
+# what each computes
 FITS = {
     "imuloop": "Q, N, B, K, R, humps, lines, each tested, with interval or upper limit",
     "allan-variance, fit": "Q, N, B, K, R by least squares",
@@ -150,13 +150,11 @@ def curves(outcomes):
             *timed(outcomes, name, "imuloop, intervals"),
             last(outcomes, name, "difference", lambda x: f"{x:.0e}" if x > DIGITS else "< 1e-14"),
             last(outcomes, name, "memory", lambda x: f"{x / 1e6:.0f} MB"),
-            what,
         )
-        for name, what in CURVES.items()
+        for name in CURVES
     ]
     sizes = [f"{o['n']:,} × 6, {o['factors']} τ, s" for o in outcomes]
-    header = ("", *sizes, "largest relative difference", "memory", "computes")
-    return table(header, rows)
+    return table(("", *sizes, "largest relative difference", "memory"), rows)
 
 
 def fits(outcomes):
@@ -193,7 +191,8 @@ def main():
         f"### Allan curve of six axes\n\n{curves(outcomes)}\n\n"
         "In brackets the time as a multiple of that of imuloop with intervals. Differences are "
         "those of the longest record to the deviation in extended precision, at every "
-        f"{EVERY}th τ. Freed memory stays with each process, which favours the peers."
+        f"{EVERY}th τ; allan-variance-analyzer does not overlap. Freed memory stays with each "
+        "process, which favours the peers."
         f"{beside if both else ''}\n\n"
         f"### Noise coefficients\n\n{fits(outcomes)}\n\n"
         f"Errors are of the longest record, of the accelerometer's worst axis; true are N {N[0]:g} "
