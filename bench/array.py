@@ -47,10 +47,10 @@ def diagnosed(job):
 
 
 def words(part):
-    """Return verdict, effects, and held-out error over floor of each kind of residual."""
-    effects = ", ".join(f"`{e['name']}`" for e in part["effects"])
-    ratios = ", ".join(f"{r['after'] / r['floor']:.2f}" for r in part["residuals"].values())
-    return f"{part['verdict']}{effects and ': ' + effects} ({ratios})"
+    """Return held-out errors over floor, the verdict where it is not consistent, and effects."""
+    words = [f"{r['after'] / r['floor']:.2f}" for r in part["residuals"].values()]
+    words += [part["verdict"]] * (part["verdict"] != "consistent")
+    return ", ".join([*words, *(f"`{e['name']}`" for e in part["effects"])])
 
 
 def main():

@@ -9,7 +9,6 @@ import platform
 import re
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 from bench.commit import commit
@@ -19,8 +18,8 @@ DOCUMENT = REPOSITORY / "docs/benchmarks.md"
 HEAD = """# Benchmarks
 
 Written by the commands that each section names, never by hand. Seconds are processor time of one
-thread unless they are said to be of the clock; the best of some rounds, in which the contenders
-take turns, each in a process of its own."""
+thread, or of the clock where it says "wall"; the best of some rounds, in which the contenders take
+turns, each in a process of its own. Packages are those of `requirements.lock`."""
 # by name: title, command that measures, whether it prints Markdown, the target of the Makefile
 PARTS = {
     "peers": ("Beside other packages", ["-m", "bench.peers"], True, "make bench"),
@@ -37,15 +36,13 @@ PARTS = {
 
 
 def machine():
-    """Return the machine and the versions in a line; neither its name nor a path."""
+    """Return the machine in a line; neither its name nor a path."""
     models = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.M)
     processor = next(iter(models), platform.machine())
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    packages = ("numpy", "scipy", "pyarrow", "snakemake")
     return (
-        f"{processor}, {os.cpu_count()} cores, {memory:.0f} GB, {platform.system()}; "
-        f"Python {platform.python_version()}, "
-        + ", ".join(f"{name} {version(name)}" for name in packages)
+        f"{processor}, {os.cpu_count()} cores, {memory:.0f} GB, {platform.system()}, "
+        f"Python {platform.python_version()}"
     )
 
 

@@ -106,7 +106,7 @@ def main():
     options = parser.parse_args()
     if options.one:
         return one(*options.one)
-    print("| stage | session | rows | process, s | work, s |\n| --- | --- | --: | --: | --: |")
+    print("| stage | process, s | work, s |\n| --- | --: | --: |")
     total = {"process": 0.0, "work": 0.0}
     with tempfile.TemporaryDirectory() as folder:
         rows = simulate(Path(folder), options.static)
@@ -114,13 +114,14 @@ def main():
             each = [run(stage, folder, session=session) for _ in range(options.rounds)]
             best = {key: min(found[key] for found in each) for key in total}
             total = {key: total[key] + best[key] for key in total}
-            count = rows[session] if session else sum(rows.values())
             figures = " | ".join(f"{seconds:.2f}" for seconds in best.values())
-            print(f"| {stage} | {session or 'all'} | {count:,} | {figures} |", flush=True)
-    print(f"| all |  |  | {total['process']:.2f} | {total['work']:.2f} |")
+            name = f"{stage}, {session}" if session else stage
+            print(f"| {name} | {figures} |", flush=True)
+    print(f"| all | {total['process']:.2f} | {total['work']:.2f} |")
+    counts = ", ".join(f"{name} {count:,}" for name, count in rows.items())
     print(
-        "\nProcess: from the start of Python to the end of the stage. Work: the stage once more, "
-        "in the same process. Snakemake's share is in neither."
+        f"\nRows: {counts}. Process: from the start of Python to the end of the stage. Work: the "
+        "stage once more, in the same process. Without Snakemake's share."
     )
 
 

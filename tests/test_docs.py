@@ -215,6 +215,11 @@ def test_python_runs(results, monkeypatch, tmp_path, block):
         np.testing.assert_allclose(found, [[0.1, 0.2, 0.3] * 2] * len(results), atol=1e-12)
 
 
+def test_published_figures_are_printed(results, capsys):
+    runpy.run_path(str(REPOSITORY / "bench/figures.py"), run_name="__main__")
+    assert "Xsens accelerometer K" in capsys.readouterr().out
+
+
 def commands():
     """Return the distinct command lines of all documents."""
     lines = [line for block in all_blocks("sh") for line in block.values[0].splitlines()]
@@ -248,6 +253,8 @@ def test_commands_work(results, tmp_path, command):
             check=False,
         )
         assert run.returncode == 0, run.stderr
+    elif arguments[0] == "-m":
+        assert (REPOSITORY / f"{arguments[1].replace('.', '/')}.py").exists()
     else:
         assert tool.endswith("pytest"), f"no test knows how to run {tool}"
         assert all((REPOSITORY / word).exists() for word in arguments if not word.startswith("-"))
@@ -325,9 +332,9 @@ def test_licences_are_those_of_what_is_installed():
     document = (REPOSITORY / "docs/licences.md").read_text()
     locks = [(REPOSITORY / name).read_text() for name in made["LOCKS"]]
     head, found = made["parsed"](document)
-    assert {row[:2] for row in found} == {pin for text in locks for pin in made["pins"](text)}
-    assert not [row for row in found if row[2] == made["NOT_STATED"]]
-    assert head + made["table"](made["rows"](locks, found)) == document, "make licences"
+    assert set(found) == {name for text in locks for name in made["pins"](text)}
+    assert made["NOT_STATED"] not in found.values()
+    assert head + made["table"](made["licences"](locks, found)) == document, "make licences"
 
 
 @pytest.mark.parametrize("name", ["build", "cluster", ""])

@@ -17,8 +17,6 @@ from bench.study.tables import table
 PARTS = {"accuracy": accuracy, "coverage": coverage, "curve": curve, "detection": detection}
 # records of each scenario beside those of the other parts
 MORE = {"coverage": 5, "curve": 5}
-# of a check that was met, not met, not decided
-MET = {True: "yes", False: "**no**", None: "too few"}
 
 
 def document(outcomes, made_of):
@@ -36,17 +34,26 @@ def document(outcomes, made_of):
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}. "
         "How the estimator works: [noise.md](noise.md)."
     )
-    rows = [
-        (what, bound, found, MET[None if met is None else bool(met)])
-        for name, outcome in outcomes.items()
-        for what, bound, found, met in PARTS[name].checks(outcome)
-    ]
+    checks = [c for name, outcome in outcomes.items() for c in PARTS[name].checks(outcome)]
     sections = [
         ("# Figures of the noise estimator", head),
-        ("## Against the bounds", table(("what", "bound", "found", "met"), rows)),
+        ("## Against the bounds", bounds(checks)),
         *((f"## {PARTS[name].TITLE}", PARTS[name].text(each)) for name, each in outcomes.items()),
     ]
     return "\n\n".join(f"{title}\n\n{text}" for title, text in sections) + "\n"
+
+
+def bounds(checks):
+    """Return the table of the bounds: how many checks met each, and those that did not."""
+    rows = []
+    for what, bound in dict.fromkeys(check[:2] for check in checks):
+        each = [check[2:] for check in checks if check[:2] == (what, bound)]
+        missed = [f"{case}: {found}" for case, found, met in each if met is not None and not met]
+        few = sum(met is None for *_, met in each)
+        missed += [f"{few} cannot tell: too few records"] * bool(few)
+        met = sum(bool(met) for *_, met in each)
+        rows.append((what, bound, f"{met} of {len(each)}", "; ".join(missed) or "–"))
+    return table(("what", "bound", "met", "not met"), rows)
 
 
 def main():

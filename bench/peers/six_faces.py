@@ -22,11 +22,9 @@ SESSIONS, TILT, LENGTH = 50, 1.0, 400
 # m/s^2 a sample
 NOISE = 0.02
 WHAT = {
-    "imuloop, faces": "accelerometer, with covariance; finds the faces itself (the stage "
-    "`segment`, not timed here). No scale of the gyroscope: that comes from turns between "
-    "attitudes, with no known angle",
-    "imucal, faces": "accelerometer, and from three turns of a known angle the gyroscope, and its "
-    "g-sensitivity; no standard errors. Somebody marks nine sections by hand",
+    "imuloop, faces": "accelerometer, with covariance; faces found by `segment`, not timed here",
+    "imucal, faces": "accelerometer; from three turns of known angle gyroscope and g-sensitivity; "
+    "sections marked by hand",
 }
 
 
@@ -87,15 +85,12 @@ def compare(rounds, environment):
             rows.append((shown, time, *errors(parameters(name, simulated), truth), WHAT[name]))
     text = table(("", "time", "scale factor", "bias", "misalignment", "computes"), rows)
     text += (
-        f"\n\nErrors are rms over {SESSIONS} simulated sessions, whose faces are off by {TILT:g}° "
-        f"about each axis, {LENGTH} samples each."
+        f"\n\nErrors are rms over {SESSIONS} simulated sessions, faces off by {TILT:g}° about each "
+        f"axis, {LENGTH} samples each."
     )
     if None in given:
         return f"{text} The time is of one of them: imucal's recording is not at hand."
-    text += (
-        f" The time is that of imucal's own recording, in its published sections and at its "
-        f"published rate of {FACES_RATE:g} Hz"
-    )
+    text += f" The time is of imucal's own recording, published sections, {FACES_RATE:g} Hz"
     if len(made) < 2:
         return f"{text}."
     mine, theirs = made.values()

@@ -77,10 +77,10 @@ def counted(names, quoted="`{}`"):
     return ", ".join(f"{count} {quoted.format(name)}" for name, count in counts)
 
 
-def errors_left(ratios):
-    """Return median and largest ratio, of those that there are, as text."""
+def error_left(ratios):
+    """Return the largest ratio, of those that there are, as text."""
     ratios = [r for r in ratios if r is not None]
-    return f"{np.median(ratios):.2f}, {max(ratios):.2f}" if ratios else "–"
+    return f"{max(ratios):.2f}" if ratios else "–"
 
 
 def bounds(chosen):
@@ -109,7 +109,7 @@ def bounds(chosen):
         (f"right name or twin, at {limits:g} limits", f"≥ {RIGHT:.0%}", right, len(one), RIGHT),
         (f"held-out error after ≤ {RATIO} × without the effect", "all",
          sum(r <= RATIO for r in ratios), len(ratios), 1.0),
-        ("the same, steps, with the block of time that each happens in", "all",
+        ("the same, steps, with the block that each happens in", "all",
          sum(r <= RATIO for r in steps), len(steps), 1.0),
         (f"parameters within {SIGMAS:g} σ", f"≥ {INSIDE:.0%}", inside.sum(), len(inside), INSIDE),
         (f"95 % intervals of T, K and b, {len(of_poses)} devices", "93 to 97%",
@@ -130,33 +130,38 @@ def bounds(chosen):
 
 
 def effects(cases):
-    """Return a table of the devices with one effect, a row per case."""
-    rows = []
+    """Return a table of the devices with one effect: a row per effect, a column per record."""
+    places = list(dict.fromkeys((case.sensor, case.record) for case in cases))
+    cells = {}
     for case, each in each_of(cases):
-        label = f"`{case.names[0]}`, {case.sensor} {RECORDS[case.record]}"
-        if not each:
-            rows.append((label, "not shown by this log", *["–"] * 6))
-            continue
-        found = [made for made, j in each if j["right"]]
-        errors = np.concatenate([[], *map(pulls, found)])
-        size = np.median([made["injected"][0]["limits"] for made, _ in each])
-        rows.append(
-            (
-                label,
-                f"{size:.2g}",
-                f"{len(found)} of {len(each)}",
-                counted(other for _, j in each for other in j["twins"].values()) or "–",
-                sum(bool(j["missed"]) for _, j in each),
-                sum(bool(j["more"]) for _, j in each),
-                errors_left(ratio(case, made) for made in found),
-                f"{np.sum(np.abs(errors) <= SIGMAS)} of {len(errors)}" if len(errors) else "–",
-            )
-        )
-    header = (
-        "effect", "detection limits", "named", "as a twin", "missed", "with another",
-        "error left: median, largest", f"parameters within {SIGMAS:g} σ",
-    )  # fmt: skip
-    return table(header, rows)
+        row = cells.setdefault(case.names[0], dict.fromkeys(places, ""))
+        row[case.sensor, case.record] = cell(case, each) if each else "not shown by this log"
+    if not cells:
+        return ""
+    text = (
+        "In a cell: devices in which the effect was named, of all that have it; largest error "
+        f"left; parameters within {SIGMAS:g} σ. Behind a semicolon what was not as usual."
+    )
+    header = ("effect", *(f"{sensor} {RECORDS[record]}" for sensor, record in places))
+    rows = [(f"`{name}`", *row.values()) for name, row in cells.items()]
+    return f"{text}\n\n{table(header, rows)}"
+
+
+def cell(case, each):
+    """Return what was found of the devices of a case, as text."""
+    found = [made for made, j in each if j["right"]]
+    errors = np.concatenate([[], *map(pulls, found)])
+    inside = f"{np.sum(np.abs(errors) <= SIGMAS)}/{len(errors)}" if len(errors) else "–"
+    left = error_left(ratio(case, made) for made in found)
+    parts = [f"{len(found)}/{len(each)}, {left}, {inside}"]
+    size = np.median([made["injected"][0]["limits"] for made, _ in each])
+    if size < case.limits - 1e-6:
+        parts.append(f"{size:.2g} limits")
+    if twins := counted(other for _, j in each for other in j["twins"].values()):
+        parts.append(f"as a twin: {twins}")
+    if more := sum(bool(j["more"]) for _, j in each):
+        parts.append(f"with another: {more}")
+    return "; ".join(parts)
 
 
 def controls(cases):
@@ -185,17 +190,15 @@ def two(cases):
     """Return a table of the devices with two effects."""
     rows = []
     for case, each in each_of(cases):
-        orders = Counter(" then ".join(f"`{n}`" for n in j["named"]) or NOTHING for _, j in each)
+        both = [made for made, j in each if not j["missed"]]
         rows.append(
             (
                 " and ".join(f"`{name}`" for name in case.names) + f", {case.sensor}",
-                f"{sum(not j['missed'] for _, j in each)} of {len(each)}",
-                "; ".join(f"{n} {order}" for order, n in orders.most_common()),
-                errors_left(ratio(case, made) for made, j in each if not j["missed"]),
+                f"{len(both)}/{len(each)}",
+                error_left(ratio(case, made) for made in both),
             )
         )
-    header = ("effects", "both named", "named, in this order", "error left: median, largest")
-    return rows and table(header, rows)
+    return rows and table(("effects", "both named", "largest error left"), rows)
 
 
 def outside(cases):

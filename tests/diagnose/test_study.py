@@ -35,7 +35,7 @@ def test_devices_are_judged_by_what_was_put_in(part):
     found = judge(PART[2], outside)
     assert (found["verdict"], found["named"]) == ("unexplained", [])
     text = document(part, "make study", "0", 0)
-    assert "| `quadratic`, accelerometer at the poses | 3 | 1 of 1 |" in text
+    assert "| `quadratic` | 1/1, " in text
     assert "| gyroscope, degree 3 of attitude | 1 `unexplained` | nothing |" in text
 
 
