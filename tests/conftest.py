@@ -70,6 +70,14 @@ def recordings():
 
 
 @pytest.fixture
+def undrawn(monkeypatch):
+    """Have no picture drawn."""
+    from quick import blank
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", blank)
+
+
+@pytest.fixture
 def schema(repository):
     return repository / "workflow/schemas/config.schema.yaml"
 

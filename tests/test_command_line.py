@@ -217,6 +217,7 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
     page, kept = tmp_path / "report.html", tmp_path / "kept"
     assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0

@@ -5,8 +5,8 @@ import pytest
 
 from bench.result_files import fault
 from imuloop.core.files import read_json
+from quick import diagnosed
 from segment.logs import xsens
-from verdicts import diagnosed
 
 GRAVITY = 9.81744
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
