@@ -1,17 +1,13 @@
-"""The calibration of the Xsens session beside imu_tk: `make bench`; its program by IMU_TK_BIN."""
+"""The calibration of the Xsens session beside imu_tk: `make bench`."""
 
-import os
-import resource
-import subprocess
 import tempfile
 import time
 from pathlib import Path
 
-from bench.measured import CACHE, ingested, missing
+from bench.measured import ingested, missing
 from imuloop import chain
 
 DEVICE = "xsens_mti"
-LOGS = ("xsens_acc.mat", "xsens_gyro.mat")
 ROUNDS = 5
 # s, quoted: imu_tk, compiled -O3, on this session, its text files read, without covariance
 IMU_TK_S = 0.39
@@ -44,32 +40,12 @@ def ours():
     return "\n".join(lines)
 
 
-def theirs(program):
-    """Return the time of its program on the two logs as text, or why it failed."""
-    mirror = os.environ.get("IMULOOP_MIRROR") or CACHE
-    logs = [next(Path(mirror).rglob(name), None) for name in LOGS]
-    if None in logs:
-        return f"not run, {LOGS[logs.index(None)]} is not at hand"
-    taken = []
-    for _ in range(ROUNDS):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        try:
-            subprocess.run([program, *logs], capture_output=True, check=True)
-        except (OSError, subprocess.CalledProcessError) as error:
-            return f"failed, {error}"
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        taken.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return f"{min(taken):.3f} s of processor time, best of {ROUNDS}, with its search for rests"
-
-
 def main():
-    program = os.environ.get("IMU_TK_BIN")
-    found = theirs(program) if program else "not given"
     print(
         f"{ours()}\n\nFrom Parquet to JSON, imports not counted; rests are found before, by the "
         "stage `segment`. The figure quoted for imu_tk is not of this machine, and includes the "
         "reading of its logs and its search for rests, but no covariance: the ratio says on which "
-        f"side of it this is, no more. Its program here (`IMU_TK_BIN`): {found}."
+        "side of it this is, no more."
     )
 
 
