@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise study coverage fuzz fuzz-chain processors kill large setup setup-cluster lock licences clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors kill setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -39,7 +39,7 @@ format: setup
 	$(BIN)/snakefmt Snakefile workflow
 
 # times beside other packages, of each job, and the bound of the calibration. Writes these sections of
-# docs/benchmarks.md, ten minutes; recordings by IMULOOP_MIRROR, imu_tk's program by IMU_TK_BIN
+# docs/benchmarks.md, ten minutes; recordings by IMULOOP_MIRROR
 MEASURE := PYTHONPATH=workflow/lib $(BIN)/python -m bench.document
 bench: setup $(PEERS)/.ready
 	$(MEASURE) peers imu_tk stages
@@ -74,11 +74,6 @@ OPTIONS ?= --first 8200 --seeds 6 --write docs/study.md
 study: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.study --workers $(CORES) $(OPTIONS)
 
-# bias and coverage of the calibration over simulated devices; SEEDS=200 for the large one
-SEEDS ?= 40
-coverage: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.coverage --seeds $(SEEDS)
-
 # mutated logs and configs through ingest and the config check
 CASES ?= 20000
 fuzz: setup
@@ -100,11 +95,6 @@ processors: setup
 # runs killed at random moments and run again, compared byte by byte with a calm one
 kill: setup
 	PYTHONPATH=workflow/lib $(BIN)/python -m bench.kill --kills 30
-
-# a generated CSV of so many GB through ingest: time, memory, progress; needs twice the room
-GB ?= 10
-large: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.large_csv --gigabytes $(GB)
 
 setup: $(READY)
 

@@ -20,12 +20,12 @@ settings.load_profile("repeatable")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-# their tests share a run of the workflow
-TOGETHER = ("published", "workflow")
+# whose tests share what takes long to make
+TOGETHER = ("published", "report", "workflow")
 
 
 class Together(LoadScopeScheduling):
-    """Keeps on one worker what shares a fixture: a file, or a folder with a run of the workflow."""
+    """Keeps on one worker what shares a fixture: a file, or one of the folders `TOGETHER`."""
 
     def _split_scope(self, nodeid):
         path = Path(nodeid.partition("::")[0])
@@ -67,6 +67,14 @@ class Recordings:
 def recordings():
     """Find a measured recording by its file name."""
     return Recordings()
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Have no picture drawn."""
+    from quick import blank
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", blank)
 
 
 @pytest.fixture

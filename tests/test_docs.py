@@ -85,6 +85,9 @@ def test_links_lead_somewhere(document):
         there = (document.parent / path).resolve() if path else document
         assert there.exists(), target
         assert not anchor or anchor in anchors(there), target
+    # pictures say what they show
+    for alt in re.findall(r"!\[([^]]*)\]\(", document.read_text()):
+        assert len(alt.split()) > 8, alt
 
 
 @each_document()
@@ -102,17 +105,13 @@ def test_paths_exist(document):
 
 
 @each_document()
-def test_modules_exist(document):
+def test_modules_exist_and_nothing_of_one_machine_is_named(document):
     for quoted in re.findall(r"`(imuloop(?:\.\w+)+)", document.read_text()):
         module, _, name = quoted.rpartition(".")
         try:
             importlib.import_module(quoted)
         except ModuleNotFoundError:
             assert hasattr(importlib.import_module(module), name), quoted
-
-
-@each_document()
-def test_nothing_of_one_machine(document):
     found = re.findall(r"(?:^|[\s`(\"'])(/(?:home|work|tmp|root|Users)/\S*)", document.read_text())
     assert found == []
 
@@ -227,6 +226,7 @@ def commands():
     return sorted({line for line in lines if line and not line.startswith(("#", ".venv-cluster"))})
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("command", commands())
 def test_commands_work(results, tmp_path, command):
     words = [word for word in shlex.split(command) if "=" not in word or word.startswith("-")]
@@ -305,12 +305,6 @@ def test_every_effect_is_told():
     for name, effect in Effect.library.items():
         assert told[name][1] == " ".join(effect.sensors)
         assert told[name][2] == effect.equation
-
-
-@each_document()
-def test_pictures_say_what_they_show(document):
-    for alt in re.findall(r"!\[([^]]*)\]\(", document.read_text()):
-        assert len(alt.split()) > 8, alt
 
 
 def test_recording_has_the_numbers_of_the_plan():

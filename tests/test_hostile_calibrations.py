@@ -68,17 +68,13 @@ def every(*changes):
 
 def matrix(function):
     """Return what changes the gyroscope's covariance as an array."""
-    return put(
-        "gyroscope.covariance.matrix",
-        lambda rows: (lambda C: function(C) if function(C) is not None else C)(
-            np.array(rows)
-        ).tolist(),
-    )
+    return put("gyroscope.covariance.matrix", lambda rows: function(np.array(rows)).tolist())
 
 
 def one(i, j, value):
     def change(C):
         C[i, j] = value
+        return C
 
     return change
 
@@ -96,47 +92,33 @@ WRONG = {
     **{f"no {key}": put(key, MISSING) for key in ("format", "device", "gravity", A, G)},
     **{f"no {key}": put(key, MISSING) for key in SENSORS_KEYS},
     **{f"{G}.{key} is text": put(f"{G}.{key}", "1") for key in NOT_A_LIST},
-    **{f"{key} is null": put(f"{G}.{key}", None) for key in ("raw_unit", "T", "K", "b", "effects")},
-    **{
-        f"{G}.{key} is true": put(f"{G}.{key}", True)
-        for key in ("raw_scale", "raw_offset", "reduced_chi2", "K", "not_testable")
-    },
+    "scale true": put(f"{G}.raw_scale", True),
+    "T null": put(f"{G}.T", None),
     "no covariance.names": put(f"{G}.covariance.names", MISSING),
     "format 2": put("format", 2),
-    "format long": put("format", [0] * 10_000),
     "unknown key": put("speed", 1.0),
     "device a list": put("device", ["d"]),
     "gravity text": put("gravity", "9.8"),
     "gravity negative": put("gravity", -9.8),
-    "gravity NaN": put("gravity", float("nan")),
     "gravity 400 digits": put("gravity", 10**400),
-    "sensor a list": put(A, []),
     "unit unknown": put(f"{A}.raw_unit", "furlong"),
     "unit of the other sensor": every(
         put(f"{A}.raw_unit", "deg/s"), put(f"{A}.raw_scale", np.pi / 180)
     ),
     "unit with another scale": put(f"{A}.raw_unit", "g"),
     "scale zero": put(f"{A}.raw_scale", 0.0),
-    "scale negative": every(put(f"{A}.raw_unit", "count"), put(f"{A}.raw_scale", -1.0)),
     "method unknown": put(f"{A}.method", "magic"),
     "T ragged": put(f"{A}.T.1", [0.0, 1.0]),
-    "T of a text": put(f"{A}.T.0.1", "0"),
-    "T NaN": put(f"{G}.T.0.1", float("nan")),
     "T of diagonal 2": put(f"{G}.T.1.1", 2.0),
     "T singular": put(f"{G}.T", SINGULAR),
     "T lower triangular": put(f"{A}.T.1.0", 0.01),
     "K of four": put(f"{A}.K", [1.0] * 4),
     "K zero": put(f"{A}.K.1", 0.0),
-    "K NaN": put(f"{A}.K.1", float("nan")),
-    "K 400 digits": put(f"{A}.K.1", 10**400),
     "K a thousandfold": put(f"{A}.K.1", 1000.0),
     "b NaN": put(f"{G}.b.0", float("nan")),
-    "b an object": put(f"{G}.b", {"x": 0.0}),
-    "names unknown": put(f"{G}.covariance.names.0", "T00"),
     "names twice": put(f"{G}.covariance.names.0", "T02"),
     "names too few": put(f"{G}.covariance.names", lambda names: names[:-1]),
     "matrix not square": matrix(lambda C: C[:-1]),
-    "matrix NaN": matrix(one(2, 3, np.nan)),
     "matrix not symmetric": matrix(lambda C: C + np.triu(C, 1)),
     "matrix with a negative variance": matrix(one(4, 4, -1e-9)),
     "matrix of correlations above one": matrix(
@@ -148,13 +130,10 @@ WRONG = {
     "effect without pattern": put(f"{A}.effects", [NO_PATTERN]),
     "effect of noise": put(f"{A}.effects", [ONLY_NOISE]),
     "effect twice": put(f"{A}.effects", lambda effects: effects + effects[:1]),
-    "effect no name": put(f"{WARM}.name", MISSING),
     "effect lacks a parameter": put(f"{WARM}.parameters.Ax", MISSING),
-    "effect parameter NaN": put(f"{WARM}.parameters.Ax", float("nan")),
     "effect std negative": put(f"{WARM}.std.Ax", -1.0),
     "effect std of another": put(f"{WARM}.std.Aw", 1.0),
     "effect tau negative": put(f"{WARM}.constants.tau", -100.0),
-    "effect tau text": put(f"{WARM}.constants.tau", "100"),
     "effect constant unknown": put(f"{WARM}.constants.speed", 1.0),
     "effect order 1e9": put(f"{TEMPERATURE}.constants.order", 10**9),
     "effect reference 1e300": put(f"{TEMPERATURE}.constants.reference_temperature", 1e300),
@@ -172,11 +151,9 @@ ODD = {
     "b 1e308": put(f"{A}.b.0", 1e308),
     "covariance zero": matrix(lambda C: 0 * C),
     "covariance 1e300": matrix(lambda C: C / np.sqrt(np.outer(np.diag(C), np.diag(C))) * 1e300),
-    "one covariance 1e300": matrix(every(one(2, 3, 1e300), one(3, 2, 1e300))),
+    "one covariance 1e300": matrix(lambda C: one(3, 2, 1e300)(one(2, 3, 1e300)(C))),
     "effect 1e300": put(f"{WARM}.parameters.Ax", 1e300),
-    "effect 1e150": put(f"{WARM}.parameters.Ax", 1e150),
     "tau short": put(f"{WARM}.constants.tau", 1e-3),
-    "no effects": put(f"{A}.effects", []),
     "no constants": put(f"{WARM}.constants", MISSING),
     "T oblique": put(f"{G}.T.0.1", 2.0),
 }
@@ -188,12 +165,10 @@ FILES = {
     "UTF-16": '{"format": 1}'.encode("utf-16"),
     "no UTF-8": TEXT + b'"x": "\xff\xfe"}',
     "a list": b"[1]",
-    "an object": b"{}",
     "key twice": TEXT + b'"gravity": 1.0}',
     "NaN": TEXT + b'"x": NaN}',
     "1e999": TEXT + b'"accelerometer": {"K": [1e999, 1, 1]}, "gyroscope": {}}',
     "10000 deep": TEXT + b'"x": ' + b"[" * 10_000 + b"]" * 10_000 + b"}",
-    "20 deep": TEXT + b'"accelerometer": ' + b"[" * 20 + b"]" * 20 + b', "gyroscope": 1}',
     "3 MB of numbers": TEXT + b'"accelerometer": [' + b"1," * 1_500_000 + b'1], "gyroscope": 1}',
 }
 

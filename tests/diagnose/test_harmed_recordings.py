@@ -1,11 +1,11 @@
-"""A measured log, harmed as a logger would: a report of it, and a verdict that its data bear."""
-
-import json
+"""A measured log, harmed as a logger would: a verdict that its data bear."""
 
 import numpy as np
 import pytest
 
-from imuloop.__main__ import main
+from bench.result_files import fault
+from imuloop.core.files import read_json
+from quick import diagnosed
 from segment.logs import xsens
 
 GRAVITY = 9.81744
@@ -45,21 +45,14 @@ HARMS = {
 
 
 @pytest.mark.parametrize(("harm", "force", "turn"), HARMS.values(), ids=HARMS.keys())
-def test_a_verdict_that_the_data_bear(recordings, tmp_path, no_limits, harm, force, turn):
+def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
     log = xsens(recordings)
     harm(log)
-    log.to_parquet(tmp_path / "log.parquet", index=False)
-    page, kept = tmp_path / "report.html", tmp_path / "kept"
-    words = ["report", str(tmp_path / "log.parquet"), "-o", str(page), "--keep", str(kept)]
-    assert main([*words, "--gravity", str(GRAVITY)]) == 0
-    assert "</html>" in page.read_text()
-    for path in kept.rglob("*.json"):
-        assert not {"NaN", "Infinity"} & set(path.read_text().replace(",", " ").split()), path
-    diagnosis = json.loads((kept / "diagnosis.json").read_text())
-    assert "failed" not in diagnosis
-    calibration = json.loads((kept / "calibration.json").read_text())
+    diagnosis = diagnosed(tmp_path, log, gravity=GRAVITY)
+    assert {str(p): wrong for p in tmp_path.rglob("*.json") if (wrong := fault(p))} == {}
+    calibration = read_json(tmp_path / "calibration.json")
     for sensor, verdict in (("accelerometer", force), ("gyroscope", turn)):
-        poses = diagnosis["sensors"][sensor]["poses"]
+        poses = diagnosis[sensor]["poses"]
         assert poses["verdict"] == verdict
         assert bool(poses["effects"]) == (verdict == "partly_explained")
         if verdict == NOTHING:

@@ -1,10 +1,13 @@
 """Static records from samples to the fields of the diagnosis, the calibration and the noise."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
+from bench.study.chain import LIMITS
 from diagnose.test_means import calibration
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.diagnose.records.rests import StaticData
@@ -58,7 +61,8 @@ def diagnosed(made, noise=None):
 def warm():
     made = data(a=log(1, warm=True), b=log(2, warm=True, up=(9.8, 0.3, -0.1)))
     noise = noise_of(made)
-    return noise, diagnosed(made, noise)
+    with patch(LIMITS, return_value={}):
+        return noise, diagnosed(made, noise)
 
 
 def test_a_device_without_an_effect_is_consistent(no_limits):

@@ -12,9 +12,9 @@ from bench.study.tables import document
 from imuloop.core.effect import Effect
 
 PART = (
-    Case("control", "poses"),
-    Case("effect", "poses", "accelerometer", ("quadratic",)),
-    Case("outside", "poses", "gyroscope", ("harmonic",)),
+    Case("control", "poses", plan="alone"),
+    Case("effect", "poses", "accelerometer", ("quadratic",), plan="alone"),
+    Case("outside", "poses", "gyroscope", ("harmonic",), plan="alone"),
 )
 
 

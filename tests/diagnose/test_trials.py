@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import f, kstest
+from scipy.stats import kstest
 
 from diagnose.rows import Column, N, Other, T, rows, search
 from imuloop.diagnose.choice import Choices
@@ -13,35 +13,6 @@ from imuloop.diagnose.records.poses import PoseProblem
 
 LINE = np.column_stack([np.ones(N), T])
 WAVE = {Column(): np.sin(9 * T)}
-
-
-def test_trials_refit_everything_and_count_their_shapes():
-    rng = np.random.default_rng(1)
-    root = np.tril(rng.normal(size=(N, N))) / 8 + np.eye(N)
-    covariance = root @ root.T
-    columns = {Other(): np.sin(5 * T), Column(1): T**2, Column(2): T**3}
-    values = root @ rng.normal(size=N) + 4 * columns[Column(1)]
-    made, weight = search(values, LINE, columns, [covariance]), np.linalg.inv(covariance)
-
-    def chi2(design):
-        normal = design.T @ weight @ design
-        x = np.linalg.solve(normal, design.T @ weight @ values)
-        left = values - design @ x
-        return left @ weight @ left, x, normal
-
-    for cls, tried in ((Other, 1), (Column, 2)):
-        trial = made.trial((), cls)
-        square, x, normal = chi2(np.column_stack([LINE, columns[trial.effect]]))
-        scale = max(1, square / (N - 3))
-        found, std, _ = made.beside((), trial.effect)
-        np.testing.assert_allclose(found, x[2:], rtol=1e-8)
-        np.testing.assert_allclose(std, np.sqrt(np.linalg.inv(normal)[-1, -1] * scale), rtol=1e-8)
-        nuisances, theta = made.training(()).solved(made.columns((trial.effect,), 0), 0)
-        assert theta == pytest.approx(found * np.linalg.norm(columns[trial.effect]))
-        np.testing.assert_allclose(nuisances[0], x[:2], rtol=1e-8)
-        expected = f.logsf((chi2(LINE)[0] - square) / scale, 1, N - 3) + np.log(tried)
-        assert trial.log_p == pytest.approx(expected)
-        assert trial.tries == np.log(tried)
 
 
 def test_what_the_base_model_takes_up_is_not_tried():

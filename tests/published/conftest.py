@@ -1,69 +1,61 @@
-"""The measured recordings through the whole workflow, once for all tests of published figures."""
+"""The measured recordings through all stages, each device once for all tests of its figures."""
 
 import json
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-import yaml
 
+from bench.measured import devices, ingested, missing
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.config import fetched, resolve
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.ingest.sources import file_name
+from quick import stages, verdicts
 
 DEVICES = ("xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3", "ferraris", "thermal_chamber")
+# of which detection limits and the error of the vertical are tested, too
+WHOLE = "xsens_mti"
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Results of the measured config."""
+    """Results of the measured devices, each made when it is asked for first."""
 
     folder: Path
 
+    def of(self, device):
+        """Return the folder of a device's results, or skip with the recording that is missing."""
+        folder = self.folder / device
+        if not folder.exists():
+            if reason := missing(device):
+                assert "cannot be fetched" in reason
+                pytest.skip(f"{reason}; data/README.md says what it is")
+            made = ingested(device, folder)
+            (stages if device == WHOLE else verdicts)(made)
+        return folder
+
     def json(self, device, name):
-        return json.loads((self.folder / device / f"{name}.json").read_text())
+        return json.loads((self.of(device) / f"{name}.json").read_text())
 
     def session(self, device, session):
         """Return the files of a session, as the library's stages take them."""
-        folder = self.folder / device / session
-        kind = {"poses": "multi_position", "faces": "six_position"}[session]
-        return {
-            "kind": kind,
-            "samples": folder / "samples.parquet",
-            "segments": folder / "segments.parquet",
-        }
+        kind = devices()[device]["sessions"][session]["kind"]
+        files = ("samples", "segments")
+        return {"kind": kind} | {f: self.of(device) / session / f"{f}.parquet" for f in files}
 
     def fit_of(self, device):
         """Return the recording of a device's poses, its noise and its base calibration."""
         sessions = {"poses": self.session(device, "poses")}
         recording = read_recording(sessions, CalibrateSettings().longest_rotation)
-        noise = NoiseModel.from_json(self.folder / device / "noise.json")
-        return recording, noise, Calibration.from_json(self.folder / device / "multi_position.json")
+        noise = NoiseModel.from_json(self.of(device) / "noise.json")
+        return recording, noise, Calibration.from_json(self.of(device) / "multi_position.json")
 
 
 @pytest.fixture(scope="session")
-def measured(repository, recordings, tmp_path_factory):
-    """Return the results of ``config/measured.yaml``, all stages up to the diagnosis."""
-    config = yaml.safe_load((repository / "config/measured.yaml").read_text())
-    for source in fetched(resolve(config)).values():
-        recordings(file_name(source))
-    folder = tmp_path_factory.mktemp("measured")
-    targets = [f"results/{device}/diagnosis.json" for device in DEVICES]
+def measured(recordings, tmp_path_factory):
+    """Return the results of the devices of both configs, up to the diagnosis."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("IMULOOP_MIRROR", str(recordings.folder))
-        snakemake(folder, repository / "config/measured.yaml", targets)
-    return Measured(folder / "results")
-
-
-def snakemake(folder, config, targets, *options):
-    """Make targets of a config in a folder."""
-    snakefile = Path(__file__).resolve().parents[2] / "Snakefile"
-    command = [sys.executable, "-m", "snakemake", "-s", snakefile, "-d", folder, "-c2"]
-    command += ["--configfile", config, *options, "--quiet", "all", "--", *targets]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+        if recordings.folder.is_dir():
+            patch.setenv("IMULOOP_MIRROR", str(recordings.folder))
+        yield Measured(tmp_path_factory.mktemp("measured"))

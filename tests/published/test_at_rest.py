@@ -1,17 +1,11 @@
 """Recordings at rest of one wheel: a tag, 74.5 h, whose bias moves with temperature; a phone."""
 
-import json
-import os
-
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
-from imuloop.config import fetched, resolve
-from imuloop.core.errors import ImuloopError
-from imuloop.ingest.sources import fetch
-from published.conftest import snakemake
+from bench.measured import devices
+from imuloop.config import resolve
 
 SESSIONS = ("static_z", "static_x", "static_y")
 SENSORS = {"accelerometer": ("ax", "ay", "az"), "gyroscope": ("gx", "gy", "gz")}
@@ -23,55 +17,21 @@ PHONE = {
 }
 
 
-@pytest.fixture(scope="module")
-def config(repository):
-    """Return the default config, the phone beside the tag."""
-    content = yaml.safe_load((repository / "config.yaml").read_text())
-    entry = {"kind": "static", "format": "netcdf", "file": PHONE, "rate": 10}
-    content["devices"] |= {"phone": {"sessions": {"static": entry}}}
-    return content
-
-
-@pytest.fixture(scope="module")
-def cache(repository, config):
-    """Return the cache of the checkout with the recordings in it, or skip with what is missing."""
-    folder = repository / "data/cache"
-    for place, source in fetched(resolve(config)).items():
-        if not (folder / place).exists():
-            try:
-                fetch(source, folder / place, mirror=os.environ.get("IMULOOP_MIRROR"))
-            except ImuloopError as error:
-                if "cannot be fetched" not in str(error):
-                    raise
-                pytest.skip(str(error).split("): ")[0] + "); data/README.md says what it is")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def results(repository, config, cache, tmp_path_factory):
-    """Return the results of both devices, all stages up to the diagnosis."""
-    folder = tmp_path_factory.mktemp("at_rest")
-    (folder / "devices.yaml").write_text(yaml.safe_dump(config))
-    devices = [f"results/{name}/diagnosis.json" for name in ("cats_tag", "phone")]
-    snakemake(folder, folder / "devices.yaml", devices, "--config", f"cache={cache}")
-    return folder / "results"
-
-
-def static_records(folder):
+def static_records(measured, device):
     """Return what the diagnosis of a device says of its static records, by sensor."""
-    diagnosis = json.loads((folder / "diagnosis.json").read_text())
-    return {sensor: part["static_record"] for sensor, part in diagnosis["sensors"].items()}
+    sensors = measured.json(device, "diagnosis")["sensors"]
+    return {sensor: part["static_record"] for sensor, part in sensors.items()}
 
 
 @pytest.fixture(scope="module")
-def found(results):
-    return static_records(results / "cats_tag")
+def found(measured):
+    return static_records(measured, "cats_tag")
 
 
 @pytest.fixture(scope="module")
-def minutes(results):
+def minutes(measured):
     """Return the means of each minute by session, straight from the samples."""
-    folder = results / "cats_tag"
+    folder = measured.of("cats_tag")
     samples = {name: pd.read_parquet(folder / name / "samples.parquet") for name in SESSIONS}
     return {name: log.groupby((log.t // 60).astype(int)).mean() for name, log in samples.items()}
 
@@ -121,8 +81,11 @@ def test_coefficients_of_the_orientations_side_by_side(found, minutes, sensor, a
         assert 0 < coefficient["std"] < abs(coefficient["value"]) / 3
 
 
-def test_a_phone_at_rest_has_no_vibration_rectification(results):
-    found = static_records(results / "phone")["accelerometer"]
+def test_a_phone_at_rest_has_no_vibration_rectification(measured, monkeypatch):
+    entry = {"kind": "static", "format": "netcdf", "file": PHONE, "rate": 10}
+    config = {"devices": {"phone": {"sessions": {"static": entry}}}}
+    monkeypatch.setitem(devices(), "phone", resolve(config)["phone"])
+    found = static_records(measured, "phone")["accelerometer"]
     assert "vibration_rectification" not in [effect["name"] for effect in found["effects"]]
     # no effect of the library makes what is left here
     assert found["verdict"] != "explained"

@@ -26,7 +26,7 @@ def gyroscope(samples, noise):
 
 def test_one_per_cent_lost_leaves_the_gyroscope_as_it_is(measured):
     samples = read_samples(measured.session("xsens_mti", "poses")["samples"])
-    noise = NoiseModel.from_json(measured.folder / "xsens_mti/noise.json")
+    noise = NoiseModel.from_json(measured.of("xsens_mti") / "noise.json")
     whole, count = gyroscope(samples, noise)
     lost, left = gyroscope(lose(samples, 0.01, np.random.default_rng(21), [2, 3, 4, 5]), noise)
     assert left == count

@@ -58,7 +58,7 @@ def test_xsens_accelerometer_has_coloured_noise_on_z(measured):
 def test_xsens_gyroscope_is_g_sensitive(measured):
     found = part(measured, "xsens_mti", "gyroscope")
     assert names(found)[:1] == ["g_sensitivity"]
-    poses = read_columns(measured.folder / "xsens_mti/poses.parquet")
+    poses = read_columns(measured.of("xsens_mti") / "poses.parquet")
     error = {
         when: np.degrees(np.column_stack([poses[f"pose_rate_{when}_{axis}"] for axis in "xyz"]))
         for when in ("before", "after")

@@ -11,11 +11,13 @@ from contextlib import contextmanager
 import pytest
 import yaml
 
+from workflow.conftest import CONFIG
 from workflow.run import command, snakemake
 
 # the stages of a device that follow ingest, in their order
 STAGES = ("segment", "noise", "calibrate", "diagnose", "allan", "export", "report_device")
-SESSIONS = {"posed": ("poses", "faces", "broken"), "resting": ("rest",), "new": ("rest",)}
+SESSIONS = {name: tuple(device["sessions"]) for name, device in CONFIG["devices"].items()}
+SESSIONS["new"] = ("rest",)
 REPORT = {"report/report"}
 
 
@@ -59,7 +61,7 @@ def edited(path, source):
 
 
 def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp_path):
-    """New times of all files, a comment, a docstring, the order of the config."""
+    """New times of all files, a comment, a docstring, the config in another order."""
     # as a cache restores it: other times, no logs, and of Snakemake's folder only its records
     left = shutil.ignore_patterns("logs", "benchmarks", ".snakemake")
     folder = shutil.copytree(finished[0], tmp_path / "work", ignore=left)
@@ -71,9 +73,10 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
     source = module.read_text().replace('"""', '"""Again: ', 1)
     with edited(module, f"# another comment\n{source}"):
         assert planned(checkout, folder) == set()
-        # only the report names the devices in the order of the config
-        turned = {**written, "devices": dict(reversed(written["devices"].items()))}
-        assert planned(checkout, folder, turned) == REPORT
+        # only the report names the devices, in the order of the config
+        turned = dict(reversed(written["devices"].items()))
+        del turned["failing"]
+        assert planned(checkout, folder, {**written, "devices": turned}) == REPORT
 
 
 def test_a_key_reruns_what_depends_on_it_and_a_new_device_is_an_entry(folder, checkout, written):
@@ -89,11 +92,9 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
     written["devices"]["posed"] |= {"diagnose": {"folds": 3}, "gravity": 9.81}
     written["defaults"]["diagnose"]["folds"] = 4
     # gravity is the yardstick of each session's units, too
-    expected = jobs("posed", "noise", *SESSIONS["posed"]) | jobs("resting", "diagnose")
+    others = jobs("resting", "diagnose") | jobs("failing", "diagnose")
+    expected = jobs("posed", "noise", *SESSIONS["posed"]) | others
     assert planned(checkout, folder, written) == expected | REPORT
-    del written["devices"]["posed"]
-    written["defaults"]["diagnose"]["folds"] = 3
-    assert planned(checkout, folder, written) == REPORT
 
 
 def test_a_changed_log_and_an_edited_module_rerun_what_comes_from_them(folder, checkout):
@@ -105,17 +106,16 @@ def test_a_changed_log_and_an_edited_module_rerun_what_comes_from_them(folder, c
     module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):
         found = planned(checkout, folder)
-    assert found == jobs("posed", "noise", "faces") | jobs("resting", "diagnose") | REPORT
+    others = jobs("resting", "diagnose") | jobs("failing", "diagnose")
+    assert found == jobs("posed", "noise", "faces") | others | REPORT
 
 
-def test_an_edited_script_or_template_reruns_its_jobs_and_what_follows(folder, checkout):
-    script, style = checkout / "scripts/calibrate.py", checkout / "workflow/templates/style.css"
-    both = {f"report_device/{device}" for device in ("posed", "resting")} | REPORT
-    with edited(style, f"{style.read_text()}\n"):
-        assert planned(checkout, folder) == both
-    with edited(script, f"{script.read_text()}\nEXTRA = 1\n"):
-        found = planned(checkout, folder)
-    assert found == jobs("posed", "calibrate") | jobs("resting", "calibrate") | REPORT
+def test_an_edited_template_reruns_the_pages_and_an_edited_script_its_jobs(finished, checkout):
+    script, style = checkout / "scripts/export.py", checkout / "workflow/templates/style.css"
+    with edited(style, f"{style.read_text()}\n"), edited(script, f"{script.read_text()}\nX = 1\n"):
+        found = planned(checkout, finished[0])
+    devices = CONFIG["devices"]
+    assert found == {f"{s}/{d}" for s in ("export", "report_device") for d in devices} | REPORT
 
 
 def test_results_that_were_cut_are_named(folder, checkout):
@@ -154,17 +154,6 @@ def test_a_job_that_was_killed_runs_again(folder, checkout):
         assert run.wait() == -signal.SIGKILL
     assert (folder / target / "README.txt").exists()
     assert planned(checkout, folder) >= {"export/resting"}
-
-
-def test_any_working_folder_and_no_target(finished, checkout, tmp_path):
-    """The library is found from anywhere, and `rule all` is what is made without a target."""
-    left = shutil.ignore_patterns("results", "logs", "benchmarks", ".snakemake")
-    elsewhere = shutil.copytree(finished[0], tmp_path / "else where", ignore=left)
-    config = "else where/config.yaml"
-    source = os.path.relpath(checkout, tmp_path)
-    found = planned(source, elsewhere, target=None, config=config, cwd=tmp_path)
-    posed = jobs("posed", "noise", *SESSIONS["posed"])
-    assert found == posed | jobs("resting", "noise", "rest") | REPORT
 
 
 def test_a_log_that_is_a_folder_counts_by_its_files(checkout, tmp_path):

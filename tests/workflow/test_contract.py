@@ -11,18 +11,10 @@ import pytest
 
 from bench.result_files import ALSO, SCHEMAS, fault
 from imuloop import Calibration
+from imuloop.core.effect import Effect
+from workflow.conftest import CONFIG
 
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
-EFFECTS = {
-    "accelerometer": """bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis
-        warm_up bias_drift quadratic cubic asymmetry cross_coupling reorientation
-        vibration_rectification lever_arm time_offset turn_on_bias gauss_markov sinusoid steps
-        ramp""".split(),
-    "gyroscope": """g_sensitivity g2_sensitivity bias_temperature scale_temperature
-        bias_temperature_rate thermal_hysteresis warm_up bias_drift scale_nonlinearity
-        scale_asymmetry earth_rate time_offset turn_on_bias gauss_markov sinusoid steps
-        ramp""".split(),
-}
 RESIDUALS = {
     ("accelerometer", "poses"): {"gravity_norm": "m/s^2"},
     ("accelerometer", "static_record"): {"bias": "m/s^2"},
@@ -41,6 +33,10 @@ ROWS = {
 DEVICES = ("posed", "resting")
 
 
+def effects(sensor):
+    return {name for name, effect in Effect.library.items() if sensor in effect.sensors}
+
+
 @pytest.fixture(params=DEVICES)
 def folder(finished, request):
     """Results of a device."""
@@ -48,9 +44,9 @@ def folder(finished, request):
 
 
 @pytest.fixture
-def kinds(folder, config):
+def kinds(folder):
     """Kind of each of its sessions."""
-    sessions = config["devices"][folder.name]["sessions"]
+    sessions = CONFIG["devices"][folder.name]["sessions"]
     return {name: session["kind"] for name, session in sessions.items()}
 
 
@@ -130,7 +126,7 @@ def test_a_calibration_is_the_model_that_its_file_holds(folder, kinds, name):
         one = content[sensor]
         T, K, b = (np.array(one[key]) for key in "TKb")
         assert sensor == "gyroscope" or not np.tril(T, -1).any()
-        assert {effect["name"] for effect in one["effects"]} <= {*EFFECTS[sensor]}
+        assert {effect["name"] for effect in one["effects"]} <= effects(sensor)
         if not one["effects"]:
             raw = samples[list(channels)].to_numpy() / one["raw_scale"] + one["raw_offset"]
             expected = (T @ np.diag(K) @ (raw - b).T).T
@@ -150,7 +146,7 @@ def test_the_diagnosis_names_residuals_effects_and_candidates(folder):
                 low, high = effect["ratio_ci95"]
                 assert low <= effect["heldout_after"] / effect["heldout_before"] <= high
             candidates = {c["name"]: c for c in found["candidates"]}
-            assert set(candidates) <= {*EFFECTS[sensor]}
+            assert set(candidates) <= effects(sensor)
             for candidate in candidates.values():
                 assert candidate["why"]
                 if candidate["status"] in ("added", "rejected"):
@@ -213,7 +209,7 @@ def test_the_attitude_has_a_series_of_each_model(folder):
 def test_comparison_has_a_row_per_device_and_units_in_its_header(finished):
     with open(finished[0] / "results/comparison.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["device"] for row in rows] == list(DEVICES)
+    assert [row["device"] for row in rows] == list(CONFIG["devices"])
     unitless = re.compile("device|label|status|why|simulated|.*_verdict")
     for name in rows[0]:
         assert unitless.fullmatch(name) or re.search(r" \[[^\]]+\]$", name), name

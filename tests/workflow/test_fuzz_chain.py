@@ -12,8 +12,8 @@ from imuloop import chain
 
 
 @pytest.fixture(autouse=True)
-def simulated_alone(monkeypatch):
-    """Take replicas alone, which need no recording of others."""
+def simulated_alone(monkeypatch, undrawn):
+    """Take replicas alone, which need no recording of others; draw nothing."""
     families = tuple((f"{name}/multi_position",) for name in recordings.SIMULATED)
     monkeypatch.setattr(recordings, "FAMILIES", families)
 

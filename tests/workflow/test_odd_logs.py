@@ -38,6 +38,7 @@ def test_axes_without_noise_are_drawn_beside_others(logs, faults):
     assert faults(a=("static", log), b=("six_position", log)) == []
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_padding_is_no_rest_and_one_sample_far_too_large_costs_one(logs, faults, tmp_path):
     whole = logs["multi_position"]
     padded, spoilt, third = whole.copy(), whole.copy(), len(whole) // 3

@@ -5,7 +5,6 @@ import json
 import re
 
 import pandas as pd
-import pytest
 import yaml
 
 from workflow.run import snakemake
@@ -25,14 +24,6 @@ def test_a_csv_log_becomes_a_report(finished):
     assert not re.search(r"<(?:script|img|link|iframe)\b[^>]*(?:src|href)=[\"']https?:", report)
 
 
-def test_a_second_run_has_nothing_to_do(finished, checkout):
-    folder, _ = finished
-    before = (folder / "results/report.html").read_bytes()
-    done = snakemake(checkout, folder)
-    assert "Nothing to be done" in done.stdout + done.stderr
-    assert (folder / "results/report.html").read_bytes() == before
-
-
 def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
     results = finished[0] / "results/posed"
     quality = json.loads((results / "broken/quality.json").read_text())
@@ -44,6 +35,45 @@ def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
     noise = json.loads((results / "noise.json").read_text())
     assert noise["sessions"] == ["faces", "poses"]
     assert all(axis["N"]["identifiable"] for axis in noise["axes"].values())
+
+
+def test_the_files_of_a_good_device_are_the_same_bytes_alone(finished, alone):
+    assert alone[1].returncode == 0, alone[1].stderr
+    beside, single = (folder / "results/resting" for folder, _ in (finished, alone))
+    files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
+    assert len(files) > 20
+    assert [p for p in files if (single / p).read_bytes() != (beside / p).read_bytes()] == []
+    assert {path.name for path in (alone[0] / "results").glob("*.*")} == {
+        *("report.html", "comparison.csv")
+    }
+
+
+def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):
+    folder, done = finished
+    for name, status, text in (
+        ("swapped", "ok", "fits the turns of gravity with x as gy, y as gx, z as gz"),
+        ("garbage", "rejected", ""),
+    ):
+        quality = json.loads((folder / f"results/failing/{name}/quality.json").read_text())
+        assert quality["status"] == status, name
+        said = quality["reasons"] if status == "rejected" else quality["warnings"]
+        assert any(text in line for line in said), (name, said)
+        rejected = "rejected: " if status == "rejected" else ""
+        lines = [line for line in done.stderr.splitlines() if f"failing/{name}: {rejected}" in line]
+        assert any(" ".join(text.split()) in line for line in lines), (name, lines)
+        assert name in (folder / "results/failing/section.html").read_text()
+    assert "Traceback" not in done.stdout + done.stderr
+    with_traceback = [p for p in (folder / "logs").rglob("*.log") if "Traceback" in p.read_text()]
+    assert with_traceback == [folder / "logs/noise/failing.log"]
+    line = "failing: noise failed: forced; the traceback is in logs/noise/failing.log\n"
+    assert line in done.stderr
+    page = (folder / "results/report.html").read_text()
+    assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
+    assert "logs/noise/failing.log" in page
+    rows = pd.read_csv(folder / "results/comparison.csv", index_col="device")
+    assert dict(rows["status"]) == {"posed": "ok", "resting": "ok", "failing": "failed"}
+    assert "noise failed: forced" in rows["why"]["failing"]
+    assert rows["why"][["posed", "resting"]].isna().all()
 
 
 def test_five_mistakes_are_five_lines(checkout, tmp_path):
@@ -106,15 +136,10 @@ def test_the_library_never_imports_the_workflow_manager(repository):
         assert not re.search(r"^\s*(import|from) snakemake", path.read_text(), re.M), path
 
 
-@pytest.mark.parametrize(
-    ("target", "line"),
-    [
-        ("posted/report.html", "there is no device 'posted'; did you mean 'posed'?"),
-        ("posed/face/quality.json", "there is no session 'face'; did you mean 'faces'?"),
-    ],
-)
-def test_a_target_that_names_nothing_is_refused(finished, checkout, target, line):
-    done = snakemake(checkout, finished[0], "-n", target=f"results/{target}")
+def test_a_target_that_names_nothing_is_refused(finished, checkout):
+    target = "results/posed/face/quality.json"
+    done = snakemake(checkout, finished[0], "-n", target=target)
+    line = "there is no session 'face'; did you mean 'faces'?"
     assert done.returncode and line in done.stdout + done.stderr
 
 

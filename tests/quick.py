@@ -1,0 +1,35 @@
+"""Results without what takes longest and no verdict hangs on: limits, attitude, pictures."""
+
+from unittest.mock import patch
+
+from bench.study.chain import ATTITUDE, LIMITS
+from imuloop import chain
+from imuloop.core.files import read_json
+from imuloop.validate.attitude import no_attitude
+
+
+def stages(device):
+    """Do all stages from the segments to the diagnosis; none fails."""
+    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
+        assert stage(device) == []
+
+
+def verdicts(device):
+    """Return the diagnosis of both sensors of a device that is ingested."""
+    attitude = no_attitude(device.name, "not asked for")
+    with patch(LIMITS, return_value={}), patch(ATTITUDE, return_value=attitude):
+        stages(device)
+    return read_json(device.file("diagnosis.json"))["sensors"]
+
+
+def diagnosed(folder, log, kind="multi_position", **settings):
+    """Return the diagnosis of both sensors of one log."""
+    device = chain.Device("imu", folder, {"log": kind}, **settings)
+    log.to_parquet(folder / "log.parquet", index=False)
+    assert chain.ingest(device, "log", {}, [folder / "log.parquet"]) == []
+    return verdicts(device)
+
+
+def blank(figure, file, **how):
+    """Save nothing of a figure, for tests that look at none."""
+    file.write("<svg></svg>")

@@ -1,0 +1,14 @@
+"""How many seeds a statistical test runs: few by default, all under the marker ``study``."""
+
+import pytest
+from scipy.stats import binom
+
+
+def seeds(few, many):
+    """Parametrise a test by ``seeds``, their number, by which its tolerance is computed."""
+    return pytest.mark.parametrize("seeds", [few, pytest.param(many, marks=pytest.mark.study)])
+
+
+def least(number, share, chance):
+    """Return how many of a number happen at least, but for a chance, if each does by a share."""
+    return binom.ppf(chance, number, share)
