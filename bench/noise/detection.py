@@ -14,10 +14,10 @@ from imuloop.noise.sampling import Sampling
 
 TITLE = "Humps and lines"
 INTRODUCTION = """
-Records of {length:,.0f} s at 10 Hz, each with one hump or line of {limits:g} detection limits. At
-one limit 90 % are found: of a line by `line_limit`, of a Gauss–Markov process by
-`gauss_markov_limit` of `bench/noise/detection.py`. Named: that kind and no other, its frequency
-within 1/T, its correlation time within a factor of {factor:g}. Controls without any: {controls}."""
+Records of {length:,.0f} s at 10 Hz, each with one hump or line of {limits:g} detection limits, of
+which one is found with 90 % (`bench/noise/detection.py`). Named: that kind and no other, its
+frequency within 1/T, its correlation time within a factor of {factor:g}. Controls without any:
+{controls}."""
 # 10,000 s
 LENGTH = 100_000
 LIMITS = 3.0
