@@ -3,7 +3,7 @@
 The log is made piece by piece in a temporary folder, with white noise, flicker and a random walk
 of known size; Snakemake runs the stages up to noise.json on two cores; coefficients are compared
 with the truth, and everything is deleted. Printed are seconds of the whole and of each stage, the
-memory of the largest process, the SHA-256 of noise.json, and the intervals that miss the truth.
+memory of the largest process, and the intervals that miss the truth.
 """
 
 import argparse
@@ -22,7 +22,6 @@ import pyarrow.csv
 
 from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME
-from imuloop.ingest.sources import sha256
 from imuloop.simulate.noise import flicker, walk
 
 REPOSITORY = Path(__file__).parents[1]
@@ -135,7 +134,6 @@ def main():
         )
         stages(folder)
         results = folder / "results" / "a_day"
-        print(f"noise.json SHA-256 {sha256(results / 'noise.json')}")
         missed = misses(read_json(results / "noise.json")["axes"])
     # of 18 intervals of 95 %, four are missed in 1 % of days
     print(f"{len(missed)} of {3 * len(CHANNELS)} intervals miss the truth", *missed, sep="\n  ")

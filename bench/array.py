@@ -60,7 +60,7 @@ def main():
         found = dict(zip(jobs, pool.map(diagnosed, jobs, chunksize=1), strict=True))
     heads = [f"{sensor}, `{recording}`" for sensor in SENSORS for recording in RECORDINGS]
     print("| chip | " + " | ".join(heads) + " |")
-    print("| --- |" + " --- |" * len(heads))
+    print("|---|" + "---|" * len(heads))
     for chip in CHIPS:
         cells = [words(found[recording, chip][s]) for s in SENSORS for recording in RECORDINGS]
         print(f"| {chip} | " + " | ".join(cells) + " |")

@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from bench.study.tables import table
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import SessionTruth, example_truth
 
@@ -54,8 +55,11 @@ def main():
     data.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(options.cores) as pool:
         list(pool.map(make_logs, [data] * (max(counts) + 1), range(max(counts) + 1)))
-    print("| devices | run | wall, s | processor per device, s |\n|---|---|---|---|")
-    faults = [fault for n in counts for fault in measure(options.folder, n, options.cores)]
+    rows = {}
+    faults = [f for n in counts for f in measure(options.folder, n, options.cores, rows)]
+    each = ("wall, s", "processor s per device")
+    heads = [f"{n} devices: {figure}" for n in counts for figure in each]
+    print(table(("run", *heads), [(name, *cells) for name, cells in rows.items()]))
     for few, many in pairwise(counts):
         one, other = (options.folder / f"run_{count}/first" for count in (few, many))
         compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), one, other]
@@ -97,8 +101,8 @@ def make_logs(folder, number):
             write_log(path, simulate_session(truth, kind), {})
 
 
-def measure(folder, count, cores):
-    """Time the runs of so many devices; print a line each, return what they did wrongly."""
+def measure(folder, count, cores, rows):
+    """Time the runs of so many devices into rows by name; return what they did wrongly."""
     work, repository = folder / f"run_{count}", folder / f"repository_{count}"
     for each in (work, repository):
         shutil.rmtree(each, ignore_errors=True)
@@ -131,10 +135,8 @@ def measure(folder, count, cores):
         jobs = Counter()
         for rule, n in re.findall(r"(?m)^([a-z_]+) +(\d+)$", table):
             jobs[rule] += int(n)
-        print(
-            f"| {count} | {name} | {wall:.1f} | {processor / devices:.2f} |",
-            flush=True,
-        )
+        rows.setdefault(name, []).extend((f"{wall:.1f}", f"{processor / devices:.2f}"))
+        print(f"{count} devices, {name}: {wall:.1f} s", file=sys.stderr, flush=True)
         wanted = {rule: n * devices for rule, n in expected.items()} | {"report": 1}
         if jobs != (wanted if expected else {}):
             faults.append(f"{name}, {count} devices: jobs {dict(jobs)}, not {wanted}")

@@ -106,7 +106,7 @@ def main():
     options = parser.parse_args()
     if options.one:
         return one(*options.one)
-    print("| stage | process, s | work, s |\n| --- | --: | --: |")
+    print("| stage | process, s | work, s |\n|---|--:|--:|")
     total = {"process": 0.0, "work": 0.0}
     with tempfile.TemporaryDirectory() as folder:
         rows = simulate(Path(folder), options.static)

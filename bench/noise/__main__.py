@@ -31,8 +31,7 @@ def document(outcomes, made_of):
     """
     head = (
         f"Written by `make bench-noise`, never by hand: commit {made_of}, "
-        f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}. "
-        "How the estimator works: [noise.md](noise.md)."
+        f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}."
     )
     checks = [c for name, outcome in outcomes.items() for c in PARTS[name].checks(outcome)]
     sections = [

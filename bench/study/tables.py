@@ -23,12 +23,13 @@ def document(outcomes, command, commit, first):
         kind: {case: made for case, made in outcomes.items() if case.kind == kind}
         for kind in ("effect", "control", "two", "outside")
     }
+    seconds = [made["seconds"] for all_made in outcomes.values() for made in all_made]
     head = (
         f"Written by `{command}`, never by hand: commit {commit}, "
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}. "
-        f"All devices are simulated, from seed {first} on, and their effects declared nowhere."
+        f"{len(seconds)} devices, all simulated, from seed {first} on, their effects declared "
+        f"nowhere; {np.mean(seconds):.1f} s each on one core."
     )
-    seconds = [made["seconds"] for all_made in outcomes.values() for made in all_made]
     parts = [
         ("# Simulated study of the diagnosis", head),
         ("## Against the bounds", bounds(chosen)),
@@ -37,15 +38,15 @@ def document(outcomes, command, commit, first):
         ("## Two effects", two(chosen["two"])),
         ("## Outside the library", outside(chosen["outside"])),
         ("## Method", (Path(__file__).parent / "method.md").read_text().strip()),
-        ("## Time", f"{len(seconds)} devices, {np.mean(seconds):.1f} s each on one core."),
     ]
     return "\n\n".join(f"{title}\n\n{text}" for title, text in parts if text) + "\n"
 
 
 def table(header, rows):
     """Return a table in Markdown; columns after the first are numbers."""
-    lines = [header, ["---"] + ["--:"] * (len(header) - 1), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+    lines = ["| " + " | ".join(map(str, line)) + " |" for line in (header, *rows)]
+    lines.insert(1, "|---|" + "--:|" * (len(header) - 1))
+    return "\n".join(lines)
 
 
 def share(part, whole):
