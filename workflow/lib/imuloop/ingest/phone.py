@@ -108,8 +108,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         for table in tables:
             if columns[quantity] == table.stream.name and len(table.sensors) == 1:
                 columns[quantity] = table.columns(*table.sensors)
-    log = raw_log([table.stream for table in tables], columns, batch_rows)
-    log.notes[:0] = notes
+    log = raw_log([table.stream for table in tables], columns, batch_rows, notes)
     used = {log.found[quantity][0] for quantity in ("acceleration", "angular_rate")}
     for table in tables:
         if any(f"{table.stream.name}.{field}" in used for field in table.stream.fields):

@@ -66,7 +66,6 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     for quantity, stream in zip(("acceleration", "angular_rate"), streams.values(), strict=True):
         if columns.get(quantity) is None:
             columns[quantity] = [f"{stream.name}.{name}" for name in stream.fields]
-    log = raw_log(list(streams.values()), columns, batch_rows)
-    log.notes[:0] = notes
+    log = raw_log(list(streams.values()), columns, batch_rows, notes)
     log.lose(lost)
     return log
