@@ -38,6 +38,10 @@ def test_the_smallest_size_is_the_best_and_a_limit_counts_as_its_size():
     assert best_devices([*devices, _summary(K=_size(None, 1.0))], "K") == {4}
     assert best_devices([*devices, _summary(K=_size(None, 2.5))], "K") == {0}
     assert best_devices(devices[:1], "K") == set()
+    # and is named
+    key = COLUMNS["gyroscope"][0].key
+    named = [_summary(label, **{key: {"value": v}}) for label, v in (("A", 0.02), ("B", 0.01))]
+    assert best_words(named) == ["gyroscope – B, 0.57°"] and best_words(named[:1]) == []
 
 
 def test_two_allan_curves_are_compared_where_both_are_and_one_is_told():
@@ -89,13 +93,6 @@ def test_verdicts_rank_by_poses_then_by_the_static_record(summaries):
     assert [part for part, _ in verdict_parts(summaries["still"]["verdicts"]["gyroscope"])] == [
         "static_record"
     ]
-
-
-def test_the_smallest_held_out_residual_is_named():
-    key = COLUMNS["gyroscope"][0].key
-    devices = [_summary("A", **{key: {"value": 0.02}}), _summary("B", **{key: {"value": 0.01}})]
-    assert best_words(devices) == ["gyroscope – B, 0.57°"]
-    assert best_words(devices[:1]) == []
 
 
 def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flicker(

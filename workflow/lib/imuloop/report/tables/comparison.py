@@ -74,13 +74,12 @@ def best_devices(summaries, key):
 
 def best_words(summaries):
     """Return who has the smallest held-out residual of each sensor; empty below two devices."""
-    words = []
-    for sensor, ((key, _, display), *_) in COLUMNS.items():
-        found = [(f["value"], s["label"]) for s in summaries if (f := s["figures"].get(key))]
-        if len(found) > 1:
-            value, label = min(found)
-            words.append(f"{sensor} – {label}, {display.text(value, 2)}")
-    return words
+    return [
+        f"{sensor} – {summaries[i]['label']}, "
+        f"{display.text(summaries[i]['figures'][key]['value'], 2)}"
+        for sensor, ((key, _, display), *_) in COLUMNS.items()
+        for i in sorted(best_devices(summaries, key))[:1]
+    ]
 
 
 def cells(summaries, sensor):
