@@ -12,9 +12,8 @@ from bench.study.tables import document
 from imuloop.core.effect import Effect
 
 PART = (
-    Case("control", "poses", plan="alone"),
-    Case("effect", "poses", "accelerometer", ("quadratic",), plan="alone"),
-    Case("outside", "poses", "gyroscope", ("harmonic",), plan="alone"),
+    Case("control", "poses", plan="few"),
+    Case("effect", "poses", "accelerometer", ("quadratic",), plan="few"),
 )
 
 
@@ -24,7 +23,7 @@ def part():
 
 
 def test_devices_are_judged_by_what_was_put_in(part):
-    (control,), (quadratic,), (outside,) = (part[case] for case in PART)
+    (control,), (quadratic,) = (part[case] for case in PART)
     assert judge(PART[0], control)["more"] == []
     found = judge(PART[1], quadratic)
     assert found["right"] == ["quadratic"] and found["more"] == []
@@ -32,11 +31,8 @@ def test_devices_are_judged_by_what_was_put_in(part):
     assert np.abs(pulls(quadratic)).max() < 3.5
     # nothing of it in what the diagnosis was given: the control's parameters are zero
     assert not judge(PART[1], {**quadratic, "diagnosis": quadratic["control"]})["right"]
-    found = judge(PART[2], outside)
-    assert (found["verdict"], found["named"]) == ("unexplained", [])
     text = document(part, "make study", "0", 0)
     assert "| `quadratic` | 1/1, " in text
-    assert "| gyroscope, degree 3 of attitude | 1 `unexplained` | nothing |" in text
 
 
 CLOSED = sorted(physics.EFFECTS.keys() - {"ramp"})

@@ -13,7 +13,8 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from quick import stages, verdicts
 
-DEVICES = ("xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3", "ferraris", "thermal_chamber")
+DEVICES = ["xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3", "ferraris"]
+DEVICES.append(pytest.param("thermal_chamber", marks=pytest.mark.study))
 # of which detection limits and the error of the vertical are tested, too
 WHOLE = "xsens_mti"
 

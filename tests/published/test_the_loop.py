@@ -109,6 +109,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     assert board == 3 or np.all(np.abs(values / std) < 3)
 
 
+@pytest.mark.study
 def test_climate_chamber_is_temperature_and_its_past(measured):
     found = part(measured, "thermal_chamber", "accelerometer", "static_record")
     assert names(found)[0] == "bias_temperature"

@@ -4,7 +4,6 @@ import os
 import shutil
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import yaml
 
@@ -30,13 +29,8 @@ CONFIG = {
             }
         },
         "resting": RESTING,
-        # of faulty logs; it fails in a stage, too
-        "failing": {
-            "sessions": {
-                "swapped": {"kind": "six_position", "file": "swapped.csv"},
-                "garbage": {"kind": "static", "file": "garbage.csv"},
-            }
-        },
+        # of a faulty log; it fails in a stage, too
+        "failing": {"sessions": {"swapped": {"kind": "six_position", "file": "swapped.csv"}}},
     },
 }
 # what is added to the noise stage
@@ -96,8 +90,6 @@ def finished(checkout, logs, tmp_path_factory):
     (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
     other = {"gx": logs["six_position"]["gy"], "gy": logs["six_position"]["gx"]}
     write_log(folder / "swapped.csv", logs["six_position"].assign(**other), {})
-    noise = np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)
-    (folder / "garbage.csv").write_bytes(noise.tobytes())
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     return folder, snakemake(checkout, folder)
 
