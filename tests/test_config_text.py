@@ -66,16 +66,14 @@ def test_names_end_where_they_end(faults):
     assert line.endswith("'imu\\n' is not a name (a letter, then up to 63 letters, digits, _ or -)")
     [line] = faults(f'devices: {{imu: {{sessions: {{"a\\n": {a}}}}}}}')
     assert "'a\\n' is not a name" in line
-    source = '{url: "https://h/a.csv%s", sha256: "%s"}'
-    [line] = faults(session(f"kind: static, file: {source % ('', SHA + chr(92) + 'n')}"))
-    assert "file.sha256: " in line and line.endswith("is not a SHA-256 (64 digits 0-9 a-f)")
-    [line] = faults(session(f"kind: static, file: {source % (chr(92) + 'n', SHA)}"))
-    assert line.endswith("file.url: 'https://h/a.csv\\n' is not a URL (https://…)")
-    source = '{wheel: "a==1%s", member: "b.csv%s", sha256: "' + SHA + '"}'
-    [line] = faults(session(f"kind: static, file: {source % (chr(92) + 'n', '')}"))
-    assert line.endswith("file.wheel: 'a==1\\n' is not a wheel (NAME==VERSION)")
-    [line] = faults(session(f"kind: static, file: {source % ('', chr(92) + 'n')}"))
-    assert line.endswith("file.member: 'b.csv\\n' is not a path inside the wheel")
+    for file, fault in (
+        (f'{{url: "https://h/a.csv", sha256: "{SHA}\\n"}}', "is not a SHA-256 (64 digits 0-9 a-f)"),
+        (f'{{url: "https://h/a.csv\\n", sha256: "{SHA}"}}', "is not a URL (https://…)"),
+        (f'{{wheel: "a==1\\n", member: a, sha256: "{SHA}"}}', "is not a wheel (NAME==VERSION)"),
+        (f'{{wheel: a==1, member: "b\\n", sha256: "{SHA}"}}', "is not a path inside the wheel"),
+    ):
+        [line] = faults(session(f"kind: static, file: {file}"))
+        assert line.endswith(f"\\n' {fault}")
 
 
 @pytest.mark.parametrize("key", ["label", "file", "column"])
