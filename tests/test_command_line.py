@@ -230,13 +230,13 @@ def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
 
 
 def linked(path):
-    other = path.with_name(f"link{path.suffix}")
+    other = path.with_name(f"link_{path.name}")
     other.symlink_to(path)
     return other
 
 
 def linked_hard(path):
-    other = path.with_name(f"hard{path.suffix}")
+    other = path.with_name(f"hard_{path.name}")
     other.hardlink_to(path)
     return other
 
