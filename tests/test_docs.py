@@ -157,7 +157,7 @@ def results(tmp_path, monkeypatch):
         SensorCalibration(RawUnit("m/s^2", 1.0), **found),
         SensorCalibration(RawUnit("rad/s", 1.0), **found),
     )
-    figures = ("in_sample_before", "in_sample_after", "before", "after", "chi2_after")
+    figures = ("in_sample_before", "in_sample_after", "floor", "before", "after", "chi2_after")
     errors = dict.fromkeys(figures, 0.01)
     units = {"gravity_norm": "m/s^2", "pose_rate": "rad/s", "rotation": "rad"}
     residuals = {name: errors | {"unit": unit} for name, unit in units.items()}
