@@ -39,7 +39,7 @@ format: setup
 	$(BIN)/snakefmt Snakefile workflow
 
 # times beside other packages, of each job, and the bound of the calibration. Writes these sections of
-# docs/benchmarks.md, ten minutes; recordings by IMULOOP_MIRROR
+# docs/benchmarks.md, ten minutes; recordings by IMULOOP_MIRROR, imu_tk's program by IMU_TK_BIN
 MEASURE := PYTHONPATH=workflow/lib $(BIN)/python -m bench.document
 bench: setup $(PEERS)/.ready
 	$(MEASURE) peers imu_tk stages

@@ -69,8 +69,8 @@ def test_names_end_where_they_end(faults):
     for file, fault in (
         (f'{{url: "https://h/a.csv", sha256: "{SHA}\\n"}}', "is not a SHA-256 (64 digits 0-9 a-f)"),
         (f'{{url: "https://h/a.csv\\n", sha256: "{SHA}"}}', "is not a URL (https://…)"),
-        (f'{{wheel: "a==1\\n", member: a, sha256: "{SHA}"}}', "is not a wheel (NAME==VERSION)"),
-        (f'{{wheel: a==1, member: "b\\n", sha256: "{SHA}"}}', "is not a path inside the wheel"),
+        (f'{{wheel: "a==1\\n", member: a.csv, sha256: "{SHA}"}}', "is not a wheel (NAME==VERSION)"),
+        (f'{{wheel: a==1, member: "b.csv\\n", sha256: "{SHA}"}}', "is not a path inside the wheel"),
     ):
         [line] = faults(session(f"kind: static, file: {file}"))
         assert line.endswith(f"\\n' {fault}")
