@@ -55,6 +55,24 @@ def test_without_noise_the_truth_comes_back():
         np.testing.assert_allclose(getattr(fitted, name), true, atol=1e-5)
 
 
+def test_the_rates_have_the_rounding_of_the_angular_rate():
+    made, noise = recording(TRUTH, 0), known_noise(TRUTH)
+    force = calibrated_force(true_accelerometer(TRUTH), made, noise)
+    model, count, rounding = gyroscope_model(made, force), len(made.poses), np.arange(6) * 1e-8
+    plain, rounded = (
+        model.covariance(
+            true_parameters(TRUTH),
+            replace(made.poses, rounded=np.tile(variance, (count, 1))),
+            force.direction_covariance,
+            noise,
+        ).diagonal()[: 3 * count]
+        for variance in (0 * rounding, rounding)
+    )
+    np.testing.assert_allclose(
+        (rounded - plain).reshape(count, 3), rounding[None, 3:].repeat(count, 0)
+    )
+
+
 def test_the_derivative_is_that_of_differences():
     model, *_ = model_of(TRUTH, 1, (find_effect("g_sensitivity")(),))
     x = np.concatenate([true_parameters(TRUTH), np.full(9, 1e-4)])

@@ -207,7 +207,7 @@ class GyroscopeModel:
                     # of an axis without noise the poses' own variance is known
                     covariance[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
                 elif poses.rounded is not None:
-                    covariance[own, own] += poses.rounded[at, axis]
+                    covariance[own, own] += poses.rounded[at, 3 + axis]
         within = sum(
             noise.axes[name].N.square * (to_error @ path.spread[:, axis] @ to_error.swapaxes(1, 2))
             for axis, name in enumerate(ANGULAR_RATE)

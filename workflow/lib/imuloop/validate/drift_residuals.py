@@ -150,12 +150,7 @@ def gyroscope_residuals(calibration, recording, noise, force, change):
         recording = replace(recording, rotations=nothing)
     model = gyroscope.gyroscope_model(recording, at, old.x, old.effects, old.known)
     n, turns = 3 * len(poses), len(recording.rotations)
-    if turns:
-        expected = model.covariance(old.x, poses, at.direction_covariance, noise)
-    else:
-        expected = np.zeros((n, n))
-        for axis, covariance in enumerate(poses.mean_covariance(noise)[3:]):
-            expected[axis::3, axis::3] = covariance
+    expected = model.covariance(old.x, poses, at.direction_covariance, noise)
     return DriftResiduals(
         "gyroscope",
         old,
