@@ -134,6 +134,9 @@ def test_turns_are_asked_for_about_the_axis_that_was_turned_least(first):
         assert words in step
     turns["mean_deg_s"] = [40.0, 30.0, 5.0]
     assert "about z are too slow" in first(diagnosis=content)
+    # a log that moves all the time has fast turns, none of which can be used
+    turns |= {key: [0.0, 0.0, 0.0] for key in ("turned_deg", "largest_deg", "mean_deg_s")}
+    assert first(diagnosis=content).startswith("No turn that can be used goes from one rest to")
 
 
 def test_a_longer_record_is_asked_for_in_hours(good, first):
@@ -146,7 +149,7 @@ def test_a_longer_record_is_asked_for_in_hours(good, first):
     # so near to its limit that a longer record would not lower it by half
     limited = noise(K=coefficient(upper=2e-6))
     steps = next_steps(good(sessions=good().sessions[:1], noise=limited))
-    assert any("2\u202fh at rest: there is no static record, and K of ax" in s for s in steps)
+    assert any("2\u202fh at rest: there is no static session, and K of ax" in s for s in steps)
 
 
 def test_a_first_rest_is_long_enough_for_flicker_to_limit_it(first):

@@ -197,6 +197,22 @@ def test_a_floor_that_the_noise_leaves_open_has_its_range():
         assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
 
 
+def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
+    figures = {"n": 20, "floor": 1e-3, "after": 4e-3, "chi2_before": 9.0, "chi2_after": 9.0}
+    residuals = {
+        "pose_rate": figures | {"unit": "rad/s", "before": 2 * DEGREE, "floor": 1.0},
+        "rotation": figures | {"unit": "rad", "before": 4e-3},
+    }
+    tried = {"name": "warm_up", "status": "rejected", "why": "", "p_value": 0.1}
+    tried |= {"residual": "pose_rate", "heldout_after": DEGREE}
+    block = {"verdict": "unexplained", "residuals": residuals, "candidates": [tried]}
+    said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
+    assert "warm_up alone would leave 1.00 °/s of 2.00 °/s of the angular rate left at rest" in said
+    tried |= {"residual": "rotation", "heldout_after": 1e-3}
+    said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
+    assert "warm_up alone would leave 0.0573°: error of gravity's direction" in said
+
+
 def test_the_bias_of_runs_has_its_scatter_with_an_interval():
     parameters = {f"s{k}{axis}": v for k, v in ((2, 0.02), (3, -0.02)) for axis in "xyz"}
     effect = {

@@ -182,11 +182,19 @@ def turns_needed(device):
     turned, largest, rate = (number(v, 2) for v in figures)
     known = "unknown" if now is None else f"known to {sigma_words('1', now)}"
     size = "slow" if figures[2] < SLOW else "few" if figures[1] > SMALL_TURN else "small"
+    found = (
+        f"The rotations about {axis} are too {size} to show the gyroscope's scale factor there "
+        f"({known}): {turned}° in all, {largest}° in the largest, {rate}\u202f°/s in the mean."
+    )
+    if not any(turns["turned_deg"]):
+        # however fast the device moved
+        found = (
+            "No turn that can be used goes from one rest to another, so nothing shows the "
+            f"gyroscope's scale factor about {axis} ({known})."
+        )
     yield (
         gain,
-        f"The rotations about {axis} are too {size} to show the gyroscope's scale factor there "
-        f"({known}): {turned}° in all, {largest}° in the largest, {rate}\u202f°/s in "
-        f"the mean. A session of {turns['poses']} "
+        f"{found} A session of {turns['poses']} "
         f"poses in the largest holes of the sphere, then {turns['turns']} turns of 360° about "
         f"{axis}, both ways, with {axis} level, would bring σ to {sigma_words('1', after)}; "
         f"{sigma_words('1', level)} are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
@@ -273,7 +281,7 @@ def static_record(device):
         if limited and not longest:
             yield (
                 0.0,
-                f"Record 2\u202fh at rest: there is no static record, and {joined(limited)} are "
+                f"Record 2\u202fh at rest: there is no static session, and {joined(limited)} are "
                 "known as upper limits only.",
             )
         return
@@ -287,7 +295,7 @@ def static_record(device):
             axes.setdefault(words, []).append(key)
     shows = [f"{' and '.join(keys)} of {words}" for words, keys in axes.items()]
     unit = quantities(sensor)[name].sheet[0]
-    now = f"{duration(longest, 2)} now" if longest else "there is no static record now"
+    now = f"{duration(longest, 2)} now" if longest else "there is no static session now"
     yield (
         1 - target / upper,
         f"Record {duration(max(seconds, HOUR), 2)} at rest ({now}). Nine times in ten it would "

@@ -171,7 +171,7 @@ def _known_text(block):
     return f"; {joined(list(known))}, {next(iter(known.values()))}, {verb} part of the model"
 
 
-def _tried(block):
+def _tried(sensor, block):
     """Return what the effects that were rejected do to the held-out error, in words."""
     residuals, found = block["residuals"], []
     rejected = [c for c in block["candidates"] if c["status"] == "rejected"]
@@ -184,8 +184,12 @@ def _tried(block):
     share, best = min(found, key=lambda f: f[0], default=(1.0, None))
     if share > WORTH_A_WORD:
         return "no effect that was tried helps"
-    left = shown(residuals[best["residual"]] | {"after": best["heldout_after"]}, "after")
-    return f"no effect that was tried is certain, though {best['name']} alone would leave {left}"
+    kind = best["residual"]
+    left = shown(residuals[kind] | {"after": best["heldout_after"]}, "after")
+    text = f"no effect that was tried is certain, though {best['name']} alone would leave {left}"
+    if kind != quoted(sensor, block)[0]:
+        text += f" of {shown(residuals[kind], 'before')} of the {RESIDUAL_WORDS[kind]}"
+    return text
 
 
 def sentence(sensor, block):
@@ -200,7 +204,7 @@ def sentence(sensor, block):
         "explained": f"explained by {effects}",
         "partly_explained": f"partly explained by {effects}, "
         + ("something is still missing" if lacking(block) else "not in every part of the data"),
-        "unexplained": f"unexplained, {_tried(block)}",
+        "unexplained": f"unexplained, {_tried(sensor, block)}",
     }[verdict]
     moved = f"{RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
     text = f"{words}: {moved}{_known_text(block)}."
