@@ -35,9 +35,10 @@ KINDS = ("multi_position", "six_position", "static")
 
 
 def usable(sessions, kind):
-    """Return (session, segments, a dict of arrays) of each session of a kind that has segments.
+    """Return (session, segments) of each session of one kind that was not rejected.
 
-    Takes ``kind``, ``samples`` and ``segments`` (paths) of each session by name.
+    Takes ``kind``, ``samples`` and ``segments`` (paths) of each session by name; the segments that
+    it gives are a dict of arrays.
     """
     chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] == kind]
     return [(session, table) for session, table in chosen if len(table["kind"])]
@@ -68,7 +69,10 @@ def read_poses(sessions, kind):
 
 
 def read_recording(sessions, longest_rotation):
-    """Return the Recording of the multi-position sessions, without poses if there is none."""
+    """Return the Recording of the multi-position sessions, without poses if there is none.
+
+    Takes sessions as `usable` does, and the longest rotation, s.
+    """
     chosen = usable(sessions, "multi_position")
     columns = (TIME, *CHANNELS, TEMPERATURE)
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
@@ -89,17 +93,22 @@ def raw_units(sessions, kinds):
 
 
 def calibrate_accelerometer(poses, noise, gravity, unit, settings):
-    """Return the accelerometer's multi-position calibration; nominal where poses give none."""
+    """Return the multi-position calibration of the accelerometer.
+
+    Nominal, with the reason, where the poses do not determine it. Arguments as of
+    `AccelerometerPoses`.
+    """
     sensor = AccelerometerPoses(noise, gravity, unit, settings)
     made, reason = _fitted(sensor, Recording(poses))
     return made or SensorCalibration.nominal(unit, reason)
 
 
 def calibrate_gyroscope(recording, noise, force, unit, settings):
-    """Return the multi-position calibration of the gyroscope, `force` its accelerometer's.
+    """Return the multi-position calibration of the gyroscope.
 
     With the bias alone, and the reason, where the rotations do not determine the rest; nominal
-    where the noise of an axis is not known.
+    where the noise of an axis is not known. Arguments as of `GyroscopePoses`, `force` its
+    accelerometer.
     """
     poses, held = recording.poses, None
     if settings.gyroscope_bias == "initial_rest" and len(poses):
@@ -149,9 +158,10 @@ def rest_bias(poses, noise, unit, reason):
 
 
 def calibrate_six_position(poses, noise, gravity, units, settings):
-    """Return the accelerometer's six-position calibration, of poses on faces, and the rate's bias.
+    """Return the accelerometer's six-position calibration and the gyroscope's bias.
 
-    Arguments as of `AccelerometerPoses`, with the units of both sensors.
+    Poses that are no face are left out. Arguments as of `AccelerometerPoses`, with the units of
+    both sensors.
     """
     if not len(poses):
         reason = without_pose({}, "six_position")
@@ -180,7 +190,16 @@ def best(*candidates):
 def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, multi_path):
     """Calibrate a device from its sessions, as of `usable`, and its noise.json; write both results.
 
-    Gravity is in m/s^2, settings are CalibrateSettings; paths are those of the two calibrations.
+    Parameters
+    ----------
+    device, gravity : str, float
+        Name of the device, and local gravity, m/s^2.
+    sessions, noise : dict, path-like
+        What it is calibrated from.
+    settings : CalibrateSettings
+        Settings.
+    six_path, multi_path : path-like
+        Where to write the six-position and the multi-position calibration.
     """
     model, units = NoiseModel.from_json(noise), raw_units(sessions, KINDS)
     multi = read_recording(sessions, settings.longest_rotation)

@@ -29,7 +29,11 @@ PARTS = 16
 
 @dataclass(frozen=True)
 class Lost:
-    """Rotations that gaps took, of all short enough to be used, and the most samples in a row."""
+    """Rotations that gaps took, of all that are short enough to be used.
+
+    They are left out as a gap is too long, or its error not known or too large; `longest` is the
+    most samples lost in a row in one of them.
+    """
 
     rotations: int = 0
     left_out: int = 0
@@ -50,8 +54,16 @@ def errors_of_time(log, begin, last, bias, variance):
     Of each rotation the steps over which samples are missing, and steps about which an error is
     added to the turn, (g,), with its covariance, rad², (g, 3, 3). None where `gap_covariance` is
     not known, or where the root of its trace is above that of the noise and above `TELLING` of the
-    angle. Then the samples lost in a row, at most, in each, (m,). Takes samples, first and last one
-    of each rotation, and mean of the angular rate at rest, rad/s, and variance of a sample, (m, 3).
+    angle. Then the samples lost in a row, at most, in each, (m,).
+
+    Parameters
+    ----------
+    log : DataFrame or dict of arrays
+        Samples.
+    begin, last : ndarray of int, shape (m,)
+        First and last sample of each rotation.
+    bias, variance : ndarray, shape (m, 3)
+        Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
     """
     t = np.asarray(log[TIME])
     steps = np.diff(t)

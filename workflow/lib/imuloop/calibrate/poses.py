@@ -147,7 +147,8 @@ def _selected(table, keep):
 def gather_poses(segments):
     """Return the Poses of several sessions, in order of session and time.
 
-    Rests that share a number are one pose.
+    Rests that share a number are one pose. Takes the segments of each session, a DataFrame or a
+    dict of arrays.
     """
     session = np.repeat(np.arange(len(segments)), [len(table["n"]) for table in segments])
 
@@ -217,8 +218,21 @@ def gather_rotations(poses, samples, segments, longest_s):
 
     A rotation runs from the last sample of a pose to the first of the next. It is left out where
     it lasts longer than asked, where a gap interrupts it, and where it lost too much elsewhere
-    (`gaps.errors_of_time`). Takes the poses, samples and segments of each session; gives Rotations
-    in the order of the poses, and what gaps took, Lost.
+    (`gaps.errors_of_time`).
+
+    Parameters
+    ----------
+    poses : Poses
+        Poses of the sessions.
+    samples, segments : sequence of DataFrame or dict of arrays
+        Samples and segments of each session.
+    longest_s : float
+        Seconds.
+
+    Returns
+    -------
+    Rotations, Lost
+        In the order of the poses; what gaps took.
     """
     first, pieces, errors, all_, left_out = [], [], [], 0, [np.zeros(0, int)]
     for session in np.unique(poses.session):

@@ -67,8 +67,14 @@ class Recording:
     def pose_channels(self, sensor, output, other):
         """Return what an effect of a sensor sees at the poses.
 
-        `output` takes the sensor's values, SI as logged, (n, 3), to ``K (raw - b)``; `other`,
-        (n, 3), is the other sensor at the poses, SI.
+        Parameters
+        ----------
+        sensor : {'accelerometer', 'gyroscope'}
+            Whose effect.
+        output : callable
+            Takes values of the sensor in SI as logged, (n, 3), to ``K (raw - b)``.
+        other : ndarray, shape (n, 3)
+            The other sensor at the poses, SI.
         """
         poses = self.poses
 
@@ -122,7 +128,8 @@ def pose_means(poses, logs, whole):
 def record(samples, segments, longest_rotation):
     """Return the Recording of several sessions, with temperatures where every one logs them.
 
-    Takes samples and segments of each, DataFrames or dicts of arrays, and the longest rotation, s.
+    Takes samples and segments of each session, DataFrames or dicts of arrays, and the longest
+    rotation, s.
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)

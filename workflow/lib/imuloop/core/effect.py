@@ -52,10 +52,20 @@ class Channels:
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points, shape (n, …).
 
-        The function takes the Channels of a whole log and its constants, and gives an array whose
-        first axis is the log's samples; at a pose their mean over it is taken. Of a log in pieces
-        it gets a piece after the other if it is marked as `imuloop.core.memory.in_pieces`, with a
-        dict of its own as `past`, empty at the first; else an ImuloopError is raised.
+        Parameters
+        ----------
+        function : callable
+            Takes the Channels of a whole log and the constants; gives an array whose first axis is
+            the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets a
+            piece after the other if it is marked as `imuloop.core.memory.in_pieces`, with a dict of
+            its own as `past`: empty at the first.
+        *constants : hashable
+            Constants of the function.
+
+        Raises
+        ------
+        ImuloopError
+            If the log comes in pieces, and the function is not marked for them.
         """
         if self.history is not None:
             return self.history(function, *constants)

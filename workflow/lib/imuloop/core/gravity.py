@@ -10,8 +10,19 @@ def normal_gravity(latitude, height):
     """Return normal gravity on and above the WGS 84 ellipsoid.
 
     ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), and above it
-    ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``, m/s^2, of the geodetic latitude φ in
-    degrees and the height h in m above the ellipsoid.
+    ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``.
+
+    Parameters
+    ----------
+    latitude : float
+        Degrees, geodetic latitude φ.
+    height : float
+        Metres above the ellipsoid.
+
+    Returns
+    -------
+    float
+        Gravity, m/s^2.
 
     References
     ----------

@@ -52,9 +52,19 @@ def first_order_lag(t, values, tau, past=None):
     Exact for values on straight lines between the stamps, however far apart these are: over a
     step of r time constants, with a = exp(-r) and g = (1 - a)/r,
     ``y₁ = a y₀ + (g - a) x₀ + (1 - g) x₁``. Summed as ``y = e⁻ˢ Σ eˢ (…)``, s the time in units
-    of τ, part after part. Takes increasing times t and the time constant τ, s, and x, shape (n,) or
-    (n, m). Of a log in pieces, of which one may begin with samples of the one before, `past` is
-    empty at the first, then as this function leaves it.
+    of τ, part after part.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time, s, increasing.
+    values : ndarray, shape (n,) or (n, m)
+        x.
+    tau : float
+        Time constant τ, s.
+    past : dict, optional
+        Of a log in pieces: empty at the first, then as this function leaves it. A piece may begin
+        with samples of the one before.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
     rest, state = x[:1], 0.0
@@ -89,8 +99,18 @@ def play(values, half_width, t=None, past=None):
     """Return the play operator: what is dragged along by walls `half_width` to either side.
 
     ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Each step is a clamp between two
-    walls, and clamps after clamps are a clamp again, so that all are found by doubling. x has the
-    shape (n,); time and `past` of a log in pieces are as of `first_order_lag`.
+    walls, and clamps after clamps are a clamp again, so that all are found by doubling.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        x.
+    half_width : float
+        w, in the unit of x.
+    t : ndarray, shape (n,), optional
+        Time, s, increasing; with `past`.
+    past : dict, optional
+        As of `first_order_lag`.
 
     References
     ----------
@@ -117,9 +137,18 @@ def fast_part(t, values, period, step=None):
     """Return what is faster than a moving mean that is taken twice.
 
     At a frequency f, ``1 - sinc²(f period)`` of it is left: half at 0.44/period, within 5 % all
-    above 1/period; of what moves evenly, nothing. Takes times, s, channels, shape (n, m), the
-    length of the mean, s, which is that of `_FEWEST` samples at least, and the median step of the
-    whole log, s, of which this is a piece.
+    above 1/period; of what moves evenly, nothing.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time, s, increasing.
+    values : ndarray, shape (n, m)
+        Channels.
+    period : float
+        Length of the mean, s; at least `_FEWEST` samples.
+    step : float, optional
+        Median step of the whole log, s, of which this is a piece.
     """
     if step is None:
         step = usual_step(t) if len(t) > 1 else period

@@ -118,7 +118,17 @@ class SensorCalibration:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The calibration of a device, its accelerometer to local gravity, m/s^2."""
+    """The calibration of a device.
+
+    Attributes
+    ----------
+    device : str
+        Name of the device.
+    gravity : float
+        Local gravity that the accelerometer was calibrated to, m/s^2.
+    accelerometer, gyroscope : SensorCalibration
+        One for each sensor.
+    """
 
     device: str
     gravity: float
@@ -201,10 +211,21 @@ class Calibration:
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the gyroscope's output before its own effects; the
-        gyroscope's see the calibrated specific force. Values are SI, as logged, time in s from the
-        start of the log, temperature in degC or None; for the rest, of accelerometer and gyroscope,
-        see `Channels`. An ImuloopError is raised for values that are not finite where all that were
-        logged are.
+        gyroscope's see the calibrated specific force.
+
+        Parameters
+        ----------
+        f, w : ndarray, shape (n, 3)
+            SI, as logged.
+        t, temperature : ndarray, shape (n,); None without temperature
+            Seconds from the start of the log; degC.
+        pasts, step, held
+            Of accelerometer and gyroscope: see `Channels`.
+
+        Raises
+        ------
+        ImuloopError
+            If a value is not finite, and all that were logged are.
         """
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below

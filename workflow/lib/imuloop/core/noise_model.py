@@ -166,8 +166,14 @@ class AxisNoise:
             + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
         Sinusoids have no density: each has the power :math:`\Omega^2/2` at its frequency. The ramp
-        is deterministic and adds nothing. Frequencies f and the rate r, which matters to
-        quantisation alone, are in Hz.
+        is deterministic and adds nothing.
+
+        Parameters
+        ----------
+        f : array_like
+            Frequencies in Hz, above 0, up to `rate`/2.
+        rate : float
+            Sampling rate r in Hz; only quantisation depends on it.
 
         References
         ----------
@@ -198,9 +204,16 @@ class AxisNoise:
         - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
         - walk from t = 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`, s the earlier time.
 
-        The ramp is deterministic and adds nothing. Times, shape (m,), are in s from the start of
-        the walk, `span` is a length that holds them all; `shared` are their `lags`, where several
-        axes have the same.
+        The ramp is deterministic and adds nothing.
+
+        Parameters
+        ----------
+        t : array_like, shape (m,)
+            Times in s from the start of the walk.
+        span : float
+            Length in s that holds all times; the flicker's level refers to it.
+        shared : tuple of ndarray, optional
+            `lags` of the same times and span, where several axes have them.
         """
         d, d2, logarithm, early2, late = shared or lags(t, span)
         total = (
@@ -221,8 +234,14 @@ class AxisNoise:
         """Return the covariance of the mean output over windows of time, shape (n, n).
 
         The levels of flicker and walk, common to all windows, are the smallest natural ones (see
-        `kernel`, walk from the first window on): they are what a fitted bias absorbs. Windows,
-        shape (n, 2), are in s, in any order; they may touch or overlap. `shared` are their `edges`.
+        `kernel`, walk from the first window on): they are what a fitted bias absorbs.
+
+        Parameters
+        ----------
+        windows : ndarray, shape (n, 2)
+            Start and end of each window in s, in any order; they may touch or overlap.
+        shared : tuple, optional
+            `edges` of the same windows, where several axes have them.
         """
         times, start, end, common = shared or edges(windows)
         k = self.kernel(times, times[-1], common)
@@ -252,7 +271,15 @@ def lags(t, span):
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Noise of a device: an AxisNoise for each of ax, ay, az, gx, gy, gz."""
+    """Noise of the six axes of a device.
+
+    Attributes
+    ----------
+    device : str
+        Name of the device.
+    axes : dict of str to AxisNoise
+        One entry for each of ax, ay, az, gx, gy, gz.
+    """
 
     device: str
     axes: dict[str, AxisNoise]
@@ -280,9 +307,18 @@ class NoiseModel:
     def pose_mean_covariance(self, windows):
         """Return the covariance of the mean outputs over windows of time.
 
-        Of windows as `AxisNoise.mean_covariance` takes them; (m/s^2)^2 for ax, ay, az, then
-        (rad/s)^2 for gx, gy, gz, shape (6, n, n). Coefficients that are not identifiable count as
-        0. The ramp is no random process and is not part of the covariance.
+        Coefficients that are not identifiable count as 0, so a model without any gives zeros.
+        The ramp is no random process and is not part of the covariance.
+
+        Parameters
+        ----------
+        windows : array_like, shape (n, 2)
+            As of `AxisNoise.mean_covariance`.
+
+        Returns
+        -------
+        ndarray, shape (6, n, n)
+            (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):

@@ -16,13 +16,20 @@ PART = 1 << 18
 
 @dataclass(frozen=True)
 class RestLog:
-    """The log of a session at rest; of the outputs only a part is read at a time."""
+    """The log of a session at rest; of the outputs only a part is read at a time.
 
-    # SI, as logged
+    Attributes
+    ----------
+    samples : Samples
+        SI, as logged.
+    t : ndarray, shape (n,)
+        Time, s.
+    temperature : ndarray, shape (n,), or None
+        degC, missing values filled.
+    """
+
     samples: Samples
-    # s, (n,)
     t: np.ndarray
-    # degC, missing values filled, (n,); None where none was logged
     temperature: np.ndarray | None
     _cache: dict = field(default_factory=dict, repr=False)
 
@@ -58,7 +65,12 @@ class RestLog:
     def means(self, at):
         """Return the mean output of each sensor over rows `at`, shape (m, 2), as logged.
 
-        By sensor, (m, 3) each, and whether no sample of the rows lacks a value, (m,).
+        Returns
+        -------
+        dict of str to ndarray, shape (m, 3)
+            By sensor.
+        ndarray of bool, shape (m,)
+            Whether no sample of the rows lacks a value.
         """
         key = at.tobytes()
         if key not in self._cache:

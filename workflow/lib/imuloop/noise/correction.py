@@ -71,8 +71,16 @@ def noise_again(device, data, calibration, found, noise_settings):
 def with_found_noise(model, found, processes, lines=True):
     """Return a NoiseModel with the processes, and lines if wanted, that were found.
 
-    A line that was taken out of the record is noise elsewhere: there its phase is not known. Takes
-    by sensor its FittedEffects, and its Coloured noise with a correlation time if it has any.
+    A line that was taken out of the record is noise elsewhere: there its phase is not known.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        Noise without them.
+    found, processes : dict
+        By sensor its FittedEffects, and its Coloured noise with a correlation time if it has any.
+    lines : bool
+        Whether lines are wanted.
     """
     axes = dict(model.axes)
     for sensor, names in SENSORS.items():

@@ -120,8 +120,14 @@ def fit_curve(tau, variance, spread):
 
     Weights are the inverse of the variance of each point, from the last fit and not from the
     data, which would favour points that came out low. All are 0 where the curve has under eight
-    points or is zero somewhere. Takes averaging times, s, overlapping Allan variance, unit of the
-    axis squared, shape (k,) each, and the CurveVariance of these points.
+    points or is zero somewhere.
+
+    Parameters
+    ----------
+    tau, variance : array_like, shape (k,)
+        Averaging times, s, and overlapping Allan variance, unit of the axis squared.
+    spread : CurveVariance
+        Of the same points.
 
     References
     ----------

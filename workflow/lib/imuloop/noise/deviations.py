@@ -24,8 +24,14 @@ def deviation_variance(name, stretches, factors):
     """Return the total, modified Allan or overlapping Hadamard variance, pooled over stretches.
 
     The total one is without the correction for its bias at long averages under flicker and walk
-    (-24 % and -38 % of the variance at half the record). Arguments and result are as of
-    `imuloop.noise.allan.allan_variance`.
+    (-24 % and -38 % of the variance at half the record).
+
+    Parameters
+    ----------
+    name : {'total', 'modified', 'hadamard'}
+        Which.
+    stretches, factors
+        As `imuloop.noise.allan.allan_variance` takes them; the same unit comes out, shape (k,).
 
     References
     ----------

@@ -28,8 +28,17 @@ def bounding(noise):
 
     Quantisation, flicker, Gauss-Markov processes and the ramp are bounded: the ramp is
     deterministic, but a filter has no state for it and sees a bias that moves. Lines are not: they
-    average out beyond their period, and a walk as large would take a vibration for a bias. Of the
-    AxisNoise both N and K have to be known, or limited; units are its own.
+    average out beyond their period, and a walk as large would take a vibration for a bias.
+
+    Parameters
+    ----------
+    noise : AxisNoise
+        N and K known, or limited.
+
+    Returns
+    -------
+    N, K : float
+        m/s^2/sqrt(Hz) or rad/s/sqrt(Hz), and m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
 
     References
     ----------

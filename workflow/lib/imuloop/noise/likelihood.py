@@ -90,8 +90,17 @@ class Likelihood:
             \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k,
 
         and so is free of the ramp; it compares models with a ramp, not one with and one without.
-        A number holds the ramp there, `fixed`, shape (r,), is a part of the spectrum that is held,
-        `start`, (p,), lies near the maximum.
+
+        Parameters
+        ----------
+        ramp : bool or float
+            Whether a ramp is fitted; a number holds it there.
+        fixed : ndarray, shape (r,), or 0
+            Part of the spectrum that is held.
+        start : ndarray, shape (p,), optional
+            Where to begin, near the maximum.
+        restricted : bool
+            Whether a fitted ramp counts in the restricted likelihood.
 
         References
         ----------

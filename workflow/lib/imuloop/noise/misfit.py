@@ -33,8 +33,14 @@ def misfit(ratio, count, number, terms, level):
     square in the groups around (half a decade to each side) beyond that variance is
     :math:`\epsilon^2`, where that is no chance, shape (g,).
 
-    Takes mean square over the expected one, 1, values behind each row, 0 where it was left out, and
-    its group, (r,) each; the terms that were fitted, and the level of the test of the spectrum.
+    Parameters
+    ----------
+    ratio, count : ndarray, shape (r,)
+        Mean square over the expected one, 1, and values behind each row; 0 where it was left out.
+    number : ndarray of int, shape (r,)
+        Group of each row.
+    terms, level : int and float
+        Terms that were fitted, and level of the test of the whole spectrum.
     """
     n = np.bincount(number, count)
     used = n > 0

@@ -123,19 +123,26 @@ class Modes:
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
     of each mode is exact for every process.
+
+    Attributes
+    ----------
+    span, level : float
+        Longest session, and longest time without a new level, s.
+    frequency, count : ndarray, shape (r,)
+        Of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones.
+    units : ndarray, shape (r, 4)
+        Expected mean squares for unit Q, N, B, K, SI.
+    ramp : ndarray, shape (s,)
+        Amplitudes of the slow modes for a ramp of 1 SI/s.
     """
 
     dt: float
     m: int
-    # longest session, and longest time without a new level, s
     span: float
     level: float
-    # of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones, (r,)
     frequency: np.ndarray
     count: np.ndarray
-    # expected mean squares for unit Q, N, B, K, SI, (r, 4)
     units: np.ndarray
-    # amplitudes of the slow modes for a ramp of 1 SI/s, (s,)
     ramp: np.ndarray
     _samplings: tuple
     _pieces: tuple

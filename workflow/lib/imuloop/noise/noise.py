@@ -21,25 +21,37 @@ from imuloop.noise.statistics import repeatability, summary
 
 @dataclass(frozen=True)
 class NoiseResult:
-    """Result of the noise stage."""
+    """Result of the noise stage.
+
+    Attributes
+    ----------
+    model : NoiseModel
+        Coefficients of the six axes.
+    rate_hz : float or None
+        Sampling rate of the sessions used, Hz.
+    curve_fit, spectrum : dict of str to dict
+        For each axis Q, N, B, K, R of the plain fit to the Allan curve, 0 where not in the fit; and
+        ``misfit`` and ``band_hz`` of its `AxisEstimate`.
+    uncut : dict or None
+        ``seconds`` that were cut and, under ``axes``, the coefficients with them left in.
+    repeatability, statistics : dict
+        See `statistics.repeatability`; for each session used and each axis `statistics.summary`.
+    sessions, notes : tuple of str
+        Sessions behind the coefficients; what a reader of the coefficients must know.
+    allan, views : dict of str to dict of ndarray
+        For each session given the columns of allan.parquet and of views.parquet; without rows where
+        the session was not used.
+    """
 
     model: NoiseModel
-    # of the sessions used
     rate_hz: float | None = None
-    # of each axis Q, N, B, K, R of the plain fit to the Allan curve, 0 where not in the fit
     curve_fit: dict = field(default_factory=dict)
-    # of each axis misfit and band_hz of its AxisEstimate
     spectrum: dict = field(default_factory=dict)
-    # seconds that were cut and, under axes, the coefficients with them left in
     uncut: dict | None = None
-    # of `statistics.repeatability`, and of each session used and each axis `statistics.summary`
     repeatability: dict | None = None
     statistics: dict = field(default_factory=dict)
-    # behind the coefficients, and what a reader of these must know
     sessions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    # of each session given the columns of allan.parquet and of views.parquet; without rows where
-    # the session was not used
     allan: dict = field(default_factory=dict)
     views: dict = field(default_factory=dict)
 
@@ -67,9 +79,21 @@ def no_noise(device, sessions, *notes):
 def estimate_noise(device, sessions, settings, uncut=True, threads=1):
     """Return the NoiseResult of a device's static sessions, else of all its rests.
 
-    One estimate from all clean stretches of all Sessions used; no term is identifiable where there
-    is nothing to fit. Where `uncut`, the coefficients are also estimated with the disturbed
-    stretches left in. Of one axis so many `threads` work at once, which changes no result.
+    One estimate from all clean stretches of all sessions used; no term is identifiable where there
+    is nothing to fit.
+
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    sessions : sequence of Session
+        All; the static ones count or, where none of them holds a rest, the rests of all others.
+    settings : NoiseSettings
+        Averaging times, levels of the tests, other views.
+    uncut : bool
+        Whether the coefficients are also estimated with the disturbed stretches left in.
+    threads : int
+        What is worked on at once, of one axis; results do not depend on it.
     """
     notes = []
     static = static_records(sessions, notes)

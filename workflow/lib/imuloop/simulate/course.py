@@ -27,9 +27,23 @@ def tilted(directions, degrees, rng):
 
 
 def poses(session, rate, rng):
-    """Return the Pieces of a six- or multi-position SessionTruth, and what is up at its start.
+    """Return the pieces of a six- or multi-position session and the direction it starts with.
 
-    That is a direction on body axes, shape (3,). The rate is in Hz.
+    Parameters
+    ----------
+    session : SessionTruth
+        Number and length of rests and moves.
+    rate : float
+        Hz.
+    rng : Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    pieces : list of Piece
+        Rests and moves.
+    up : ndarray, shape (3,)
+        Upward direction on body axes at the start.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
@@ -72,8 +86,9 @@ def at_rest(session, rate, rng):
     """Return the pieces of a static session with its disturbances, and its upward direction.
 
     A knock is a short burst; a tilt a turn about a horizontal axis that lasts; handling is a
-    stretch of wobble, tremor and acceleration that ends in the attitude it began in. Arguments are
-    as of `poses`.
+    stretch of wobble, tremor and acceleration that ends in the attitude it began in.
+
+    Parameters and what is returned are as of `poses`.
 
     Raises
     ------

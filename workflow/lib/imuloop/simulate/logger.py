@@ -6,9 +6,18 @@ from imuloop.core.samples import TIME
 
 
 def lose(log, share, rng, lengths=(1,)):
-    """Return a log without a share of its samples, or less where losses fall together.
+    """Return a log without some of its samples, lost anywhere; the first and last one stay.
 
-    Lost anywhere, one or the other of `lengths` in a row; the first and last sample stay.
+    Parameters
+    ----------
+    log : DataFrame
+        Samples.
+    share : float
+        Of the samples that are lost, 1; less where losses fall together.
+    rng : Generator
+        Source of chance.
+    lengths : sequence of int
+        Samples lost in a row, one or the other.
     """
     keep = np.ones(len(log), dtype=bool)
     for at in rng.integers(0, len(log), round(share * len(log) / np.mean(lengths))):

@@ -19,17 +19,27 @@ TREMOR = (8.0, 12.0)
 
 @dataclass(frozen=True)
 class Motion:
-    """True motion of a session, n samples."""
+    """True motion of a session.
 
-    # s, (n,)
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time, s.
+    attitude : ndarray, shape (n, 4)
+        Quaternions, scalar first, that take body axes to level axes.
+    specific_force : ndarray, shape (n, 3)
+        On body axes, m/s^2.
+    angular_rate : ndarray, shape (n, 3)
+        On body axes, rad/s.
+    rests : DataFrame
+        `start_s`, `end_s` (half-open) and `pose` of each rest; rests that differ only by a turn
+        about the vertical share the number.
+    """
+
     t: np.ndarray
-    # quaternions, scalar first, that take body axes to level axes, (n, 4)
     attitude: np.ndarray
-    # m/s^2 and rad/s, on body axes, (n, 3)
     specific_force: np.ndarray
     angular_rate: np.ndarray
-    # start_s, end_s (half-open) and pose of each; rests that differ only by a turn about the
-    # vertical share the number
     rests: pd.DataFrame
 
 
@@ -58,8 +68,7 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     ``C = exp(v s) exp(m φ) exp(p ψ)``: the turn v with the minimum-jerk course
     ``s = 10τ³ - 15τ⁴ + 6τ⁵`` (Flash & Hogan, J. Neurosci. 5 (1985) 1688), a wobble φ about a
     second axis and a tremor ψ about a third. With each factor ``R = exp(a θ)`` the rate becomes
-    ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out as ``64 τ³(1-τ)³``. The sample after
-    the last one is at rest again.
+    ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out as ``64 τ³(1-τ)³``.
 
     Parameters
     ----------
@@ -68,8 +77,14 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     turn : array_like, shape (3,)
         Rotation vector v of the whole move, rad, on body axes at its start.
     wobble, tremor, shake : float
-        Largest angles φ and ψ, rad, and size of the linear acceleration, m/s^2; their axes, phases
-        and frequencies are drawn by `rng`.
+        Largest angles φ and ψ, rad, and size of the linear acceleration, m/s^2.
+    rng : Generator, optional
+        Source of the axes, phases and frequencies of wobble, tremor and shake.
+
+    Returns
+    -------
+    Piece
+        The move; the sample after its last one is at rest again.
     """
     tau, duration = np.arange(n) / n, n * dt
     fade, fade_rate = 64 * (tau - tau**2) ** 3, 192 * (tau - tau**2) ** 2 * (1 - 2 * tau) / duration
@@ -122,9 +137,21 @@ def hum(n, dt, rms, frequency, rng):
 
 
 def chain(pieces, up, gravity, rate):
-    """Return the Motion of Pieces one after the other, from what is up on body axes at the start.
+    """Return the motion of pieces one after the other.
 
-    Gravity in m/s^2, rate in Hz.
+    Parameters
+    ----------
+    pieces : list of Piece
+        Rests and moves.
+    up : array_like, shape (3,)
+        Upward direction on body axes at the start.
+    gravity, rate : float
+        m/s^2 and Hz.
+
+    Returns
+    -------
+    Motion
+        The whole session.
     """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0

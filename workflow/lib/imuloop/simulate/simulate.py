@@ -39,8 +39,10 @@ def simulate_session(truth, session, seed=None):
 
     Parameters
     ----------
-    truth, session : Truth, str
-        The device, and the name of one of its sessions.
+    truth : Truth
+        The device.
+    session : str
+        Name of one of its sessions.
     seed : int, optional
         In place of the session's own number.
 
@@ -85,7 +87,14 @@ def simulate_session(truth, session, seed=None):
 def write_log(path, log, metadata):
     """Write a raw log as CSV or, for any other ending, as Parquet that says it is simulated.
 
-    The metadata are kept in the Parquet file beside ``"simulated": true``.
+    Parameters
+    ----------
+    path : path-like
+        File to write; ``.csv`` has a header of the columns' names and nothing else.
+    log : DataFrame
+        From `simulate_session`.
+    metadata : dict
+        Kept in the Parquet file beside ``"simulated": true``.
     """
     with replaced(path) as temporary:
         if Path(path).suffix == ".csv":

@@ -47,10 +47,14 @@ def validate_attitude(device, gravity, diagnosed, settings):
 
     Parameters
     ----------
-    device, gravity : str, float
-        Name of the device; m/s^2.
-    diagnosed, settings : Diagnosed, DiagnoseSettings
-        The diagnosis of the device, and its settings.
+    device : str
+        Name of the device.
+    gravity : float
+        m/s^2.
+    diagnosed : Diagnosed
+        The diagnosis of the device.
+    settings : DiagnoseSettings
+        Settings.
 
     Returns
     -------
@@ -127,8 +131,14 @@ def _own(directions, block):
 def _errors(recording, block, models, directions, names):
     """Return the table of errors: of each stretch, those of all methods and models.
 
-    Takes the models of `held_out_models`, gravity's direction at the poses by the final one of each
-    block, (blocks, n, 3), and the names of the sessions.
+    Parameters
+    ----------
+    models : list of dict
+        As of `held_out_models`, a block each.
+    directions : ndarray, shape (blocks, n, 3)
+        Gravity's direction at the poses by the final model of each block.
+    names : list of str
+        Of the sessions.
     """
     found, fed, calibrated, last = [], [], None, None
     for stretch in stretches(recording, block):

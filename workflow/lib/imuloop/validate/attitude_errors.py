@@ -18,8 +18,16 @@ FILTER_STEP = 0.01
 class Stretch:
     """A stretch of a log from a rest, through rotations and rests, to a rest.
 
-    The numbers of its p poses, the time of its samples in s, its samples in the log, and first and
-    last sample of each pose, counted from the first of the stretch.
+    Attributes
+    ----------
+    poses : ndarray of int, shape (p,)
+        Its poses.
+    t : ndarray, shape (k,)
+        Time of its samples, s.
+    piece : slice
+        Its samples in the log.
+    arrive, leave : ndarray of int, shape (p,)
+        First and last sample of each pose, counted from the first of the stretch.
     """
 
     poses: np.ndarray
@@ -55,7 +63,12 @@ def _stretch(recording, index):
 def attitudes(w, t):
     """Return the attitude at each sample, quaternions that take its axes to those at the start.
 
-    Takes angular rate, rad/s, shape (..., k, 3), and time, s, shape (k,).
+    Parameters
+    ----------
+    w : array_like, shape (..., k, 3)
+        Angular rate, rad/s.
+    t : array_like, shape (k,)
+        Time, s.
     """
     turned = prefix_product(exponential(step_vectors(w, np.diff(t))))
     start = np.broadcast_to([1.0, 0, 0, 0], (*turned.shape[:-2], 1, 4))
@@ -70,9 +83,23 @@ def angle(a, b):
 def gyroscope_errors(q, stretch, u):
     """Return the error of gravity's direction that the gyroscope alone carries along.
 
-    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C, shape (..., k, 4), against the direction u at
-    the p rests: from each rest to the first sample of the next, rad, shape (..., p - 1), and from
-    the first rest to the first and the last sample of each of the others, (..., p - 1, 2).
+    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C, against the direction at the rests.
+
+    Parameters
+    ----------
+    q : ndarray, shape (..., k, 4)
+        Attitude at each sample.
+    stretch : Stretch
+        With p poses.
+    u : ndarray, shape (p, 3)
+        Direction of gravity at them.
+
+    Returns
+    -------
+    ndarray, shape (..., p - 1)
+        From each rest to the first sample of the next, rad.
+    ndarray, shape (..., p - 1, 2)
+        From the first rest to the first and the last sample of each of the others, rad.
     """
     arrive, leave = (matrix(q[..., at, :]) for at in (stretch.arrive, stretch.leave))
     fixed = np.einsum("...pij,pj->...pi", leave, u)
@@ -83,12 +110,27 @@ def gyroscope_errors(q, stretch, u):
 
 
 def filter_steps(q, f, stretch):
-    """Return what the filter is fed on a stretch by r models.
+    """Return what the filter is fed on a stretch.
 
-    Of attitude q, (r, k, 4), and specific force, (r, k, 3): matrices that take a fixed direction
-    from the axes before each of s steps to those after it, (s, r, 3, 3); the direction of specific
-    force, mean of the step, (s, r, 3); the steps of time, s; and the steps after which the filter
-    is at the first and at the last sample of each pose but the first, (p - 1, 2).
+    Parameters
+    ----------
+    q : ndarray, shape (r, k, 4)
+        Attitude at each sample, of r models.
+    f : ndarray, shape (r, k, 3)
+        Specific force, m/s^2.
+    stretch : Stretch
+        Its time, and the samples at which an error is wanted.
+
+    Returns
+    -------
+    ndarray, shape (s, r, 3, 3)
+        Matrix that takes a fixed direction from the axes before a step to those after it.
+    ndarray, shape (s, r, 3)
+        Direction of specific force, mean of the step.
+    ndarray, shape (s,)
+        Time steps, s.
+    ndarray of int, shape (p - 1, 2)
+        Step after which the filter is at the first and at the last sample of a pose.
     """
     t = stretch.t
     wanted = np.column_stack([stretch.arrive, stretch.leave])[1:]
@@ -107,9 +149,15 @@ def filter_steps(q, f, stretch):
 def filter_errors(fed):
     """Return the error of gravity's direction by the filter on several stretches, run at once.
 
-    Takes what `filter_steps` gives of each, and the direction of gravity at its poses. Of each
-    stretch the error at the first and the last sample of each pose but the first, rad,
-    (r, p - 1, 2).
+    Parameters
+    ----------
+    fed : list of tuple
+        For each stretch what `filter_steps` returns, and the direction of gravity at its poses.
+
+    Returns
+    -------
+    list of ndarray, shape (r, p - 1, 2)
+        Of each model at the first and the last sample of each pose but the first, rad.
     """
     longest, models = max(len(dt) for _, _, dt, *_ in fed), fed[0][0].shape[1]
     # a stretch that is over stands still
@@ -132,9 +180,23 @@ def mahony(turns, force, steps, start):
 
         v̇ = v × (w - β + k_P σ),   β̇ = -k_I σ
 
-    the turn by w - β is taken first, then the correction. Takes turns, directions of specific force
-    and steps of time as of `filter_steps`, of filters that run beside each other, and the direction
-    to start from, (..., 3); gives that after each step, (s, ..., 3).
+    the turn by w - β is taken first, then the correction.
+
+    Parameters
+    ----------
+    turns : ndarray, shape (s, ..., 3, 3)
+        Turn of each step, of filters that run beside each other.
+    force : ndarray, shape (s, ..., 3)
+        Direction of specific force.
+    steps : ndarray, shape (s, ...)
+        Time steps, s.
+    start : ndarray, shape (..., 3)
+        Direction to start from.
+
+    Returns
+    -------
+    ndarray, shape (s, ..., 3)
+        Direction after each step.
 
     References
     ----------
