@@ -79,7 +79,7 @@ def test_a_device_is_answered_in_a_line(summaries):
     said = {sensor: (verdict, words) for sensor, verdict, words in summaries["still"]["answers"]}
     assert said["gyroscope"][0] == "partly_explained"
     assert said["gyroscope"][1].startswith("at rest better with bias temperature corrected")
-    assert said["gyroscope"][1].endswith("no poses to test it")
+    assert said["gyroscope"][1].endswith("not tested at poses")
     assert [verdict for _, verdict, _ in summaries["nothing"]["answers"]] == ["not_testable"] * 2
     assert answers({}) == [
         (sensor, "not_testable", "not testable: no recording of this kind")

@@ -246,7 +246,7 @@ def answers(diagnosis):
         if not tested:
             words = f"not testable: {poses['why']}"
         elif poses["verdict"] == "not_testable":
-            words = f"at rest {_words(still)}; no poses to test it"
+            words = f"at rest {_words(still)}; not tested at poses"
         else:
             words = _words(poses)
             if still["verdict"] not in ("consistent", "not_testable"):
