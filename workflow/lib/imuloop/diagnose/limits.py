@@ -23,7 +23,7 @@ LARGEST, STEP = 16.0, 2.0
 BETWEEN = 1.3**3**-0.5
 # what changes with time changes at a log's first rest too, where its noise was estimated larger for
 # it; so much larger are limits in such logs than those of drawn records, as the study measured
-OWN_REST = 1.15
+OWN_REST = 1.10
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
