@@ -8,7 +8,8 @@ from imuloop.core.effect import effect_design
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T12", "K0", "K1", "K2", "b0", "b1", "b2")
-_UPPER = ((0, 0, 1), (1, 2, 2))
+# rows and columns of T that are estimated
+UPPER = ((0, 0, 1), (1, 2, 2))
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,22 @@ class AccelerometerModel:
         norm = np.linalg.norm(force, axis=1)
         u = force / norm[:, None]
         along = u @ T
-        rows, columns = _UPPER
+        rows, columns = UPPER
         of_effects = -np.einsum("ni,nip->np", along, self.design)
         parts = [u[:, rows] * output[:, columns], along * (self.y - b), -along * K, of_effects]
         return norm - self.gravity, np.concatenate(parts, axis=1)
+
+    def derivative(self, x):
+        """Return the derivative of calibrated specific force, shape (n, 3, 9 + p)."""
+        T, K, b = unpack(x)
+        output = self._output(x)
+        found = np.zeros((len(self.y), 3, len(x)))
+        for k, (row, column) in enumerate(zip(*UPPER, strict=True)):
+            found[:, row, k] = output[:, column]
+        found[:, :, 3:6] = T * (self.y - b)[:, None]
+        found[:, :, 6:9] = -T * K
+        found[:, :, 9:] = -T @ self.design
+        return found
 
     def covariance(self, x, means):
         """Return the residuals' covariance, (n, n), from that of the means, (3, n, n)."""
@@ -61,7 +74,7 @@ class AccelerometerModel:
 def unpack(x):
     """Return T (3, 3), K (3,) and b (3,) of the parameters in the order of `NAMES`."""
     T = np.eye(3)
-    T[_UPPER] = x[:3]
+    T[UPPER] = x[:3]
     return T, x[3:6], x[6:9]
 
 

@@ -38,6 +38,8 @@ class AttitudePath:
     # C at the middle of each step, (m, k - 1, 3, 3), and the steps, s
     middle: np.ndarray
     steps: np.ndarray
+    # quaternions of C after each step, (m, k - 1, 4)
+    after: np.ndarray
     # covariance that the time stamps add, on axes at the start, rad², (m, 3, 3)
     added: np.ndarray | None
 
@@ -94,8 +96,7 @@ class GyroscopeModel:
 
     def _path(self, x):
         T, K, b = unpack(x)
-        rotations, m = self.rotations, len(self.rotations)
-        dt = rotations.steps[..., None]
+        rotations = self.rotations
         raw = rotations.w - b
         effects = self.rotation_design @ x[12:] + self.rotation_known
         rates = (K * raw - effects) @ T.T
@@ -104,22 +105,33 @@ class GyroscopeModel:
         # the middle of a step is half a step back from its end
         half[..., 1:] *= -1
         middle = matrix(multiply(after, half))
-        # moments of the attitude with what each step turns by: entry of C, axis
-        steps = middle.shape[1]
+        turn, mean = self.summed(middle, x)
+        return AttitudePath(
+            matrix(after[:, -1]), turn, mean, middle, rotations.steps, after, self._added(middle)
+        )
+
+    def summed(self, middle, x):
+        """Return ``∫ A (dw/dx) dt`` and ``∫ A dt`` of matrices A in the middle of each step.
+
+        Takes (m, k - 1, 3, 3); gives (m, 3, 12 + p) and (m, 3, 3).
+        """
+        T, K, b = unpack(x)
+        (m, steps), dt = middle.shape[:2], self.rotations.steps[..., None]
+        raw = self.rotations.w - b
+        effects = self.rotation_design @ x[12:] + self.rotation_known
+        # moments of A with what each step turns by: entry of A, axis
         entries = middle.reshape(m, steps, 9).swapaxes(1, 2)
         of_raw = (entries @ (midpoints(raw) * dt)).reshape(m, 3, 3, 3)
         of_effects = (entries @ (midpoints(effects) * dt)).reshape(m, 3, 3, 3)
         mean = (entries @ dt).reshape(m, 3, 3)
-        turn = np.zeros((m, 3, len(x)))
-        turn[:, :, :6] = (K * of_raw - of_effects)[:, :, *_OFF_DIAGONAL]
-        turn[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
-        turn[:, :, 9:12] = -mean @ (T * K)
+        found = np.zeros((m, 3, len(x)))
+        found[:, :, :6] = (K * of_raw - of_effects)[:, :, *_OFF_DIAGONAL]
+        found[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
+        found[:, :, 9:12] = -mean @ (T * K)
         if len(x) > 12:
             seen = (middle @ T).swapaxes(1, 2).reshape(m, 3, 3 * steps)
-            turn[:, :, 12:] = -seen @ self._design_steps
-        return AttitudePath(
-            matrix(after[:, -1]), turn, mean, middle, rotations.steps, self._added(middle)
-        )
+            found[:, :, 12:] = -seen @ self._design_steps
+        return found, mean
 
     def _added(self, middle):
         """Return the covariance that time stamps add, each error turned by the attitude there."""

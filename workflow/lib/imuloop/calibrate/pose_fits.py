@@ -72,10 +72,10 @@ class SensorPoses:
         """Return the model of any recording about a solution, with more effects."""
         return self.model_at(solution.fit.x, recording, (*solution.effects, *shapes))
 
-    def covariance(self, solution, recording, noise=None):
-        """Return the covariance of the residuals of any recording, by a noise model."""
+    def covariances(self, solution, recording):
+        """Return what gives the covariance of the residuals of a recording by a noise model."""
         model = self.model(solution, recording)
-        return self.covariance_at(solution.fit.x, model, recording, noise or self.noise)
+        return partial(self.covariance_at, solution.fit.x, model, recording)
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,7 @@ class AccelerometerPoses(SensorPoses):
     unit: RawUnit
     settings: CalibrateSettings
     sensor = "accelerometer"
+    axes = ACCELERATION
     names = accelerometer.NAMES
     # kinds of residuals: SI unit and components
     kinds: ClassVar = {"gravity_norm": ("m/s^2", 1)}
@@ -186,6 +187,7 @@ class GyroscopePoses(SensorPoses):
     settings: CalibrateSettings
     bias: tuple[np.ndarray, np.ndarray] | None = None
     sensor = "gyroscope"
+    axes = ANGULAR_RATE
     names = gyroscope.NAMES
     kinds: ClassVar = {"pose_rate": ("rad/s", 3), "rotation": ("rad", 2)}
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
+# constants that lie between those of the shapes
+FINE = ("tau", "half_width")
 # SI unit of each sensor's output
 _OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
@@ -100,9 +102,9 @@ class Effect:
     needs : tuple of str
         Channels without which it cannot be seen: ``temperature``, ``run``.
     records : tuple of str
-        The data in which it is looked for: ``poses``, ``static_record``.
+        The data in which it is looked for: ``poses``, ``static_record``, ``motion``.
     unobservable : str or None
-        Why data from rest to rest cannot show it, if so.
+        Why other data than its `records` cannot show it, if so.
     limit : float
         Largest size of a parameter that is physically possible, SI.
     timed : bool
@@ -140,6 +142,11 @@ class Effect:
         # a parameter that an axis does not have is zero there
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
+    def moved(self, factor):
+        """Return the effect whose time constant, or width, is some times as large."""
+        constants = [n for n in FINE if hasattr(self, n)]
+        return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
+
     def together(self, name):
         """Return which parameters a detection limit takes to be as large as one, itself too."""
         return (name,)
@@ -162,6 +169,32 @@ class Effect:
     def design(self, channels):
         """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
+
+
+@dataclass(frozen=True)
+class OfSensor:
+    """An effect of one of two sensors that are fitted together, and may both have it."""
+
+    effect: Effect
+    sensor: str
+
+    @property
+    def sensors(self):
+        """The sensor alone."""
+        return (self.sensor,)
+
+    @property
+    def parameters(self):
+        """Names and units of the effect."""
+        return self.effect.parameters
+
+    def moved(self, factor):
+        """Return the same of the effect that is moved."""
+        return replace(self, effect=self.effect.moved(factor))
+
+    def design(self, channels):
+        """Return the derivative of the effect."""
+        return self.effect.design(channels)
 
 
 def find_effect(name):

@@ -166,6 +166,15 @@ def _mean_about(values, size):
     return (sums[size:] - sums[:-size]) / size + centre
 
 
+def slope(t, values):
+    """Return the rate of change of values, (n, m), by the parabola through each and its neighbours.
+
+    A central difference: of a sine of frequency f it gives ``sinc(2 f Δt)``, 98 % at a twentieth of
+    the sampling rate. Zero of a single sample.
+    """
+    return np.gradient(values, t, axis=0) if len(t) > 1 else np.zeros_like(values)
+
+
 def moving_mean(t, values, width):
     """Return the mean of values, (n, m), over the last `width` s, fewer at the log's start."""
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])

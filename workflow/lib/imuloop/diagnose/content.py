@@ -14,7 +14,8 @@ from imuloop.diagnose.verdict import above_floor, unseen
 def search_content(sensor, choices, fitted, others, probes):
     """Return the contract's fields on what was looked for and found.
 
-    `fitted` are the effects that the choices added, `others` status and reason of what cannot be
+    `sensor` is None where effects of both are looked for, each of the first that it names. `fitted`
+    are the effects that the choices added, `others` status and reason of what cannot be
     tried, `probes` as of `correlates`.
     """
     problem, choice = choices.problem, choices.choice()
@@ -22,7 +23,7 @@ def search_content(sensor, choices, fitted, others, probes):
         "effects": [
             {
                 **effect.to_dict(),
-                "units": effect.effect.units(sensor),
+                "units": effect.effect.units(sensor or effect.effect.sensors[0]),
                 "p_value": own.trial.p_value,
                 "residual": own.kind,
                 "heldout_before": size_of(problem, own.kind, own.before),
@@ -95,7 +96,7 @@ def _candidate(sensor, choices, cls):
     elif _by_slow_noise(search, before, trial):
         why = "slow noise that these data do not exclude could look the same"
     limits = detection_limits(search, before, trial, problem.settings.power)
-    units, passed = trial.effect.units(sensor), cls in choice.failed
+    units, passed = trial.effect.units(sensor or cls.sensors[0]), cls in choice.failed
     if status == "rejected" and not passed and (hidden := unseen(cls, limits, units)):
         status, why, limits = "not_observable", hidden, None
     elif not limits:

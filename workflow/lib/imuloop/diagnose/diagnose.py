@@ -20,6 +20,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
+from imuloop.diagnose.records.motion import diagnose_motion
 from imuloop.diagnose.records.pose_diagnosis import (
     diagnose_poses,
     directions_without,
@@ -32,6 +33,8 @@ from imuloop.diagnose.verdict import not_testable
 
 # version of the JSON file
 FORMAT = 1
+# kinds of records that it has of a sensor
+RECORDS = ("poses", "static_record", "motion")
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,8 @@ def diagnose_device(
     for each in found.values():
         if "why" in each.content:
             each.content["why"] = with_sessions(each.content["why"], sessions)
+    pair = [(m, each.solution) for m, each in ((force_model, force), (turn_model, turn))]
+    motion = diagnose_motion(*pair, recording, settings, tests, shown)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
     anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
@@ -138,19 +143,23 @@ def diagnose_device(
             for sensor, solution in solutions.items()
         },
     )
+    final = replace(final, **motion.calibrations)
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, kind)]
         for kind in ("multi_position", "six_position")
     )
-    residuals = force.residuals | turn.residuals
+    residuals = force.residuals | turn.residuals | motion.residuals
     # with the effects of the rotations alone: those at rest may need what is not logged here
     turned = turn.solution.calibration if turn.solution else base.gyroscope
     seen_force = calibrated_force(turn_model.accelerometer, recording, noise)
     # the six faces are not diagnosed
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
     return Diagnosed(
-        _content(device, {s: (found[s].content, still.content[s]) for s in SENSORS}),
+        _content(
+            device,
+            {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS},
+        ),
         final,
         still.allan,
         dict(zip(SENSORS, (force_model, turn_model), strict=True)),
@@ -169,14 +178,13 @@ def diagnose_device(
 
 def undiagnosed(device, why):
     """Return the content of diagnosis.json where nothing could be tested, with the reason."""
-    return _content(device, dict.fromkeys(SENSORS, (not_testable(why), not_testable(why))))
+    return _content(device, dict.fromkeys(SENSORS, (not_testable(why),) * len(RECORDS)))
 
 
 def _content(device, blocks):
-    """Return the content of diagnosis.json of each sensor's poses and static record."""
+    """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`."""
     sensors = {
-        sensor: {"poses": poses, "static_record": static}
-        for sensor, (poses, static) in blocks.items()
+        sensor: dict(zip(RECORDS, contents, strict=True)) for sensor, contents in blocks.items()
     }
     return {"format": FORMAT, "device": device, "sensors": sensors}
 
@@ -230,7 +238,14 @@ def as_seen(calibration, solutions, recording, static, noise):
             recording.rotation_channels("gyroscope", turn.output, f.rotations),
         ]
 
+    along = []
+    if any("motion" in e.effect.records for e in force.effects):
+        rate = turn.output(recording.rotations.w)
+        along = [recording.rotation_channels("accelerometer", force.output, rate)]
+
     def held(sensor, effect):
+        if sensor == "accelerometer" and "motion" in effect.effect.records:
+            return effect.held_to(along)
         at_rest = effect.name in [each.name for each in static[1][sensor]]
         records = [r.channels for r in static[0][sensor]] if at_rest else []
         return effect.held_to(poses[sensor] + records)

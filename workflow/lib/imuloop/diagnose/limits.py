@@ -10,7 +10,6 @@ from scipy.special import ndtr, ndtri
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.p_values import averaged_log_p
 from imuloop.diagnose.residuals import held_out_operator
-from imuloop.diagnose.search import moved
 from imuloop.diagnose.verdict import MARGIN
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
@@ -59,7 +58,7 @@ def detection_limits(search, base, trial, power, kept=True):
         By parameter; parameters that no axis shows, or at no size, are left out.
     """
     training, limits, names = search.training(base), {}, list(trial.effect.parameters)
-    effects = base, trial.effects, (moved(trial.effect, BETWEEN),)
+    effects = base, trial.effects, (trial.effect.moved(BETWEEN),)
     pattern, added = training.evidence.patterns((*effects[1], *effects[2]))
     threshold = search.threshold(len(base)) - trial.tries
     rules = {"axes": trial.axes, "threshold": threshold, "kept": kept}

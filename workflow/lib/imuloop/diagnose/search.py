@@ -14,13 +14,7 @@ from imuloop.diagnose.p_values import log_p_values
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
 # constants that lie between those of the shapes: moved by these factors, one after the other
-FINE, FACTORS = ("tau", "half_width"), (1.4, 1.2, 1.1, 1.05, 1.02)
-
-
-def moved(effect, factor):
-    """Return an effect whose time constant, or width, is some times as large."""
-    constants = [n for n in FINE if hasattr(effect, n)]
-    return replace(effect, **{n: float(factor * getattr(effect, n)) for n in constants})
+FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
 @dataclass(frozen=True)
@@ -253,12 +247,12 @@ class Search:
         for i, effect in enumerate(base):
             others = base[:i] + base[i + 1 :]
             # about one fit, and so by one noise, whatever the constants
-            fits = self._beside_on_axes(others, effect) if moved(effect, 2.0) != effect else [None]
+            fits = self._beside_on_axes(others, effect) if effect.moved(2.0) != effect else [None]
             if not all(fits):
                 continue
             points = [self.training(others).point(fit) for fit in fits]
             for factor in FACTORS:
-                near = [moved(effect, f) for f in (1.0, 1 / factor, factor)]
+                near = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
                 each = [zip(self._beside_on_axes(others, e), points, strict=True) for e in near]
                 spent = [sum(f.spent[h] if f else np.inf for f, h in own) for own in each]
                 effect = near[int(np.argmin(np.round(spent, 6)))]

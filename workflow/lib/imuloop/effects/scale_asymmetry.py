@@ -19,7 +19,7 @@ class ScaleAsymmetry(Effect):
     parameters = per_axis({"sa": "1"})
     equation = "e_i = sa_i abs(y_i)"
     reference = "IEEE Std 528-2001, asymmetry error"
-    records = ("poses",)
+    records = ("poses", "motion")
 
     def design(self, channels):
         """Return the size of each axis' output, shape (n, 3, 3)."""

@@ -17,7 +17,7 @@ class ScaleNonlinearity(Effect):
     parameters = per_axis({"s2": "rad/s per (rad/s)^2", "s3": "rad/s per (rad/s)^3"})
     equation = "e_i = s2_i y_i² + s3_i y_i³"
     reference = "IEEE Std 528-2001, nonlinearity"
-    records = ("poses",)
+    records = ("poses", "motion")
 
     def design(self, channels):
         """Return the powers of each axis' output, shape (n, 3, 6)."""

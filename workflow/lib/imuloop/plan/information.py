@@ -66,6 +66,6 @@ class Information:
 def _of_recording(model, solution, recording):
     """Return ``Jᵀ Σ⁻¹ J`` of a recording about a solution, shape (p, p)."""
     _, jacobian = residuals(model.model(solution, recording), solution.fit.x)
-    root = cholesky(model.covariance(solution, recording), lower=True)
+    root = cholesky(model.covariances(solution, recording)(model.noise), lower=True)
     white = solve_triangular(root, jacobian, lower=True)
     return white.T @ white

@@ -56,6 +56,8 @@ _NEXT = {
     "pose_variance": "Lay the device down instead of holding it, on something heavy and away from "
     "fans.",
     "previous_pose": "Wait longer after each turn, and take the same attitudes in another order.",
+    "knock": "Low-pass the accelerometer below half the rate of the log, and set the device down "
+    "softly: a knock between two samples is velocity that nobody sees.",
     "rotation_speed": "Turn at varied speeds, in both senses about every axis, and check the full "
     "scale and the rate of the log.",
 }

@@ -160,7 +160,7 @@ def _part(device, sensor, part, block):
         # with which the sentence begins
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block),
-        "poses": residual_pictures(device, sensor, block) if part == "poses" else [],
+        "poses": residual_pictures(device, sensor, block) if part != "static_record" else [],
         "bias": bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
         "allan": allan,

@@ -9,7 +9,7 @@ from imuloop.export.exported import UNITS, for_filter
 from imuloop.report.figures.allan import curve
 from imuloop.report.numbers import sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
-from imuloop.report.verdict import PARTS, answers, block_of, quoted, sentence
+from imuloop.report.verdict import BOTH, answers, block_of, blocks, quoted, sentence
 
 # version of the JSON file
 FORMAT = 1
@@ -54,9 +54,9 @@ def summarise(device, steps=()):
         },
         "verdicts": {
             sensor: {
-                part: {"verdict": block["verdict"], "sentence": sentence(sensor, block)}
-                for part in PARTS
-                for block in [block_of(device.diagnosis, sensor, part)]
+                part: {"verdict": block["verdict"], "sentence": sentence(of, block)}
+                for of, part, block in blocks(device.diagnosis)
+                if of in (sensor, BOTH)
             }
             for sensor in SENSORS
         },

@@ -34,11 +34,19 @@ PERCENT = Display("%", 1e2)
 MILLIRADIAN = Display("mrad", 1e3)
 
 # of a residual, by its SI unit
-RESIDUAL = {"m/s^2": MILLI_G, "rad/s": DEGREE_PER_SECOND, "rad": DEGREES}
+RESIDUAL = {
+    "m/s^2": MILLI_G,
+    "rad/s": DEGREE_PER_SECOND,
+    "rad": DEGREES,
+    "m/s": Display("mm/s", 1e3),
+}
 # of an effect's parameter, by its SI unit; what is not here is shown in SI
 _DATA_SHEET = {
     "1": Display("ppm", 1e6),
     "1 per K": Display("ppm/K", 1e6),
+    "m": Display("mm", 1e3),
+    "s": Display("ms", 1e3),
+    "m/s^2 per rad/s": Display("mm/s² per rad/s", 1e3),
     "m/s^2": MILLI_G,
     "m/s^2 per K": Display("mg/K", _MILLI_G),
     "m/s^2 per K^2": Display("mg/K²", _MILLI_G),

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.special import chdtr
 
+from imuloop.core.samples import SENSORS
 from imuloop.report.numbers import joined, missing, number, p_text, percent
 from imuloop.report.units import RESIDUAL
 
@@ -14,12 +15,16 @@ WORDS = {
     "unexplained": "unexplained",
     "not_testable": "not testable",
 }
-PARTS = {"poses": "poses", "static_record": "static record"}
+PARTS = {"poses": "poses", "static_record": "static record", "motion": "motion"}
+# whose velocity it is
+BOTH = "both sensors"
 RESIDUAL_WORDS = {
     "gravity_norm": "error of gravity's magnitude",
     "pose_rate": "angular rate left at rest",
     "rotation": "error of gravity's direction after a rotation",
     "bias": "wander of the bias",
+    "velocity_vertical": "vertical velocity at the end of a move",
+    "velocity_horizontal": "horizontal velocity at the end of a move",
 }
 # what a residual that is left is compared with
 CORRELATES = {
@@ -32,6 +37,9 @@ CORRELATES = {
     "pose_variance": "unrest of the samples (variance)",
     "previous_pose": "attitude of the pose before",
     "rotation_speed": "speed of the turn",
+    "rotation_angle": "angle of the turn",
+    "duration": "duration of the move",
+    "knock": "knock between two samples",
 }
 # those that have no article
 CHANNELS = ("time", "temperature")
@@ -59,19 +67,31 @@ UNTESTED = {
     "residuals": {},
 }
 # the residual that a verdict quotes, the one a user feels first
-QUOTED = {"accelerometer": ("gravity_norm",), "gyroscope": ("rotation", "pose_rate")}
+QUOTED = {
+    "accelerometer": ("gravity_norm",),
+    "gyroscope": ("rotation", "pose_rate"),
+    BOTH: ("velocity_vertical",),
+}
 
 
 def block_of(diagnosis, sensor, part="poses"):
-    """Return the diagnosis of a sensor's poses or static record."""
+    """Return the diagnosis of a sensor in one kind of record."""
     return diagnosis.get("sensors", {}).get(sensor, {}).get(part) or UNTESTED
+
+
+def motion_of(diagnosis):
+    """Return the diagnosis of both sensors in motion, which have the residuals in common."""
+    force, turn = (block_of(diagnosis, sensor, "motion") for sensor in SENSORS)
+    both = {key: [*force[key], *turn[key]] for key in ("effects", "candidates")}
+    # what is given to one sensor is none of the other's
+    named = {c["name"]: c for c in reversed(both["candidates"])}
+    return force | both | {"candidates": list(reversed(named.values()))}
 
 
 def blocks(diagnosis):
     """Return every part of a diagnosis: (sensor, part, content)."""
-    return [
-        (sensor, part, block_of(diagnosis, sensor, part)) for sensor in QUOTED for part in PARTS
-    ]
+    own = [(s, p, block_of(diagnosis, s, p)) for s in SENSORS for p in ("poses", "static_record")]
+    return [*own, (BOTH, "motion", motion_of(diagnosis))]
 
 
 def quoted(sensor, block):
@@ -240,8 +260,9 @@ def answers(diagnosis):
     where there are no poses.
     """
     said = []
-    for sensor in QUOTED:
-        poses, still = (block_of(diagnosis, sensor, part) for part in PARTS)
+    motion = motion_of(diagnosis)
+    for sensor in SENSORS:
+        poses, still = (block_of(diagnosis, sensor, part) for part in ("poses", "static_record"))
         tested = [b["verdict"] for b in (poses, still) if b["verdict"] != "not_testable"]
         if not tested:
             words = f"not testable: {poses['why']}"
@@ -251,6 +272,8 @@ def answers(diagnosis):
             words = _words(poses)
             if still["verdict"] not in ("consistent", "not_testable"):
                 words += f"; at rest {_words(still)}"
+            if motion["effects"] and sensor == "gyroscope":
+                words += f"; in motion both are {_words(motion)}"
         said.append((sensor, max(tested, key=rank, default="not_testable"), words))
     return said
 

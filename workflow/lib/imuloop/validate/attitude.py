@@ -217,5 +217,7 @@ def _rotation_floor(turn, whole, recording, block):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
     ends, kind = turn.rows(recording)
-    covariance = held_out_covariance(turn.covariance(whole, recording), jacobian, block[ends])
+    covariance = held_out_covariance(
+        turn.covariances(whole, recording)(turn.noise), jacobian, block[ends]
+    )
     return np.sqrt(2 * np.diag(covariance)[kind == 1].mean())

@@ -98,23 +98,42 @@ def directions_without(choices, out, searched):
 def _diagnosed(choices):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, added = choices.problem, choices.choice().base
+    sensor, solution = problem.sensor, _final_solution(problem, added)
+    judged, residuals = judged_residuals(choices, sensor.kinds, KINDS)
+    others = pose_candidates(sensor.sensor, problem.recording)[1]
+    others = {cls: why for cls, why in others.items() if cls not in set(map(type, problem.found))}
+    fitted = solution.calibration.effects[len(problem.found) :]
+    content = {**judged, **search_content(sensor.sensor, choices, fitted, others, _probes(problem))}
+    content["candidates"] += [
+        untried(e.name, "added", "found in the static record") for e in problem.found
+    ]
+    return PoseResult(content, solution, choices, residuals)
+
+
+def judged_residuals(choices, kinds, count):
+    """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
+
+    Of some kinds of residual, `count` of which share the significance: the contract's fields, and
+    the columns of `residual_columns`.
+    """
+    problem, added = choices.problem, choices.choice().base
     sensor, settings = problem.sensor, problem.settings
     errors = choices.following(()), choices.errors(choices.nested)
     base, final = problem.linearized(), problem.linearized(added)
     # the noise is as likely as the fit with the effects has it
     (_, judged_base), (weights, judged_final) = (
-        _judged(problem, *side) for side in zip((base, final), errors, strict=True)
+        _judged(problem, kinds, *side) for side in zip((base, final), errors, strict=True)
     )
     floors = [
         np.diag(held_out_covariance(c, base.jacobian, problem.ends))[:, None]
         for _, c in final.alternatives
     ]
     floor = np.tensordot(weights, floors, 1)
-    solution = _final_solution(problem, added)
-    share = settings.significance / KINDS / settings.family
+    share = settings.significance / count / settings.family
     residuals, above, slow = {}, (False, False), False
-    for k, (kind, (unit, _)) in enumerate(sensor.kinds.items()):
-        rows, judged = problem.of_kind(kind), (judged_base[k], judged_final[k])
+    for k, kind in enumerate(kinds):
+        unit, rows = sensor.kinds[kind][0], problem.of_kind(kind)
+        judged = judged_base[k], judged_final[k]
         entry, found = residual_entry(
             problem, kind, unit, rows, judged, errors, floor, share, bool(added)
         )
@@ -126,21 +145,14 @@ def _diagnosed(choices):
             "in_sample_before": size_of(problem, kind, base.values[rows][:, None]),
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
         }
-    _, others = pose_candidates(sensor.sensor, problem.recording)
-    others = {cls: why for cls, why in others.items() if cls not in set(map(type, problem.found))}
-    fitted = solution.calibration.effects[len(problem.found) :]
-    content = {
+    found = {
         "verdict": verdict(*above, added),
         "slow_noise": bool(slow and not above[1]),
         "residuals": residuals,
-        **search_content(sensor.sensor, choices, fitted, others, _probes(problem)),
     }
-    content["candidates"] += [
-        untried(e.name, "added", "found in the static record") for e in problem.found
-    ]
     # what is left of a residual has its sign
     left = (*(-each[:, 0] for each in errors), base.values, final.values)
-    return PoseResult(content, solution, choices, residual_columns(problem, left, floor[:, 0]))
+    return found, residual_columns(problem, kinds, left, floor[:, 0])
 
 
 def _final_solution(problem, base):
@@ -150,9 +162,9 @@ def _final_solution(problem, base):
     return replace(solution, calibration=calibration)
 
 
-def _judged(problem, about, errors):
-    """Return what `judge` does of the residuals about a fit and of held-out errors."""
-    groups = problem.groups()
+def _judged(problem, kinds, about, errors):
+    """Return what `judge` does of some kinds of residuals about a fit and of held-out errors."""
+    groups = [problem.of_kind(kind) for kind in kinds]
     alternatives = [
         (prior, [(about.values, covariance, about.jacobian, problem.ends, groups)])
         for prior, covariance in about.alternatives

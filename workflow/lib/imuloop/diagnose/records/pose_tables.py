@@ -8,7 +8,13 @@ from imuloop.core.samples import CHANNELS, TEMPERATURE
 # errors of a residual: held out and in the fit, without the added effects and with them
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")
 # names of its components: of a pose on the sensor's axes, of a move square to gravity
-COMPONENTS = {"gravity_norm": "", "pose_rate": "xyz", "rotation": "12"}
+COMPONENTS = {
+    "gravity_norm": "",
+    "pose_rate": "xyz",
+    "rotation": "12",
+    "velocity_vertical": "",
+    "velocity_horizontal": "12",
+}
 
 
 def _of_residual(kind):
@@ -20,20 +26,24 @@ def _of_residual(kind):
 # columns of poses.parquet and of moves.parquet, with their type
 _PLACE = {"session": object, "pose": int, "start_s": float, "end_s": float}
 _OF_POSE = (*CHANNELS, TEMPERATURE, *_of_residual("gravity_norm"), *_of_residual("pose_rate"))
-_OF_MOVE = ("angle_rad", "speed_rad_s", "axis_x", "axis_y", "axis_z", *_of_residual("rotation"))
+_VELOCITY = (*_of_residual("velocity_vertical"), *_of_residual("velocity_horizontal"))
+_OF_MOVE = (
+    "angle_rad", "speed_rad_s", "axis_x", "axis_y", "axis_z", *_of_residual("rotation"),
+    "knock_m_s", *_VELOCITY,
+)  # fmt: skip
 POSES = _PLACE | dict.fromkeys(_OF_POSE, float)
 MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 
-def residual_columns(problem, errors, floor):
-    """Return the columns of a sensor's residuals, a row per pose or move, SI.
+def residual_columns(problem, kinds, errors, floor):
+    """Return the columns of some kinds of residuals, a row per pose or move, SI.
 
     `errors`, (N,) each, are in the order of `ERRORS`; `floor`, (N,), is the variance that the noise
     alone gives to those held out.
     """
     found = {}
-    for kind, (_, k) in problem.sensor.kinds.items():
-        rows = problem.of_kind(kind)
+    for kind in kinds:
+        rows, k = problem.of_kind(kind), problem.components(kind)
         columns = []
         for error in errors:
             parts = error[rows].reshape(-1, k).T

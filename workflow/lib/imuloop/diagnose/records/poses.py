@@ -9,9 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from imuloop.calibrate.pose_fits import residuals
-from imuloop.core.samples import SENSORS
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
-from imuloop.diagnose.search import moved
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training import ABSORBED
 from imuloop.diagnose.variance import Part, likely_sizes, total
@@ -46,7 +44,8 @@ class PoseProblem:
     shapes: dict  # tuple of the shapes of each effect to try, by type
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
-    fold_of_pose: np.ndarray  # (n,): the part that each pose is held out with
+    # (n,): the part that each pose, or whatever rows are of, is held out with; -1 for none
+    fold_of_pose: np.ndarray
     found: tuple = ()  # effects that other records show, which every fit estimates
     information: object = None  # takes effects, gives `static.information` of other records
     # of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses by
@@ -182,15 +181,16 @@ class PoseProblem:
     def _parts(self, solution):
         """Return the covariance of the noise but for flicker and walk, and these axis by axis."""
         sensor, recording = self.sensor, self.recording
-        terms = [(axis, name) for axis in SENSORS[sensor.sensor] for name in "BK"]
+        terms = [(axis, name) for axis in sensor.axes for name in "BK"]
         limits = {t: sensor.noise.known(*t) for t in terms}
         loose = {t: known for t, known in limits.items() if known[1] > 0}
         without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))
         # rows of other records are independent, of variance one
         others = np.eye(len(self.prior_rows[1]))
+        of_noise = sensor.covariances(solution, recording)
 
         def covariance(noise):
-            return block_diag(sensor.covariance(solution, recording, noise), others)
+            return block_diag(of_noise(noise), others)
 
         fixed = covariance(without)
         return fixed, [
@@ -241,7 +241,8 @@ class PoseProblem:
         wide = (*columns, *training.evidence.columns_of(trial.effects, 0))
         change = training.left(columns, 0)[0] - training.left(wide, 0)[0]
         variance = np.diag(self.nearest(base).alternatives[0][1])
-        size = [(change[rows] ** 2 / variance[rows]).sum() for rows in self.groups()]
+        groups = [rows & (self.fold >= 0) for rows in self.groups()]
+        size = [(change[rows] ** 2 / variance[rows]).sum() for rows in groups]
         kind = list(self.sensor.kinds)[int(np.argmax(size))]
         return kind, self.of_kind(kind)
 
@@ -272,8 +273,8 @@ class PoseProblem:
         """Return what the logarithm of each fitted constant changes in the residuals, (N,) each."""
         effects, found = (*self.found, *base), []
         for effect, values in _by_effect(x[len(self.sensor.names) :], effects).items():
-            if moved(effect, 2.0) != effect:
-                up, down = (self._added(moved(effect, f))[:, 0] @ values for f in (1.05, 1 / 1.05))
+            if effect.moved(2.0) != effect:
+                up, down = (self._added(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
                 found.append((up - down) / (2 * np.log(1.05)))
         return found
 

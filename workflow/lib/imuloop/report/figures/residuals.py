@@ -15,7 +15,11 @@ SHORT_WORDS = {
     "gravity_norm": "magnitude error",
     "pose_rate": "angular rate",
     "rotation": "direction error",
+    "velocity_vertical": "vertical",
+    "velocity_horizontal": "horizontal",
 }
+# residuals of a move
+OF_MOVES = ("rotation", "velocity_vertical", "velocity_horizontal")
 # cosine of the angle within which a turn is about one axis, 30 degrees
 ABOUT = 0.87
 MIXED = "mixed"
@@ -28,7 +32,7 @@ def residual_pictures(device, sensor, block):
     """Return a picture for each kind of residual of a sensor's poses."""
     found = []
     for name in block["residuals"]:
-        table = device.moves if name == "rotation" else device.poses
+        table = device.moves if name in OF_MOVES else device.poses
         # poses on six faces are not diagnosed
         table = table[np.isfinite(table[f"{name}_after"])]
         found.append(_picture(device, sensor, name, table, block))
@@ -50,9 +54,12 @@ def against(name, table):
     time, _ = elapsed(table)
     unit, size = clock(time.max())
     found = {f"time_{unit}": (f"time, {unit}", time / size)}
-    if name == "rotation":
+    if name in OF_MOVES:
         axes = table[["axis_x", "axis_y", "axis_z"]].to_numpy()
         speed = table["speed_rad_s"].to_numpy() * DEGREE_PER_SECOND.factor
+        if name != "rotation":
+            knock = table["knock_m_s"].to_numpy() * 1e3
+            found["knock_mm_s"] = "knock between two samples, mm/s", knock
         return found | {
             "angle_deg": ("angle turned, °", table["angle_rad"].to_numpy() * DEGREES.factor),
             "speed_deg_s": ("greatest speed, °/s", speed),
@@ -124,7 +131,7 @@ def _picture(device, sensor, name, table, block):
         columns[key] = [TURN_AXES[v] for v in x] if key == "axis" else x
     several, words = len(sessions) > 1, RESIDUAL_WORDS[name]
     things = [
-        f"{'turn' if name == 'rotation' else 'pose'} {i}" + f" of {session}" * several
+        f"{'turn' if name in OF_MOVES else 'pose'} {i}" + f" of {session}" * several
         for session, i in zip(table["session"], table["pose"], strict=True)
     ]
     said = [

@@ -116,14 +116,14 @@ def _cell(figure, display, best):
 
 
 def verdict_rank(verdicts):
-    """Return what the column of verdicts is sorted by: poses first, then the static record."""
-    poses, still = (rank(verdicts[part]["verdict"]) for part in PARTS)
-    return 10 * poses + still
+    """Return what the column of verdicts is sorted by: poses, then static record, then motion."""
+    poses, still, motion = (rank(verdicts[part]["verdict"]) for part in PARTS)
+    return 100 * poses + 10 * still + motion
 
 
 def verdict_parts(verdicts):
     """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
-    words = {"poses": "poses", "static_record": "at\u00a0rest"}
+    words = {"poses": "poses", "static_record": "at\u00a0rest", "motion": "motion"}
     return [(p, words[p]) for p in PARTS if verdicts[p]["verdict"] != "not_testable"]
 
 

@@ -1,0 +1,214 @@
+"""The motion between the poses: velocity that a model of both sensors leaves at its end."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import LinAlgError
+
+from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.gyroscope import midpoints
+from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.motion import COUNT, FORCE, MotionPoses
+from imuloop.calibrate.pose_fits import in_raw_units
+from imuloop.core.effect import Effect, OfSensor, find_effect
+from imuloop.core.samples import SENSORS
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.content import search_content, untried
+from imuloop.diagnose.records.pose_diagnosis import judged_residuals
+from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.verdict import not_testable
+
+VELOCITY = ("velocity_vertical", "velocity_horizontal")
+# kinds of residuals of both sensors, which share the significance
+KINDS = 5
+# moves of which the velocity counts, at least
+LEAST_MOVES = 10
+# m/s; what may be lost between two samples of a move that counts: half a g at 100 Hz
+SPOILED = 0.05
+SOFTER = (
+    "low-pass the accelerometer below half the rate, turn in one to two seconds and set the device "
+    "down softly"
+)
+BOTH = "motion shows how late one sensor is after the other: it is given to the accelerometer"
+
+
+@dataclass(frozen=True)
+class MotionResult:
+    """The diagnosis of both sensors in motion."""
+
+    contents: dict  # the contract's fields by sensor
+    # SensorCalibration of each sensor with the effects that motion shows; empty without any
+    calibrations: dict = field(default_factory=dict)
+    residuals: dict = field(default_factory=dict)  # columns of the moves, as of `residual_columns`
+
+
+def candidates_in_motion(known):
+    """Return the shapes of each effect to try, but of known types."""
+    return {
+        cls: tuple(cls.shapes(None))
+        for cls in Effect.library.values()
+        if "motion" in cls.records and cls not in known
+    }
+
+
+def diagnose_motion(force, turn, recording, settings, tests, shown):
+    """Return the MotionResult of a device.
+
+    Parameters
+    ----------
+    force, turn : tuple
+        AccelerometerPoses or GyroscopePoses, and its Solution at the poses, effects included.
+    recording : Recording
+        Poses and moves.
+    settings : DiagnoseSettings
+        Settings.
+    tests : int
+        Number of tests of the other records, which share the significance.
+    shown : dict
+        By sensor what static records show, `found` and `information` of PoseProblem.
+    """
+    if not all(solution for _, solution in (force, turn)):
+        return _untestable("the poses do not determine both sensors")
+    x = [solution.fit.x for _, solution in (force, turn)]
+    knock = knocks(recording, x[1][9:12])
+    quiet, columns = knock <= SPOILED, {"knock_m_s": knock}
+    if quiet.sum() < LEAST_MOVES:
+        why = f"{quiet.sum()} of {len(quiet)} moves without a knock, at least {LEAST_MOVES} needed"
+        return _untestable(f"{why}: {SOFTER}", columns)
+    found = tuple(
+        OfSensor(effect, model.sensor)
+        for model, solution in (force, turn)
+        for effect in solution.effects
+    )
+    start = np.concatenate(
+        [x[0][:FORCE], x[1][: COUNT - FORCE], x[0][FORCE:], x[1][COUNT - FORCE :]]
+    )
+    model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
+    model = model.given_rotation(recording, found)
+    shapes = candidates_in_motion({type(e.effect) for e in found})
+    problem = PoseProblem(
+        model,
+        recording,
+        shapes,
+        settings,
+        tests + settings.family * len(shapes),
+        # poses are seen by every fit
+        np.append(interleaved(len(quiet), settings.folds), -1),
+        found,
+        _information(shown),
+    )
+    try:
+        return _diagnosed(Choices(problem), (force[0].unit, turn[0].unit), columns)
+    except LinAlgError:
+        return _untestable(SINGULAR, columns)
+
+
+def _untestable(why, columns=None):
+    return MotionResult({sensor: not_testable(why) for sensor in SENSORS}, {}, columns or {})
+
+
+def _information(shown):
+    """Return what gives what static records say of effects of both sensors, None without any."""
+    if not any(information for _, information in shown.values()):
+        return None
+
+    def information(effects):
+        """Return A and b as of `static.information`; zero for what a static record cannot show."""
+        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        whole, moment = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
+        for sensor, (known, of_record) in shown.items():
+            own = [
+                k
+                for k, e in enumerate(effects)
+                if e.sensors[0] == sensor
+                and (e.effect in known or ("temperature" in e.effect.needs and not e.effect.timed))
+            ]
+            if of_record and own:
+                at = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in own])
+                a, b = of_record(tuple(effects[k].effect for k in own))
+                whole[np.ix_(at, at)], moment[at] = a, b
+        return whole, moment
+
+    return information
+
+
+def knocks(recording, gyroscope_bias):
+    """Return the velocity that may be lost between two samples of each move, m/s, shape (m,).
+
+    The largest change of specific force over a step Δt that the turn does not make,
+    ``|Δf + w × f Δt| Δt``: a knock shorter than a step is sampled by chance, or not at all. Takes
+    the gyroscope's bias, rad/s as logged, (3,).
+    """
+    rotations = recording.rotations
+    f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
+    change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps
+    return (np.linalg.norm(change, axis=2) * steps[..., 0]).max(axis=1)
+
+
+def _diagnosed(choices, units, columns):
+    def of(entry):
+        return find_effect(entry["name"]).sensors[0]
+
+    problem, added = choices.problem, choices.choice().base
+    judged, residuals = judged_residuals(choices, VELOCITY, KINDS)
+    calibrations = _calibrations(problem, added, units)
+    effects = [e for own in calibrations.values() for e in own.effects]
+    fitted = [next(f for f in effects if f.effect == e) for e in added]
+    found = search_content(None, choices, fitted, {}, _probes(problem, columns))
+    contents = {
+        sensor: judged
+        | found
+        | {key: [e for e in found[key] if of(e) == sensor] for key in ("effects", "candidates")}
+        for sensor in SENSORS
+    }
+    contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
+    quiet = problem.sensor.quiet
+    for name, values in residuals.items():
+        columns[name] = np.full(len(quiet), np.nan)
+        columns[name][quiet] = values
+    return MotionResult(contents, calibrations if added else {}, columns)
+
+
+def _calibrations(problem, base, units):
+    """Return the calibration of each sensor by the fit with some effects."""
+    solution, covariance = problem.linearized(base).solution, problem.covariance(base)
+    own, found = problem.sensor.model(solution, problem.recording).own, {}
+    effects = [(e.effect if isinstance(e, OfSensor) else e, e.sensors[0]) for e in solution.effects]
+    names = (accelerometer.NAMES, gyroscope.NAMES)
+    for (sensor, at), base_names, unit in zip(own.items(), names, units, strict=True):
+        found[sensor] = in_raw_units(
+            unit,
+            base_names,
+            solution.fit.x[at],
+            covariance[np.ix_(at, at)],
+            method="multi_position",
+            effects=tuple(effect for effect, of in effects if of == sensor),
+            reduced_chi2=solution.fit.reduced_chi2,
+        )
+    return found
+
+
+def _probes(problem, columns):
+    """Return name, kind and columns of what velocities may go with: signposts."""
+    recording, quiet = problem.recording, problem.sensor.quiet
+    rotations = recording.rotations
+    mid = (rotations.start_s + rotations.end_s)[:, None] / 2
+    turned = np.einsum("mki,mk->mi", rotations.w[:, 1:], rotations.steps)
+    seconds = rotations.steps.sum(axis=1)[:, None]
+    values = {
+        "time": mid,
+        "duration": seconds,
+        "rotation_angle": turned,
+        "rotation_speed": turned / seconds,
+        "previous_pose": recording.poses.f[rotations.first],
+        "knock": columns["knock_m_s"][:, None],
+    }
+    found = []
+    for kind in VELOCITY:
+        k = problem.components(kind)
+        for name, each in values.items():
+            each = each[quiet] - each[quiet].mean(axis=0)
+            own = np.zeros((len(problem.fold), 1, k * each.shape[1]))
+            own[problem.of_kind(kind), 0] = np.kron(each, np.eye(k))
+            found.append((name, kind, own))
+    return found
