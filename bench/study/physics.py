@@ -5,6 +5,7 @@ the constants c of the shape, by their names in the library; they return (n, 3),
 """
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.special import eval_legendre
 
 from imuloop.simulate.sensor import lagged
@@ -67,6 +68,22 @@ def _g2(now, p, c):
     return sum(np.outer(v, [p[f"D{axis}{name}"] for axis in "xyz"]) for name, v in terms.items())
 
 
+def _change(values, t):
+    """Rate of change of values, by a spline through the samples."""
+    return CubicSpline(t, values)(t, 1)
+
+
+def _lever_arm(now, p, c):
+    w, change = now.other, _change(now.other, now.t)
+    arms = [np.array([p[f"r{i}{j}"] for j in "xyz"]) for i in "xy"]
+    each = [np.cross(change, r) + np.cross(w, np.cross(w, r)) for r in arms]
+    return np.column_stack([each[0][:, 0], each[1][:, 1], np.zeros(len(w))])
+
+
+def _axis_delay(now, p, c):
+    return -_change(now.output, now.t) * [p["dtx"], p["dty"], 0.0]
+
+
 def _drift(now, p, c):
     return np.outer(now.t, of_axes(p, "d"))
 
@@ -94,6 +111,15 @@ EFFECTS = {
     "g2_sensitivity": _g2,
     "scale_nonlinearity": lambda now, p, c: (
         (of_axes(p, "s2") + of_axes(p, "s3") * now.output) * now.output**2
+    ),
+    "lever_arm": _lever_arm,
+    "time_offset": lambda now, p, c: p["dt"] * _change(now.output, now.t),
+    "rate_sensitivity": lambda now, p, c: (
+        now.other @ np.array([[p[f"M{i}{j}"] for j in range(3)] for i in range(3)]).T
+    ),
+    "gyro_axis_delay": _axis_delay,
+    "anisoinertia": lambda now, p, c: (
+        of_axes(p, "a") * now.output[:, [1, 2, 0]] * now.output[:, [2, 0, 1]]
     ),
     "scale_asymmetry": lambda now, p, c: of_axes(p, "sa") * np.abs(now.output),
     # a turn about the vertical, as at a pole, where no horizontal part is left

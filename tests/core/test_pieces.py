@@ -23,7 +23,7 @@ DESIGNED = [
     name
     for name, cls in Effect.library.items()
     # one of runs is zero in a log
-    if not cls.unobservable and "design" in vars(cls) and "run" not in cls.needs
+    if "design" in vars(cls) and "run" not in cls.needs
 ]
 
 

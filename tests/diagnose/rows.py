@@ -60,6 +60,8 @@ class Rows:
     def left(self, search, base):
         return search.training(base).left(search.columns(base, 0), 0)[0][:, None]
 
+    measure = 1.0
+
     def slow(self, effect):
         return False
 
@@ -69,7 +71,7 @@ class Rows:
     def shows(self, search, base, trial):
         return "kind", slice(None)
 
-    def lost(self, base):
+    def lost(self, base, out=frozenset()):
         return None
 
 

@@ -197,6 +197,9 @@ class MotionPoses(SensorPoses):
         *(f"gyroscope.{name}" for name in gyroscope.NAMES),
     )
     axes = CHANNELS
+    always_found = True
+    # the noise of a move grows with its length
+    uneven = True
     kinds: ClassVar = {
         "gravity_norm": ("m/s^2", 1),
         "pose_rate": ("rad/s", 3),
@@ -233,16 +236,19 @@ class MotionPoses(SensorPoses):
             own[sensor] = np.array([*base, *(i for k in at for i in range(ends[k], ends[k + 1]))])
             sets[sensor] = [effects[k] for k in at]
         _, K, b = accelerometer.unpack(x)
-        _, Kg, bg = gyroscope.unpack(x[FORCE:])
-        rate = Kg * (recording.rotations.w - bg)
+        Tg, Kg, bg = gyroscope.unpack(x[FORCE:])
         force = calibrated_force(self.accelerometer, recording, self.noise)
 
         def output(y):
             return K * (y - b)
 
+        def rate(w):
+            return (Kg * (w - bg)) @ Tg.T
+
         found, shape = sets["accelerometer"], recording.rotations.f.shape
-        poses = recording.pose_channels("accelerometer", output, Kg * (recording.poses.w - bg))
-        along = recording.rotation_channels("accelerometer", output, rate)
+        at_poses, in_moves = rate(recording.poses.w), rate(recording.rotations.w)
+        poses = recording.pose_channels("accelerometer", output, at_poses, rate)
+        along = recording.rotation_channels("accelerometer", output, in_moves, rate)
         at_rest = effect_design(found, poses)
         turn = gyroscope.gyroscope_model(recording, force, x[FORCE:COUNT], sets["gyroscope"])
         return MotionModel(
@@ -256,7 +262,10 @@ class MotionPoses(SensorPoses):
         )
 
     def given_rotation(self, recording, effects):
-        """Return the same, its velocities less what the noise has in common with rotations."""
+        """Return the same, its velocities less what the noise has in common with rotations.
+
+        The effects are those of the parameters to start from.
+        """
         model = self.model_at(None, recording, effects)
         covariance = MotionCovariance(self.x, model, recording).all(self.noise)
         at = model.moves

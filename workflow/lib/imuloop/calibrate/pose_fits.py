@@ -41,6 +41,10 @@ class SensorPoses:
 
     # bias and its variance, where it is held instead of estimated
     bias = None
+    # whether every fit to poses that determine the base model is one
+    always_found = False
+    # whether the noise of residuals of one kind differs by several times
+    uneven = False
 
     def fit(self, recording, effects=(), start=None, prior=None):
         """Return the Solution for a recording.

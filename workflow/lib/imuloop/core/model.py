@@ -116,6 +116,10 @@ class SensorCalibration:
         )
 
 
+def _channels(own, other, t, temperature, step, past, held):
+    return Channels(t, own, other, temperature, past=past, step=step, held=held)
+
+
 @dataclass(frozen=True)
 class Calibration:
     """The calibration of a device.
@@ -210,7 +214,7 @@ class Calibration:
     def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
-        The accelerometer's effects see the gyroscope's output before its own effects; the
+        The accelerometer's effects see the angular rate before the gyroscope's own effects; the
         gyroscope's see the calibrated specific force.
 
         Parameters
@@ -230,13 +234,10 @@ class Calibration:
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below
         with np.errstate(over="ignore", invalid="ignore"):
-            own, other = self.accelerometer.output(f), self.gyroscope.output(w)
-            f = self.accelerometer.apply(
-                f, Channels(t, own, other, temperature, past=pasts[0], step=step, held=held[0])
-            )
-            w = self.gyroscope.apply(
-                w, Channels(t, other, f, temperature, past=pasts[1], step=step, held=held[1])
-            )
+            of_force, of_turn = self.accelerometer.output(f), self.gyroscope.output(w)
+            rate, seen = of_turn @ self.gyroscope.T.T, (t, temperature, step)
+            f = self.accelerometer.apply(f, _channels(of_force, rate, *seen, pasts[0], held[0]))
+            w = self.gyroscope.apply(w, _channels(of_turn, f, *seen, pasts[1], held[1]))
         for sensor, values in (("accelerometer", f), ("gyroscope", w)):
             wrong = ~np.isfinite(values).all(axis=1)
             if known and wrong.any():

@@ -130,7 +130,7 @@ class Choices:
         """Return effects with those of a trial, None where errors do not fall, and the ratio."""
         wide = self.search(out).reshaped((*base, *trial.effects))
         ratio = self._gate(base, trial, wide, out)[-1]
-        return (wide if ratio[1] < 1 and not self.problem.lost(wide) else None), ratio
+        return (wide if ratio[1] < 1 and not self.problem.lost(wide, out) else None), ratio
 
     def _gate(self, base, trial, wide, out):
         """Return kind, errors without and with, and ratio of a trial, as `Added` has them.
@@ -148,7 +148,8 @@ class Choices:
         known = np.isfinite(errors[0][:, 0])
         fold, errors = self.problem.fold[rows][known], [e[known] for e in errors]
         before, after = (e[:, [trial.axis]] for e in errors)
-        ratio = self.ratio(fold, before, after)
+        measure = np.broadcast_to(self.problem.measure, len(self.problem.fold))[rows][known, None]
+        ratio = self.ratio(fold, before / measure, after / measure)
         if ratio[1] >= 1 and errors[0].shape[1] > 1:
             size = np.sqrt((errors[0] ** 2).mean(axis=0))
             of_all = self.ratio(fold, *(e / np.where(size > 0, size, 1.0) for e in errors))

@@ -240,8 +240,12 @@ def as_seen(calibration, solutions, recording, static, noise):
 
     along = []
     if any("motion" in e.effect.records for e in force.effects):
-        rate = turn.output(recording.rotations.w)
-        along = [recording.rotation_channels("accelerometer", force.output, rate)]
+
+        def rate(w):
+            return turn.output(w) @ turn.T.T
+
+        moving = rate(recording.rotations.w)
+        along = [recording.rotation_channels("accelerometer", force.output, moving, rate)]
 
     def held(sensor, effect):
         if sensor == "accelerometer" and "motion" in effect.effect.records:

@@ -23,8 +23,8 @@ BETWEEN = 1.3**3**-0.5
 # what changes with time changes at a log's first rest too, where its noise was estimated larger for
 # it; so much larger are limits in such logs than those of drawn records, as the study measured
 OWN_REST = 1.10
-# drawn noise is as large as data let expect, the noise of devices as it is: effects of the size that
-# drawn records ask for were found 95 times of 100 where 90 were asked, so that this much is enough
+# drawn noise is as large as data let expect: effects of the size that it asks for were found in 95
+# of 100 devices where 90 are asked, so that this much is enough
 ENOUGH = 0.95
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
@@ -127,8 +127,9 @@ class _Drawn:
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
         everything = np.column_stack([np.concatenate(values), more])
+        measure = np.broadcast_to(search.problem.measure, len(folds))[:, None]
         errors = [
-            held_out_operator(weights, design, folds) @ everything
+            held_out_operator(weights, design, folds) @ everything / measure
             for design in (known, np.column_stack([known, pattern]))
         ]
         return cls(
@@ -138,7 +139,7 @@ class _Drawn:
             square,
             tuple((e[:, :RECORDS], e[:, RECORDS:]) for e in errors),
             [[rows & (folds[:, 0] == part) for part in parts] for rows in search.problem.groups()],
-            variance,
+            variance / measure[:, 0] ** 2,
             np.random.default_rng(search.problem.settings.seed).multinomial(
                 len(parts), np.full(len(parts), 1 / len(parts)), DRAWS
             ),

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from imuloop.calibrate.pose_fits import residuals
+from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training import ABSORBED
@@ -97,6 +98,17 @@ class PoseProblem:
     def fold(self):
         """The part that each row is held out with: that of its first pose, shape (N,)."""
         return self.ends[:, 0]
+
+    @cached_property
+    def measure(self):
+        """What held-out errors are compared in: all alike, or each row by what it leaves, (N,).
+
+        That is the noise as the residuals without effects make it likeliest.
+        """
+        if not self.sensor.uneven:
+            return 1.0
+        likeliest = self.linearized().evidence.blocks[0].noise.precision[-1]
+        return np.sqrt(np.diag(precision(likeliest)[0]))
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1)."""
@@ -231,8 +243,13 @@ class PoseProblem:
         """Return what the noise of each block may be, were its residuals these."""
         return [self.nearest(base).noise_with(-values[0])]
 
-    def lost(self, base):
-        """Return why the fit with some effects is none, or None if it is one."""
+    def lost(self, base, out=frozenset()):
+        """Return why the fit with some effects is none, or None if it is one.
+
+        Of a sensor whose fits all are one, those that a part of the data chooses are not made.
+        """
+        if out and self.sensor.always_found:
+            return None
         return self.sensor.lost(self.linearized(base).solution, self.recording)
 
     def shows(self, search, base, trial):

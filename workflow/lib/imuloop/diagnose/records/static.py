@@ -40,6 +40,8 @@ class StaticProblem:
     noise: tuple | None = None  # Hypotheses, where the other sensor's problem has the same windows
     _derivatives: dict = field(default_factory=dict, repr=False)
     residual = "bias"
+    # in what held-out errors are compared: they are all alike
+    measure = 1.0
 
     @property
     def parts(self):
@@ -124,7 +126,7 @@ class StaticProblem:
         """Return the Training rows: means at rest are straight in every effect."""
         return self.evidence.training(out, only)
 
-    def lost(self, base):
+    def lost(self, base, out=frozenset()):
         """Return why a fit with some effects is none: here it always is one."""
         return None
 

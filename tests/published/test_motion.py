@@ -1,0 +1,110 @@
+"""The motion between the rests of measured recordings: what it shows, and where knocks rule."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import cholesky, solve_triangular
+
+import imuloop.effects  # noqa: F401  loads the library
+from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.motion import MotionPoses
+from imuloop.calibrate.pose_fits import as_logged
+from imuloop.core.effect import find_effect
+from imuloop.core.samples import SENSORS
+
+FOUND = ("time_offset", "lever_arm", "rate_sensitivity")
+# of a prototype of its own, with σ: m, s, m/s² per rad/s
+PROTOTYPE = {
+    "lever_arm": {
+        "rxx": (-5.1e-3, 0.6e-3), "rxy": (1.4e-3, 1.0e-3), "rxz": (-5.3e-3, 0.7e-3),
+        "ryx": (-4.8e-3, 0.7e-3), "ryy": (0.6e-3, 0.7e-3), "ryz": (-3.6e-3, 0.4e-3),
+    },
+    "time_offset": {"dt": (-1.00e-3, 0.17e-3)},
+    "rate_sensitivity": {"M02": (15.0e-3, 1.5e-3)},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def xsens(measured):
+    return measured.json("xsens_mti", "diagnosis")["sensors"]["accelerometer"]["motion"]
+
+
+def test_the_moves_show_three_effects_that_gravity_cannot(xsens):
+    residuals = xsens["residuals"]
+    assert [e["name"] for e in xsens["effects"]] == [*FOUND]
+    vertical = residuals["velocity_vertical"]
+    # the choice of effects is nested in the folds
+    assert vertical["before"] >= 16e-3 and vertical["after"] <= 8e-3
+    both = [np.hypot(*(r[when] for r in residuals.values())) for when in ("before", "after")]
+    assert both[1] / both[0] <= 0.75
+    assert all(e["ratio_ci95"][1] < 1 for e in xsens["effects"])
+
+
+def test_their_sizes_are_those_of_a_prototype(xsens):
+    for effect in xsens["effects"]:
+        for name, (value, std) in PROTOTYPE[effect["name"]].items():
+            assert abs(effect["parameters"][name] - value) < 2 * np.hypot(effect["std"][name], std)
+
+
+@pytest.fixture(scope="module")
+def moves(measured):
+    """The Xsens poses and moves, how they are fitted, and the model without what motion shows."""
+    recording, noise, base = measured.fit_of("xsens_mti")
+    names = accelerometer.NAMES, gyroscope.NAMES
+    x = [as_logged(getattr(base, s), own) for s, own in zip(SENSORS, names, strict=True)]
+    quiet = np.ones(len(recording.rotations), dtype=bool)
+    # the poses alone show it
+    known = (find_effect("g_sensitivity")(),)
+    x = np.concatenate([*x, np.zeros(len(known[0].parameters))])
+    model = MotionPoses(noise, base.accelerometer, x, base.gravity, quiet)
+    return recording, model.given_rotation(recording, known), known
+
+
+def test_two_halves_of_the_moves_say_the_same(moves):
+    recording, model, known = moves
+    effects = (*known, *(find_effect(name)() for name in FOUND))
+    count, found = sum(len(e.parameters) for e in effects[1:]), []
+    for parity in range(2):
+        quiet = np.arange(len(recording.rotations)) % 2 == parity
+        fit = replace(model, quiet=quiet).fit(recording, effects).fit
+        found.append((fit.x[-count:], np.diag(fit.scaled_covariance)[-count:]))
+    (first, var_first), (second, var_second) = found
+    assert np.all(np.abs(first - second) < 3 * np.sqrt(var_first + var_second))
+
+
+def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
+    recording, made, known = moves
+    effects = (*known, *(find_effect(name)() for name in FOUND))
+    start = made.fit(recording, known)
+    model = made.model_at(start.fit.x, recording, effects)
+    x = np.append(start.fit.x, np.zeros(len(model.start()) - len(start.fit.x)))
+    values, jacobian = model.residuals(x)
+    root = cholesky(made.covariances(start, recording)(made.noise), lower=True)
+    count = len(start.fit.x)
+    kinds, m = made.rows(recording)[1], len(recording.rotations)
+    vertical, horizontal = (np.flatnonzero(kinds == k) for k in (3, 4))
+
+    def square(design):
+        """Return χ² less that without the effects."""
+        white = solve_triangular(root, np.column_stack([values, design]), lower=True)
+        left = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0])[0]
+        return left @ left
+
+    def fall(shift):
+        moved, order = jacobian.copy(), np.roll(np.arange(m), shift)
+        for rows, width in ((vertical, 1), (horizontal, 2)):
+            own = moved[rows, count:].reshape(m, width, -1)
+            moved[rows, count:] = own[order].reshape(m * width, -1)
+        return square(jacobian[:, :count]) - square(moved)
+
+    placebo = [fall(shift) for shift in range(1, m)]
+    # one of 37 by chance
+    assert fall(0) > 1.5 * max(placebo)
+
+
+@pytest.mark.parametrize("board", [1, 2, 3])
+def test_where_knocks_rule_nothing_is_said_of_motion(measured, board):
+    for sensor in SENSORS:
+        found = measured.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]
+        assert found["verdict"] == "not_testable" and "knock" in found["why"]
