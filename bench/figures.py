@@ -48,6 +48,17 @@ def main():
     for effect in found["accelerometer"]["static_record"]["effects"]:
         row(f"Xsens at rest: {effect['name']} p", effect["p_value"], 2)
         row("  frequency, Hz", effect["constants"].get("frequency", math.nan), 3)
+    motion = found["accelerometer"]["motion"]
+    for kind, r in motion["residuals"].items():
+        values = [1e3 * r[key] for key in ("before", "after", "floor")]
+        row(f"Xsens {kind}: before, after, floor, mm/s", values, 3)
+    for effect in motion["effects"]:
+        for name, value in effect["parameters"].items():
+            row(
+                f"  {effect['name']} {name} and sigma, 1e-3",
+                [1e3 * value, 1e3 * effect["std"][name]],
+                3,
+            )
     for sensor in ("accelerometer", "gyroscope"):
         block = result("thermal_chamber", "diagnosis")["sensors"][sensor]["static_record"]
         print(f"chamber {sensor}:", ", ".join(e["name"] for e in block["effects"]))

@@ -39,7 +39,7 @@ class Case:
     """One kind of device."""
 
     kind: str  # 'control', 'effect', 'two' or 'outside'
-    record: str  # 'poses' or 'static_record': which device it is, see `devices`
+    record: str  # 'poses', 'static_record' or 'motion': which device it is, see `devices`
     sensor: str = ""  # that is changed; empty for a control
     names: tuple = ()  # what is put into it
     plan: str = "usual"  # of the device, see `devices`
@@ -47,8 +47,8 @@ class Case:
 
 
 def all_cases(plan="usual", limits=LIMITS):
-    """Return every case of a plan and size, the controls of the two devices first."""
-    cases = [Case("control", "poses"), Case("control", "static_record")]
+    """Return every case of a plan and size, the controls of each kind of device first."""
+    cases = [Case("control", record) for record in ("poses", "static_record", "motion")]
     for sensor, at_rest in AT_REST.items():
         of_poses = [
             name
@@ -63,6 +63,12 @@ def all_cases(plan="usual", limits=LIMITS):
         known = [name for name in at_rest if name in Effect.library]
         cases += [Case("effect", "static_record", sensor, (name,)) for name in known]
         cases.append(Case("outside", "poses", sensor, ("harmonic",)))
+        cases += [
+            Case("effect", "motion", sensor, (name,))
+            for name, effect in sorted(Effect.library.items())
+            # those of the poses are tried there
+            if effect.sensors[0] == sensor and effect.records == ("motion",)
+        ]
     cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
     cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))
     return [replace(case, plan=plan, limits=limits) for case in cases]

@@ -17,6 +17,7 @@ from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.records.motion import untestable
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
@@ -26,17 +27,20 @@ from imuloop.validate.attitude import no_attitude
 LIMITS = "imuloop.diagnose.content.detection_limits"
 # nothing that a study judges
 ATTITUDE = "imuloop.validate.attitude.validate_attitude"
+# what poses and static records are judged without: tests of its own come on top of theirs
+MOTION = "imuloop.diagnose.diagnose.diagnose_motion"
 
 
-def diagnosis_of(truth, seed, also=None, limits=True):
+def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
     """Return diagnosis.json of a simulated device, its motion and noise by a seed.
 
     `also` takes the truth, the sessions and the folder of the results; what it returns comes
-    second. Without `limits` there are no detection limits.
+    second. Without `limits` there are no detection limits; without `motion` that is not tested.
     """
     without = nullcontext() if limits else patch(LIMITS, return_value={})
     attitude = no_attitude(truth.name, "not asked for")
-    with without, patch(ATTITUDE, return_value=attitude), TemporaryDirectory() as folder:
+    still = nullcontext() if motion else patch(MOTION, return_value=untestable("not asked for"))
+    with without, still, patch(ATTITUDE, return_value=attitude), TemporaryDirectory() as folder:
         folder = Path(folder)
         kinds = {name: plan.kind for name, plan in truth.sessions.items()}
         device = Device(truth.name, folder, kinds, gravity=truth.gravity)

@@ -58,8 +58,19 @@ def record_device(plan="usual"):
     return example_truth(name="study", rate=10.0, sessions=sessions, thermometer=THERMOMETER)
 
 
+def motion_device(plan="usual"):
+    """Return a device of 40 moves of 1 to 2 s, at one temperature, and 20 min at rest."""
+    even = ((0, 24), (1200, 24))
+    moves = SessionTruth(
+        "multi_position", poses=40, rest_s=(4.0, 5.0), move_s=(1.0, 2.0), temperature=even
+    )
+    rest = SessionTruth("static", duration_s=1200.0, temperature=even)
+    sessions = {"multi_position": moves, "static": rest}
+    return example_truth(name="study", sessions=sessions, thermometer=THERMOMETER)
+
+
 # by the record that they are made for
-DEVICES = {"poses": poses_device, "static_record": record_device}
+DEVICES = {"poses": poses_device, "static_record": record_device, "motion": motion_device}
 
 
 @dataclass(frozen=True)

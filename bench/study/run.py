@@ -67,7 +67,8 @@ def _control(job):
     def also(*device):
         return {"likeness": likeness(*device), "base_pulls": base_pulls(*device)}
 
-    diagnosis, more = diagnosis_of(DEVICES[record](plan), seed, also, limits)
+    moving = record == "motion"
+    diagnosis, more = diagnosis_of(DEVICES[record](plan), seed, also, limits, moving)
     seconds = time.process_time() - start
     return job, {"seed": seed, "seconds": seconds, "diagnosis": diagnosis, **more}
 
@@ -79,7 +80,9 @@ def _device(job):
     made |= {"injected": [], "found": []}
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
-        made["diagnosis"], made["base_pulls"] = diagnosis_of(truth, seed, base_pulls, limits=False)
+        moving = case.record == "motion"
+        found = diagnosis_of(truth, seed, base_pulls, limits=False, motion=moving)
+        made["diagnosis"], made["base_pulls"] = found
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]

@@ -11,7 +11,11 @@ from scipy.stats import beta
 from bench.study.cases import OUTSIDE
 from bench.study.score import RATIO, SIGMAS, base_pulls, judge, pulls, ratio, settled
 
-RECORDS = {"poses": "at the poses", "static_record": "in static records"}
+RECORDS = {
+    "poses": "at the poses",
+    "static_record": "in static records",
+    "motion": "in motion",
+}
 NOTHING = "nothing"
 # bounds of the study
 RIGHT, ALARMS, INSIDE, INTERVALS = 0.90, 0.05, 0.95, (0.93, 0.97)

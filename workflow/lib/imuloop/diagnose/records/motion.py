@@ -68,13 +68,13 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
         By sensor what static records show, `found` and `information` of PoseProblem.
     """
     if not all(solution for _, solution in (force, turn)):
-        return _untestable("the poses do not determine both sensors")
+        return untestable("the poses do not determine both sensors")
     x = [solution.fit.x for _, solution in (force, turn)]
     knock = knocks(recording, x[1][9:12])
     quiet, columns = knock <= SPOILED, {"knock_m_s": knock}
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {len(quiet)} moves without a knock, at least {LEAST_MOVES} needed"
-        return _untestable(f"{why}: {SOFTER}", columns)
+        return untestable(f"{why}: {SOFTER}", columns)
     found = tuple(
         OfSensor(effect, model.sensor)
         for model, solution in (force, turn)
@@ -100,10 +100,11 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
     try:
         return _diagnosed(Choices(problem), (force[0].unit, turn[0].unit), columns)
     except LinAlgError:
-        return _untestable(SINGULAR, columns)
+        return untestable(SINGULAR, columns)
 
 
-def _untestable(why, columns=None):
+def untestable(why, columns=None):
+    """Return the MotionResult where nothing could be tested, with the reason."""
     return MotionResult({sensor: not_testable(why) for sensor in SENSORS}, {}, columns or {})
 
 
