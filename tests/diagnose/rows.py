@@ -22,7 +22,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
-    together = Effect.together
+    together, moved = Effect.together, Effect.moved
 
 
 @dataclass(frozen=True)

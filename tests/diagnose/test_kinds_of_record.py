@@ -34,7 +34,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
-    together = Effect.together
+    together, moved = Effect.together, Effect.moved
 
     def in_session(self, channels, session, windows):
         return channels.other[:, [self.number], None] * np.eye(3)[0][:, None]
@@ -106,6 +106,7 @@ class LinearSensor:
     """A sensor whose residuals at the poses, ``A β + D θ - y``, are straight in the parameters."""
 
     sensor, names, kinds = "accelerometer", ("level 1", "level 2"), {"gravity_norm": ("m/s^2", 1)}
+    axes, uneven, always_found = ("ax",), False, False
     # its size is known, without flicker and walk
     noise = SimpleNamespace(known=lambda *_: (0.0, 0.0), with_sizes=lambda _: None)
 
@@ -125,8 +126,8 @@ class LinearSensor:
             residuals=lambda x: (design @ x - problem.y, design),
         )
 
-    def covariance(self, solution, problem, noise=None):
-        return block_diag(*problem.covariances)
+    def covariances(self, solution, problem):
+        return lambda noise: block_diag(*problem.covariances)
 
 
 def poses(problem):

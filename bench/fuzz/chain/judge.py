@@ -25,7 +25,7 @@ TABLES = "attitude poses moves views".split()
 FILES = [*(f"{name}.json" for name in JSON), *(f"{name}.parquet" for name in TABLES)]
 FILES += ["exports/README.txt"]
 # columns in which a value may be missing
-MAY_LACK = re.compile(r"temperature.*|t_logged|(gravity_norm|pose_rate|rotation)_.*")
+MAY_LACK = re.compile(r"temperature.*|t_logged|(gravity_norm|pose_rate|rotation|velocity|knock)_.*")
 NO_NUMBER = re.compile(r"(?<![\w.-])-?(nan|inf|infinity|none|null)(?![\w-])", re.IGNORECASE)
 # as in a sentence, or in what a config is to say
 WORDS = re.compile(r"\bnone\b|\bNone\b|\{time: null\}")
