@@ -17,7 +17,7 @@ WORDS = {
 }
 PARTS = {"poses": "poses", "static_record": "static record", "motion": "motion"}
 # whose velocity it is
-BOTH = "both sensors"
+BOTH = "sensors"
 RESIDUAL_WORDS = {
     "gravity_norm": "error of gravity's magnitude",
     "pose_rate": "angular rate left at rest",
