@@ -60,7 +60,7 @@ class Rows:
     def left(self, search, base):
         return search.training(base).left(search.columns(base, 0), 0)[0][:, None]
 
-    measure = 1.0
+    measure, enough = 1.0, 1.0
 
     def slow(self, effect):
         return False

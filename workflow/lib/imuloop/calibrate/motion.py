@@ -201,6 +201,8 @@ class MotionPoses(SensorPoses):
     always_found = True
     # the noise of a move grows with its length
     uneven = True
+    # of 0.95 times as large ones 82 of 100 were found
+    enough = 1.0
     kinds: ClassVar = {
         "gravity_norm": ("m/s^2", 1),
         "pose_rate": ("rad/s", 3),

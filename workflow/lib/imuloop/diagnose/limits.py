@@ -23,9 +23,6 @@ BETWEEN = 1.3**3**-0.5
 # what changes with time changes at a log's first rest too, where its noise was estimated larger for
 # it; so much larger are limits in such logs than those of drawn records, as the study measured
 OWN_REST = 1.10
-# drawn noise is as large as data let expect: effects of the size that it asks for were found in 95
-# of 100 devices where 90 are asked, so that this much is enough
-ENOUGH = 0.95
 # width, in logarithms, over which a record goes from lost to found: no count hangs on the last bit
 SOFT = 0.02
 
@@ -83,7 +80,7 @@ def detection_limits(search, base, trial, power, kept=True):
                 if size and search.problem.own_rest and trial.effect.timed:
                     size *= OWN_REST
             if size is not None:
-                limits |= dict.fromkeys(together, ENOUGH * size / scale)
+                limits |= dict.fromkeys(together, search.problem.enough * size / scale)
     return {name: limits[name] for name in names if name in limits}
 
 

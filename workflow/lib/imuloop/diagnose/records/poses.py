@@ -235,6 +235,11 @@ class PoseProblem:
         return effect.timed or "temperature" in effect.needs
 
     @property
+    def enough(self):
+        """Share of the size that drawn records ask for which is a detection limit."""
+        return self.sensor.enough
+
+    @property
     def own_rest(self):
         """Whether the noise was estimated at rests of the same log."""
         return self.information is None

@@ -42,6 +42,8 @@ class StaticProblem:
     residual = "bias"
     # in what held-out errors are compared: they are all alike
     measure = 1.0
+    # as of SensorPoses
+    enough = 0.95
 
     @property
     def parts(self):
