@@ -170,7 +170,8 @@ def results(tmp_path, monkeypatch):
             {"name": "g_sensitivity", "parameters": {"G00": 1e-3}, "std": {"G00": 1e-3}}
         ],
     }
-    sensor = {"poses": block, "static_record": block}
+    arm = {"name": "lever_arm", "parameters": {"rxx": 1e-3}, "std": {"rxx": 1e-4}}
+    sensor = {"poses": block, "static_record": block, "motion": block | {"effects": [arm]}}
     boards = [f"mpu9150_{number}" for number in (1, 2, 3)]
     for device in ("my_imu", "xsens_mti", "ferraris", "thermal_chamber", "cats_tag", *boards):
         folder = tmp_path / "results" / device

@@ -103,8 +103,8 @@ def test_too_few_poses_are_not_testable():
 
 
 def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):
-    covariance = AccelerometerPoses.covariance_at
-    monkeypatch.setattr(AccelerometerPoses, "covariance_at", lambda *a: -covariance(*a))
+    own = AccelerometerPoses.covariances
+    monkeypatch.setattr(AccelerometerPoses, "covariances", lambda *a: lambda n: -own(*a)(n))
     found = diagnosed(*sensitive, "accelerometer")
     assert found.content["verdict"] == "not_testable" and found.solution is None
     assert found.content["why"] == SINGULAR
