@@ -3,16 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.integrate import trapezoid
 from scipy.linalg import cholesky, solve_triangular
+from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  loads the library
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.motion import MotionPoses
 from imuloop.calibrate.pose_fits import as_logged
 from imuloop.core.effect import find_effect
-from imuloop.core.samples import SENSORS
+from imuloop.core.model import Calibration
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 
+GRAVITY = 9.81744
 FOUND = ("time_offset", "lever_arm", "rate_sensitivity")
 # of a prototype of its own, with σ: m, s, m/s² per rad/s
 PROTOTYPE = {
@@ -101,6 +106,38 @@ def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
     placebo = [fall(shift) for shift in range(1, m)]
     # one of 37 by chance
     assert fall(0) > 1.5 * max(placebo)
+
+
+def vertical(samples, recording):
+    """Return the vertical velocity that calibrated samples leave of each move, m/s."""
+    poses, rotations, found = recording.poses, recording.rotations, []
+    t, f, w = (np.array(samples[list(c)]) for c in (("t",), ACCELERATION, ANGULAR_RATE))
+    t = t[:, 0]
+    for first, start, end in zip(rotations.first, rotations.start_s, rotations.end_s, strict=True):
+        still = slice(*np.searchsorted(t, [poses.start_s[first], poses.end_s[first]]))
+        own = slice(np.searchsorted(t, start), np.searchsorted(t, end) + 1)
+        dt = np.diff(t[own])
+        attitude, pushed = Rotation.identity(), [f[own][0]]
+        for step, rate, force in zip(dt, (w[own][1:] + w[own][:-1]) / 2, f[own][1:], strict=True):
+            attitude = attitude * Rotation.from_rotvec(rate * step)
+            pushed.append(attitude.apply(force))
+        up = f[still].mean(axis=0) / np.linalg.norm(f[still].mean(axis=0))
+        found.append(trapezoid(np.array(pushed) @ up - GRAVITY, t[own]))
+    return np.array(found)
+
+
+def test_a_corrected_file_leaves_less_velocity(measured, moves, tmp_path):
+    folder, recording = measured.of("xsens_mti"), moves[0]
+    log, left = folder / "poses" / "samples.parquet", {}
+    for name in ("multi_position", "calibration"):
+        calibration = Calibration.from_json(folder / f"{name}.json")
+        calibration.apply_file(log, tmp_path / f"{name}.parquet")
+        pieces = pd.read_parquet(tmp_path / f"{name}.parquet")
+        whole = calibration.apply(pd.read_parquet(log))
+        channels = [*ACCELERATION, *ANGULAR_RATE]
+        np.testing.assert_allclose(pieces[channels], whole[channels], rtol=0, atol=1e-9)
+        left[name] = np.sqrt((vertical(pieces, recording) ** 2).mean())
+    assert left["multi_position"] > 15e-3 and left["calibration"] < 6e-3
 
 
 @pytest.mark.parametrize("board", [1, 2, 3])
