@@ -91,7 +91,7 @@ def above_floor(judged, share, heldout, floor, chosen):
 def unseen(cls, limits, units):
     """Return why these data cannot show an effect at all, by its detection limits, or None."""
     if not limits:
-        return "whatever its size, parts that are held out do not confirm it for certain"
+        return "at no size that was tried would held-out parts confirm it for certain"
     name = min(limits, key=limits.get)
     if not limits[name] > cls.limit:
         return None
