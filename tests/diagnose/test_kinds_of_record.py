@@ -106,7 +106,7 @@ class LinearSensor:
     """A sensor whose residuals at the poses, ``A β + D θ - y``, are straight in the parameters."""
 
     sensor, names, kinds = "accelerometer", ("level 1", "level 2"), {"gravity_norm": ("m/s^2", 1)}
-    axes, uneven, always_found, enough = ("ax",), False, False, 1.0
+    axes = ("ax",)
     # its size is known, without flicker and walk
     noise = SimpleNamespace(known=lambda *_: (0.0, 0.0), with_sizes=lambda _: None)
 

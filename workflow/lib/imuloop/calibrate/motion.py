@@ -11,7 +11,7 @@ from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix, tangents
 from imuloop.calibrate.pose_fits import SensorPoses
-from imuloop.core.effect import effect_design
+from imuloop.core.effect import Effect, effect_design
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.rotation import matrix
@@ -20,6 +20,32 @@ from imuloop.core.samples import CHANNELS, SENSORS
 # parameters of the accelerometer's base model, before those of the gyroscope's
 FORCE = len(accelerometer.NAMES)
 COUNT = FORCE + len(gyroscope.NAMES)
+
+
+@dataclass(frozen=True)
+class OfSensor:
+    """An effect of one of two sensors that are fitted together, and may both have it."""
+
+    effect: Effect
+    sensor: str
+
+    @property
+    def sensors(self):
+        """The sensor alone."""
+        return (self.sensor,)
+
+    @property
+    def parameters(self):
+        """Names and units of the effect."""
+        return self.effect.parameters
+
+    def moved(self, factor):
+        """Return the same of the effect that is moved."""
+        return replace(self, effect=self.effect.moved(factor))
+
+    def design(self, channels):
+        """Return the derivative of the effect."""
+        return self.effect.design(channels)
 
 
 @dataclass(frozen=True)
@@ -142,19 +168,20 @@ class MotionModel:
         _, K, b = accelerometer.unpack(of_force)
         return K * (self.y - b) - self.design @ of_force[FORCE:]
 
-    def remaining(self, of_force, path):
-        """Return the velocity that is to come, from the middle of each step on, (m, k - 1, 3)."""
+    def levers(self, of_force, path):
+        """Return what takes a turn in the middle of each step to velocity, (m, k - 1, 3, 3).
+
+        A turn φ of all that follows adds ``φ × v``, with v the velocity that is to come.
+        """
         T, _, _ = accelerometer.unpack(of_force)
         force = self.output(of_force) @ T.T
         pushed = (self.attitudes(path) @ force[..., None])[..., 0]
         gained = gyroscope.midpoints(pushed) * path.steps[..., None]
-        return gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
+        to_come = gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
+        return -cross_matrix(to_come.reshape(-1, 3)).reshape(*to_come.shape, 3)
 
     def _velocities(self, of_force, of_turn, turn, change):
-        """Return the velocity of each move, (m, 3), and its derivative by each sensor's x.
-
-        A turn φ of all that follows adds ``φ × ∫ C f dt``, over what follows.
-        """
+        """Return the velocity of each move, (m, 3), and its derivative by each sensor's x."""
         T, K, b = accelerometer.unpack(of_force)
         path, first = turn.path(of_turn), turn.rotations.first
         C = self.attitudes(path) * self.weights[..., None, None]
@@ -172,9 +199,8 @@ class MotionModel:
             -np.einsum("mkai,mkip->map", C @ T, self.design, optimize=True),
         ]
         by_force = np.concatenate(parts, axis=2) - pull * change[first]
-        m, k = path.steps.shape
-        lever = -cross_matrix(self.remaining(of_force, path).reshape(-1, 3)).reshape(m, k, 3, 3)
-        return velocity, by_force, turn.summed(lever @ path.middle, of_turn)[0]
+        by_turn, _ = turn.summed(self.levers(of_force, path) @ path.middle, of_turn)
+        return velocity, by_force, by_turn
 
 
 @dataclass(frozen=True)
@@ -198,11 +224,6 @@ class MotionPoses(SensorPoses):
     )
     # what is not known of slow noise is in the excess of each kind
     axes = ()
-    always_found = True
-    # the noise of a move grows with its length
-    uneven = True
-    # of 0.95 times as large ones 82 of 100 were found
-    enough = 1.0
     kinds: ClassVar = {
         "gravity_norm": ("m/s^2", 1),
         "pose_rate": ("rad/s", 3),
@@ -210,9 +231,6 @@ class MotionPoses(SensorPoses):
         "velocity_vertical": ("m/s", 1),
         "velocity_horizontal": ("m/s", 2),
     }
-
-    def lost(self, solution, recording):
-        """Return None: the poses alone determine each sensor's base model."""
 
     def rows(self, recording):
         """Return the move that each residual is of, (N, 2), -1 for none, and its kind, (N,)."""
@@ -302,20 +320,13 @@ class MotionCovariance:
         self.model, self.recording = model, recording
         self.of_force, self.of_turn, self.turn = model.at(x)
         self.path = self.turn.path(self.of_turn)
-        n, m = len(recording.poses), len(recording.rotations)
-        self.rows = {"norm": np.arange(n), "rate": n + np.arange(3 * n).reshape(n, 3)}
-        self.count = 4 * n + 5 * m
-        plane, last, first = self.turn.plane, self.path.last, self.turn.rotations.first
-        self.carried = plane @ last.swapaxes(1, 2)
-        self.frame = model.frame(self.turn)
+        self.frame, first = model.frame(self.turn), self.turn.rotations.first
+        self.carried = self.turn.plane @ self.path.last.swapaxes(1, 2)
         # error of each move per turn on the axes at its start, in the middle of each step
-        to_error = self.carried @ cross_matrix(self.turn.directions[first])
-        remaining = model.remaining(self.of_force, self.path)
-        m, k = self.path.steps.shape
-        lever = -cross_matrix(remaining.reshape(-1, 3)).reshape(m, k, 3, 3)
-        to_error = np.broadcast_to(to_error[:, None], (m, k, *to_error.shape[1:]))
-        self.per_turn = np.concatenate([to_error, self.frame[:, None] @ lever], axis=2)
-
+        of_rotation = self.carried @ cross_matrix(self.turn.directions[first])
+        of_velocity = self.frame[:, None] @ model.levers(self.of_force, self.path)
+        of_rotation = np.broadcast_to(of_rotation[:, None], (*of_velocity.shape[:2], 2, 3))
+        self.per_turn = np.concatenate([of_rotation, of_velocity], axis=2)
         self.gains, (self.within, self.added) = self._gains(), self._within()
 
     def by(self, noise):
@@ -325,7 +336,7 @@ class MotionCovariance:
 
     def all(self, noise):
         """Return that of all, velocities as they are."""
-        covariance = np.zeros((self.count, self.count))
+        covariance = np.zeros((self.gains.shape[1],) * 2)
         poses, rotations = self.recording.poses, self.turn.rotations
         means, length = poses.mean_covariance(noise), rotations.end_s - rotations.start_s
         ends = np.column_stack([rotations.start_s, rotations.end_s])
@@ -355,7 +366,7 @@ class MotionCovariance:
         """Return what each channel's mean at a pose or over a move adds, (6, N, n + m)."""
         n, m = len(self.recording.poses), len(self.turn.rotations)
         first, move = self.turn.rotations.first, self.model.moves
-        gains, poses, moves = np.zeros((6, self.count, n + m)), np.arange(n), n + np.arange(m)
+        gains, poses, moves = np.zeros((6, 4 * n + 5 * m, n + m)), np.arange(n), n + np.arange(m)
         T, K, _ = accelerometer.unpack(self.of_force)
         across = self.model.across(self.of_force) @ (T * K)
         norm = (self.turn.directions @ T) * K
@@ -368,14 +379,14 @@ class MotionCovariance:
         ended = -self.turn.plane @ across[first + 1]
         for axis in range(3):
             gain = gains[axis]
-            gain[self.rows["norm"], poses] = norm[:, axis]
+            gain[poses, poses] = norm[:, axis]
             gain[move, first[:, None]] += begun[:, :, axis]
             gain[move[:, :2], first[:, None] + 1] += ended[:, :, axis]
             gain[move[:, 2:], moves[:, None]] = pushed[:, :, axis]
         turned = (self.per_turn @ self.path.middle * self.path.steps[..., None, None]).sum(axis=1)
         for axis in range(3):
             gain = gains[3 + axis]
-            gain[self.rows["rate"][:, axis], poses] = 1.0
+            gain[n + 3 * poses + axis, poses] = 1.0
             gain[move, moves[:, None]] = turned[:, :, axis]
         return gains
 

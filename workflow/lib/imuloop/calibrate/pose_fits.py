@@ -41,13 +41,6 @@ class SensorPoses:
 
     # bias and its variance, where it is held instead of estimated
     bias = None
-    # whether every fit to poses that determine the base model is one
-    always_found = False
-    # whether the noise of residuals of one kind differs by several times
-    uneven = False
-    # drawn noise is as large as data let expect: effects of the size that it asks for were found in
-    # 95 of 100 devices where 90 are asked, so that this much of it is enough
-    enough = 0.95
 
     def fit(self, recording, effects=(), start=None, prior=None):
         """Return the Solution for a recording.

@@ -171,32 +171,6 @@ class Effect:
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
 
-@dataclass(frozen=True)
-class OfSensor:
-    """An effect of one of two sensors that are fitted together, and may both have it."""
-
-    effect: Effect
-    sensor: str
-
-    @property
-    def sensors(self):
-        """The sensor alone."""
-        return (self.sensor,)
-
-    @property
-    def parameters(self):
-        """Names and units of the effect."""
-        return self.effect.parameters
-
-    def moved(self, factor):
-        """Return the same of the effect that is moved."""
-        return replace(self, effect=self.effect.moved(factor))
-
-    def design(self, channels):
-        """Return the derivative of the effect."""
-        return self.effect.design(channels)
-
-
 def find_effect(name):
     """Return the class of the effect of that name; an ImuloopError if the library has none."""
     if name not in Effect.library:

@@ -65,6 +65,10 @@ class SensorCalibration:
         """Return ``K (raw - b)`` of values in SI units as logged, shape (n, 3)."""
         return (self.raw_unit.from_si(values) - self.b) * self.K
 
+    def aligned(self, values):
+        """Return ``T K (raw - b)``, SI on the axes of the body, of values as logged, (…, 3)."""
+        return self.output(values) @ self.T.T
+
     def apply(self, values, channels=None):
         """Return calibrated values, SI, of values as logged, SI, shape (n, 3).
 
@@ -114,10 +118,6 @@ class SensorCalibration:
             not_testable=content["not_testable"],
             reduced_chi2=content["reduced_chi2"],
         )
-
-
-def _channels(own, other, t, temperature, step, past, held):
-    return Channels(t, own, other, temperature, past=past, step=step, held=held)
 
 
 @dataclass(frozen=True)
@@ -234,10 +234,14 @@ class Calibration:
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below
         with np.errstate(over="ignore", invalid="ignore"):
-            of_force, of_turn = self.accelerometer.output(f), self.gyroscope.output(w)
-            rate, seen = of_turn @ self.gyroscope.T.T, (t, temperature, step)
-            f = self.accelerometer.apply(f, _channels(of_force, rate, *seen, pasts[0], held[0]))
-            w = self.gyroscope.apply(w, _channels(of_turn, f, *seen, pasts[1], held[1]))
+            own, other = self.accelerometer.output(f), self.gyroscope.aligned(w)
+            f = self.accelerometer.apply(
+                f, Channels(t, own, other, temperature, past=pasts[0], step=step, held=held[0])
+            )
+            own = self.gyroscope.output(w)
+            w = self.gyroscope.apply(
+                w, Channels(t, own, f, temperature, past=pasts[1], step=step, held=held[1])
+            )
         for sensor, values in (("accelerometer", f), ("gyroscope", w)):
             wrong = ~np.isfinite(values).all(axis=1)
             if known and wrong.any():

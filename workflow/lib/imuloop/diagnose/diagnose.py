@@ -240,12 +240,8 @@ def as_seen(calibration, solutions, recording, static, noise):
 
     along = []
     if any("motion" in e.effect.records for e in force.effects):
-
-        def rate(w):
-            return turn.output(w) @ turn.T.T
-
-        moving = rate(recording.rotations.w)
-        along = [recording.rotation_channels("accelerometer", force.output, moving, rate)]
+        rate = turn.aligned(recording.rotations.w)
+        along = [recording.rotation_channels("accelerometer", force.output, rate, turn.aligned)]
 
     def held(sensor, effect):
         if sensor == "accelerometer" and "motion" in effect.effect.records:

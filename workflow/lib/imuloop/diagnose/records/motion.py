@@ -1,6 +1,7 @@
 """The motion between the poses: velocity that a model of both sensors leaves at its end."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -8,9 +9,10 @@ from scipy.linalg import LinAlgError
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import midpoints
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.motion import COUNT, FORCE, MotionPoses
+from imuloop.calibrate.motion import COUNT, FORCE, MotionPoses, OfSensor
 from imuloop.calibrate.pose_fits import in_raw_units
-from imuloop.core.effect import Effect, OfSensor, find_effect
+from imuloop.core.effect import Effect, find_effect
+from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content, untried
@@ -40,6 +42,28 @@ class MotionResult:
     # SensorCalibration of each sensor with the effects that motion shows; empty without any
     calibrations: dict = field(default_factory=dict)
     residuals: dict = field(default_factory=dict)  # columns of the moves, as of `residual_columns`
+
+
+class MotionProblem(PoseProblem):
+    """Both sensors at the poses, which every fit sees, and the moves, of which parts are held out.
+
+    The poses alone determine the base model: no fit is lost. The noise of a move grows with its
+    length, and so does what a lacking effect leaves.
+    """
+
+    # of 0.95 times as large effects 82 of 100 were found
+    enough = 1.0
+
+    @cached_property
+    def measure(self):
+        """What a held-out error is compared in: the noise as residuals without effects have it."""
+        likeliest = self.linearized().evidence.blocks[0].noise.precision[-1]
+        return np.sqrt(np.diag(precision(likeliest)[0]))
+
+    def lost(self, base, out=frozenset()):
+        """Return None; what all data choose is fitted, for what is tested beside it."""
+        if not out:
+            self.linearized(base)
 
 
 def candidates_in_motion(known):
@@ -86,7 +110,7 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
     model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
     model = model.given_rotation(recording, found)
     shapes = candidates_in_motion({type(e.effect) for e in found})
-    problem = PoseProblem(
+    problem = MotionProblem(
         model,
         recording,
         shapes,
@@ -147,6 +171,8 @@ def knocks(recording, gyroscope_bias):
 
 
 def _diagnosed(choices, units, columns):
+    """Return the MotionResult of moves that can be tested."""
+
     def of(entry):
         return find_effect(entry["name"]).sensors[0]
 
@@ -174,7 +200,8 @@ def _calibrations(problem, base, units):
     """Return the calibration of each sensor by the fit with some effects."""
     solution, covariance = problem.linearized(base).solution, problem.covariance(base)
     own, found = problem.sensor.model(solution, problem.recording).own, {}
-    effects = [(e.effect if isinstance(e, OfSensor) else e, e.sensors[0]) for e in solution.effects]
+    effects = [(e.effect, e.sensor) for e in problem.found]
+    effects += [(e, e.sensors[0]) for e in base]
     names = (accelerometer.NAMES, gyroscope.NAMES)
     for (sensor, at), base_names, unit in zip(own.items(), names, units, strict=True):
         found[sensor] = in_raw_units(

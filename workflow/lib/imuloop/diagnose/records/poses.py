@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from imuloop.calibrate.pose_fits import residuals
-from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training import ABSORBED
@@ -55,6 +54,11 @@ class PoseProblem:
     _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
     scans: ClassVar = {}
+    # in what held-out errors are compared: they are all alike
+    measure = 1.0
+    # share of the size that drawn records ask for which is a detection limit: their noise is as
+    # large as data let expect, and effects of that size were found 95 times of 100, not 90
+    enough = 0.95
 
     @cached_property
     def parts(self):
@@ -98,17 +102,6 @@ class PoseProblem:
     def fold(self):
         """The part that each row is held out with: that of its first pose, shape (N,)."""
         return self.ends[:, 0]
-
-    @cached_property
-    def measure(self):
-        """What held-out errors are compared in: all alike, or each row by what it leaves, (N,).
-
-        That is the noise as the residuals without effects make it likeliest.
-        """
-        if not self.sensor.uneven:
-            return 1.0
-        likeliest = self.linearized().evidence.blocks[0].noise.precision[-1]
-        return np.sqrt(np.diag(precision(likeliest)[0]))
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1)."""
@@ -235,11 +228,6 @@ class PoseProblem:
         return effect.timed or "temperature" in effect.needs
 
     @property
-    def enough(self):
-        """Share of the size that drawn records ask for which is a detection limit."""
-        return self.sensor.enough
-
-    @property
     def own_rest(self):
         """Whether the noise was estimated at rests of the same log."""
         return self.information is None
@@ -249,12 +237,7 @@ class PoseProblem:
         return [self.nearest(base).noise_with(-values[0])]
 
     def lost(self, base, out=frozenset()):
-        """Return why the fit with some effects is none, or None if it is one.
-
-        Of a sensor whose fits all are one, those that a part of the data chooses are not made.
-        """
-        if out and self.sensor.always_found:
-            return None
+        """Return why the fit with some effects, chosen without some parts, is none, or None."""
         return self.sensor.lost(self.linearized(base).solution, self.recording)
 
     def shows(self, search, base, trial):

@@ -42,7 +42,7 @@ class StaticProblem:
     residual = "bias"
     # in what held-out errors are compared: they are all alike
     measure = 1.0
-    # as of SensorPoses
+    # as of PoseProblem
     enough = 0.95
 
     @property
