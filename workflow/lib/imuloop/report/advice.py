@@ -69,8 +69,8 @@ _LOOK = (
 
 def what_next(block):
     """Return what a person can do about the residual that is left."""
-    probe = leading(block)
-    return _NEXT.get(probe["name"], _LOOK) if probe else _LOOK
+    probe, spoiled = leading(block), block.get("moves", {}).get("left_out")
+    return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, _LOOK)
 
 
 def next_steps(device):

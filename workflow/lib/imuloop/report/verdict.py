@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import chdtr
 
 from imuloop.core.samples import SENSORS
-from imuloop.report.numbers import joined, missing, number, p_text, percent
+from imuloop.report.numbers import joined, missing, number, p_text, percent, plural
 from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none
@@ -238,6 +238,9 @@ def sentence(sensor, block):
             )
     elif block.get("slow_noise"):
         text += SLOW_NOISE
+    if spoiled := block.get("moves", {}).get("left_out"):
+        of = plural(block["moves"]["all"], "move")
+        text += f" {spoiled} of {of} are left out, for a knock between two samples."
     if found := too_quiet(block):
         name, chi2, p = found
         text += (
@@ -257,10 +260,9 @@ def answers(diagnosis):
     """Return what to say of a device first: each sensor, its worst verdict, words on it.
 
     Poses come first: they test the calibration. A static record is named where it says more, or
-    where there are no poses.
+    where there are no poses; then motion, which is of both, where it says more.
     """
-    said = []
-    motion = motion_of(diagnosis)
+    said, motion = [], motion_of(diagnosis)
     for sensor in SENSORS:
         poses, still = (block_of(diagnosis, sensor, part) for part in ("poses", "static_record"))
         tested = [b["verdict"] for b in (poses, still) if b["verdict"] != "not_testable"]
@@ -272,9 +274,9 @@ def answers(diagnosis):
             words = _words(poses)
             if still["verdict"] not in ("consistent", "not_testable"):
                 words += f"; at rest {_words(still)}"
-            if motion["effects"] and sensor == "gyroscope":
-                words += f"; in motion both are {_words(motion)}"
         said.append((sensor, max(tested, key=rank, default="not_testable"), words))
+    if motion["verdict"] not in ("consistent", "not_testable"):
+        said.append(("both in motion", motion["verdict"], _words(motion)))
     return said
 
 

@@ -190,6 +190,8 @@ def _diagnosed(choices, units, columns):
     }
     contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
     quiet = problem.sensor.quiet
+    for own in contents.values():
+        own["moves"] = {"all": len(quiet), "left_out": int((~quiet).sum())}
     for name, values in residuals.items():
         columns[name] = np.full(len(quiet), np.nan)
         columns[name][quiet] = values
