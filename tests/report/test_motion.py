@@ -53,6 +53,6 @@ def test_motion_at_its_floor_or_without_a_test_is_no_answer():
 
 def test_moves_that_a_knock_spoiled_are_counted_and_what_to_do_is_said():
     block = motion_of(diagnosis("unexplained", left_out=17))
-    assert "17 of 37 moves are left out, for a knock" in sentence(BOTH, block)
+    assert "Left out, for a knock between two samples: 17 of 37 moves." in sentence(BOTH, block)
     assert "Low-pass the accelerometer" in what_next(block)
-    assert "left out" not in sentence(BOTH, motion_of(diagnosis("unexplained")))
+    assert "Left out" not in sentence(BOTH, motion_of(diagnosis("unexplained")))

@@ -240,7 +240,7 @@ def sentence(sensor, block):
         text += SLOW_NOISE
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
-        text += f" {spoiled} of {of} are left out, for a knock between two samples."
+        text += f" Left out, for a knock between two samples: {spoiled} of {of}."
     if found := too_quiet(block):
         name, chi2, p = found
         text += (
