@@ -7,8 +7,9 @@ import numpy as np
 
 import imuloop.diagnose.diagnose  # noqa: F401  loads the library
 from bench.study import physics
-from bench.study.devices import Injected
+from bench.study.devices import HEATED_RECORD, Injected
 from imuloop.core.effect import Effect, find_effect
+from imuloop.diagnose.records.scan import FINENESS
 from imuloop.simulate.truth import GaussMarkovProcess, Popcorn, SpectralLine
 
 # how many detection limits large an effect is
@@ -126,8 +127,11 @@ def _injected(sensor, name, candidate, alike, rng, limits):
     """Return one effect of so many detection limits."""
     limit, constants = candidate["detection_limit"], dict(candidate["constants"])
     known = list(limit)
-    for key in constants.keys() & {"tau", "half_width", "tc", "frequency"}:
+    for key in constants.keys() & {"tau", "half_width", "tc"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
+    if name == "sinusoid":
+        # every frequency of a grid is searched, and noise depends on it: half a step off at most
+        constants["frequency"] += rng.uniform(-0.5, 0.5) / (FINENESS * HEATED_RECORD[-1][0])
     z = rng.standard_normal(len(known))
     if name == "bias_temperature":
         # of first order; whatever order the control's diagnosis looked at last
