@@ -196,6 +196,7 @@ def results(tmp_path, monkeypatch):
     )
     write_log(tmp_path / "log.csv", {})
     samples = pd.read_csv("log.csv")
+    samples.to_csv("night.csv", index=False)
     (tmp_path / "results/my_imu/poses").mkdir()
     samples.to_parquet("results/my_imu/poses/samples.parquet")
     return samples

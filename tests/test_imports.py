@@ -71,9 +71,9 @@ def test_every_package_imported_is_declared(repository):
     optional = declared["optional-dependencies"]
     readers = {optional[name][0].partition(">")[0] for name in ("dataflash", "ros", "ulog")}
     assert {DISTRIBUTIONS.get(name, name).lower() for name in needed} <= names | readers
-    # the workflow manager runs the rules, tqdm is the progress bar of pooch: nothing else is idle
+    # the workflow manager runs the rules: nothing else is idle
     idle = names - {DISTRIBUTIONS.get(name, name).lower() for name in needed}
-    assert idle == {"snakemake", "tqdm"}
+    assert idle == {"snakemake"}
 
 
 def test_who_reads_a_calibration_has_the_library_of_effects(repository):

@@ -1,12 +1,32 @@
-"""From the raw log of an accelerometer and gyroscope to calibration, noise and diagnosis."""
+"""From the raw log of an accelerometer and gyroscope to calibration, noise and diagnosis.
+
+``imuloop.calibrate(t, acceleration, angular_rate)`` does it all for one device.
+"""
 
 from importlib import import_module
+
+__version__ = "0.1.0"
+# where each name is
+_PLACES = {
+    "Calibration": "core.model",
+    "Result": "result",
+    "allan": "noise.deviations",
+    "calibrate": "calibrate",
+    "read": "result",
+}
+__all__ = [*_PLACES]
 
 
 def __getattr__(name):
     # by name, so that a script that needs no calibration neither loads nor depends on the model
-    if name == "Calibration":
-        # a calibration may hold any effect of the library
-        import_module("imuloop.effects")
-        return import_module("imuloop.core.model").Calibration
-    raise AttributeError(f"module 'imuloop' has no attribute '{name}'")
+    if name not in _PLACES:
+        raise AttributeError(f"module 'imuloop' has no attribute '{name}'")
+    # a calibration may hold any effect of the library
+    import_module("imuloop.effects")
+    module = import_module(f"imuloop.{_PLACES[name]}")
+    # the stage of that name is called
+    return module if name == "calibrate" else getattr(module, name)
+
+
+def __dir__():
+    return sorted([*globals(), *__all__])

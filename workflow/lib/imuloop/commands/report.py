@@ -5,22 +5,18 @@ import logging
 import shlex
 import sys
 import tempfile
-from importlib.metadata import PackageNotFoundError, version
+import warnings
 from pathlib import Path
 
-import imuloop
-from imuloop import chain
-from imuloop.chain import Device
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, declared, is_samples, local_gravity
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json, refuse_overwriting
+from imuloop.core.files import refuse_overwriting
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.job_log import Printable
-from imuloop.report.provenance import provenance
+from imuloop.result import KINDS, calibrate
 
-KINDS = ("multi_position", "six_position", "static")
 EXAMPLE = """examples:
   imuloop report poses.csv -o report.html
   imuloop report multi_position=poses.csv static=night.csv -o report.html --keep results
@@ -103,11 +99,11 @@ def log_of(arguments):
 
 def make(arguments, folder):
     """Run all stages and write the report; results go to a folder as ``results/<device>``."""
-    paths, kinds = {}, {}
+    logs = {kind: [] for kind in KINDS}
     for kind, path in arguments.logs:
-        kind = kind or arguments.kind
-        name = f"{kind}_{sum(k == kind for k in kinds.values()) + 1}"
-        paths[name], kinds[name] = path, kind
+        if path.suffix == ".parquet" and path.is_file() and is_samples(path):
+            raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
+        logs[kind or arguments.kind].append(path)
     what, nominal = declared(arguments)
     log = log_of(arguments)
     # made only where there is a traceback to keep
@@ -115,48 +111,22 @@ def make(arguments, folder):
     handler.setLevel(logging.ERROR)
     handler.setFormatter(Printable())
     logging.getLogger().addHandler(handler)
-    # of numbers at their limits: what counts is in the results
-    logging.captureWarnings(True)
-    device = Device(
-        "device",
-        folder,
-        kinds,
-        label=arguments.label or arguments.logs[0][1].stem,
-        gravity=arguments.gravity,
-        nominal=nominal,
-        log=log,
-    )
-    for name, path in paths.items():
-        if path.suffix == ".parquet" and path.is_file() and is_samples(path):
-            raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
-        for failure in chain.ingest(device, name, what, [path]):
-            raise ImuloopError(failure.why)
-        quality = read_json(device.sessions[name]["quality"])
-        if quality["status"] == "rejected":
-            say(f"{path}: rejected: {'; '.join(quality['reasons'])}")
-    for failure in chain.run(device):
-        say(f"{failure}; the traceback is in {log}")
-    chain.report([folder], origin(arguments, kinds), arguments.output, folder / "comparison.csv")
-    logging.captureWarnings(False)
+    with warnings.catch_warnings():
+        # of numbers at their limits, and what is said below
+        warnings.simplefilter("ignore")
+        result = calibrate(
+            logs.pop("multi_position"),
+            **logs,
+            **what,
+            nominal=nominal,
+            gravity=arguments.gravity,
+            label=arguments.label or arguments.logs[0][1].stem,
+            folder=folder,
+            log=log,
+            progress=False,
+        )
+        for line in result.failures:
+            say(line)
+        result.report(arguments.output, f"imuloop report {shlex.join(sys.argv[2:])}")
     logging.getLogger().removeHandler(handler)
     say(f"wrote {arguments.output}")
-
-
-def origin(arguments, kinds):
-    """Return what made the report: of a checkout its commit, else the version installed."""
-    command = f"imuloop report {shlex.join(sys.argv[2:])}"
-    config = {
-        "gravity": arguments.gravity,
-        "sessions": {
-            name: {"kind": kind, "file": str(path)}
-            for (name, kind), (_, path) in zip(kinds.items(), arguments.logs, strict=True)
-        },
-    }
-    repository = Path(imuloop.__file__).parents[3]
-    found = provenance(repository, command, config)
-    if not (repository / "Snakefile").exists():
-        try:
-            found["commit"] = f"imuloop {version('imuloop')}, installed"
-        except PackageNotFoundError:
-            found["commit"] = "not known"
-    return found

@@ -1,11 +1,14 @@
-"""Relatives of the Allan deviation: Hadamard, modified, total and M-sample, over stretches."""
+"""The Allan deviation of a record, and its relatives: Hadamard, modified, total and M-sample."""
 
 from functools import cache
 
 import allantools
 import numpy as np
+import pandas as pd
 
-from imuloop.noise.allan import interval, pooled_mean_square, terms
+from imuloop.core.errors import ImuloopError
+from imuloop.noise.allan import averaging_factors, interval, pooled_mean_square, terms
+from imuloop.noise.settings import NoiseSettings
 
 # decades of tau on each side over which the slope of a curve is taken
 SLOPE_DECADES = 0.5
@@ -14,22 +17,61 @@ REFLECTED = 0.05
 # function of allantools, and exponents of S(f) ~ f^alpha for which the degrees of freedom are
 # known, lowest and highest
 DEVIATIONS = {
+    "allan": (allantools.oadev, -2, 2),
     "total": (allantools.totdev, -2, 1),
     "modified": (allantools.mdev, -2, 2),
     "hadamard": (allantools.ohdev, -3, 1),
 }
 
 
+def allan(values, rate, deviation="allan"):
+    """Return the overlapping Allan deviation of an evenly sampled record, without gaps.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,) or (n, k), or DataFrame
+        Record of each axis, any unit.
+    rate : float
+        Samples per second, Hz.
+    deviation : {'allan', 'total', 'modified', 'hadamard'}
+        Which.
+
+    Returns
+    -------
+    DataFrame
+        A row per axis and averaging time: `axis`, `tau_s`, `adev` in the unit of the values, and
+        its 95 % interval by the noise that the slope shows, `ci_low` and `ci_high`.
+
+    Raises
+    ------
+    ImuloopError
+        If a value is not finite, or there are too few.
+    """
+    table = pd.DataFrame(values)
+    if not np.isfinite(table.to_numpy(float)).all():
+        raise ImuloopError("values: some are not finite; give a stretch without")
+    factors, parts = averaging_factors(len(table), NoiseSettings()), []
+    if not len(factors):
+        raise ImuloopError(f"values: {len(table)} samples are too few for an Allan deviation")
+    for axis, column in table.items():
+        x = column.to_numpy(float)
+        variance = deviation_variance(deviation, [x], factors)
+        low, high = deviation_interval(deviation, [len(x)], factors, variance)
+        rows = {"axis": axis, "tau_s": factors / rate, "adev": np.sqrt(variance)}
+        parts.append(pd.DataFrame(rows | {"ci_low": np.sqrt(low), "ci_high": np.sqrt(high)}))
+    return pd.concat(parts, ignore_index=True)
+
+
 def deviation_variance(name, stretches, factors):
-    """Return the total, modified Allan or overlapping Hadamard variance, pooled over stretches.
+    """Return an Allan, total, modified Allan or Hadamard variance, pooled over stretches.
 
     The total one is without the correction for its bias at long averages under flicker and walk
     (-24 % and -38 % of the variance at half the record).
 
     Parameters
     ----------
-    name : {'total', 'modified', 'hadamard'}
-        Which.
+    name : {'allan', 'total', 'modified', 'hadamard'}
+        Which; all but the total one overlap.
     stretches, factors
         As `imuloop.noise.allan.allan_variance` takes them; the same unit comes out, shape (k,).
 
@@ -59,7 +101,7 @@ def _count(name, length, factors):
     if name == "total":
         return np.where(factors < length, length - 1, 0)
     # of the modified variance one phase more than samples
-    return terms(factors, length + (name == "modified"), 3)
+    return terms(factors, length + (name == "modified"), 2 if name == "allan" else 3)
 
 
 def m_sample_variance(stretches, factors, samples):
@@ -125,8 +167,8 @@ def _freedom(name, phases, m, exponent):
     edf = allantools.edf_greenhall
     if name == "hadamard":
         return edf(exponent, 3, m, phases, overlapping=True)
-    if name == "modified":
-        return edf(exponent, 2, m, phases, overlapping=True, modified=True)
+    if name in ("allan", "modified"):
+        return edf(exponent, 2, m, phases, overlapping=True, modified=name == "modified")
     if m <= REFLECTED * phases:
         return edf(exponent, 2, m, phases, overlapping=True)
     return allantools.edf_totdev(phases, m, exponent) if exponent <= 0 else np.nan

@@ -3,6 +3,7 @@
 import platform
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 # packages whose numbers or pictures are in a report
 PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets", "matplotlib")
@@ -30,7 +31,12 @@ def provenance(repository, command, config):
 
 
 def commit(repository):
-    """Return the commit of a checkout, marked if files differ from it."""
+    """Return the commit of a checkout, marked if files differ from it, or the version installed."""
+    if not (Path(repository) / "Snakefile").exists():
+        try:
+            return f"imuloop {version('imuloop')}, installed"
+        except PackageNotFoundError:
+            return "not known"
     # a checkout of another user's is read all the same
     git = ["git", "-c", f"safe.directory={repository}", "-C", str(repository)]
     try:

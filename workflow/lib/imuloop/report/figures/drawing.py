@@ -2,7 +2,8 @@
 
 import io
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from html import escape
 
 import matplotlib
@@ -82,6 +83,8 @@ class Picture:
         Path of the numbers behind it, from the report's folder; empty without any.
     wide : bool
         Whether it takes the full width of the page.
+    figure : callable
+        Draws it once more, as a matplotlib figure.
     """
 
     name: str
@@ -89,6 +92,7 @@ class Picture:
     caption: str
     csv: str = ""
     wide: bool = False
+    figure: Callable | None = field(default=None, repr=False, compare=False)
 
     @property
     def inline(self):
@@ -116,33 +120,42 @@ def picture(name, kind, caption, plot, size=(440, 300), csv="", columns=(1,), ro
     columns, rows : tuple of float
         Relative widths and heights of the areas, which share their limits.
     """
+
+    def figure():
+        with matplotlib.rc_context(STYLE):
+            return _figure(plot, size, columns, rows)
+
     with matplotlib.rc_context(STYLE | {"svg.hashsalt": name}):
-        # 72 points an inch: a point is a pixel
-        figure = Figure(figsize=(size[0] / 72, size[1] / 72), dpi=72, layout="constrained")
-        areas = figure.subplots(
-            len(rows),
-            len(columns),
-            sharex="col",
-            sharey="row",
-            squeeze=False,
-            width_ratios=columns,
-            height_ratios=rows,
-        )
-        areas = areas.ravel().tolist()
-        plot(areas if len(areas) > 1 else areas[0])
-        key = {}
-        for area in areas:
-            key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
-            for axis in (area.xaxis, area.yaxis):
-                if axis.get_scale() == "log":
-                    _mark_decades(axis)
-        if key:
-            figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
-        figure.align_ylabels()
-        file = io.StringIO()
-        figure.savefig(file, format="svg", metadata={"Date": None})
-    svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(figure, "titles", {}))
-    return Picture(name, svg, caption, csv, size[0] > WIDE)
+        drawn, file = _figure(plot, size, columns, rows), io.StringIO()
+        drawn.savefig(file, format="svg", metadata={"Date": None})
+    svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(drawn, "titles", {}))
+    return Picture(name, svg, caption, csv, size[0] > WIDE, figure)
+
+
+def _figure(plot, size, columns, rows):
+    # 72 points an inch: a point is a pixel
+    figure = Figure(figsize=(size[0] / 72, size[1] / 72), dpi=72, layout="constrained")
+    areas = figure.subplots(
+        len(rows),
+        len(columns),
+        sharex="col",
+        sharey="row",
+        squeeze=False,
+        width_ratios=columns,
+        height_ratios=rows,
+    )
+    areas = areas.ravel().tolist()
+    plot(areas if len(areas) > 1 else areas[0])
+    key = {}
+    for area in areas:
+        key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
+        for axis in (area.xaxis, area.yaxis):
+            if axis.get_scale() == "log":
+                _mark_decades(axis)
+    if key:
+        figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
+    figure.align_ylabels()
+    return figure
 
 
 def fill(area, x, low, high, colour, alpha=0.2):

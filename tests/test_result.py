@@ -1,0 +1,125 @@
+"""``imuloop.calibrate`` and its relatives: the workflow's numbers from arrays, tables and files."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+import imuloop
+from calibrated import calibrated_device
+from imuloop import chain
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json
+
+FORCE, TURN = ["ax", "ay", "az"], ["gx", "gy", "gz"]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("device")
+    calibrated_device(folder, 14, 20.0, 1)
+    return folder / "1.csv"
+
+
+@pytest.fixture(scope="module")
+def log(path):
+    return pd.read_csv(path)
+
+
+@pytest.fixture(scope="module")
+def result(log):
+    return imuloop.calibrate(log["t"], log[FORCE], log[TURN], progress=False)
+
+
+def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
+    device = chain.Device("device", tmp_path, {"poses": "multi_position"})
+    assert chain.ingest(device, "poses", {}, [path]) == [] and chain.run(device) == []
+    theirs = imuloop.Calibration.from_json(tmp_path / "calibration.json")
+    for sensor in ("accelerometer", "gyroscope"):
+        mine, other = getattr(result.calibration, sensor), getattr(theirs, sensor)
+        for name in ("T", "K", "b", "covariance"):
+            np.testing.assert_allclose(getattr(mine, name), getattr(other, name), rtol=1e-12)
+        expected = read_json(tmp_path / "diagnosis.json")["sensors"][sensor]
+        assert result.verdict[sensor] == {part: b["verdict"] for part, b in expected.items()}
+        assert result.verdict[sensor]["poses"] in str(result) and repr(result).count("\n") == 0
+    exported = result.export(tmp_path / "mine")
+    assert len(exported) > 10
+    for file in exported:
+        assert file.read_bytes() == (tmp_path / "exports" / file.name).read_bytes()
+    assert result.noise["gx"].N.value > 0 and not result.failures
+
+
+def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
+    page = result.report(tmp_path / "report.html").read_text()
+    assert page.lower().startswith("<!doctype html>") and "in memory" in page
+    plots = result.plot.poses(), result.plot.allan(), result.plot.series()
+    for figures in (*plots, *map(result.plot.residuals, ("accelerometer", "gyroscope"))):
+        assert figures and all(isinstance(figure, Figure) for figure in figures)
+
+
+def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):
+    other = log[["t", *FORCE, *TURN]].copy()
+    other[FORCE] /= 9.80665
+    other[TURN] = np.degrees(other[TURN])
+    units = {"acceleration": "g", "angular_rate": "deg/s"}
+    by_index = other.drop(columns="t").set_index(pd.to_datetime(other["t"], unit="s"))
+    for given in (other, by_index, {name: other[name] for name in other}):
+        np.testing.assert_allclose(
+            imuloop.read(given, units=units)[["t", *FORCE, *TURN]],
+            imuloop.read(path)[["t", *FORCE, *TURN]],
+            rtol=1e-9,
+            atol=1e-9,
+        )
+
+
+def test_logs_of_every_kind_are_sessions_of_one_device(log, path, monkeypatch):
+    monkeypatch.setattr("imuloop.result.STAGES", ())
+    rest = log[log["t"] < 15]
+    at_rest = (rest["t"], rest[FORCE], rest[TURN])
+    result = imuloop.calibrate([path, log], static=at_rest, six_position=path, progress=False)
+    assert dict(result.device.kinds) == {
+        "multi_position_1": "multi_position",
+        "multi_position_2": "multi_position",
+        "six_position_1": "six_position",
+        "static_1": "static",
+    }
+    assert set(result.logs.values()) == {str(path), "in memory"}
+
+
+def test_what_cannot_be_used_is_said(log, tmp_path):
+    with pytest.raises(ImuloopError, match="no such file"):
+        imuloop.calibrate(tmp_path / "none.csv", progress=False)
+    with pytest.raises(ImuloopError, match=r"an array of shape \(3, 10\)"):
+        imuloop.read((np.arange(10), np.ones((3, 10)), np.ones((10, 3))))
+    with pytest.raises(ImuloopError, match="rejected"):
+        imuloop.read((np.arange(10), np.full((10, 3), np.nan), np.ones((10, 3))))
+    with pytest.warns(UserWarning, match="rejected"):
+        short = imuloop.calibrate(log.iloc[:20], progress=False)
+    assert set(short.verdict["gyroscope"].values()) == {"not_testable"}
+    assert "rejected" in short.failures[0]
+
+
+def test_results_stay_in_the_folder_that_is_given(path, tmp_path, monkeypatch):
+    monkeypatch.setattr("imuloop.result.STAGES", ())
+    imuloop.calibrate(path, folder=tmp_path / "kept", progress=False)
+    assert (tmp_path / "kept/multi_position_1/samples.parquet").is_file()
+
+
+def test_the_allan_deviation_of_white_noise_falls_as_its_square_root():
+    rate, density = 100.0, 0.3
+    x = np.random.default_rng(0).normal(0, density * np.sqrt(rate), (20000, 2))
+    table = imuloop.allan(pd.DataFrame(x, columns=["gx", "gy"]), rate)
+    assert list(table["axis"].unique()) == ["gx", "gy"]
+    expected = density / np.sqrt(table["tau_s"])
+    inside = (table["ci_low"] < expected) & (expected < table["ci_high"])
+    assert inside.mean() > 0.85
+    assert np.all(np.abs(table["adev"] / expected - 1)[table["tau_s"] < 1] < 0.1)
+    with pytest.raises(ImuloopError, match="not finite"):
+        imuloop.allan([0.0, np.nan, 1.0], 1.0)
+
+
+def test_the_package_says_what_it_has():
+    assert {*imuloop.__all__} <= {*dir(imuloop)} and imuloop.__version__
+    assert all(getattr(imuloop, name).__doc__ for name in imuloop.__all__)
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = imuloop.nothing

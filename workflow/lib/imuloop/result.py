@@ -1,0 +1,324 @@
+"""One device from logs in memory or in files, without a config: what the chain finds."""
+
+import tempfile
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+import imuloop
+from imuloop import chain
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json, refuse_overwriting
+from imuloop.core.model import Calibration
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME, read_samples
+from imuloop.core.units import STANDARD_GRAVITY
+
+KINDS = ("multi_position", "six_position", "static")
+# what a result is made by; files for other tools and pages only when they are asked for
+STAGES = (chain.segment, chain.noise, chain.calibrate, chain.diagnose, chain.allan)
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the chain found out about one device.
+
+    Attributes
+    ----------
+    device : imuloop.chain.Device
+        The device as the stages took it; its folder has the files of the contract.
+    logs : dict of str to str
+        Where the log of each session came from: its path, or ``in memory``.
+    failures : tuple of str
+        What went wrong, a line each: logs that were rejected, stages that failed.
+    """
+
+    device: chain.Device
+    logs: dict
+    failures: tuple[str, ...] = ()
+    # keeps a temporary folder as long as the result
+    _folder: object = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """The calibration, effects included: the model that was diagnosed."""
+        return Calibration.from_json(self.device.file("calibration.json"))
+
+    @cached_property
+    def noise(self) -> dict:
+        """Noise of each channel, ``ax`` to ``gz``, an `AxisNoise` in SI units."""
+        from imuloop.report.results import axes_of
+
+        return axes_of(read_json(self.device.file("noise.json"))["axes"])
+
+    @cached_property
+    def diagnosis(self) -> dict:
+        """What diagnosis.json holds."""
+        return read_json(self.device.file("diagnosis.json"))
+
+    @property
+    def verdict(self) -> dict:
+        """Verdict of each sensor in each kind of record, as ``verdict["gyroscope"]["poses"]``."""
+        return {
+            sensor: {record: block["verdict"] for record, block in records.items()}
+            for sensor, records in self.diagnosis["sensors"].items()
+        }
+
+    @property
+    def plot(self) -> "Plots":
+        """The report's figures, of matplotlib."""
+        return Plots(self.device)
+
+    def report(self, path, command="imuloop.calibrate") -> Path:
+        """Write the report, one HTML file; return its path."""
+        from imuloop.report.provenance import provenance
+
+        path, folder = Path(path), self.device.folder
+        self._done(chain.export)
+        self._done(chain.report_device)
+        sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
+        config = {"gravity": self.device.gravity, "sessions": sessions}
+        made_by = provenance(Path(imuloop.__file__).parents[3], command, config)
+        chain.report([folder], made_by, path, folder / "comparison.csv")
+        return path
+
+    def export(self, folder) -> list:
+        """Write the calibration for other tools into a folder; return the paths."""
+        self._done(chain.export)
+        own = self.device.file("exports")
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        targets = [Path(folder) / source.name for source in sorted(own.iterdir())]
+        for target in targets:
+            target.write_bytes((own / target.name).read_bytes())
+        return targets
+
+    def _done(self, stage):
+        for failure in stage(self.device):
+            raise ImuloopError(f"{self.device.name}: {failure}")
+
+    def __str__(self):
+        from imuloop.report.verdict import blocks, sentence
+
+        lines = [f"{self.device.label or self.device.name}:", *self.failures]
+        for sensor, part, block in blocks(self.diagnosis):
+            if block["verdict"] != "not_testable":
+                lines.append(f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}")
+        return "\n".join(lines)
+
+    def __repr__(self):
+        found = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
+        return f"<Result of {self.device.name}: {', '.join(found)}>"
+
+    def _repr_html_(self):
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+class Plots:
+    """Figures of a result, each a list of matplotlib figures as in the report."""
+
+    def __init__(self, device):
+        from imuloop.report.results import read_device
+
+        folder, label = device.folder, device.label or device.name
+        device.file("figures").mkdir(exist_ok=True)
+        self._device = read_device(device.name, label, folder, device.kinds)
+
+    def _of_sessions(self, make):
+        return [p.figure() for session in self._device.used for p in make(self._device, session)]
+
+    def poses(self):
+        """Return the attitudes in which the device rested."""
+        from imuloop.report.figures.poses import pose_picture
+
+        return [p.figure() for p in [pose_picture(self._device)] if p]
+
+    def residuals(self, sensor):
+        """Return the residuals of a sensor's poses, ``"sensors"``: of moves, before and after."""
+        from imuloop.report.figures.residuals import residual_pictures
+        from imuloop.report.verdict import blocks
+
+        of = [b for s, part, b in blocks(self._device.diagnosis) if s == sensor != part]
+        return [p.figure() for b in of[:1] for p in residual_pictures(self._device, sensor, b)]
+
+    def allan(self):
+        """Return the Allan deviations of each session with the fitted terms."""
+        from imuloop.report.figures.allan import allan_pictures
+
+        return self._of_sessions(allan_pictures)
+
+    def series(self):
+        """Return the samples of each session over time, rests marked."""
+        from imuloop.report.figures.time_series import session_pictures
+
+        return self._of_sessions(session_pictures)
+
+
+def calibrate(
+    t,
+    acceleration=None,
+    angular_rate=None,
+    temperature=None,
+    *,
+    static=(),
+    six_position=(),
+    gravity: float = STANDARD_GRAVITY,
+    units: Mapping | None = None,
+    columns: Mapping | None = None,
+    nominal: Mapping | None = None,
+    rate: float | None = None,
+    format: str | None = None,
+    name: str = "device",
+    label: str = "",
+    settings: Mapping | None = None,
+    folder=None,
+    log=None,
+    threads: int = 1,
+    progress: bool = True,
+) -> Result:
+    """Calibrate and diagnose one device; the same stages, and numbers, as in the workflow.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,), or a log, or a list of logs
+        Time stamps, s, of the arrays that follow; or each log of many positions: a path, a
+        DataFrame, or a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``.
+    acceleration, angular_rate : array_like, shape (n, 3), optional
+        m/s^2 and rad/s, or in the `units` that are given.
+    temperature : array_like, shape (n,), optional
+        degC.
+    static, six_position : a log, or a list of logs
+        Of the device at rest, and of its six faces up and down in turn.
+    gravity : float
+        Local gravity, m/s^2.
+    units, columns, nominal, rate, format : optional
+        Of all logs, as in the config; what is not given is found from a log, units else SI.
+    name, label : str
+        Name of the device, and that in the report.
+    settings : mapping, optional
+        Settings of the stages by their name, as in the config.
+    folder : path-like, optional
+        Where results are kept; without, as long as the result lives.
+    log : path-like, optional
+        File that the message of a stage that failed says to hold its traceback.
+    threads : int
+        How many may work at once; changes no number.
+    progress : bool
+        Whether to show how far it is.
+
+    Raises
+    ------
+    ImuloopError
+        If a log does not exist, or is not as declared.
+    """
+    first = (t, acceleration, angular_rate, temperature)
+    given = {
+        "multi_position": [first] if acceleration is not None else _several(t),
+        "six_position": _several(six_position),
+        "static": _several(static),
+    }
+    logs = {f"{kind}_{i + 1}": log for kind in given for i, log in enumerate(given[kind])}
+    kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
+    device = chain.Device(
+        name,
+        Path(folder or kept.name),
+        {session: session.rpartition("_")[0] for session in logs},
+        label=label,
+        gravity=float(gravity),
+        nominal=dict(nominal or {}),
+        log=log and Path(log),
+        threads=threads,
+        **{stage: dict(of) for stage, of in (settings or {}).items()},
+    )
+    declared = {
+        "format": format,
+        "columns": dict(columns or {}),
+        "units": dict(units or {}),
+        "rate": rate,
+    }
+    failures = []
+    with tqdm(total=len(logs) + len(STAGES), disable=not progress, leave=False) as bar:
+        for session, log in logs.items():
+            bar.set_description(f"ingest {session}")
+            failures += _ingested(device, session, log, declared)
+            bar.update()
+        for stage in STAGES:
+            bar.set_description(stage.__name__)
+            failures += map(str, stage(device))
+            bar.update()
+    for failure in failures:
+        warnings.warn(f"{name}: {failure}", stacklevel=2)
+    paths = {n: str(x) if isinstance(x, (str, Path)) else "in memory" for n, x in logs.items()}
+    return Result(device, paths, tuple(failures), None if folder else kept)
+
+
+def read(log, **declared) -> pd.DataFrame:
+    """Return the samples of a log: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s), `temperature`.
+
+    Parameters
+    ----------
+    log : path-like, DataFrame or tuple of arrays
+        As of `calibrate`.
+    **declared
+        ``units``, ``columns``, ``format``, ``rate``, ``nominal``, as of `calibrate`.
+
+    Raises
+    ------
+    ImuloopError
+        If the log cannot be used; one line with the reasons.
+    """
+    nominal = declared.pop("nominal", {})
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
+        device = chain.Device("log", Path(folder), {"log": None}, nominal=nominal)
+        for failure in _ingested(device, "log", log, declared):
+            raise ImuloopError(failure)
+        return read_samples(device.sessions["log"]["samples"])
+
+
+def _several(logs):
+    """Return a list of logs, of one too."""
+    if isinstance(logs, list) or (isinstance(logs, tuple) and not logs):
+        return list(logs)
+    return [logs]
+
+
+def _ingested(device, session, log, declared):
+    """Write the samples of a session; return why they cannot be used, a line, in a list."""
+    path, shown = log, session
+    if isinstance(log, (str, Path)):
+        shown = str(log)
+        if not Path(log).exists():
+            raise ImuloopError(f"{log}: there is no such file")
+        refuse_overwriting([device.folder], [log])
+    else:
+        path = device.file(f"{session}.parquet")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _table(log).to_parquet(path, index=False)
+    for failure in chain.ingest(device, session, declared, [path]):
+        raise ImuloopError(failure.why)
+    quality = read_json(device.sessions[session]["quality"])
+    return [f"{shown}: rejected: {r}" for r in ["; ".join(quality["reasons"])] if r]
+
+
+def _table(log):
+    """Return a log in memory as a table with a column for each channel."""
+    if isinstance(log, pd.DataFrame):
+        stamped = isinstance(log.index, pd.DatetimeIndex)
+        return log.rename_axis(TIME).reset_index() if stamped else log
+    if isinstance(log, Mapping):
+        return pd.DataFrame(dict(log))
+    t, force, turn, *temperature = (np.asarray(x) for x in log if x is not None)
+    columns = {TIME: t}
+    for names, values in ((ACCELERATION, force), (ANGULAR_RATE, turn)):
+        if values.shape != (len(t), 3):
+            raise ImuloopError(
+                f"{' '.join(names)}: an array of shape {values.shape}; as many rows as t has, "
+                f"({len(t)}, 3), are needed"
+            )
+        columns |= dict(zip(names, values.T, strict=True))
+    return pd.DataFrame(columns | dict(zip([TEMPERATURE], temperature, strict=False)))
