@@ -145,6 +145,7 @@ def table_of(page, caption):
 
 
 def test_tables_of_a_device_sort_by_size_whatever_the_unit(page):
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
     table = table_of(page, "Accelerometer: parameters, value ± 1 σ")
     table.locator("thead button").nth(4).click()
     values = sizes(table, 4)

@@ -14,7 +14,7 @@ from imuloop.report.figures.comparison import (
 from imuloop.report.summary import PAIRS
 from imuloop.report.tables.comparison import (
     COLUMNS,
-    best_devices,
+    best_device,
     best_words,
     filter_cells,
     verdict_parts,
@@ -28,20 +28,24 @@ def _summary(label="A", **figures):
     return {"label": label, "figures": figures}
 
 
-def _size(value, upper=None):
-    return {"value": value, "std": None, "upper95": upper, "axis": "x", "upper95_axis": "y"}
+def _size(value, upper=None, std=0.1):
+    return {"value": value, "std": std, "upper95": upper, "axis": "x", "upper95_axis": "y"}
 
 
-def test_the_smallest_size_is_the_best_and_a_limit_counts_as_its_size():
+def test_the_best_is_the_one_whose_interval_lies_below_all_others():
     devices = [_summary(K=_size(2.0)), _summary(K=_size(-3.0)), _summary(), _summary(K=_size(4.0))]
-    assert best_devices(devices, "K") == {0}
-    assert best_devices([*devices, _summary(K=_size(None, 1.0))], "K") == {4}
-    assert best_devices([*devices, _summary(K=_size(None, 2.5))], "K") == {0}
-    assert best_devices(devices[:1], "K") == set()
+    assert best_device(devices, "K") == 0
+    # what was not seen may be anything below its limit
+    assert best_device([*devices, _summary(K=_size(None, 1.0))], "K") == 4
+    assert best_device([*devices, _summary(K=_size(None, 2.5))], "K") is None
+    assert best_device([*devices, _summary(K=_size(2.2))], "K") is None
+    assert best_device([_summary(K=_size(2.0, 3.5)), *devices[1:]], "K") is None
+    assert best_device(devices[:1], "K") is None
     # and is named
     key = COLUMNS["gyroscope"][0].key
-    named = [_summary(label, **{key: {"value": v}}) for label, v in (("A", 0.02), ("B", 0.01))]
+    named = [_summary(x, **{key: _size(v, std=1e-4)}) for x, v in (("A", 0.02), ("B", 0.01))]
     assert best_words(named) == ["gyroscope – B, 0.57°"] and best_words(named[:1]) == []
+    assert best_words([named[0]] * 2) == ["gyroscope – no difference beyond the 95 % intervals"]
 
 
 def test_two_allan_curves_are_compared_where_both_are_and_one_is_told():

@@ -12,6 +12,7 @@ from imuloop.core.units import DEGREE
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.correlations import correlation_matrices, correlations
+from imuloop.report.figures.loop import loop_errors, loop_picture, loop_words
 from imuloop.report.figures.poses import direction_words, largest_hole, pose_picture
 from imuloop.report.figures.residuals import against, goes_with, residual_pictures, turn_axis
 from imuloop.report.figures.time_series import session_pictures
@@ -213,3 +214,37 @@ def test_without_a_validation_the_reason_stands_there(tmp_path):
     found = attitude_part(Device("board", "Board", tmp_path))
     assert found["finding"] == "The error of the vertical cannot be tested: no <pose>."
     assert not found["tables"] and not found["pictures"]
+
+
+def error(what="a", final=None, **sizes):
+    effects = ["cubic"] if final else []
+    sizes = {"logged": None, "calibrated": 2e-3, "floor": 1e-3} | sizes
+    return {"what": what, "unit": "rad", "final": final, "effects": effects} | sizes
+
+
+def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
+    words = loop_words([error(), error("vertical after a turn", 1e-3, logged=0.1)])
+    expected = "Vertical after a turn: 5.7° as logged, 0.11° calibrated, 0.057° with cubic, 2.0 "
+    assert plain(words) == f"{expected}times less. Noise alone gives 0.057°."
+    # what did not fall is no gain
+    assert "times less" not in loop_words([error(final=1.95e-3)])
+    assert "calibrated. Noise" in loop_words([error()]) and loop_words([]) == ""
+    assert loop_picture("a", []) is None
+
+
+def test_the_loop_is_drawn_over_the_noise_and_leaves_out_what_there_is_not():
+    figure = loop_picture("a", [error(), error("b", 1e-3, logged=0.1)]).figure()
+    (area,) = figure.axes
+    assert area.get_xscale() == "log" and len(area.get_yticks()) == 2
+    marks = {line.get_label(): line for line in area.get_lines()}
+    assert marks["as logged"].get_xydata() == pytest.approx(np.array([[100, 1]]))
+    assert marks["with the effects found"].get_xydata() == pytest.approx(np.array([[1, 1]]))
+
+
+def test_the_loop_of_a_device_has_the_errors_of_its_diagnosis(devices):
+    found = {e["what"]: e for e in loop_errors(devices["board"])}
+    turn, block_ = found["vertical after a turn"], block(devices["board"])
+    residual = block_["residuals"]["rotation"]
+    assert (turn["calibrated"], turn["final"]) == (residual["before"], residual["after"])
+    assert turn["effects"] == [e["name"] for e in block_["effects"]]
+    assert found["gravity at rest"]["logged"] > found["gravity at rest"]["calibrated"]

@@ -150,7 +150,8 @@ def test_tables_have_caption_scope_and_units(page):
 def test_axes_carry_units(page):
     for picture in (e for e in page.all("svg") if e.get("role") == "img"):
         unit = re.search(
-            r", (\(m/s²\)²|\(rad/s\)²|m/s²|rad/s|mrad|mg|°/s|°|%|s|min|h)", picture["text"]
+            r", (\(m/s²\)²|\(rad/s\)²|m/s²|rad/s|mrad|mg|°/s|°|%|s|min|h|in multiples)",
+            picture["text"],
         )
         named = "seen from +z" in picture["text"] or "Correlation" in picture["aria-label"]
         assert unit or named, picture["aria-label"]

@@ -11,7 +11,7 @@ from imuloop.core.files import replaced
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 # the headings of a device's part, in its identifiers
-PARTS = ("verdict", "data", "segments", "calibration", "noise", "diagnosis", "validation")
+PARTS = ("verdict", "diagnosis", "calibration", "validation", "noise", "data", "segments")
 
 
 def write(path, template, **values):

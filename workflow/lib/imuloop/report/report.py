@@ -13,6 +13,7 @@ from imuloop.report.figures.comparison import (
     line_style,
     parameter_comparison,
 )
+from imuloop.report.figures.loop import loop_picture
 from imuloop.report.page import write_page
 from imuloop.report.tables.comparison import (
     COLUMNS,
@@ -60,6 +61,7 @@ def write_report(folders, provenance, report_path, comparison_path):
         rows=list(zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)),
         columns=COLUMNS,
         best=best_words(devices),
+        loops=[loop_picture(d["device"], d["loop"]) if together else None for d in devices],
         rank=verdict_rank,
         verdict_parts=verdict_parts,
         filters=[filter_cells(d) for d in devices],

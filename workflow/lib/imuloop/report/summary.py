@@ -7,6 +7,7 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise
 from imuloop.export.exported import UNITS, for_filter
 from imuloop.report.figures.allan import curve
+from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
 from imuloop.report.verdict import BOTH, answers, block_of, blocks, quoted, sentence
@@ -29,7 +30,8 @@ def summarise(device, steps=()):
     ``figures`` {name: {value, std, unit, axis, upper95}}, the largest of three axes; ``axes``
     {name: {unit, value, std}} for all three, or for the six pairs of a misalignment; ``filter``
     {name: {value, axis, limit, raised_from}}, noise as a filter takes it; ``allan`` {channel:
-    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``verdicts``, ``rejected``, ``logs``.
+    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``loop`` (see
+    `loop_errors`), ``verdicts``, ``rejected``, ``logs``.
     `steps` are those of `next_steps`.
     """
     axes = _axes(device)
@@ -61,6 +63,7 @@ def summarise(device, steps=()):
             for sensor in SENSORS
         },
         "answers": answers(device.diagnosis),
+        "loop": loop_errors(device) if device.calibrations else [],
         "advised": bool(steps),
         "figures": _figures(device, axes),
         "filter": _filter(device),

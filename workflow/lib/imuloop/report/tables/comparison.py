@@ -58,36 +58,51 @@ class Cell(NamedTuple):
     value: float | None = None
 
 
-def best_devices(summaries, key):
-    """Return the places of the devices whose figure is smallest; none if fewer than two have it.
+def best_device(summaries, key):
+    """Return the place of the device whose figure is smallest; None where that is not certain.
 
-    What was not seen counts as large as its limit.
+    It is where its 95 % interval lies below those of all others. What was not seen may be anything
+    below its limit.
     """
-    sizes = {
-        i: figure["upper95"] if missing(figure["value"]) else abs(figure["value"])
-        for i, s in enumerate(summaries)
-        if (figure := s["figures"].get(key))
+    ends = {
+        i: _interval(figure) for i, s in enumerate(summaries) if (figure := s["figures"].get(key))
     }
-    least = min(sizes.values(), default=None)
-    return {i for i, v in sizes.items() if len(sizes) > 1 and v == least}
+    best = min(ends, key=lambda i: ends[i][1], default=None)
+    if len(ends) > 1 and all(ends[best][1] < low for i, (low, _) in ends.items() if i != best):
+        return best
+    return None
+
+
+def _interval(figure):
+    """Return the 95 % interval of the size of a figure."""
+    upper = 0.0 if missing(figure.get("upper95")) else figure["upper95"]
+    if missing(figure["value"]):
+        return 0.0, upper
+    value, reach = abs(figure["value"]), 0.0 if missing(figure["std"]) else 1.96 * figure["std"]
+    return value - reach, max(value + reach, upper)
 
 
 def best_words(summaries):
     """Return who has the smallest held-out residual of each sensor; empty below two devices."""
-    return [
-        f"{sensor} – {summaries[i]['label']}, "
-        f"{display.text(summaries[i]['figures'][key]['value'], 2)}"
-        for sensor, ((key, _, display), *_) in COLUMNS.items()
-        for i in sorted(best_devices(summaries, key))[:1]
-    ]
+    found = []
+    for sensor, ((key, _, display), *_) in COLUMNS.items():
+        if sum(key in s["figures"] for s in summaries) < 2:
+            continue
+        best = best_device(summaries, key)
+        if best is None:
+            found.append(f"{sensor} – no difference beyond the 95 % intervals")
+        else:
+            size = display.text(summaries[best]["figures"][key]["value"], 2)
+            found.append(f"{sensor} – {summaries[best]['label']}, {size}")
+    return found
 
 
 def cells(summaries, sensor):
     """Return the cells of a sensor's columns, a list per device."""
-    best = {column.key: best_devices(summaries, column.key) for column in COLUMNS[sensor]}
+    best = {column.key: best_device(summaries, column.key) for column in COLUMNS[sensor]}
     return [
         [
-            _cell(s["figures"].get(column.key), column.display, i in best[column.key])
+            _cell(s["figures"].get(column.key), column.display, i == best[column.key])
             for column in COLUMNS[sensor]
         ]
         for i, s in enumerate(summaries)

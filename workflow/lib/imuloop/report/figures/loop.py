@@ -1,0 +1,123 @@
+"""The loop in one picture: errors as logged, calibrated, with the effects found, over the noise."""
+
+import numpy as np
+
+from imuloop.core.files import read_json
+from imuloop.core.samples import ACCELERATION, SENSORS
+from imuloop.core.units import DEGREE
+from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, picture
+from imuloop.report.numbers import joined, number
+from imuloop.report.units import RESIDUAL
+from imuloop.report.verdict import block_of, motion_of
+
+# what an error was before and after, its words in the key, and its mark
+STAGES = {
+    "logged": ("as logged", GREEN, "s"),
+    "calibrated": ("calibrated", ORANGE, "D"),
+    "final": ("with the effects found", BLUE, "o"),
+}
+# factor from which on an error is said to have fallen
+WORTH_SAYING = 1.1
+
+
+def loop_errors(device):
+    """Return the held-out errors of a device that a user feels, the first one most.
+
+    Each a dict of ``what``, ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` and
+    ``effects``, SI; root mean squares, None where there is none.
+    """
+    found, poses = [], {s: block_of(device.diagnosis, s) for s in SENSORS}
+    if residual := poses["gyroscope"]["residuals"].get("rotation"):
+        attitude = read_json(device.folder / "attitude.json")
+        logged = None
+        if attitude["status"] == "ok":
+            logged = DEGREE * attitude["methods"]["rotation"]["models"]["raw"]["rms_deg"]
+        found.append(_of_residual("vertical after a turn", residual, poses["gyroscope"], logged))
+    if residual := poses["accelerometer"]["residuals"].get("gravity_norm"):
+        table = device.poses[np.isfinite(device.poses["gravity_norm_after"])]
+        norm = np.linalg.norm(table[list(ACCELERATION)], axis=1)
+        logged = np.sqrt(np.mean((norm - device.calibrations["final"].gravity) ** 2))
+        found.append(_of_residual("gravity at rest", residual, poses["accelerometer"], logged))
+    motion = motion_of(device.diagnosis)
+    if residual := motion["residuals"].get("velocity_vertical"):
+        found.append(_of_residual("velocity after a move", residual, motion))
+    for sensor in SENSORS:
+        block = block_of(device.diagnosis, sensor, "static_record")
+        if residual := block["residuals"].get("bias"):
+            found.append(_of_residual(f"{sensor}'s bias at rest", residual, block))
+    return found
+
+
+def _of_residual(what, residual, block, logged=None):
+    names = list(dict.fromkeys(e["name"] for e in block["effects"]))
+    sizes = {"logged": logged, "calibrated": residual["before"]}
+    sizes |= {"final": residual["after"] if names else None, "floor": residual["floor"]}
+    return {"what": what, "unit": residual["unit"]} | sizes | {"effects": names}
+
+
+def fall(error):
+    """Return how many times an error is smaller with the effects found."""
+    return error["calibrated"] / error["final"] if error["final"] else 1.0
+
+
+def loop_words(errors):
+    """Return what the loop found in a sentence: of the error that fell most, else of the first."""
+    if not errors:
+        return ""
+    error = max(errors, key=fall)
+    display = RESIDUAL[error["unit"]]
+    path = [
+        f"{display.text(error[stage], 2)} {words}"
+        for stage, words in (("logged", "as logged"), ("calibrated", "calibrated"))
+        if error[stage] is not None
+    ]
+    if error["final"] is not None:
+        path.append(f"{display.text(error['final'], 2)} with {joined(error['effects'])}")
+    text = f"{error['what'].capitalize()}: {', '.join(path)}"
+    if fall(error) >= WORTH_SAYING:
+        text += f", {number(fall(error), 2)} times less"
+    return f"{text}. Noise alone gives {display.text(error['floor'], 2)}."
+
+
+def draw_loop(area, errors):
+    """Draw a row per error: its sizes over the floor of its noise, on a logarithmic axis."""
+    labelled, largest = set(), 1.0
+    for row, error in enumerate(errors):
+        sizes = {s: error[s] / error["floor"] for s in STAGES if error[s] is not None}
+        largest = max(largest, *sizes.values())
+        area.plot([*sizes.values()], [row] * len(sizes), color=GRID, lw=2, zorder=1)
+        for stage, size in sizes.items():
+            words, colour, mark = STAGES[stage]
+            key = {} if words in labelled else {"label": words}
+            labelled.add(words)
+            area.plot(size, row, mark, color=colour, mec=PAGE, mew=1, ms=9, **key)
+            last = stage == "final"
+            area.annotate(
+                RESIDUAL[error["unit"]].text(error[stage], 2),
+                (size, row),
+                (0, -9 if last else 8),
+                textcoords="offset points",
+                ha="center",
+                va="top" if last else "bottom",
+                fontsize=10,
+            )
+    area.axvline(1, color=INK, lw=1, ls="--", label="noise alone", zorder=1)
+    area.set_xscale("log")
+    area.set_xlim(0.5, max(2 * largest, 8))
+    area.set_ylim(len(errors) - 0.4, -0.6)
+    area.set_yticks(range(len(errors)), [error["what"] for error in errors])
+    area.grid(False, axis="y")
+    area.set_xlabel("error, in multiples of what the noise alone gives")
+
+
+def loop_picture(name, errors):
+    """Return the picture of a device's errors by its name, or None without any."""
+    if not errors:
+        return None
+    return picture(
+        f"{name}.loop",
+        "Error as logged, calibrated and with the effects found",
+        loop_words(errors),
+        lambda area: draw_loop(area, errors),
+        (500, 80 + 42 * len(errors)),
+    )
