@@ -44,3 +44,47 @@ def test_one_download_serves_all_sessions_that_name_it():
     devices = resolve({"devices": {"a": {"sessions": files}}})
     assert fetched(devices) == {f"{SHA}/log.csv": source}
     assert source_path(source, "data/cache") == f"data/cache/{SHA}/log.csv"
+
+
+def sessions_of(text):
+    return resolve(yaml.safe_load(text))["imu"]["sessions"]
+
+
+def test_what_holds_for_all_logs_is_said_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = sessions_of("""
+        defaults: {rate: 100, columns: {time: null}}
+        devices:
+          imu:
+            columns: {acceleration: [1, 2, 3]}
+            units: {acceleration: g, angular_rate: deg/s}
+            sessions:
+              a: {kind: static, file: a.csv}
+              b: {kind: static, file: b.csv, rate: 50, units: {acceleration: mg}}
+    """)
+    assert found["a"]["columns"] == {"time": None, "acceleration": [1, 2, 3]}
+    assert found["a"]["units"] == {"acceleration": "g", "angular_rate": "deg/s"}
+    assert found["b"]["units"] == {"acceleration": "mg", "angular_rate": "deg/s"}
+    assert (found["a"]["rate"], found["b"]["rate"]) == (100, 50)
+
+
+@pytest.mark.parametrize("file", ["logs", "logs/*.csv", "logs/2*-?.csv"])
+def test_each_file_of_a_folder_or_a_pattern_is_a_session_named_by_it(tmp_path, monkeypatch, file):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").mkdir()
+    for name in ("2026-1.csv", "2026-2.csv", ".hidden.csv", *["night.csv"] * ("2" not in file)):
+        (tmp_path / "logs" / name).write_text("t,ax,ay,az,gx,gy,gz\n")
+    text = f"devices: {{imu: {{sessions: {{poses: {{kind: multi_position, file: {file!r}}}}}}}}}"
+    found = sessions_of(text)
+    expected = {"poses_2026-1": "logs/2026-1.csv", "poses_2026-2": "logs/2026-2.csv"}
+    expected |= {} if "2" in file else {"night": "logs/night.csv"}
+    assert {name: each["sources"]["log"]["path"] for name, each in found.items()} == expected
+    assert {each["kind"] for each in found.values()} == {"multi_position"}
+
+
+def test_files_of_one_stem_are_sessions_of_two_names(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("b.csv", "b.log", "exports.csv"):
+        (tmp_path / name).write_text("t,ax,ay,az,gx,gy,gz\n")
+    text = "devices: {imu: {sessions: {b: {kind: static, file: '*.*'}}}}"
+    assert list(sessions_of(text)) == ["b", "b_b", "b_exports"]

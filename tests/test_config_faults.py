@@ -32,6 +32,10 @@ ONE_FAULT = {
         session(f"{SOUND}, units: {{time: sec}}"),
         "devices.imu.sessions.a.units.time: 'sec' is not a unit; did you mean 's'?",
     ),
+    "unit of all logs": (
+        session(SOUND, "units: {time: sec},"),
+        "devices.imu.units.time: 'sec' is not a unit; did you mean 's'?",
+    ),
     "kind": (
         session("kind: statc, file: poses.csv"),
         "devices.imu.sessions.a.kind: 'statc' is not a kind of session; did you mean 'static'?",

@@ -1,11 +1,20 @@
 """The config resolved: each device with its defaults, as plain data."""
 
+import re
 from datetime import date, datetime
+from glob import glob
+from pathlib import Path
 
+from imuloop.core.errors import ImuloopError
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
 
+# of all logs of a device, where a session does not say otherwise
+OF_LOGS = ("columns", "units", "format", "rate")
+# what a pattern of file names has
+_WILD = re.compile(r"[*?\[]")
 STAGES = ("segment", "noise", "calibrate", "diagnose")
 
 
@@ -26,9 +35,63 @@ def without_dates(value):
 
 
 def merged_devices(config):
-    """Return the devices by name, each laid over the defaults."""
+    """Return the devices by name, each laid over the defaults, each session over its device."""
     defaults = config.get("defaults") or {}
-    return {name: merge(defaults, device) for name, device in config["devices"].items()}
+    merged = {name: merge(defaults, device) for name, device in config["devices"].items()}
+    return {name: _expanded(device) for name, device in merged.items()}
+
+
+def _expanded(device):
+    """Return a device with all that is said of each session in it, and a session per file."""
+    sessions = device.get("sessions") if isinstance(device, dict) else None
+    if not isinstance(sessions, dict):
+        return device
+    shared, found = {key: device[key] for key in OF_LOGS if key in device}, {}
+    for name, session in sessions.items():
+        if not isinstance(session, dict):
+            found[name] = session
+            continue
+        session = merge(shared, session)
+        paths = _files(session.get("file"), session.get("format"))
+        if paths is None:
+            found[name] = session
+        for path in paths or ():
+            taken = {*sessions} - {name} | {*found}
+            found[_session_name(path, name, taken)] = session | {"file": path}
+    return device | {"sessions": found}
+
+
+def _files(file, form):
+    """Return the files of a pattern or a folder of logs, in order; None of what is one log."""
+    if not isinstance(file, str) or is_stored(file) or "\0" in file:
+        return None
+    try:
+        # a file may be called so
+        if _WILD.search(file) and not Path(file).exists():
+            return sorted(glob(file)) or None
+        if not Path(file).is_dir():
+            return None
+        # some logs are folders
+        find_format(form, {"log": file})
+    except ImuloopError:
+        inside = (path for path in Path(file).iterdir() if not path.name.startswith("."))
+        return sorted(map(str, inside)) or None
+    except OSError:
+        # a name too long, a folder that may not be entered: a fault of the file
+        pass
+    return None
+
+
+def _session_name(path, session, taken):
+    """Return the name of a file's session: that of the file, as far as it can name a folder."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem)[:48]
+    if not re.match("[A-Za-z]", name) or name in taken or name == "exports":
+        name = f"{session}_{name}"[:60]
+    number, stem = 1, name
+    while name in taken:
+        number += 1
+        name = f"{stem}_{number}"
+    return name
 
 
 def resolve(config):

@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 from jsonschema import Draft202012Validator
 
-from imuloop.config import merged_devices, without_dates
+from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults, path_fault
 from imuloop.ingest.columns import UNITS, stated_unit
@@ -149,12 +149,13 @@ def _schema_faults(config, schema):
 
 
 def _declared(config, key):
-    """Return where a key of a merged device was written: in the device or in the defaults."""
-    inherited = ("defaults", *key[2:])
-    of_device = len(key) > 2 and key[0] == "devices"
-    if of_device and _depth(config, inherited) == len(key) - 1 and _depth(config, key) < len(key):
-        return inherited
-    return key
+    """Return where a key of a merged device was written: there, at its device, in the defaults."""
+    if len(key) < 3 or key[0] != "devices" or _depth(config, key) == len(key):
+        return key
+    places = [("defaults", *key[2:])]
+    if key[2] == "sessions" and key[4:5] and key[4] in OF_LOGS:
+        places += [key[:2] + key[4:], ("defaults", *key[4:])]
+    return next((place for place in places if _depth(config, place) == len(place)), key)
 
 
 def _texts(error):
