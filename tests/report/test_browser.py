@@ -1,53 +1,15 @@
 """The report in a real browser, screenshots in build/screenshots; skipped where there is none."""
 
 import json
-import shutil
 
 import pytest
 
-# names of the program on Debian and elsewhere
-PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 # where .ci/browser puts the accessibility checker
 AXE = "build/axe/**/axe.min.js"
 # the report of `make report`, where it was made
 FINISHED = "results/report.html"
-SIZE = {"width": 1440, "height": 900}
 TABLE = "table.comparison >> nth=0"
 BIAS = 3
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Start a browser that finds no host."""
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
-    if program is None:
-        pytest.skip("no Chromium at hand: .ci/browser installs it")
-    with api.sync_playwright() as playwright:
-        blind = ["--host-resolver-rules=MAP * ~NOTFOUND"]
-        started = playwright.chromium.launch(executable_path=program, args=blind)
-        yield started
-        started.close()
-
-
-@pytest.fixture
-def opened(browser):
-    """Return a function that opens a page and keeps what it asks for and what goes wrong."""
-    contexts = []
-
-    def open_page(path, **settings):
-        contexts.append(browser.new_context(viewport=SIZE, **settings))
-        page = contexts[-1].new_page()
-        page.asked, page.wrong = [], []
-        page.on("request", lambda request: page.asked.append(request.url))
-        for event in ("pageerror", "console"):
-            page.on(event, lambda found: page.wrong.append(found))
-        page.goto(path.absolute().as_uri())
-        return page
-
-    yield open_page
-    for context in contexts:
-        context.close()
 
 
 @pytest.fixture
@@ -73,6 +35,22 @@ def either(request, opened, results, repository):
 def test_it_opens_without_an_error_and_asks_no_host(either):
     assert not either.wrong
     assert either.asked and all(url.startswith(("file:", "data:")) for url in either.asked)
+
+
+def test_the_contents_follow_the_reader(page):
+    for link in page.locator("nav ul ul a").all()[:8:3]:
+        link.click()
+        page.wait_for_function("a => a.hasAttribute('aria-current')", arg=link.element_handle())
+        assert page.locator("nav [aria-current]").count() == 1
+
+
+def test_what_is_folded_is_printed(page):
+    closed = page.locator("details:not([open])").count()
+    assert closed > 3
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert not page.locator("details:not([open])").count()
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert page.locator("details:not([open])").count() == closed
 
 
 def test_only_its_own_script_runs(page):

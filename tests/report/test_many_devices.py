@@ -120,3 +120,20 @@ def test_of_those_that_stand_out_the_farthest_are_named():
     assert standing_out(distances) == [6, 4, 1, 5, 3] and len(standing_out(distances)) == NAMED
     # all alike: nobody stands out
     assert not far_out(np.ones((5, 3))).any()
+
+
+def test_devices_are_searched_by_label_and_verdict(opened, many):
+    page = opened(many / "report.html")
+    search = page.get_by_role("searchbox")
+    shown = page.locator("table.comparison >> nth=0").locator("tbody tr:visible")
+    assert shown.count() == COUNT
+    search.fill("Unit 03")
+    assert shown.count() == 1
+    # in every table alike
+    assert page.locator("table.comparison >> nth=2").locator("tbody tr:visible").count() == 1
+    search.fill("explained")
+    assert 0 < shown.count() < COUNT
+    search.fill("nobody")
+    assert not shown.count()
+    search.fill("")
+    assert shown.count() == COUNT

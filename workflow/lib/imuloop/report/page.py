@@ -30,7 +30,7 @@ def write(path, template, **values):
 
 def write_page(path, template, **values):
     """Write a page that needs no other file, from a template that extends ``page.html.j2``."""
-    style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "sorting.js"))
+    style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "page.js"))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     looks = {"style": Markup(style), "script": Markup(script), "script_hash": f"sha256-{digest}"}
     write(path, template, parts=PARTS, **looks, **values)

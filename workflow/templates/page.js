@@ -1,0 +1,73 @@
+// A click on a header sorts its table, another turns the order. Without this script the tables stand
+// as they are. Cells are compared by data-value, a size in SI, else by their text; those without a
+// number stay last.
+for (const table of document.querySelectorAll("table.sortable")) {
+  const body = table.tBodies[0];
+  if (body.rows.length < 2) continue;
+  const heads = [...table.tHead.rows[0].cells];
+  heads.forEach((head, column) => {
+    if (head.hasAttribute("data-unsorted")) return;
+    const button = document.createElement("button");
+    button.type = "button";
+    button.append(...head.childNodes);
+    head.append(button);
+    const numeric = [...body.rows].some((row) => "value" in row.cells[column].dataset);
+    const key = (row) => {
+      const cell = row.cells[column];
+      return numeric ? parseFloat(cell.dataset.value) : cell.textContent.trim();
+    };
+    const compare = (a, b) => (numeric ? a - b : a.localeCompare(b, "en", { numeric: true }));
+    button.addEventListener("click", () => {
+      const turned = head.getAttribute("aria-sort") === "ascending" ? -1 : 1;
+      for (const each of heads) each.removeAttribute("aria-sort");
+      head.setAttribute("aria-sort", turned > 0 ? "ascending" : "descending");
+      const rows = [...body.rows].map((row) => [key(row), row]);
+      const last = ([value]) => Number.isNaN(value);
+      rows.sort((a, b) => last(a) - last(b) || (last(a) ? 0 : turned * compare(a[0], b[0])));
+      body.append(...rows.map(([, row]) => row));
+    });
+  });
+}
+
+// The contents show where the reader is: the last heading that has reached the top.
+const links = [...document.querySelectorAll("nav a[href^='#']")];
+const places = links.map((a) => document.getElementById(decodeURIComponent(a.hash.slice(1))));
+const reached = parseFloat(getComputedStyle(document.documentElement).scrollPaddingTop) + 20;
+const follow = () => {
+  let now = -1;
+  places.forEach((part, i) => {
+    if (part && part.getBoundingClientRect().top < reached) now = i;
+  });
+  links.forEach((a, i) => (i === now ? a.setAttribute("aria-current", "true") : a.removeAttribute("aria-current")));
+};
+addEventListener("scroll", follow, { passive: true });
+follow();
+
+// Of many devices those are shown whose row holds the text that is searched for.
+const compared = [...document.querySelectorAll("table.comparison")];
+if (compared.length && compared[0].tBodies[0].rows.length > 10) {
+  const search = document.createElement("input");
+  Object.assign(search, { type: "search", placeholder: "Search devices and verdicts" });
+  search.setAttribute("aria-label", search.placeholder);
+  compared[0].closest(".scroll").before(search);
+  search.addEventListener("input", () => {
+    const text = search.value.trim().toLowerCase();
+    const shown = new Set();
+    for (const row of compared.slice(0, 2).flatMap((t) => [...t.tBodies[0].rows])) {
+      if (row.textContent.toLowerCase().includes(text)) shown.add(row.cells[0].textContent);
+    }
+    for (const row of compared.flatMap((t) => [...t.tBodies[0].rows])) {
+      row.hidden = !shown.has(row.cells[0].textContent);
+    }
+  });
+}
+
+// What is folded is printed too.
+let folded = [];
+addEventListener("beforeprint", () => {
+  folded = [...document.querySelectorAll("details:not([open])")];
+  for (const each of folded) each.open = true;
+});
+addEventListener("afterprint", () => {
+  for (const each of folded) each.open = false;
+});
