@@ -153,7 +153,7 @@ def test_bad_usage_ends_with_status_2(arguments, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["apply", "check", "info", "report"])
+@pytest.mark.parametrize("command", ["apply", "check", "coach", "info", "report"])
 def test_help_has_an_example(command, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([command, "-h"])
@@ -335,9 +335,7 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys, column
     assert first.startswith(f"{tmp_path / 'log.csv'}: rejected: ") and cause in first
     assert last == f"wrote {page}"
     text = unescape(page.read_text())
-    assert (
-        text.index("Rejected sessions") < text.index(cause) < text.index("Which device is better")
-    )
+    assert text.index("Rejected sessions") < text.index(cause) < text.index("Is its model complete")
     assert "Nothing needed" not in text
     [advice] = re.findall(r"What would help most</h4>\s*<p>(.*?)</p>", text)
     assert advice.startswith("Correct what is declared of session multi_position_1 and run again")

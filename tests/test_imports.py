@@ -17,7 +17,7 @@ ARROWS = {
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "validate": {"effects", "calibrate", "diagnose"},
-    "plan": {"calibrate", "diagnose"},
+    "plan": {"segment", "noise", "calibrate", "diagnose"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},

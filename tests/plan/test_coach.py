@@ -1,0 +1,80 @@
+"""The coach: from the first rest to done, with the σ that the calibration has at the end."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT
+from imuloop import chain
+from imuloop.__main__ import main
+from imuloop.core.model import Calibration
+from imuloop.core.samples import SENSORS
+from imuloop.plan.coach import progress, rest_noise, side
+from imuloop.plan.session import holes
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+
+UNITS = ACCELERATION_UNIT, RATE_UNIT
+
+
+@pytest.fixture(scope="module")
+def samples():
+    made = example_truth(rate=50.0)
+    plan = replace(made.sessions["multi_position"], poses=30, initial_rest_s=60.0)
+    truth = replace(made, sessions={"multi_position": plan})
+    return simulate_session(truth, "multi_position", 1)
+
+
+def look(samples, seconds, **how):
+    return progress(samples[samples["t"] < seconds], 9.80665, UNITS, **how)
+
+
+def test_it_leads_from_the_first_rest_to_done(samples):
+    assert look(samples, 10.0).advice == "leave it at rest, 40 s more"
+    assert look(samples, 55.0).advice == "turn it to another attitude"
+    few = look(samples, 100.0)
+    assert 2 <= len(few.up) < 10 and few.worst["gyroscope"] == np.inf
+    # the attitude that is farthest from all so far, with the side that is up
+    assert few.advice == f"turn it until {side(holes(few.up, 1)[0])} is up, and let go for 4 s"
+    worst = [look(samples, seconds).worst["accelerometer"] for seconds in (180.0, 1e4)]
+    assert worst[1] < worst[0] < np.inf
+    done = look(samples, 1e4, within=0.1)
+    assert done.done and done.hole is None and len(done.up) == 31
+    # the accelerometer is as good as asked for, the gyroscope is not
+    least = done.worst["accelerometer"]
+    assert "by 360° about" in look(samples, 1e4, within=1.01 * least).advice
+
+
+def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
+    device = chain.Device("device", tmp_path, {"poses": "multi_position"})
+    samples.to_parquet(tmp_path / "log.parquet", index=False)
+    assert chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"]) == []
+    for stage in (chain.segment, chain.noise, chain.calibrate):
+        assert stage(device) == []
+    made = Calibration.from_json(tmp_path / "multi_position.json")
+    found = look(samples, 1e4, noise=rest_noise(samples))
+    for sensor in SENSORS:
+        expected = getattr(made, sensor).std
+        assert found.std[sensor] == pytest.approx(expected, rel=0.2)
+
+
+def test_a_side_is_named_by_the_axes_it_leans_on():
+    assert side(np.array([0.0, 0.0, -1.0])) == "-z"
+    assert side(np.array([0.6, 0.1, -0.79])) == "-z and +x"
+
+
+def test_the_command_says_what_to_do_and_when_it_is_done(samples, tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    command = ["coach", str(path), "--every", "0.01", "--patience", "0.1"]
+    samples[samples["t"] < 100].to_csv(path, index=False)
+    assert main(command) == 3
+    said = capsys.readouterr().out.splitlines()
+    assert "Next: turn it until" in said[0] and "ended before" in said[-1]
+    samples.to_csv(path, index=False)
+    assert main([*command, "--within", "5"]) == 0
+    assert capsys.readouterr().out.endswith("Done.\n")
+    assert main(["coach", str(tmp_path / "none.csv")]) == 1
+    path.write_text("t,ax,ay,az,gx,gy,gz\n")
+    assert main(command) == 3
+    assert "log.csv: " in capsys.readouterr().out

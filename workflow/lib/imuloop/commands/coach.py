@@ -1,0 +1,132 @@
+"""``imuloop coach``: while a session is recorded, what it shows so far and what to do next."""
+
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from imuloop.calibrate.calibrate import raw_units
+from imuloop.commands.lines import say
+from imuloop.commands.raw_log import add_arguments, between, declared, local_gravity
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json
+from imuloop.core.samples import read_samples
+from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.ingest.ingest import ingest
+from imuloop.plan.coach import progress, rest_noise
+from imuloop.report.numbers import number, plural
+
+# exit status of a session that ended too early
+EARLY = 3
+EXAMPLE = f"""examples:
+  imuloop coach poses.csv
+  cat /dev/ttyACM0 | imuloop coach - --acceleration-unit g --angular-rate-unit deg/s
+
+Follows a log that grows, or lines on standard input: the poses so far, how well the parameters are
+known, what to do next; done when every parameter is as good as asked for. Exit status: 0 done,
+{EARLY} the log ended before, 1 error, 2 usage."""
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser("coach", help="guide a recording", epilog=EXAMPLE, **how)
+    command.add_argument("log", type=Path, help="multi_position log that grows; - standard input")
+    command.add_argument(
+        "--within",
+        type=between(1e-4, 10),
+        default=0.2,
+        metavar="%",
+        help="standard error that scale factors and misalignments shall have, default 0.2 percent",
+    )
+    command.add_argument(
+        "--every", type=between(0.01, 60), default=2.0, metavar="S", help="time between looks"
+    )
+    command.add_argument(
+        "--patience",
+        type=between(0.1, 1e5),
+        default=60.0,
+        metavar="S",
+        help="end when the log has not grown for so long; default 60",
+    )
+    command.add_argument("--gravity", type=local_gravity, default=STANDARD_GRAVITY, metavar="M/S^2")
+    add_arguments(command)
+    command.set_defaults(run=run)
+
+
+def run(arguments):
+    """Follow a log until it is done or ends; return the exit status."""
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
+        log = arguments.log
+        if str(log) == "-":
+            log = Path(folder) / "input.csv"
+            copy = threading.Thread(target=_copy, args=(sys.stdin.buffer, log), daemon=True)
+            log.touch()
+            copy.start()
+        elif not log.exists():
+            raise ImuloopError(f"{log}: there is no such file")
+        return follow(log, arguments, Path(folder))
+
+
+def _copy(source, target):
+    with open(target, "wb", buffering=0) as file:
+        shutil.copyfileobj(source, file, 1 << 12)
+
+
+def follow(log, arguments, folder):
+    """Say what a growing log shows and what to do next, at each change; return the exit status."""
+    size, said, noise, why = -1, None, None, "the log is empty"
+    grown = time.monotonic()
+    while True:
+        now = log.stat().st_size
+        if now != size:
+            size, grown = now, time.monotonic()
+            samples, units, why = _read(log, arguments, folder)
+            if samples is not None:
+                what = samples, arguments.gravity, units
+                found = progress(*what, noise, arguments.within / 100)
+                if found.done and noise is None:
+                    # slow noise makes a session look worse than its samples do
+                    noise = rest_noise(samples)
+                    found = progress(*what, noise, arguments.within / 100)
+                if (len(found.up), found.advice) != said:
+                    say(line(found))
+                    said = len(found.up), found.advice
+                if found.done:
+                    return 0
+        elif time.monotonic() - grown > arguments.patience:
+            say(why or "the log ended before all that was asked for is reached")
+            return EARLY
+        time.sleep(arguments.every)
+
+
+def _read(log, arguments, folder):
+    """Return the samples of a log so far and their raw units, or why there are none."""
+    what, nominal = declared(arguments)
+    samples, quality = folder / "samples.parquet", folder / "quality.json"
+    ingest(
+        device="device",
+        session=log.name,
+        kind="multi_position",
+        paths=[log],
+        samples_path=samples,
+        quality_path=quality,
+        nominal=nominal,
+        **what,
+    )
+    found = read_json(quality)
+    if found["status"] == "rejected":
+        return None, None, f"{log}: {'; '.join(found['reasons'])}"
+    units = raw_units({"": {"kind": "multi_position", "samples": samples}}, ["multi_position"])
+    return read_samples(samples), units, ""
+
+
+def line(found):
+    """Return a Progress in a line."""
+    known = [f"{s} {number(100 * x, 2)} %" for s, x in found.worst.items() if np.isfinite(x)]
+    text = f"{found.duration_s / 60:.1f} min, {plural(len(found.up), 'pose')}"
+    text += f"; scale factor and misalignment good to: {', '.join(known)}" if known else ""
+    return f"{text}. {'Next: ' + found.advice if found.advice else 'Done'}."

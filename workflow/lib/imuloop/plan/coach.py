@@ -1,0 +1,130 @@
+"""While a session is recorded: what it shows so far, and what to do next."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.recording import record
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
+from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.core.segments import STATIC
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import Session
+from imuloop.noise.settings import NoiseSettings
+from imuloop.plan.session import INITIAL_REST_S, REST_S, holes
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+
+# the largest hole of a sphere that is covered, degrees
+LARGEST_HOLE = 55.0
+# a component of a direction that is worth a word
+LEANS = 0.35
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a session shows so far.
+
+    Attributes
+    ----------
+    duration_s : float
+        Its length.
+    up : ndarray, shape (n, 3)
+        Upward direction in each pose, on body axes.
+    hole : ndarray, shape (3,), or None
+        The direction that is farthest from all of them; None once they cover the sphere.
+    std : dict of dict
+        Standard error of each parameter by sensor, in its own unit; empty while it has none.
+    worst : dict of float
+        By sensor, the largest standard error of scale factor, relative, and misalignment, rad;
+        infinite while it has none.
+    advice : str
+        What to do next; empty when it is done.
+    """
+
+    duration_s: float
+    up: np.ndarray
+    hole: np.ndarray | None
+    std: dict
+    worst: dict
+    advice: str
+
+    @property
+    def done(self):
+        """Whether all that was asked for is reached."""
+        return not self.advice
+
+
+def progress(samples, gravity, units, noise=None, within=2e-3):
+    """Return the Progress of a session.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        The log so far, SI.
+    gravity : float
+        Local gravity, m/s^2.
+    units : tuple of RawUnit
+        Of accelerometer and gyroscope.
+    noise : NoiseModel, optional
+        Of the same session, of `rest_noise`; that of the samples of its rests, white, if None.
+    within : float
+        `Progress.worst` that each sensor shall reach.
+    """
+    t = samples["t"].to_numpy()
+    none = dict.fromkeys(SENSORS, np.inf)
+    early = Progress(float(np.ptp(t)), np.empty((0, 3)), None, {}, none, "")
+    segments, _ = segment_session(samples, "multi_position", SegmentSettings())
+    rests = segments[segments["kind"] == STATIC]
+    if len(rests) < 2:
+        wait = INITIAL_REST_S - (rests["end_s"] - rests["start_s"]).sum()
+        text = f"leave it at rest, {wait:.0f} s more" if wait > 0 else "turn it to another attitude"
+        return replace(early, advice=text)
+    settings = CalibrateSettings()
+    recording = record([samples], [segments], settings.longest_rotation)
+    if noise is None:
+        density = np.sqrt(np.median(recording.poses.variance, axis=0) * np.median(np.diff(t)))
+        white = (AxisNoise(N=Coefficient(float(n), identifiable=True)) for n in density)
+        noise = NoiseModel("device", dict(zip(CHANNELS, white, strict=True)))
+    force = calibrate_accelerometer(recording.poses, noise, gravity, units[0], settings)
+    turn = calibrate_gyroscope(recording, noise, force, units[1], settings)
+    sensors = {"accelerometer": force, "gyroscope": turn}
+    relative = {name: _relative(sensor) for name, sensor in sensors.items()}
+    worst = {name: max(found.values(), default=np.inf) for name, found in relative.items()}
+    up = force.aligned(recording.poses.f)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    hole = holes(up, 1)[0]
+    covered = (up @ hole).max() >= np.cos(np.radians(LARGEST_HOLE))
+    if not covered or worst["accelerometer"] > within:
+        text = f"turn it until {side(hole)} is up, and let go for {REST_S:.0f} s"
+    elif worst["gyroscope"] > within:
+        of_turn = relative["gyroscope"]
+        axis = "xyz"[int(max(of_turn, key=of_turn.get, default="K2")[-1])]
+        text = f"turn it by 360° about {axis}, with that axis level, there and back"
+    else:
+        text = ""
+    std = {name: sensor.std for name, sensor in sensors.items() if relative[name]}
+    return Progress(early.duration_s, up, None if covered else hole, std, worst, text)
+
+
+def rest_noise(samples):
+    """Return the NoiseModel of a session's rests, flicker and walk included; takes seconds."""
+    segments, _ = segment_session(samples, "multi_position", SegmentSettings())
+    session = Session("poses", "multi_position", samples, segments)
+    return estimate_noise("device", [session], NoiseSettings(views=()), uncut=False).model
+
+
+def side(direction):
+    """Return a direction in words: the axes that it leans on, as ``+x and -z``."""
+    leaning = [i for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > LEANS]
+    return " and ".join(f"{'+' if direction[i] > 0 else '-'}{'xyz'[i]}" for i in leaning)
+
+
+def _relative(sensor):
+    """Return standard errors of scale factor, relative, and misalignment, rad, if fitted."""
+    if sensor.method != "multi_position":
+        return {}
+    size = {"T": np.ones(3), "K": sensor.K}
+    return {n: s / size[n[0]][int(n[1])] for n, s in sensor.std.items() if n[0] in size}
