@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -170,6 +171,13 @@ class Effect:
         """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
+    def design_at(self, channels, values):
+        """Return D of which ``D p`` is `e` where the parameters are `values`, shape (p,).
+
+        That of an effect that is linear is the same anywhere; others have their `design` at zero.
+        """
+        return self.design(channels)
+
 
 def find_effect(name):
     """Return the class of the effect of that name; an ImuloopError if the library has none."""
@@ -180,9 +188,15 @@ def find_effect(name):
     return Effect.library[name]
 
 
-def effect_design(effects, channels):
-    """Return the derivative of the sum of effects, shape (n, 3, p); p is 0 without any."""
-    parts = [effect.design(channels) for effect in effects]
+def effect_design(effects, channels, values=()):
+    """Return D of the sum of effects, shape (n, 3, p); p is 0 without any.
+
+    It is right at these values of their parameters, which may end before those of the last.
+    """
+    ends = np.cumsum([0, *(len(effect.parameters) for effect in effects)])
+    x = np.append(values, np.zeros(ends[-1] - len(values)))
+    at = [x[i:j] for i, j in pairwise(ends)]
+    parts = [effect.design_at(channels, own) for effect, own in zip(effects, at, strict=True)]
     return np.concatenate([np.zeros((len(channels.t), 3, 0)), *parts], axis=2)
 
 
@@ -218,7 +232,7 @@ class FittedEffect:
 
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
-        design = self.effect.design(channels)
+        design = self.effect.design_at(channels, self.vector)
         if self.seen:
             low, high = np.transpose(
                 [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
@@ -231,7 +245,7 @@ class FittedEffect:
 
     def held_to(self, channels):
         """Return the same, held to what its derivative is in data that show it, Channels each."""
-        parts = [self.effect.design(each) for each in channels]
+        parts = [self.effect.design_at(each, self.vector) for each in channels]
         seen = dict(self.seen)
         for k, name in enumerate(self.effect.parameters):
             found = np.concatenate([np.zeros(0), *(d[:, :, k].ravel() for d in parts)])
