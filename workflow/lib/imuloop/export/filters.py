@@ -3,6 +3,7 @@
 from math import sqrt
 
 import numpy as np
+import yaml
 
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
@@ -85,12 +86,60 @@ def noise_left_out(device):
     )
 
 
-def calibration_left_out(device):
+def calibration_left_out(device, carried=()):
     """Return comments on the calibration where a format takes calibrated samples."""
     return comment(
         "The noise is that of calibrated samples: bias, scale factor, misalignment and effects",
         "are not carried. First: python -m imuloop apply calibration.json LOG -o OUT",
-        *(line for sensor in SENSORS for line in device.left_out(sensor, aligned=True)),
+        *(line for sensor in SENSORS for line in device.left_out(sensor, carried, aligned=True)),
+    )
+
+
+def size_effect(device):
+    """Return what Kalibr's result has of a device whose arms were found; nothing of others.
+
+    Its model, f and w on our body axes where the x axis sits, a(r) = dw/dt × r + w × (w × r)::
+
+        f_logged = M (f + Σ_i I_i a(ri_i)) + b
+        w_logged = M C_gyro_i w + A C_gyro_i f + b
+
+    I_i picks component i. With M = (T K)^-1 and A = K^-1 G that is ours, but that T^-1 is before
+    the arms too: the difference is misalignment times arm.
+
+    References
+    ----------
+    Kalibr, IccSensors.py, IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
+    """
+    force, turn = (device.sensor(sensor) for sensor in SENSORS)
+    ours, G = device.effects("accelerometer", "lever_arm"), np.zeros(9)
+    if not ours:
+        return ""
+    rx, ry = np.reshape(ours[0].vector, (2, 3))
+    for fitted in device.effects("gyroscope", "g_sensitivity"):
+        G = fitted.vector
+    inverse = [np.linalg.inv(s.T * s.K / s.raw_unit.scale) for s in (force, turn)]
+    A = G.reshape(3, 3) * (turn.raw_unit.scale / turn.K)[:, None]
+    return comment(
+        "As in Kalibr's result, which it does not read: for samples in SI as logged. Calibrated",
+        "ones have M and C_gyro_i 1, A and arms 0. Arms in m, from where the x axis sits.",
+    ) + yaml.safe_dump(
+        {
+            "model": "scale-misalignment-size-effect",
+            "accelerometers": {
+                "M": inverse[0].tolist(),
+                **{
+                    f"r{i}_i": (r - rx).tolist()
+                    for i, r in zip("xyz", (rx, ry, 0 * rx), strict=True)
+                },
+            },
+            "gyroscopes": {
+                "M": inverse[1].tolist(),
+                "A": A.tolist(),
+                "C_gyro_i": np.eye(3).tolist(),
+            },
+        },
+        default_flow_style=None,
+        sort_keys=False,
     )
 
 
@@ -100,13 +149,15 @@ def kalibr(device):
     Its reader takes the densities as continuous and divides by sqrt(1/update_rate) itself; it
     refuses what is not positive.
     """
+    arms = size_effect(device)
     return (
         heading(device, "Kalibr", "(kalibr_calibrate_imu_camera --imu); all fields SI")
         + density_fields(device, KALIBR_KEYS)
         + 'rostopic: "/imu0"  # not ours: the topic of the bag\n'
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + noise_left_out(device)
-        + calibration_left_out(device)
+        + calibration_left_out(device, ("lever_arm", "g_sensitivity") if arms else ())
+        + arms
     )
 
 
