@@ -17,6 +17,7 @@ from imuloop.report.figures.allan import (
     definitions,
     deviation_pictures,
 )
+from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.correlates import correlate_pictures
@@ -160,7 +161,7 @@ def _part(device, sensor, part, block):
         # with which the sentence begins
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block),
-        "poses": residual_pictures(device, sensor, block) if part != "static_record" else [],
+        "poses": _of_poses(device, sensor, block) if part != "static_record" else [],
         "bias": bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
         "allan": allan,
@@ -169,3 +170,8 @@ def _part(device, sensor, part, block):
         "left": correlate_pictures(device, sensor, part, block) if above else [],
         "next_step": what_next(block) if above else "",
     }
+
+
+def _of_poses(device, sensor, block):
+    """Return what is drawn pose by pose and move by move, and where the axes sit."""
+    return [*residual_pictures(device, sensor, block), *arm_pictures(device, block)]
