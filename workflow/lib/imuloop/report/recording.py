@@ -201,6 +201,29 @@ def turns_needed(device):
     )
 
 
+def turns_in_motion(device):
+    """Yield about which axes to turn, and how fast, to see what that does to the accelerometer."""
+    turns = device.diagnosis.get("next_recording", {}).get("motion")
+    if not turns:
+        return
+    now, after, level, unit = (turns[k] for k in ("std", "std_after", "level", "unit"))
+    gain = 1.0 if now is None else 1 - after / now
+    if gain < NOTICEABLE or (now is not None and now <= MATTERS * level):
+        return
+    name = parameter_words("accelerometer", turns["parameter"])
+    known = "no move shows" if now is None else f"to {sigma_words(unit, now)} alone is known"
+    block, seconds = block_of(device.diagnosis, "accelerometer", "motion"), turns["seconds"]
+    reason = f"Motion could not be tested: {block['why']}. " if block.get("why") else ""
+    yield (
+        gain,
+        f"{reason}Turn about {joined(turns['axes'])}: {known} {name}. {turns['turns']} quarter "
+        f"and half turns about {'it' if len(turns['axes']) == 1 else 'each'}, level, there and back, in "
+        f"{number(seconds)}\u202fs each (90° at {number(90 / seconds)}\u202f°/s) with rests "
+        f"between, would bring σ to {sigma_words(unit, after)}; {sigma_words(unit, level)} "
+        "are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
+    )
+
+
 def enough(device):
     """Return that no standard error matters, with the one that comes nearest; empty if one does."""
     weights = [
