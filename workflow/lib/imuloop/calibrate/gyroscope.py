@@ -129,7 +129,7 @@ class GyroscopeModel:
         found[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
         found[:, :, 9:12] = -mean @ (T * K)
         if len(x) > 12:
-            seen = (middle @ T).swapaxes(1, 2).reshape(m, 3, 3 * steps)
+            seen = np.tensordot(middle, T, 1).swapaxes(1, 2).reshape(m, 3, 3 * steps)
             found[:, :, 12:] = -seen @ self._design_steps
         return found, mean
 
@@ -267,11 +267,12 @@ def gyroscope_model(recording, force, x=None, effects=(), known=()):
     def output(y):
         return K * (y - b)
 
-    poses = recording.pose_channels("gyroscope", output, force.poses)
+    kept = {}
+    poses = recording.pose_channels("gyroscope", output, force.poses, kept=kept)
     design = np.zeros((*shape, sum(len(effect.parameters) for effect in effects)))
     added = 0.0
     if len(rotations) and (effects or known):
-        along = recording.rotation_channels("gyroscope", output, force.rotations)
+        along = recording.rotation_channels("gyroscope", output, force.rotations, kept=kept)
         design = effect_design(effects, along, values).reshape(design.shape)
         added = sum(effect.output(along).reshape(shape) for effect in known)
     return GyroscopeModel(

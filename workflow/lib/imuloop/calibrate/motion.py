@@ -187,7 +187,9 @@ class MotionModel:
         C = self.attitudes(path) * self.weights[..., None, None]
         output, raw = self.output(of_force), self.y - b
         pull = self.force.gravity * self.weights.sum(axis=1)[:, None, None]
-        velocity = np.einsum("mkai,mki->ma", C @ T, output)
+        # one product of matrices instead of one per sample
+        pushed = np.tensordot(C, T, 1).swapaxes(1, 2).reshape(len(C), 3, -1)
+        velocity = (pushed @ output.reshape(len(C), -1, 1))[..., 0]
         velocity = velocity - pull[..., 0] * turn.directions[first]
         of_output = np.einsum("mkai,mkj->maij", C, output, optimize=True)
         of_raw = np.einsum("mkai,mkj->maij", C, raw, optimize=True)
@@ -196,7 +198,7 @@ class MotionModel:
             of_output[:, :, rows, columns],
             np.einsum("maij,ij->maj", of_raw, T),
             -C.sum(axis=1) @ (T * K),
-            -np.einsum("mkai,mkip->map", C @ T, self.design, optimize=True),
+            -pushed @ self.design.reshape(*pushed.shape[::2], self.design.shape[-1]),
         ]
         by_force = np.concatenate(parts, axis=2) - pull * change[first]
         by_turn, _ = turn.summed(self.levers(of_force, path) @ path.middle, of_turn)
@@ -269,8 +271,9 @@ class MotionPoses(SensorPoses):
 
         found, shape = sets["accelerometer"], recording.rotations.f.shape
         at_poses, in_moves = rate(recording.poses.w), rate(recording.rotations.w)
-        poses = recording.pose_channels("accelerometer", output, at_poses, rate)
-        along = recording.rotation_channels("accelerometer", output, in_moves, rate)
+        kept = {}
+        poses = recording.pose_channels("accelerometer", output, at_poses, rate, kept)
+        along = recording.rotation_channels("accelerometer", output, in_moves, rate, kept)
         of_force = x[own["accelerometer"]]
         at_rest = effect_design(found, poses, of_force[FORCE:])
         turn = gyroscope.gyroscope_model(recording, force, x[own["gyroscope"]], sets["gyroscope"])

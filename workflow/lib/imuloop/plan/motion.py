@@ -27,7 +27,8 @@ def turns_in_motion(sensor, solution, recording, floor, planned):
 
     A parameter is known where what a standard error of it does at `RATE_IN_USE` is the noise of a
     mean of one second, its level. Asked for are the slowest quarter and half turns that bring all
-    there, about the fewest axes that do, or do as well as all three. What is physically possible is known beforehand.
+    there, about the fewest axes that do, or do as well as all three. What is physically possible
+    is known beforehand.
 
     Parameters
     ----------
