@@ -14,6 +14,7 @@ from imuloop.core.units import RawUnit
 from imuloop.report.advice import what_next
 from imuloop.report.figures.arms import arm_pictures, ellipse
 from imuloop.report.figures.residuals import against
+from imuloop.report.recording import turns_in_motion
 from imuloop.report.results import Device
 from imuloop.report.verdict import BOTH, answers, motion_of, sentence
 
@@ -129,3 +130,32 @@ def test_the_velocity_of_a_move_is_shown_against_its_knock():
     words, values = panels["knock_mm_s"]
     assert words == "knock between two samples, mm/s"
     np.testing.assert_allclose(values, np.arange(n))
+
+
+def advice(**turns):
+    found = {
+        "parameter": "lever_arm.rxy", "unit": "m", "std": 4e-3, "level": 3e-4, "std_after": 2e-4,
+        "axes": ["x", "z"], "turns": 8, "seconds": 1.0,
+    }  # fmt: skip
+    block = diagnosis("not_testable")
+    for own in block["sensors"].values():
+        own["motion"]["why"] = "a knock"
+    block["next_recording"] = {"motion": found | turns}
+    return [
+        text.replace("\u202f", " ")
+        for _, text in turns_in_motion(Device("a", "A", None, diagnosis=block))
+    ]
+
+
+def test_about_which_axes_to_turn_and_how_fast_is_said():
+    [text] = advice()
+    assert text == (
+        "Motion could not be tested: a knock. Turn about x and z: the accelerometer's lever_arm "
+        "rxy is known to 4.0 mm only. 8 quarter and half turns about each, level, there and "
+        "back, in 1.0 s each (90° at 90 °/s) with rests between, would bring σ to 0.20 mm; "
+        "0.30 mm are, at 100 °/s, the noise of a mean of 1 s."
+    )
+    [text] = advice(std=None, axes=["z"])
+    assert "Turn about z: no move shows the accelerometer's lever_arm rxy. 8" in text
+    assert "turns about it, level" in text
+    assert advice(std=5e-4) == advice(std_after=3.8e-3) == []

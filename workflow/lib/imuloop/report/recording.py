@@ -211,15 +211,17 @@ def turns_in_motion(device):
     if gain < NOTICEABLE or (now is not None and now <= MATTERS * level):
         return
     name = parameter_words("accelerometer", turns["parameter"])
-    known = "no move shows" if now is None else f"to {sigma_words(unit, now)} alone is known"
+    known = f"no move shows {name}"
+    if now is not None:
+        known = f"{name} is known to {sigma_words(unit, now)} only"
     block, seconds = block_of(device.diagnosis, "accelerometer", "motion"), turns["seconds"]
     each = "it" if len(turns["axes"]) == 1 else "each"
     reason = f"Motion could not be tested: {block['why']}. " if block.get("why") else ""
     yield (
         gain,
-        f"{reason}Turn about {joined(turns['axes'])}: {known} {name}. {turns['turns']} quarter "
-        f"and half turns about {each}, level, there and back, in {number(seconds)}\u202fs each "
-        f"(90° at {number(90 / seconds)}\u202f°/s) with rests between, would bring σ to "
+        f"{reason}Turn about {joined(turns['axes'])}: {known}. {turns['turns']} quarter "
+        f"and half turns about {each}, level, there and back, in {number(seconds, 2)}\u202fs each "
+        f"(90° at {number(90 / seconds, 2)}\u202f°/s) with rests between, would bring σ to "
         f"{sigma_words(unit, after)}; {sigma_words(unit, level)} "
         "are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
     )
