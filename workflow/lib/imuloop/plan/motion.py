@@ -6,13 +6,12 @@ from itertools import combinations
 import numpy as np
 
 from imuloop.calibrate.pose_fits import Solution
-from imuloop.effects.lever_arm import LeverArm
-from imuloop.effects.rate_sensitivity import RateSensitivity
+from imuloop.core.effect import find_effect
 from imuloop.plan.information import RATE_IN_USE, Information, of_recording
 from imuloop.plan.session import QUARTERS
 
 # what turns show of an accelerometer, and the power of the rate that it grows with
-SOUGHT = {LeverArm(): 2, RateSensitivity(): 1}
+SOUGHT = {"lever_arm": 2, "rate_sensitivity": 1}
 # s of a turn: the slowest that are enough are asked for, else the fastest
 SECONDS = (2.0, 1.0, 0.5)
 # sets of axes, the fewest first, and how many times as far from the levels is as good as all three
@@ -48,12 +47,13 @@ def turns_in_motion(sensor, solution, recording, floor, planned):
         ``std``, None where it was not seen, ``level`` and ``std_after``; the ``axes`` to turn
         about, ``turns`` about each, ``seconds`` of a turn.
     """
-    effects = (*solution.effects, *(e for e in SOUGHT if e not in solution.effects))
+    powers = {find_effect(name)(): power for name, power in SOUGHT.items()}
+    effects = (*solution.effects, *(e for e in powers if e not in solution.effects))
     names = [*sensor.names, *(f"{k}.{p}" for k, e in enumerate(effects) for p in e.parameters)]
-    sought = {f"{effects.index(e)}.{p}": (e, p) for e in SOUGHT for p in e.parameters}
+    sought = {f"{effects.index(e)}.{p}": (e, p) for e in powers for p in e.parameters}
     axes = ["xyz012".index(p[1]) % 3 for _, p in sought.values()]
-    powers = [SOUGHT[e] for e, _ in sought.values()]
-    level = dict(zip(sought, floor[axes] / RATE_IN_USE ** np.array(powers), strict=True))
+    size = RATE_IN_USE ** np.array([powers[e] for e, _ in sought.values()])
+    level = dict(zip(sought, floor[axes] / size, strict=True))
     x = np.append(solution.fit.x, np.zeros(len(names) - len(solution.fit.x)))
     fit = replace(solution.fit, x=x)
     excess = max(1.0, fit.reduced_chi2) if fit.dof > 0 else 1.0
