@@ -267,12 +267,11 @@ def gyroscope_model(recording, force, x=None, effects=(), known=()):
     def output(y):
         return K * (y - b)
 
-    kept = {}
-    poses = recording.pose_channels("gyroscope", output, force.poses, kept=kept)
+    poses = recording.pose_channels("gyroscope", output, force.poses)
     design = np.zeros((*shape, sum(len(effect.parameters) for effect in effects)))
     added = 0.0
     if len(rotations) and (effects or known):
-        along = recording.rotation_channels("gyroscope", output, force.rotations, kept=kept)
+        along = recording.rotation_channels("gyroscope", output, force.rotations)
         design = effect_design(effects, along, values).reshape(design.shape)
         added = sum(effect.output(along).reshape(shape) for effect in known)
     return GyroscopeModel(

@@ -271,9 +271,8 @@ class MotionPoses(SensorPoses):
 
         found, shape = sets["accelerometer"], recording.rotations.f.shape
         at_poses, in_moves = rate(recording.poses.w), rate(recording.rotations.w)
-        kept = {}
-        poses = recording.pose_channels("accelerometer", output, at_poses, rate, kept)
-        along = recording.rotation_channels("accelerometer", output, in_moves, rate, kept)
+        poses = recording.pose_channels("accelerometer", output, at_poses, rate)
+        along = recording.rotation_channels("accelerometer", output, in_moves, rate)
         of_force = x[own["accelerometer"]]
         at_rest = effect_design(found, poses, of_force[FORCE:])
         turn = gyroscope.gyroscope_model(recording, force, x[own["gyroscope"]], sets["gyroscope"])

@@ -64,7 +64,7 @@ class Recording:
         """Return the same, its runs none of those that a calibration knows: numbers below zero."""
         return replace(self, poses=replace(self.poses, run=-1 - self.poses.run))
 
-    def pose_channels(self, sensor, output, other, see=lambda values: values, kept=None):
+    def pose_channels(self, sensor, output, other, see=lambda values: values):
         """Return what an effect of a sensor sees at the poses.
 
         Parameters
@@ -77,25 +77,23 @@ class Recording:
             The other sensor at the poses, SI.
         see : callable
             Takes values of the other sensor in a log, SI as logged, to what an effect sees.
-        kept : dict, optional
-            Takes what was remembered of the logs, for other channels that see the same.
         """
         poses = self.poses
 
         def history(function, *constants):
-            whole = self._remember(sensor, output, see, kept, function, constants)
+            whole = self._remember(sensor, output, see, function, constants)
             return pose_means(poses, self.logs, whole)
 
         own = output(getattr(poses, OWN[sensor][0]))
         return Channels(poses.mid_s, own, other, poses.temperature, history, run=poses.run)
 
-    def rotation_channels(self, sensor, output, other, see=lambda values: values, kept=None):
+    def rotation_channels(self, sensor, output, other, see=lambda values: values):
         """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
         rotations = self.rotations
         session = self.poses.session[rotations.first]
 
         def history(function, *constants):
-            whole = self._remember(sensor, output, see, kept, function, constants)
+            whole = self._remember(sensor, output, see, function, constants)
             at = zip(session, rotations.t, strict=True)
             return np.concatenate([whole[s][np.searchsorted(self.logs[s].t, t)] for s, t in at])
 
@@ -109,16 +107,15 @@ class Recording:
             run=np.repeat(self.poses.run[rotations.first], rotations.t.shape[1]),
         )
 
-    def _remember(self, sensor, output, see, kept, function, constants):
+    def _remember(self, sensor, output, see, function, constants):
         """Return a function of the whole log of each session that has a pose, by its number."""
-        kept, key = {} if kept is None else kept, (function, constants)
-        if key not in kept:
-            kept[key], (own, other) = {}, OWN[sensor]
-            for s in set(self.poses.session.tolist()):
-                log = self.logs[s]
-                values = output(getattr(log, own)), see(getattr(log, other))
-                kept[key][s] = function(Channels(log.t, *values, log.temperature), *constants)
-        return kept[key]
+        own, other = OWN[sensor]
+        found = {}
+        for s in set(self.poses.session.tolist()):
+            log = self.logs[s]
+            values = output(getattr(log, own)), see(getattr(log, other))
+            found[s] = function(Channels(log.t, *values, log.temperature), *constants)
+        return found
 
 
 def pose_means(poses, logs, whole):

@@ -172,10 +172,7 @@ class Effect:
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
-        """Return D of which ``D p`` is `e` where the parameters are `values`, shape (p,).
-
-        That of an effect that is linear is the same anywhere; others have their `design` at zero.
-        """
+        """Return D of which ``D p`` is `e` where p is `values`; not `design` if e is not linear."""
         return self.design(channels)
 
 
@@ -189,14 +186,10 @@ def find_effect(name):
 
 
 def effect_design(effects, channels, values=()):
-    """Return D of the sum of effects, shape (n, 3, p); p is 0 without any.
-
-    It is right at these values of their parameters, which may end before those of the last.
-    """
-    ends = np.cumsum([0, *(len(effect.parameters) for effect in effects)])
-    x = np.append(values, np.zeros(ends[-1] - len(values)))
-    at = [x[i:j] for i, j in pairwise(ends)]
-    parts = [effect.design_at(channels, own) for effect, own in zip(effects, at, strict=True)]
+    """Return D of the sum of effects, (n, 3, p), at the first of their p parameters, else zero."""
+    ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+    x, at = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
+    parts = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, at, strict=True)]
     return np.concatenate([np.zeros((len(channels.t), 3, 0)), *parts], axis=2)
 
 

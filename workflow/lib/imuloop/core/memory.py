@@ -185,17 +185,7 @@ def secant(t, values, seconds, step=None):
     Between two samples values are the cubic that has their `slope` (Catmull and Rom): midway it
     errs by 0.02 % on a sine of a twentieth of the sampling rate, by 0.4 % on one of a tenth. Where
     that instant lies in a gap or beyond the log, and where there is no shift, it is the slope.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Time, s, increasing.
-    values : ndarray, shape (n, m)
-        Channels.
-    seconds : float
-        Shift, s, of either sign.
-    step : float, optional
-        Median step of the whole log, s, of which this is a piece.
+    `step` is the median one of the whole log, s, of which this is a piece.
     """
     change = slope(t, values)
     if len(t) < 2 or abs(seconds) < _INSTANT:

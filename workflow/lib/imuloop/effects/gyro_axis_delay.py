@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.effects.derivatives import LATEST, REACH, own_change
+from imuloop.effects.derivatives import LATEST, REACH, own_change, unheld
 
 
 class GyroAxisDelay(Effect):
@@ -23,17 +23,13 @@ class GyroAxisDelay(Effect):
     limit = LATEST
     reach = REACH + LATEST
 
-    def design(self, channels):
-        """Return the derivative with respect to both delays, shape (n, 3, 2)."""
-        return self.design_at(channels, np.zeros(2))
+    held = unheld
 
-    def design_at(self, channels, values):
-        """Return the same with the mean change until each axis shows what is there."""
+    def design(self, channels, values=(0.0, 0.0)):
+        """Return the derivative with respect to both delays, shape (n, 3, 2)."""
         found = np.zeros((len(channels.t), 3, 2))
         for axis, late in enumerate(values):
             found[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
         return found
 
-    def held(self, design, low, high):
-        """Return the derivative as it is: a time is the same however fast the output changes."""
-        return design
+    design_at = design

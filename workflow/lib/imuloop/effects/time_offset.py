@@ -1,9 +1,7 @@
 """A sensor whose samples are stamped too late or too early."""
 
-import numpy as np
-
 from imuloop.core.effect import Effect
-from imuloop.effects.derivatives import LATEST, REACH, own_change
+from imuloop.effects.derivatives import LATEST, REACH, own_change, unheld
 
 
 class TimeOffset(Effect):
@@ -24,14 +22,10 @@ class TimeOffset(Effect):
     limit = LATEST
     reach = REACH + LATEST
 
-    def design(self, channels):
-        """Return the rate of change of the output, shape (n, 3, 1)."""
-        return self.design_at(channels, np.zeros(1))
+    held = unheld
 
-    def design_at(self, channels, values):
-        """Return its mean since what the sensor shows was there, shape (n, 3, 1)."""
+    def design(self, channels, values=(0.0,)):
+        """Return the rate of change since what the sensor shows was there, shape (n, 3, 1)."""
         return channels.remembered(own_change, -float(values[0]))[:, :, None]
 
-    def held(self, design, low, high):
-        """Return the derivative as it is: a time is the same however fast the output changes."""
-        return design
+    design_at = design

@@ -1,6 +1,7 @@
 """A C header with the numbers and a function that applies them."""
 
 import re
+from functools import partial
 from string import Template
 
 import numpy as np
@@ -84,7 +85,7 @@ def sensor_text(device, sensor_name, name):
         arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
         body += remark(f"e: {fitted.name}, {fitted.effect.equation}, SI, subtracted") + arrays
         terms += f" - {term}"
-    turning = any(e.name in (lever_arm.__name__, rate_sensitivity.__name__) for e in sensor.effects)
+    turning = any(e.name in ("lever_arm", "rate_sensitivity") for e in sensor.effects)
     more = ["f"] * gyroscope + ["w", "dw"] * turning
     given = ["const double raw[3]", "double temperature", *(f"const double {v}[3]" for v in more)]
     body += remark(
@@ -166,26 +167,14 @@ def matrix(fitted, name, kind, derivative):
     return arrays, f"({' + '.join(terms)})"
 
 
-def g_sensitivity(fitted, name):
-    """Return the matrices and the expression of ``Σ_j G_ij f_j``."""
-    return matrix(fitted, name, "G", "f[{}]")
-
-
-def rate_sensitivity(fitted, name):
-    """Return the matrices and the expression of ``Σ_j M_ij w_j``."""
-    return matrix(fitted, name, "M", "w[{}]")
-
-
-def lever_arm(fitted, name):
-    """Return the matrices and the expression of ``(dw/dt × r_i + w × (w × r_i))_i``."""
-    return matrix(fitted, name, "r", f"{ARM}(w, dw, i, {{}})")
-
-
-# effects that the functions apply
-EFFECTS = {
-    each.__name__: each
-    for each in (bias_temperature, scale_temperature, g_sensitivity, rate_sensitivity, lever_arm)
+# effects that the functions apply; of matrices the name and what element j of a row multiplies
+MATRICES = {
+    "g_sensitivity": ("G", "f[{}]"),
+    "rate_sensitivity": ("M", "w[{}]"),
+    "lever_arm": ("r", f"{ARM}(w, dw, i, {{}})"),
 }
+EFFECTS = {each.__name__: each for each in (bias_temperature, scale_temperature)}
+EFFECTS |= {name: partial(matrix, kind=k, derivative=of) for name, (k, of) in MATRICES.items()}
 C_HEADER = Format(
     "imu_calibration.h", "C99 header, plain numbers and functions that apply them", text
 )

@@ -8,6 +8,7 @@ import yaml
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import UNITS, Format, comment, number, numbers
+from imuloop.export.per_axis import scale_and_offset
 from imuloop.noise.filters import RANGE
 
 NAMES = {"N": "N, white noise", "K": "K, random walk of the bias"}
@@ -34,6 +35,8 @@ ROS_KEYS = {
     "angular_velocity_covariance": ("gyroscope", "(rad/s)^2"),
     "linear_acceleration_covariance": ("accelerometer", "(m/s^2)^2"),
 }
+# the effect that Kalibr has a place for
+ARMS = "lever_arm"
 # the first line of what OpenCV's reader takes
 OPENCV = "%YAML:1.0\n"
 
@@ -96,50 +99,29 @@ def calibration_left_out(device, carried=()):
 
 
 def size_effect(device):
-    """Return what Kalibr's result has of a device whose arms were found; nothing of others.
+    """Return the arms as Kalibr's result has them; empty without any.
 
-    Its model, f and w on our body axes where the x axis sits, a(r) = dw/dt × r + w × (w × r)::
+    With f and w on our axes where the x axis sits, and I_i to pick component i::
 
-        f_logged = M (f + Σ_i I_i a(ri_i)) + b
-        w_logged = M C_gyro_i w + A C_gyro_i f + b
+        f_logged = M (f + Σ_i I_i (dw/dt × ri_i + w × (w × ri_i))) + b
 
-    I_i picks component i. With M = (T K)^-1 and A = K^-1 G that is ours, but that T^-1 is before
-    the arms too: the difference is misalignment times arm.
-
-    References
-    ----------
-    Kalibr, IccSensors.py, IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
+    M is (T K)^-1; ours differs by misalignment times arm. Kalibr: IccSensors.py,
+    IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
     """
-    force, turn = (device.sensor(sensor) for sensor in SENSORS)
-    ours, G = device.effects("accelerometer", "lever_arm"), np.zeros(9)
-    if not ours:
+    found, force = device.effects("accelerometer", ARMS), device.sensor("accelerometer")
+    if not found:
         return ""
-    rx, ry = np.reshape(ours[0].vector, (2, 3))
-    for fitted in device.effects("gyroscope", "g_sensitivity"):
-        G = fitted.vector
-    inverse = [np.linalg.inv(s.T * s.K / s.raw_unit.scale) for s in (force, turn)]
-    A = G.reshape(3, 3) * (turn.raw_unit.scale / turn.K)[:, None]
-    return comment(
-        "As in Kalibr's result, which it does not read: for samples in SI as logged. Calibrated",
-        "ones have M and C_gyro_i 1, A and arms 0. Arms in m, from where the x axis sits.",
-    ) + yaml.safe_dump(
-        {
-            "model": "scale-misalignment-size-effect",
-            "accelerometers": {
-                "M": inverse[0].tolist(),
-                **{
-                    f"r{i}_i": (r - rx).tolist()
-                    for i, r in zip("xyz", (rx, ry, 0 * rx), strict=True)
-                },
-            },
-            "gyroscopes": {
-                "M": inverse[1].tolist(),
-                "A": A.tolist(),
-                "C_gyro_i": np.eye(3).tolist(),
-            },
-        },
-        default_flow_style=None,
-        sort_keys=False,
+    rx, ry = found[0].vector.reshape(2, 3)
+    M = np.linalg.inv(force.T * scale_and_offset(force)[0])
+    fields = {"M": M, "rx_i": 0 * rx, "ry_i": ry - rx, "rz_i": -rx}
+    fields = {"accelerometers": {key: value.tolist() for key, value in fields.items()}}
+    words = (
+        "As in Kalibr's result, which it does not read: for samples in SI as logged, arms in m from"
+    )
+    return (
+        comment(words, "where the x axis sits. Calibrated ones have M 1 and arms 0.")
+        + "model: scale-misalignment-size-effect\n"
+        + yaml.safe_dump(fields, default_flow_style=None, sort_keys=False)
     )
 
 
@@ -149,15 +131,14 @@ def kalibr(device):
     Its reader takes the densities as continuous and divides by sqrt(1/update_rate) itself; it
     refuses what is not positive.
     """
-    arms = size_effect(device)
     return (
         heading(device, "Kalibr", "(kalibr_calibrate_imu_camera --imu); all fields SI")
         + density_fields(device, KALIBR_KEYS)
         + 'rostopic: "/imu0"  # not ours: the topic of the bag\n'
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + noise_left_out(device)
-        + calibration_left_out(device, ("lever_arm", "g_sensitivity") if arms else ())
-        + arms
+        + calibration_left_out(device, (ARMS,))
+        + size_effect(device)
     )
 
 

@@ -17,8 +17,6 @@ SECONDS = (2.0, 1.0, 0.5)
 # sets of axes, the fewest first, and how many times as far from the levels is as good as all three
 SETS = tuple(axes for n in (1, 2, 3) for axes in combinations(range(3), n))
 AS_GOOD = 1.25
-# share of what is physically possible: with a larger standard error nothing was seen
-UNSEEN = 0.5
 
 
 def turns_in_motion(sensor, solution, recording, floor, planned):
@@ -29,40 +27,23 @@ def turns_in_motion(sensor, solution, recording, floor, planned):
     there, about the fewest axes that do, or do as well as all three. What is physically possible
     is known beforehand.
 
-    Parameters
-    ----------
-    sensor, solution : MotionPoses, Solution
-        The moves, and the fit with what was found.
-    recording : Recording
-        Poses and moves.
-    floor : ndarray, shape (3,)
-        Noise of a mean of one second of the accelerometer, m/s^2.
-    planned : callable
-        Gives the Recording of quarter and half turns, from their axis and seconds.
-
-    Returns
-    -------
-    dict
-        Empty where all are known. ``parameter`` that is the farthest from its level, its ``unit``,
-        ``std``, None where it was not seen, ``level`` and ``std_after``; the ``axes`` to turn
-        about, ``turns`` about each, ``seconds`` of a turn.
+    Takes MotionPoses, the Solution with what was found, their Recording, that noise, m/s^2, (3,),
+    and what gives the Recording of turns from their axis and seconds. The dict, empty where all are
+    known, is that of ``diagnosis.json``, of the parameter that is the farthest from its level.
     """
-    powers = {find_effect(name)(): power for name, power in SOUGHT.items()}
-    effects = (*solution.effects, *(e for e in powers if e not in solution.effects))
+    shapes = {find_effect(name)(): power for name, power in SOUGHT.items()}
+    effects = (*solution.effects, *(e for e in shapes if e not in solution.effects))
     names = [*sensor.names, *(f"{k}.{p}" for k, e in enumerate(effects) for p in e.parameters)]
-    sought = {f"{effects.index(e)}.{p}": (e, p) for e in powers for p in e.parameters}
-    axes = ["xyz012".index(p[1]) % 3 for _, p in sought.values()]
-    size = RATE_IN_USE ** np.array([powers[e] for e, _ in sought.values()])
-    level = dict(zip(sought, floor[axes] / size, strict=True))
-    x = np.append(solution.fit.x, np.zeros(len(names) - len(solution.fit.x)))
-    fit = replace(solution.fit, x=x)
+    sought = {f"{effects.index(e)}.{p}": (e, p) for e in shapes for p in e.parameters}
+    level = {
+        name: float(floor["xyz012".index(p[1]) % 3] / RATE_IN_USE ** shapes[e])
+        for name, (e, p) in sought.items()
+    }
+    fit = solution.fit
+    x = np.append(fit.x, np.zeros(len(names) - len(fit.x)))
     excess = max(1.0, fit.reduced_chi2) if fit.dof > 0 else 1.0
-    solution, quiet = Solution(effects, fit), np.ones(len(QUARTERS), dtype=bool)
+    solution = Solution(effects, replace(fit, x=x))
     possible = np.diag([sought[n][0].limit ** -2.0 if n in sought else 0.0 for n in names])
-
-    def shown(axis, seconds):
-        model = replace(sensor, quiet=quiet, of_rotation=0.0)
-        return of_recording(model, solution, planned(axis, seconds))
 
     def known(matrix):
         """Return standard errors by name, and that farthest from its level: how far, and whose."""
@@ -73,8 +54,9 @@ def turns_in_motion(sensor, solution, recording, floor, planned):
     std, far, worst = known(now)
     if not 1 < far < np.inf:
         return {}
+    model = replace(sensor, quiet=np.ones(len(QUARTERS), dtype=bool), of_rotation=0.0)
     for seconds in SECONDS:
-        more = [shown(axis, seconds) for axis in range(3)]
+        more = [of_recording(model, solution, planned(axis, seconds)) for axis in range(3)]
         after = {axes: known(now + sum(more[axis] for axis in axes)) for axes in SETS}
         if (least := after[SETS[-1]][1]) <= 1:
             break
@@ -83,8 +65,8 @@ def turns_in_motion(sensor, solution, recording, floor, planned):
     return {
         "parameter": f"{effect.name}.{parameter}",
         "unit": effect.parameters[parameter],
-        "std": std[worst] if std[worst] <= UNSEEN * effect.limit else None,
-        "level": float(level[worst]),
+        "std": std[worst],
+        "level": level[worst],
         "axes": ["xyz"[axis] for axis in axes],
         "turns": len(QUARTERS),
         "seconds": seconds,

@@ -204,26 +204,23 @@ def turns_needed(device):
 def turns_in_motion(device):
     """Yield about which axes to turn, and how fast, to see what that does to the accelerometer."""
     turns = device.diagnosis.get("next_recording", {}).get("motion")
-    if not turns:
+    if not turns or turns["std"] <= MATTERS * turns["level"]:
         return
-    now, after, level, unit = (turns[k] for k in ("std", "std_after", "level", "unit"))
-    gain = 1.0 if now is None else 1 - after / now
-    if gain < NOTICEABLE or (now is not None and now <= MATTERS * level):
+    now, after, level, unit, axes, seconds = (
+        turns[key] for key in ("std", "std_after", "level", "unit", "axes", "seconds")
+    )
+    if (gain := 1 - after / now) < NOTICEABLE:
         return
-    name = parameter_words("accelerometer", turns["parameter"])
-    known = f"no move shows {name}"
-    if now is not None:
-        known = f"{name} is known to {sigma_words(unit, now)} only"
-    block, seconds = block_of(device.diagnosis, "accelerometer", "motion"), turns["seconds"]
-    each = "it" if len(turns["axes"]) == 1 else "each"
-    reason = f"Motion could not be tested: {block['why']}. " if block.get("why") else ""
+    why = block_of(device.diagnosis, "accelerometer", "motion").get("why")
+    reason = f"Motion could not be tested: {why}. " if why else ""
+    about, speed = "each" if axes[1:] else "it", number(90 / seconds, 2)
     yield (
         gain,
-        f"{reason}Turn about {joined(turns['axes'])}: {known}. {turns['turns']} quarter "
-        f"and half turns about {each}, level, there and back, in {number(seconds, 2)}\u202fs each "
-        f"(90° at {number(90 / seconds, 2)}\u202f°/s) with rests between, would bring σ to "
-        f"{sigma_words(unit, after)}; {sigma_words(unit, level)} "
-        "are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
+        f"{reason}Turn about {joined(axes)}: {turns['turns']} quarter and half turns about {about}, "
+        f"level, there and back, in {number(seconds, 2)}\u202fs each (90° at {speed}\u202f°/s) with "
+        f"rests between, would lower σ of {parameter_words('accelerometer', turns['parameter'])} "
+        f"from {sigma_words(unit, now, after)}; {sigma_words(unit, level)} are, at 100\u202f°/s, "
+        "the noise of a mean of 1\u202fs.",
     )
 
 

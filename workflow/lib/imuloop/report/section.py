@@ -145,8 +145,10 @@ def _part(device, sensor, part, block):
     verdict = block["verdict"]
     above = verdict in ABOVE
     tables = [steps_table(sensor, part, block), *effect_tables(sensor, part, block)]
-    allan = []
-    if part == "static_record":
+    allan, drawn = [], []
+    if part != "static_record":
+        drawn = residual_pictures(device, sensor, block) + arm_pictures(device, block)
+    else:
         allan = corrected_pictures(device, sensor) if block["effects"] else []
         tables += [
             heldout_by_session(device, sensor, block),
@@ -161,7 +163,7 @@ def _part(device, sensor, part, block):
         # with which the sentence begins
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block),
-        "poses": _of_poses(device, sensor, block) if part != "static_record" else [],
+        "poses": drawn,
         "bias": bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
         "allan": allan,
@@ -170,8 +172,3 @@ def _part(device, sensor, part, block):
         "left": correlate_pictures(device, sensor, part, block) if above else [],
         "next_step": what_next(block) if above else "",
     }
-
-
-def _of_poses(device, sensor, block):
-    """Return what is drawn pose by pose and move by move, and where the axes sit."""
-    return [*residual_pictures(device, sensor, block), *arm_pictures(device, block)]

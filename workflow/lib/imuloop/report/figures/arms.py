@@ -2,13 +2,11 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import AXES, INK, PAGE, picture, write_csv
-from imuloop.report.numbers import joined, number
+from imuloop.report.figures.drawing import AXES, PAGE, picture, write_csv
+from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
 
 NAME = "lever_arm"
-# axes to the right and up of each view
-VIEWS = ((0, 1), (0, 2), (1, 2))
 
 
 def arm_pictures(device, block):
@@ -16,46 +14,37 @@ def arm_pictures(device, block):
     if NAME not in (e["name"] for e in block["effects"]):
         return []
     force = device.calibrations["final"].accelerometer
-    [fitted] = (e for e in force.effects if e.name == NAME)
-    own = [force.names.index(f"{NAME}.{p}") for p in fitted.values]
-    places = np.append(fitted.vector, np.zeros(3)).reshape(3, 3) * 1e3
-    covariance = np.zeros((3, 3, 3))
-    for axis in range(2):
-        at = own[3 * axis : 3 * axis + 3]
-        covariance[axis] = force.covariance[np.ix_(at, at)] * 1e6
-    std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    own = np.array([name.partition(".")[0] == NAME for name in force.names])
+    [arms] = (e.vector for e in force.effects if e.name == NAME)
+    # mm; z sits at the origin
+    places, covariance = np.zeros((3, 3)), np.zeros((9, 9))
+    places[:2] = 1e3 * arms.reshape(2, 3)
+    covariance[:6, :6] = 1e6 * force.covariance[np.ix_(own, own)]
+    std = np.sqrt(np.diag(covariance)).reshape(3, 3)
     span = 1.15 * (np.abs(places) + std).max()
 
     def plot(areas):
-        for area, view in zip(areas, VIEWS, strict=True):
+        for area, view in zip(areas, ([0, 1], [0, 2], [1, 2]), strict=True):
             for axis, colour in enumerate(AXES):
-                at = places[axis, view]
-                around = at[:, None] + ellipse(covariance[axis][np.ix_(view, view)])
-                area.plot(*around, color=colour, lw=1, label=None if axis else "1 σ")
+                at, rows = places[axis, view], 3 * axis + np.array(view)
+                outline = at[:, None] + ellipse(covariance[np.ix_(rows, rows)])
+                area.plot(*outline, color=colour, lw=1, label=None if axis else "1 σ")
                 area.plot(*at, "o", color=colour, mec=PAGE, ms=6)
-                area.annotate(XYZ[axis], at, (5, 5), textcoords="offset points", color=INK)
+                area.annotate(XYZ[axis], at, (5, 5), textcoords="offset points")
             area.set(xlim=(-span, span), ylim=(-span, span), box_aspect=1)
             area.set(xlabel=f"{XYZ[view[0]]}, mm", ylabel=f"{XYZ[view[1]]}, mm")
 
-    said = (
-        f"that of {XYZ[axis]} at ({', '.join(number(v, 2) for v in places[axis])})\u202fmm, σ "
-        f"{', '.join(number(s, 2) for s in std[axis])}"
-        for axis in range(2)
+    x, y = (
+        f"{XYZ[k]} at ({', '.join(number(v, 2) for v in places[k])})\u202fmm, σ "
+        f"{', '.join(number(s, 2) for s in std[k])}"
+        for k in range(2)
     )
-    table = {"axis": XYZ} | {f"{a}_mm": places[:, k] for k, a in enumerate(XYZ)}
-    return [
-        picture(
-            f"{device.name}.{NAME}",
-            "Where the accelerometer's axes sit",
-            f"Proof masses of the accelerometer, from that of z, on body axes: {joined([*said])}.",
-            plot,
-            (1000, 330),
-            write_csv(
-                device.figures, NAME, table | {f"{a}_std_mm": std[:, k] for k, a in enumerate(XYZ)}
-            ),
-            columns=(1, 1, 1),
-        )
-    ]
+    caption = f"Proof masses of the accelerometer, from that of z, on body axes: {x}, and {y}."
+    columns = {f"{a}_mm": places[:, k] for k, a in enumerate(XYZ)}
+    columns |= {f"{a}_std_mm": std[:, k] for k, a in enumerate(XYZ)}
+    path = write_csv(device.figures, NAME, {"axis": XYZ} | columns)
+    kind, size = "Where the accelerometer's axes sit", (1000, 330)
+    return [picture(f"{device.name}.{NAME}", kind, caption, plot, size, path, columns=(1, 1, 1))]
 
 
 def ellipse(covariance):
