@@ -213,12 +213,12 @@ def turns_in_motion(device):
         return
     why = block_of(device.diagnosis, "accelerometer", "motion").get("why")
     reason = f"Motion could not be tested: {why}. " if why else ""
-    about, speed = "each" if axes[1:] else "it", number(90 / seconds, 2)
+    about, name = "each" if axes[1:] else "it", parameter_words("accelerometer", turns["parameter"])
     yield (
         gain,
-        f"{reason}Turn about {joined(axes)}: {turns['turns']} quarter and half turns about {about}, "
-        f"level, there and back, in {number(seconds, 2)}\u202fs each (90° at {speed}\u202f°/s) with "
-        f"rests between, would lower σ of {parameter_words('accelerometer', turns['parameter'])} "
+        f"{reason}Turn about {joined(axes)}: {turns['turns']} quarter and half turns about "
+        f"{about}, level, there and back, in {number(seconds, 2)}\u202fs each (90° at "
+        f"{number(90 / seconds, 2)}\u202f°/s) with rests between, would lower σ of {name} "
         f"from {sigma_words(unit, now, after)}; {sigma_words(unit, level)} are, at 100\u202f°/s, "
         "the noise of a mean of 1\u202fs.",
     )
