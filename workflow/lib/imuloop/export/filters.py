@@ -113,7 +113,7 @@ def size_effect(device):
         return ""
     rx, ry = found[0].vector.reshape(2, 3)
     M = np.linalg.inv(force.T * scale_and_offset(force)[0])
-    fields = {"M": M, "rx_i": 0 * rx, "ry_i": ry - rx, "rz_i": -rx}
+    fields = {"M": M, "rx_i": np.zeros(3), "ry_i": ry - rx, "rz_i": -rx}
     fields = {"accelerometers": {key: value.tolist() for key, value in fields.items()}}
     words = (
         "As in Kalibr's result, which it does not read: for samples in SI as logged, arms in m from"
