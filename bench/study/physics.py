@@ -73,6 +73,11 @@ def _change(values, t):
     return CubicSpline(t, values)(t, 1)
 
 
+def _after(values, t, seconds):
+    """Values some seconds later, by a spline through the samples."""
+    return CubicSpline(t, values)(t + seconds)
+
+
 def _lever_arm(now, p, c):
     w, change = now.other, _change(now.other, now.t)
     arms = [np.array([p[f"r{i}{j}"] for j in "xyz"]) for i in "xy"]
@@ -81,7 +86,9 @@ def _lever_arm(now, p, c):
 
 
 def _axis_delay(now, p, c):
-    return -_change(now.output, now.t) * [p["dtx"], p["dty"], 0.0]
+    shifts = (p["dtx"], p["dty"], 0.0)
+    then = [_after(y, now.t, s) for y, s in zip(now.output.T, shifts, strict=True)]
+    return now.output - np.column_stack(then)
 
 
 def _drift(now, p, c):
@@ -113,7 +120,7 @@ EFFECTS = {
         (of_axes(p, "s2") + of_axes(p, "s3") * now.output) * now.output**2
     ),
     "lever_arm": _lever_arm,
-    "time_offset": lambda now, p, c: p["dt"] * _change(now.output, now.t),
+    "time_offset": lambda now, p, c: now.output - _after(now.output, now.t, -p["dt"]),
     "rate_sensitivity": lambda now, p, c: (
         now.other @ np.array([[p[f"M{i}{j}"] for j in range(3)] for i in range(3)]).T
     ),

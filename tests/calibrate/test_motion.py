@@ -76,6 +76,55 @@ def test_what_was_put_in_comes_back(name):
     np.testing.assert_allclose(found, [*true.values()], rtol=0.02, atol=0.01 * SIZE[name])
 
 
+def late(name, truth):
+    """Return a device with delays of nearly a step of 10 ms, the effect and its parameters."""
+    effect = find_effect(name)()
+    true = dict(zip(effect.parameters, (-9e-3, 9e-3), strict=False))
+    extra = lambda now: physics.EFFECTS[name](now, true, {})  # noqa: E731
+    truth = with_effects(truth, [Injected(effect.sensors[0], name, true, extra=extra)])
+    return truth, effect, np.array([*true.values()])
+
+
+LATE = pytest.mark.parametrize("name", ["time_offset", "gyro_axis_delay"])
+
+
+@LATE
+def test_a_delay_is_taken_out_to_all_orders(name, monkeypatch):
+    truth, effect, true = late(name, noiseless(short(100.0)))
+    one = recording(truth, 21)
+    made, x = motion(truth, one)
+    x = np.append(x, true)
+    # what the delay adds to an angle is a velocity of 15 mm/s per rad and ms
+    velocity = np.flatnonzero(made.rows(one)[1] >= 3)
+    left = made.model_at(x, one, (effect,)).residuals(x)[0][velocity]
+    assert np.abs(left).max() < 5e-5
+    if name == "time_offset":
+        monkeypatch.setattr(type(effect), "design_at", lambda self, c, _: self.design(c))
+        monkeypatch.setattr(type(effect), "design", of_first_order)
+        left = made.model_at(x, one, (effect,)).residuals(x)[0][velocity]
+        assert np.abs(left).max() > 2e-3
+
+
+def of_first_order(effect, channels):
+    return channels.remembered(lambda c: np.gradient(c.output, c.t, axis=0))[:, :, None]
+
+
+@LATE
+def test_a_delay_comes_back_and_leaves_other_moves_at_their_floor(name):
+    truth, effect, true = late(name, short(100.0, poses=40))
+    one, other = (recording(truth, seed) for seed in (22, 1022))
+    fit = motion(truth, one)[0].fit(one, (effect,)).fit
+    std = np.sqrt(np.diag(fit.scaled_covariance))[-len(true) :]
+    assert np.all(np.abs(fit.x[-len(true) :] - true) < 3 * std) and np.all(std < 1e-4)
+    made, _ = motion(truth, other)
+    model = made.model_at(fit.x, other, (effect,))
+    r, covariance = model.residuals(fit.x)[0], made.covariance_at(fit.x, model, other, made.noise)
+    for kind in (3, 4):
+        rows = made.rows(other)[1] == kind
+        share = (r[rows] ** 2 / np.diag(covariance)[rows]).mean()
+        assert abs(share - 1) < 3 * np.sqrt(2 / rows.sum())
+
+
 def test_a_move_ends_without_velocity_but_for_the_noise_that_is_expected():
     squares, vertical, count = [], [], 8
     for seed in range(count):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from imuloop.core.memory import fast_part, filled, first_order_lag, moving_mean, play
+from imuloop.core.memory import fast_part, filled, first_order_lag, moving_mean, play, secant
 
 TAU = 4.0
 steps = st.floats(1e-3, 1e3)
@@ -100,3 +100,22 @@ def test_gaps_lie_on_a_line_and_ends_are_held():
     whole = np.arange(6.0)
     assert filled(t, whole) is whole
     assert np.isnan(filled(t, np.full(6, np.nan))).all()
+
+
+@pytest.mark.parametrize("seconds", [-9e-3, 9e-3, 23e-3, -0.05])
+def test_a_shifted_sine_is_that_sine_but_not_over_a_gap(seconds):
+    rng = np.random.default_rng(1)
+    t = np.arange(600) / 100 + rng.uniform(-2e-3, 2e-3, 600)
+    t[300:] += 0.2
+    x = np.sin(2 * np.pi * np.outer(t, [0.5, 1.0, 2.0]))
+    rate = np.gradient(x, t, axis=0)
+    found, then = secant(t, x, seconds), t + seconds
+    lost = ((then > t[299]) & (then < t[300])) | (then < t[0]) | (then > t[-1])
+    assert lost.any()
+    np.testing.assert_array_equal(found[lost], rate[lost])
+    expected = np.sin(2 * np.pi * np.outer(then, [0.5, 1.0, 2.0]))
+    left = np.abs(x + seconds * found - expected)
+    # slopes lean over the gap, and are of two samples at the ends
+    near = np.any([np.abs(then - t[k]) < 0.02 for k in (0, 299, 300, -1)], axis=0)
+    assert left[~lost].max() < 3e-3 and left[~lost & ~near].max() < 1e-4
+    np.testing.assert_array_equal(secant(t, x, 0.0), rate)

@@ -83,6 +83,25 @@ def test_pieces_give_what_the_whole_gives(log, tmp_path, names, rows):
 
 
 @pytest.mark.parametrize("rows", [300, 1 << 17])
+@pytest.mark.parametrize("seconds", [-9e-3, 9e-3, 23e-3, -0.1])
+def test_delays_are_taken_out_by_samples_of_another_time(log, tmp_path, seconds, rows):
+    made, bare, table = calibration([]), calibration([]), pd.read_parquet(log)
+    offset, delay = (Effect.library[name]() for name in ("time_offset", "gyro_axis_delay"))
+    fitted = (
+        FittedEffect(offset, {"dt": seconds}, {}),
+        FittedEffect(delay, {"dtx": seconds, "dty": -seconds / 2}, {}),
+    )
+    # no range holds them: a knock beyond what was seen is as late as all else
+    fitted = [replace(one, seen=dict.fromkeys(one.values, (-1e-9, 1e-9))) for one in fitted]
+    for sensor, one in zip(("accelerometer", "gyroscope"), fitted, strict=True):
+        made = replace(made, **{sensor: replace(getattr(made, sensor), effects=(one,))})
+    assert apply_file(made, log, tmp_path / "out.parquet", rows) == {}
+    found, expected = pd.read_parquet(tmp_path / "out.parquet"), made.apply(table)
+    assert np.abs(expected - bare.apply(table)).to_numpy()[:, 1:7].max() > 0.1
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("rows", [300, 1 << 17])
 def test_samples_that_are_held_are_counted_once(log, tmp_path, rows):
     made = calibration(["bias_temperature", "bias_drift"])
     table = pd.read_parquet(log)

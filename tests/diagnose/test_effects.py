@@ -127,6 +127,10 @@ def test_a_pose_sees_the_mean_over_its_samples(shape):
     np.testing.assert_allclose(shape.design(poses), expected, rtol=1e-12, atol=1e-15)
 
 
+# a time is the same whatever moves; of a knock that is cut off a velocity is left
+NOT_HELD = ("time_offset", "gyro_axis_delay")
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_effect_is_held_to_what_its_data_showed(shape):
     whole = log()
@@ -140,8 +144,11 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
     held = free.held_to([some])
     # in the data nothing changes, and elsewhere no parameter adds more than it did there
     np.testing.assert_array_equal(held.output(some), free.output(some))
-    most = np.abs(shape.design(some)).max(axis=0) @ np.abs(list(free.values.values()))
-    assert np.all(np.abs(held.output(whole)) <= most.max() * (1 + 1e-12))
+    if shape.name in NOT_HELD:
+        np.testing.assert_array_equal(held.output(whole), free.output(whole))
+    else:
+        most = np.abs(shape.design(some)).max(axis=0) @ np.abs(list(free.values.values()))
+        assert np.all(np.abs(held.output(whole)) <= most.max() * (1 + 1e-12))
     # a file gives it back
     assert FittedEffect.from_dict(json.loads(json.dumps(held.to_dict()))) == held
     assert held.to_dict()["constants"] == asdict(shape)

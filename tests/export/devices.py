@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from imuloop.core.effect import Channels, FittedEffect
+from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
@@ -110,6 +110,20 @@ def power_cycled(exported, sensors=("accelerometer", "gyroscope")):
         effects = (*exported.sensor(name).effects, FittedEffect(effect, values, {}))
         exported = with_sensor(exported, name, effects=effects)
     return exported
+
+
+def turning_device(board=None, accelerometer=None):
+    """Return a device with what rate and its change do to specific force; or with other effects."""
+    board = board or device()
+    sizes = {"lever_arm": 5e-3, "rate_sensitivity": 0.02}
+    if accelerometer is None:
+        rng = np.random.default_rng(5)
+        made = [(find_effect(name)(), size) for name, size in sizes.items()]
+        accelerometer = tuple(
+            FittedEffect(e, {n: float(rng.normal(0, size)) for n in e.parameters}, {})
+            for e, size in made
+        )
+    return with_sensor(board, "accelerometer", effects=accelerometer)
 
 
 def samples(n=200, seed=0):

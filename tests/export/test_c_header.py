@@ -13,11 +13,12 @@ from export.devices import (
     device,
     g_sensitivity,
     narrow_device,
+    turning_device,
     warm_device,
     warm_samples,
     with_sensor,
 )
-from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.export.c_header import C_HEADER, EFFECTS
 
@@ -28,9 +29,10 @@ PROGRAM = """
 #include "imu_calibration.h"
 int main(void)
 {
-    double in[7], out[6];
+    /* raw of both sensors, temperature, rate and its change */
+    double in[13], out[6];
     while (fread(in, sizeof in, 1, stdin) == 1) {
-        NAME_accelerometer(in, in[6], out);
+        NAME_accelerometer(in, in[6], RATES out);
         NAME_gyroscope(in + 3, in[6], out, out + 3);
         fwrite(out, sizeof out, 1, stdout);
     }
@@ -47,7 +49,9 @@ def calibrated(tmp_path):
 
     def run(board, table):
         (tmp_path / C_HEADER.file).write_text(C_HEADER.text(board), encoding="utf-8")
-        (tmp_path / "main.c").write_text(PROGRAM.replace("NAME", board.device.replace("-", "_")))
+        turning = {"lever_arm", "rate_sensitivity"} & {e.name for e in board.calibration.effects}
+        program = PROGRAM.replace("RATES", "in + 7, in + 10," if turning else "")
+        (tmp_path / "main.c").write_text(program.replace("NAME", board.device.replace("-", "_")))
         command = [compiler, *FLAGS, "main.c", "-o", "main"]
         made = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
         assert made.returncode == 0, made.stderr
@@ -56,7 +60,9 @@ def calibrated(tmp_path):
             for name, columns in SENSORS.items()
         ]
         temperature = table.get("temperature", np.full(len(table), np.nan))
-        given = np.ascontiguousarray(np.column_stack([*raw, temperature])).tobytes()
+        rate = board.sensor("gyroscope").aligned(table[list(SENSORS["gyroscope"])].to_numpy())
+        change = np.gradient(rate, table["t"], axis=0)
+        given = np.ascontiguousarray(np.column_stack([*raw, temperature, rate, change])).tobytes()
         done = subprocess.run([tmp_path / "main"], input=given, capture_output=True, check=True)
         return np.frombuffer(done.stdout).reshape(-1, 6)
 
@@ -74,10 +80,25 @@ def without_a_range_of_some(board):
     return board
 
 
+def held_arms():
+    """Return a device whose arms were seen at half the rates of the samples."""
+    t, w = np.arange(200) / 200, np.random.default_rng(1).uniform(-1.7, 1.7, (200, 3))
+    board, seen = turning_device(), [Channels(t, w, w)]
+    effects = tuple(e.held_to(seen) for e in board.sensor("accelerometer").effects)
+    return turning_device(board, effects)
+
+
 @pytest.mark.parametrize(
     "board",
-    [device(), warm_device(), narrow_device(), without_a_range_of_some(narrow_device())],
-    ids=["no temperature", "free", "held", "held in part"],
+    [
+        device(),
+        warm_device(),
+        narrow_device(),
+        without_a_range_of_some(narrow_device()),
+        turning_device(),
+        held_arms(),
+    ],
+    ids=["no temperature", "free", "held", "held in part", "turning", "turning, held"],
 )
 def test_it_computes_what_the_calibration_does(board, calibrated):
     table = (

@@ -17,12 +17,15 @@ from export.devices import (
     N,
     device,
     power_cycled,
+    turning_device,
     unknown,
     warm_bias,
+    with_sensor,
     without_flicker,
 )
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.export.autopilots import ARDUPILOT, PX4
 from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
 from imuloop.export.openvins import OPENVINS
 
@@ -93,6 +96,51 @@ def test_orb_slam3_and_kalibr_expect_the_variance_of_our_noise():
     content, _ = read(KALIBR, without_flicker(device()))
     discrete = content["accelerometer_noise_density"] / (1 / content["update_rate"]) ** 0.5
     assert discrete == pytest.approx(N["az"] * RATE**0.5, rel=1e-15)
+
+
+def kalibr_logs(force, f, w, change):
+    """Return what Kalibr's IccScaledMisalignedSizeEffectImu expects to be logged, less its bias.
+
+    Of specific force, angular rate and its change of the body, one sample each.
+    """
+    felt = np.array(f)
+    for axis, name in enumerate("xyz"):
+        pick, r = np.diag(np.eye(3)[axis]), np.array(force[f"r{name}_i"])
+        felt = felt + pick @ (np.cross(change, r) + np.cross(w, np.cross(w, r)))
+    return np.array(force["M"]) @ felt
+
+
+@pytest.mark.parametrize("misaligned", [False, True])
+def test_kalibr_expects_what_our_model_logs(misaligned):
+    board = turning_device()
+    if not misaligned:
+        board = with_sensor(board, "accelerometer", T=np.eye(3))
+    content = yaml.safe_load(KALIBR.text(board))
+    assert content["model"] == "scale-misalignment-size-effect"
+    # as its estimator has it, whose origin is where the x axis sits
+    assert content["accelerometers"]["rx_i"] == [0.0, 0.0, 0.0]
+    rng, f, w = np.random.default_rng(2), np.array([3.0, -5.0, 8.0]), np.array([2.0, -4.0, 3.0])
+    change = rng.normal(0, 20, 3)
+    arms, sensitivity = (e.vector for e in board.sensor("accelerometer").effects)
+    added = [np.cross(change, r) + np.cross(w, np.cross(w, r)) for r in arms.reshape(2, 3)]
+    e, (at_x, _) = np.array([added[0][0], added[1][1], 0.0]), added
+    # specific force where the z axis sits, and where the x axis does
+    logged = kalibr_logs(content["accelerometers"], f + at_x, w, change)
+    force = board.sensor("accelerometer")
+    ours = (np.linalg.solve(force.T, f) + e) * force.raw_unit.scale / force.K
+    size = np.abs(e).max()
+    assert size > 0.1 and len(sensitivity) == 9
+    allowed = 1.1 * size * np.abs(force.T - np.eye(3)).sum(axis=1).max() + 1e-12
+    np.testing.assert_allclose(logged, ours, rtol=0, atol=allowed)
+    text = KALIBR.text(board)
+    assert "Not carried of the accelerometer: rate_sensitivity" in text
+    assert "Not carried of the accelerometer: lever_arm" not in text
+    assert "accelerometers" not in KALIBR.text(device())
+
+
+@pytest.mark.parametrize("form", [PX4, ARDUPILOT, OPENVINS, VINS_FUSION])
+def test_what_has_no_place_for_arms_says_so(form):
+    assert "Not carried of the accelerometer: lever_arm" in form.text(turning_device())
 
 
 def test_vins_fusion_expects_the_variance_of_our_noise():

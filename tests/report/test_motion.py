@@ -1,6 +1,21 @@
 """What the report says of the motion between the rests."""
 
+import csv
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import imuloop.effects  # noqa: F401  loads the library
+from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.units import RawUnit
 from imuloop.report.advice import what_next
+from imuloop.report.figures.arms import arm_pictures, ellipse
+from imuloop.report.figures.residuals import against
+from imuloop.report.recording import turns_in_motion
+from imuloop.report.results import Device
 from imuloop.report.verdict import BOTH, answers, motion_of, sentence
 
 RESIDUAL = {
@@ -56,3 +71,90 @@ def test_moves_that_a_knock_spoiled_are_counted_and_what_to_do_is_said():
     assert "Left out, for a knock between two samples: 17 of 37 moves." in sentence(BOTH, block)
     assert "Low-pass the accelerometer" in what_next(block)
     assert "Left out" not in sentence(BOTH, motion_of(diagnosis("unexplained")))
+
+
+@pytest.fixture
+def with_arms(tmp_path):
+    """A device whose x axis sits 6 mm from its z axis, and the covariance of all six components."""
+    effect, unit = find_effect("lever_arm")(), RawUnit("m/s^2", 1.0)
+    values = dict(zip(effect.parameters, (6e-3, 0.0, -2e-3, 1e-3, -4e-3, 0.0), strict=True))
+    root = np.random.default_rng(0).normal(0, 5e-4, (6, 6))
+    names = ("K0", *(f"lever_arm.{name}" for name in values))
+    covariance = np.zeros((7, 7))
+    covariance[1:, 1:] = root @ root.T
+    force = SensorCalibration(
+        unit, np.eye(3), np.ones(3), np.zeros(3), names, covariance,
+        (FittedEffect(effect, values, {}),),
+    )  # fmt: skip
+    turn = SensorCalibration.nominal(RawUnit("rad/s", 1.0), "")
+    folder = tmp_path / "imu"
+    (folder / "figures").mkdir(parents=True)
+    return Device(
+        "imu", "IMU", folder, calibrations={"final": Calibration("imu", 9.8, force, turn)}
+    )
+
+
+def test_the_arms_are_drawn_with_their_sigma(with_arms):
+    block = motion_of(diagnosis("explained", accelerometer=["lever_arm"]))
+    [drawn] = arm_pictures(with_arms, block)
+    words = drawn.caption.replace("\u202f", " ")
+    assert ": x at (6.0, 0, −2.0) mm, σ" in words and "y at (1.0, −4.0, 0) mm, σ" in words
+    labels = re.findall(r">([^<]+)</text>", drawn.svg)
+    assert {"x, mm", "y, mm", "z, mm", "1 σ"} <= set(labels)
+    # once in each of three views
+    assert all(labels.count(axis) == 3 for axis in "xyz")
+    rows = list(csv.DictReader((with_arms.figures / "lever_arm.csv").open()))
+    std = np.sqrt(np.diag(with_arms.calibrations["final"].accelerometer.covariance)[1:]) * 1e3
+    found = [[float(row[f"{axis}_std_mm"]) for axis in "xyz"] for row in rows[:2]]
+    np.testing.assert_allclose(found, std.reshape(2, 3))
+    assert arm_pictures(with_arms, motion_of(diagnosis("explained"))) == []
+
+
+def test_an_ellipse_is_where_a_deviation_is_one_sigma():
+    root = np.random.default_rng(1).normal(size=(2, 2))
+    covariance = root @ root.T
+    outline = ellipse(covariance)
+    square = np.einsum("in,ij,jn->n", outline, np.linalg.inv(covariance), outline)
+    np.testing.assert_allclose(square, 1)
+    # as far along each axis as its standard error
+    np.testing.assert_allclose(outline.max(axis=1), np.sqrt(np.diag(covariance)), rtol=2e-3)
+    assert not ellipse(np.zeros((2, 2))).any()
+
+
+def test_the_velocity_of_a_move_is_shown_against_its_knock():
+    n = 5
+    columns = {"axis_x": 1.0, "axis_y": 0.0, "axis_z": 0.0, "speed_rad_s": 1.0, "angle_rad": 1.0}
+    table = pd.DataFrame({k: np.full(n, v) for k, v in columns.items()})
+    table = table.assign(session="a", start_s=np.arange(n), end_s=1.0 + np.arange(n))
+    panels = against("velocity_vertical", table.assign(knock_m_s=1e-3 * np.arange(n)))
+    words, values = panels["knock_mm_s"]
+    assert words == "knock between two samples, mm/s"
+    np.testing.assert_allclose(values, np.arange(n))
+
+
+def advice(**turns):
+    found = {
+        "parameter": "lever_arm.rxy", "unit": "m", "std": 4e-3, "level": 3e-4, "std_after": 2e-4,
+        "axes": ["x", "z"], "turns": 8, "seconds": 1.0,
+    }  # fmt: skip
+    block = diagnosis("not_testable")
+    for own in block["sensors"].values():
+        own["motion"]["why"] = "a knock"
+    block["next_recording"] = {"motion": found | turns}
+    return [
+        text.replace("\u202f", " ")
+        for _, text in turns_in_motion(Device("a", "A", None, diagnosis=block))
+    ]
+
+
+def test_about_which_axes_to_turn_and_how_fast_is_said():
+    [text] = advice()
+    assert text == (
+        "Motion could not be tested: a knock. Turn about x and z: 8 quarter and half turns about "
+        "each, level, there and back, in 1.0 s each (90° at 90 °/s) with rests between, would "
+        "lower σ of the accelerometer's lever_arm rxy from 4.0 to 0.20 mm; 0.30 mm are, at 100 "
+        "°/s, the noise of a mean of 1 s."
+    )
+    [text] = advice(axes=["z"])
+    assert "Turn about z: 8 quarter and half turns about it, level" in text
+    assert advice(std=5e-4) == advice(std_after=3.8e-3) == []

@@ -218,7 +218,7 @@ def diagnose(device):
             settings=settings,
             noise_settings=NoiseSettings(**device.noise),
         )
-        what = found.sensors, found.solutions, found.calibration, found.recording
+        what = found.sensors, found.solutions, found.calibration, found.recording, found.motion
         diagnosis = found.content | {"next_recording": next_recording(*what)}
         attitude, series = validate_attitude(device.name, device.gravity, found, settings)
         if "why" in attitude:

@@ -93,7 +93,8 @@ def accelerometer_model(recording, gravity, x=None, effects=(), known=()):
         Effects to estimate, and known ones.
     """
     _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
+    values = () if x is None else x[len(NAMES) :]
     poses = recording.poses
     channels = recording.pose_channels("accelerometer", lambda y: K * (y - b), poses.w)
     added = sum((effect.output(channels) for effect in known), start=np.zeros((len(poses), 3)))
-    return AccelerometerModel(poses.f, effect_design(effects, channels), gravity, added)
+    return AccelerometerModel(poses.f, effect_design(effects, channels, values), gravity, added)

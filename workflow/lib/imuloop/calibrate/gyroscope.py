@@ -129,7 +129,7 @@ class GyroscopeModel:
         found[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
         found[:, :, 9:12] = -mean @ (T * K)
         if len(x) > 12:
-            seen = (middle @ T).swapaxes(1, 2).reshape(m, 3, 3 * steps)
+            seen = np.tensordot(middle, T, 1).swapaxes(1, 2).reshape(m, 3, 3 * steps)
             found[:, :, 12:] = -seen @ self._design_steps
         return found, mean
 
@@ -261,6 +261,7 @@ def gyroscope_model(recording, force, x=None, effects=(), known=()):
     the parameters x; as logged without.
     """
     _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
+    values = () if x is None else x[len(NAMES) :]
     rotations, shape = recording.rotations, recording.rotations.w.shape
 
     def output(y):
@@ -271,11 +272,11 @@ def gyroscope_model(recording, force, x=None, effects=(), known=()):
     added = 0.0
     if len(rotations) and (effects or known):
         along = recording.rotation_channels("gyroscope", output, force.rotations)
-        design = effect_design(effects, along).reshape(design.shape)
+        design = effect_design(effects, along, values).reshape(design.shape)
         added = sum(effect.output(along).reshape(shape) for effect in known)
     return GyroscopeModel(
         rate=recording.poses.w,
-        rate_design=effect_design(effects, poses),
+        rate_design=effect_design(effects, poses, values),
         rotations=rotations,
         rotation_design=design,
         directions=force.poses / np.linalg.norm(force.poses, axis=1, keepdims=True),

@@ -43,9 +43,9 @@ class OfSensor:
         """Return the same of the effect that is moved."""
         return replace(self, effect=self.effect.moved(factor))
 
-    def design(self, channels):
-        """Return the derivative of the effect."""
-        return self.effect.design(channels)
+    def design_at(self, channels, values):
+        """Return that of the effect."""
+        return self.effect.design_at(channels, values)
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,9 @@ class MotionModel:
         C = self.attitudes(path) * self.weights[..., None, None]
         output, raw = self.output(of_force), self.y - b
         pull = self.force.gravity * self.weights.sum(axis=1)[:, None, None]
-        velocity = np.einsum("mkai,mki->ma", C @ T, output)
+        # one product of matrices instead of one per sample
+        pushed = np.tensordot(C, T, 1).swapaxes(1, 2).reshape(len(C), 3, -1)
+        velocity = (pushed @ output.reshape(len(C), -1, 1))[..., 0]
         velocity = velocity - pull[..., 0] * turn.directions[first]
         of_output = np.einsum("mkai,mkj->maij", C, output, optimize=True)
         of_raw = np.einsum("mkai,mkj->maij", C, raw, optimize=True)
@@ -196,7 +198,7 @@ class MotionModel:
             of_output[:, :, rows, columns],
             np.einsum("maij,ij->maj", of_raw, T),
             -C.sum(axis=1) @ (T * K),
-            -np.einsum("mkai,mkip->map", C @ T, self.design, optimize=True),
+            -pushed @ self.design.reshape(*pushed.shape[::2], self.design.shape[-1]),
         ]
         by_force = np.concatenate(parts, axis=2) - pull * change[first]
         by_turn, _ = turn.summed(self.levers(of_force, path) @ path.middle, of_turn)
@@ -249,9 +251,10 @@ class MotionPoses(SensorPoses):
 
     def model_at(self, x, recording, effects):
         """Return the MotionModel of a recording, effects seen with parameters x."""
-        x = self.x if x is None else x
         own, sets = {}, {}
         ends = COUNT + np.cumsum([0, *(len(e.parameters) for e in effects)])
+        x = self.x if x is None else x
+        x = np.append(x, np.zeros(max(ends[-1] - len(x), 0)))
         for sensor, base in zip(SENSORS, (range(FORCE), range(FORCE, COUNT)), strict=True):
             at = [k for k, e in enumerate(effects) if e.sensors[0] == sensor]
             own[sensor] = np.array([*base, *(i for k in at for i in range(ends[k], ends[k + 1]))])
@@ -270,13 +273,14 @@ class MotionPoses(SensorPoses):
         at_poses, in_moves = rate(recording.poses.w), rate(recording.rotations.w)
         poses = recording.pose_channels("accelerometer", output, at_poses, rate)
         along = recording.rotation_channels("accelerometer", output, in_moves, rate)
-        at_rest = effect_design(found, poses)
-        turn = gyroscope.gyroscope_model(recording, force, x[FORCE:COUNT], sets["gyroscope"])
+        of_force = x[own["accelerometer"]]
+        at_rest = effect_design(found, poses, of_force[FORCE:])
+        turn = gyroscope.gyroscope_model(recording, force, x[own["gyroscope"]], sets["gyroscope"])
         return MotionModel(
             AccelerometerModel(recording.poses.f, at_rest, self.gravity),
             turn,
             recording.rotations.f,
-            effect_design(found, along).reshape(*shape, at_rest.shape[2]),
+            effect_design(found, along, of_force[FORCE:]).reshape(*shape, at_rest.shape[2]),
             own,
             self.counted(recording),
             np.broadcast_to(self.of_rotation, (len(recording.rotations), 3, 2)),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -170,6 +171,10 @@ class Effect:
         """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
+    def design_at(self, channels, values):
+        """Return D of which ``D p`` is `e` where p is `values`; not `design` if e is not linear."""
+        return self.design(channels)
+
 
 def find_effect(name):
     """Return the class of the effect of that name; an ImuloopError if the library has none."""
@@ -180,9 +185,11 @@ def find_effect(name):
     return Effect.library[name]
 
 
-def effect_design(effects, channels):
-    """Return the derivative of the sum of effects, shape (n, 3, p); p is 0 without any."""
-    parts = [effect.design(channels) for effect in effects]
+def effect_design(effects, channels, values=()):
+    """Return D of the sum of effects, (n, 3, p), at the first of their p parameters, else zero."""
+    ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+    x, at = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
+    parts = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, at, strict=True)]
     return np.concatenate([np.zeros((len(channels.t), 3, 0)), *parts], axis=2)
 
 
@@ -218,7 +225,7 @@ class FittedEffect:
 
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
-        design = self.effect.design(channels)
+        design = self.effect.design_at(channels, self.vector)
         if self.seen:
             low, high = np.transpose(
                 [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
@@ -231,7 +238,7 @@ class FittedEffect:
 
     def held_to(self, channels):
         """Return the same, held to what its derivative is in data that show it, Channels each."""
-        parts = [self.effect.design(each) for each in channels]
+        parts = [self.effect.design_at(each, self.vector) for each in channels]
         seen = dict(self.seen)
         for k, name in enumerate(self.effect.parameters):
             found = np.concatenate([np.zeros(0), *(d[:, :, k].ravel() for d in parts)])

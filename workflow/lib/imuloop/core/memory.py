@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from imuloop.core.samples import GAP_STEPS
+
 # exponents that are summed at once: exp(±500) is far from the limits of a double
 _SUMMED = 500.0
 # after as many time constants nothing of the past is left in a double: exp(-50) = 2e-22
@@ -9,7 +11,9 @@ _FORGOTTEN = 50.0
 # samples of a moving mean: of fewer, too little of what changes from one to the next is left
 _FEWEST = 7
 # steps of time that the usual one is found of
-_STEPS = 1 << 20
+STEPS = 1 << 20
+# s; a shift that is none
+_INSTANT = 1e-6
 
 
 def in_pieces(function):
@@ -24,7 +28,7 @@ def in_pieces(function):
 
 def usual_step(t):
     """Return the median step of time, s, of the first million."""
-    return float(np.median(np.diff(t[:_STEPS])))
+    return float(np.median(np.diff(t[:STEPS])))
 
 
 def filled(t, values):
@@ -173,6 +177,26 @@ def slope(t, values):
     the sampling rate. Zero of a single sample.
     """
     return np.gradient(values, t, axis=0) if len(t) > 1 else np.zeros_like(values)
+
+
+def secant(t, values, seconds, step=None):
+    """Return the mean rate of change of values, (n, m), from each sample to `seconds` after it.
+
+    Between two samples values are the cubic that has their `slope` (Catmull and Rom): midway it
+    errs by 0.02 % on a sine of a twentieth of the sampling rate, by 0.4 % on one of a tenth. Where
+    that instant lies in a gap or beyond the log, and where there is no shift, it is the slope.
+    `step` is the median one of the whole log, s, of which this is a piece.
+    """
+    change = slope(t, values)
+    if len(t) < 2 or abs(seconds) < _INSTANT:
+        return change
+    k = np.clip(np.searchsorted(t, t + seconds, side="right") - 1, 0, len(t) - 2)
+    h = (t[k + 1] - t[k])[:, None]
+    s = (t + seconds - t[k])[:, None] / h
+    shifted = (1 - s) ** 2 * ((1 + 2 * s) * values[k] + h * s * change[k])
+    shifted += s**2 * ((3 - 2 * s) * values[k + 1] - h * (1 - s) * change[k + 1])
+    whole = (s >= 0) & (s <= 1) & (h <= GAP_STEPS * (step or usual_step(t)))
+    return np.where(whole, (shifted - values) / seconds, change)
 
 
 def moving_mean(t, values, width):

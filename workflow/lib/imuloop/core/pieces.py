@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
-from imuloop.core.memory import usual_step
+from imuloop.core.memory import STEPS, usual_step
 from imuloop.core.samples import (
     CHANNELS,
     METADATA_KEY,
@@ -68,7 +68,7 @@ def apply_file(calibration, source, target, rows=ROWS):
     reach = max((effect.effect.reach for effect in calibration.effects), default=0.0)
     step, more = None, 0
     if reach and len(samples) > 1:
-        step = usual_step(samples.read((TIME,), 0, min(len(samples), rows))[0])
+        step = usual_step(samples.read((TIME,), 0, min(len(samples), STEPS))[0])
         more = FEWEST + int(2 * reach / step)
     metadata = json.dumps({"calibrated": True, "device": calibration.device}).encode()
     pasts, counts = ({}, {}), {}

@@ -56,6 +56,7 @@ class Diagnosed:
     names: list  # of the recording's sessions
     tests: int  # number of tests that share the significance
     tables: dict  # columns of poses.parquet and moves.parquet
+    motion: tuple  # MotionPoses and the Solution of what the moves show, or nothing
 
 
 def diagnose_device(
@@ -173,6 +174,7 @@ def diagnose_device(
             "poses": joined([poses_table(recording.poses, names, residuals), six]),
             "moves": moves_table(recording, names, turned, seen_force, residuals),
         },
+        motion.fit,
     )
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.effects.derivatives import REACH, own_slope
+from imuloop.effects.derivatives import LATEST, REACH, own_change, unheld
 
 
 class GyroAxisDelay(Effect):
-    """``e_i = -Δt_i dy_i/dt``: axis i shows what was Δt_i ago; z is the clock of the others.
+    """``e_i = y_i(t) - y_i(t + Δt_i)``: axis i shows what was Δt_i ago, z is the clock.
 
     Three axes that are late together are a `time_offset`. Leaves: errors of rotations about axes
     that change, and velocity at the end of a move.
@@ -16,13 +16,20 @@ class GyroAxisDelay(Effect):
     name = "gyro_axis_delay"
     sensors = ("gyroscope",)
     parameters = {"dtx": "s", "dty": "s"}
-    equation = "e_i = -Δt_i dy_i/dt, Δt_z = 0"
+    equation = "e_i = y_i(t) - y_i(t + Δt_i), Δt_z = 0"
     reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
     records = ("motion",)
     unobservable = "at rest nothing changes; what turns leave of it shows in the motion between"
-    limit = 0.1
-    reach = REACH
+    limit = LATEST
+    reach = REACH + LATEST
 
-    def design(self, channels):
+    held = unheld
+
+    def design(self, channels, values=(0.0, 0.0)):
         """Return the derivative with respect to both delays, shape (n, 3, 2)."""
-        return -channels.remembered(own_slope)[:, :, None] * np.eye(3)[:, :2]
+        found = np.zeros((len(channels.t), 3, 2))
+        for axis, late in enumerate(values):
+            found[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
+        return found
+
+    design_at = design

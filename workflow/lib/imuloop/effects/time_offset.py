@@ -1,11 +1,11 @@
 """A sensor whose samples are stamped too late or too early."""
 
 from imuloop.core.effect import Effect
-from imuloop.effects.derivatives import REACH, own_slope
+from imuloop.effects.derivatives import LATEST, REACH, own_change, unheld
 
 
 class TimeOffset(Effect):
-    """``e = Δt dy/dt``: the sensor shows what was Δt ago (negative) or will be.
+    """``e = y(t) - y(t - Δt)``: the sensor shows what was Δt ago (negative) or will be.
 
     The other sensor's stamps are the clock: two sensors show what one is late by after the other,
     and a difference of their low-pass filters is the same. Leaves: velocity at the end of a move,
@@ -15,13 +15,17 @@ class TimeOffset(Effect):
 
     name = "time_offset"
     parameters = {"dt": "s"}
-    equation = "e = Δt dy/dt"
+    equation = "e = y(t) - y(t - Δt)"
     reference = "Furgale et al., IROS 2013, temporal calibration"
     records = ("motion",)
     unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
-    limit = 0.1
-    reach = REACH
+    limit = LATEST
+    reach = REACH + LATEST
 
-    def design(self, channels):
-        """Return the rate of change of the output, shape (n, 3, 1)."""
-        return channels.remembered(own_slope)[:, :, None]
+    held = unheld
+
+    def design(self, channels, values=(0.0,)):
+        """Return the rate of change since what the sensor shows was there, shape (n, 3, 1)."""
+        return channels.remembered(own_change, -float(values[0]))[:, :, None]
+
+    design_at = design

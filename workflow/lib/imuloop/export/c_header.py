@@ -1,6 +1,7 @@
 """A C header with the numbers and a function that applies them."""
 
 import re
+from functools import partial
 from string import Template
 
 import numpy as np
@@ -12,7 +13,7 @@ from imuloop.export.per_axis import BIAS, range_lines
 
 # of what is held to no range
 LARGEST = np.finfo(float).max
-HELD = "imu_calibration_held"
+HELD, ARM = "imu_calibration_held", "imu_calibration_arm"
 HOLDING = f"""
 #ifndef {HELD.upper()}
 #define {HELD.upper()}
@@ -20,6 +21,13 @@ HOLDING = f"""
 static inline double {HELD}(double x, double low, double high)
 {{
     return x == 0.0 ? 0.0 : x < low ? low : x > high ? high : x;
+}}
+/* what an arm of 1 m along axis j adds to specific force along axis i */
+static inline double {ARM}(const double *w, const double *dw, int i, int j)
+{{
+    if (i == j)
+        return w[i] * w[i] - (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    return w[i] * w[j] + ((j - i + 3) % 3 == 2 ? dw[3 - i - j] : -dw[3 - i - j]);
 }}
 #endif
 """
@@ -77,14 +85,18 @@ def sensor_text(device, sensor_name, name):
         arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
         body += remark(f"e: {fitted.name}, {fitted.effect.equation}, SI, subtracted") + arrays
         terms += f" - {term}"
-    given = ["const double raw[3]", "double temperature", *["const double f[3]"] * gyroscope]
+    turning = any(e.name in ("lever_arm", "rate_sensitivity") for e in sensor.effects)
+    more = ["f"] * gyroscope + ["w", "dw"] * turning
+    given = ["const double raw[3]", "double temperature", *(f"const double {v}[3]" for v in more)]
     body += remark(
-        f"raw in {unit}, temperature in degC{', f: calibrated force, m/s^2' * gyroscope}; x in {si}"
+        f"raw in {unit}, temperature in degC; x in {si}",
+        *["f: calibrated force, m/s^2"] * gyroscope,
+        *["w: the gyroscope's T K (raw - b), rad/s; dw: its change, rad/s^2"] * turning,
     )
     return body + FUNCTION.substitute(
         name=name,
         arguments=", ".join([*given, "double x[3]"]),
-        unread="    (void)f;\n" * gyroscope,
+        unread="".join(f"    (void){v};\n" for v in more),
         effects=terms,
     )
 
@@ -141,19 +153,28 @@ def scale_temperature(fitted, name):
     return arrays, f"{name}_sT[i] * {product}"
 
 
-def g_sensitivity(fitted, name):
-    """Return the matrices and the expression of ``Σ_j G_ij f_j``."""
-    keys = np.reshape(list(fitted.effect.parameters), (3, 3))
-    arrays = array(f"{name}_G", fitted.vector.reshape(3, 3)) + ends(fitted, name, keys)
+def matrix(fitted, name, kind, derivative):
+    """Return matrices, rows that an effect lacks zero, and the sum of their products, j = 0 … 2."""
+    lacking = 9 - len(fitted.effect.parameters)
+    keys = np.reshape([*fitted.effect.parameters, *[""] * lacking], (3, 3))
+    values = np.append(fitted.vector, np.zeros(lacking)).reshape(3, 3)
+    arrays = array(f"{name}_{kind}", values) + ends(fitted, name, keys)
     terms = (
-        f"{name}_G[i][{j}] * {HELD}(f[{j}], {name}_low[i][{j}], {name}_high[i][{j}])"
+        f"{name}_{kind}[i][{j}] * "
+        f"{HELD}({derivative.format(j)}, {name}_low[i][{j}], {name}_high[i][{j}])"
         for j in range(3)
     )
     return arrays, f"({' + '.join(terms)})"
 
 
-# effects that the functions apply
-EFFECTS = {each.__name__: each for each in (bias_temperature, scale_temperature, g_sensitivity)}
+# effects that the functions apply; of matrices the name and what element j of a row multiplies
+MATRICES = {
+    "g_sensitivity": ("G", "f[{}]"),
+    "rate_sensitivity": ("M", "w[{}]"),
+    "lever_arm": ("r", f"{ARM}(w, dw, i, {{}})"),
+}
+EFFECTS = {each.__name__: each for each in (bias_temperature, scale_temperature)}
+EFFECTS |= {name: partial(matrix, kind=k, derivative=of) for name, (k, of) in MATRICES.items()}
 C_HEADER = Format(
     "imu_calibration.h", "C99 header, plain numbers and functions that apply them", text
 )

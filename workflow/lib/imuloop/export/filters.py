@@ -3,10 +3,12 @@
 from math import sqrt
 
 import numpy as np
+import yaml
 
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import UNITS, Format, comment, number, numbers
+from imuloop.export.per_axis import scale_and_offset
 from imuloop.noise.filters import RANGE
 
 NAMES = {"N": "N, white noise", "K": "K, random walk of the bias"}
@@ -33,6 +35,8 @@ ROS_KEYS = {
     "angular_velocity_covariance": ("gyroscope", "(rad/s)^2"),
     "linear_acceleration_covariance": ("accelerometer", "(m/s^2)^2"),
 }
+# the effect that Kalibr has a place for
+ARMS = "lever_arm"
 # the first line of what OpenCV's reader takes
 OPENCV = "%YAML:1.0\n"
 
@@ -85,12 +89,39 @@ def noise_left_out(device):
     )
 
 
-def calibration_left_out(device):
+def calibration_left_out(device, carried=()):
     """Return comments on the calibration where a format takes calibrated samples."""
     return comment(
         "The noise is that of calibrated samples: bias, scale factor, misalignment and effects",
         "are not carried. First: python -m imuloop apply calibration.json LOG -o OUT",
-        *(line for sensor in SENSORS for line in device.left_out(sensor, aligned=True)),
+        *(line for sensor in SENSORS for line in device.left_out(sensor, carried, aligned=True)),
+    )
+
+
+def size_effect(device):
+    """Return the arms as Kalibr's result has them; empty without any.
+
+    With f and w on our axes where the x axis sits, and I_i to pick component i::
+
+        f_logged = M (f + Σ_i I_i (dw/dt × ri_i + w × (w × ri_i))) + b
+
+    M is (T K)^-1; ours differs by misalignment times arm. Kalibr: IccSensors.py,
+    IccScaledMisalignedSizeEffectImu; Rehder et al., ICRA 2016.
+    """
+    found, force = device.effects("accelerometer", ARMS), device.sensor("accelerometer")
+    if not found:
+        return ""
+    rx, ry = found[0].vector.reshape(2, 3)
+    M = np.linalg.inv(force.T * scale_and_offset(force)[0])
+    fields = {"M": M, "rx_i": np.zeros(3), "ry_i": ry - rx, "rz_i": -rx}
+    fields = {"accelerometers": {key: value.tolist() for key, value in fields.items()}}
+    words = (
+        "As in Kalibr's result, which it does not read: for samples in SI as logged, arms in m from"
+    )
+    return (
+        comment(words, "where the x axis sits. Calibrated ones have M 1 and arms 0.")
+        + "model: scale-misalignment-size-effect\n"
+        + yaml.safe_dump(fields, default_flow_style=None, sort_keys=False)
     )
 
 
@@ -106,7 +137,8 @@ def kalibr(device):
         + 'rostopic: "/imu0"  # not ours: the topic of the bag\n'
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + noise_left_out(device)
-        + calibration_left_out(device)
+        + calibration_left_out(device, (ARMS,))
+        + size_effect(device)
     )
 
 

@@ -7,6 +7,10 @@ from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.calibrate.least_squares import FitResult
 from imuloop.calibrate.pose_fits import Solution, as_logged, residuals
+from imuloop.core.units import DEGREE
+
+# rate that errors of the gyroscope's output are weighed at, rad/s; the accelerometer's at 1 g
+RATE_IN_USE = 100 * DEGREE
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class Information:
         calibration and the accelerometer's are what the residuals are linear about.
         """
         if solution is not None:
-            matrix = _of_recording(model, solution, recording)
+            matrix = of_recording(model, solution, recording)
             reduced = solution.fit.reduced_chi2 if solution.fit.dof > 0 else 1.0
             return cls(model, solution, matrix, solution.calibration.names, max(1.0, reduced))
         x = as_logged(calibration, model.names)
@@ -44,7 +48,7 @@ class Information:
         # a pose without specific force, as of a channel scaled to nothing, has no direction
         felt = np.linalg.norm(recording.poses.f, axis=1) > 0
         if len(recording.poses) and len(recording.rotations) and felt.all():
-            matrix = _of_recording(model, start, recording)
+            matrix = of_recording(model, start, recording)
         return cls(model, start, matrix, model.names)
 
     def std(self, more=0.0):
@@ -60,10 +64,10 @@ class Information:
 
     def with_recording(self, recording):
         """Return standard errors by name with another recording, of independent noise."""
-        return self.std(_of_recording(self.model, self.solution, recording))
+        return self.std(of_recording(self.model, self.solution, recording))
 
 
-def _of_recording(model, solution, recording):
+def of_recording(model, solution, recording):
     """Return ``Jᵀ Σ⁻¹ J`` of a recording about a solution, shape (p, p)."""
     _, jacobian = residuals(model.model(solution, recording), solution.fit.x)
     root = cholesky(model.covariances(solution, recording)(model.noise), lower=True)

@@ -4,7 +4,8 @@ import numpy as np
 
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE, HOUR
-from imuloop.plan.information import Information
+from imuloop.plan.information import RATE_IN_USE, Information
+from imuloop.plan.motion import turns_in_motion
 from imuloop.plan.session import (
     INITIAL_REST_S,
     MOVE_S,
@@ -13,12 +14,11 @@ from imuloop.plan.session import (
     Plan,
     full_turns,
     holes,
+    level_turns,
     planned_recording,
     turns_between,
 )
 
-# rate that errors of the gyroscope's output are weighed at, rad/s; the accelerometer's at 1 g
-RATE_IN_USE = 100 * DEGREE
 # seconds of the mean whose noise an error of that output is compared with
 MEAN_S = 1.0
 HOLES, TURNS = (6, 12, 20), (4, 8, 16, 32, 64)
@@ -30,7 +30,7 @@ SPAN_K = 20.0
 _OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
-def next_recording(models, solutions, calibration, recording):
+def next_recording(models, solutions, calibration, recording, motion=None):
     """Return what candidates for the next recording would do to each standard error.
 
     A new session has noise of its own, so its information ``Jᵀ Σ⁻¹ J`` adds to that of the fit.
@@ -46,12 +46,15 @@ def next_recording(models, solutions, calibration, recording):
         The final one.
     recording : Recording
         Poses and rotations of the multi-position sessions, of which there may be none.
+    motion : (MotionPoses, Solution), optional
+        The moves between the poses and their fit.
 
     Returns
     -------
     dict
         ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``,
-        ``excess``, the reduced chi square in all standard errors}} and ``turns``. A candidate
+        ``excess``, the reduced chi square in all standard errors}}, ``turns``, and ``motion`` as of
+        `turns_in_motion`. A candidate
         holds its ``name``, ``poses``, ``turns``, ``axis``, ``duration_s``, ``up`` of its first
         pose and ``std`` {name: number or null} after it. ``weight`` is the error of a sensor's
         output at 1 g or 100 deg/s that one standard error makes, over the noise of a mean of one
@@ -87,10 +90,15 @@ def next_recording(models, solutions, calibration, recording):
         for k, (sensor, own) in enumerate(known.items())
     }
     content["gyroscope"]["candidates"] += _rests(calibration.gyroscope, noise)
-    turns = {}
+    turns, in_motion = {}, {}
     if len(poses):
         turns = _turns(known["gyroscope"], content, recording, calibration, floor[3:], planned)
-    return {"sensors": content, "turns": turns}
+    if motion:
+        habits = _habits(recording)
+        in_motion = turns_in_motion(
+            *(*motion, recording, floor[:3]), lambda *turn: planned(level_turns(*turn, **habits))
+        )
+    return {"sensors": content, "turns": turns, "motion": in_motion}
 
 
 def noise_floor(noise, poses, rate):

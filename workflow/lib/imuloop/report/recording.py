@@ -201,6 +201,29 @@ def turns_needed(device):
     )
 
 
+def turns_in_motion(device):
+    """Yield about which axes to turn, and how fast, to see what that does to the accelerometer."""
+    turns = device.diagnosis.get("next_recording", {}).get("motion")
+    if not turns or turns["std"] <= MATTERS * turns["level"]:
+        return
+    now, after, level, unit, axes, seconds = (
+        turns[key] for key in ("std", "std_after", "level", "unit", "axes", "seconds")
+    )
+    if (gain := 1 - after / now) < NOTICEABLE:
+        return
+    why = block_of(device.diagnosis, "accelerometer", "motion").get("why")
+    reason = f"Motion could not be tested: {why}. " if why else ""
+    about, name = "each" if axes[1:] else "it", parameter_words("accelerometer", turns["parameter"])
+    yield (
+        gain,
+        f"{reason}Turn about {joined(axes)}: {turns['turns']} quarter and half turns about "
+        f"{about}, level, there and back, in {number(seconds, 2)}\u202fs each (90° at "
+        f"{number(90 / seconds, 2)}\u202f°/s) with rests between, would lower σ of {name} "
+        f"from {sigma_words(unit, now, after)}; {sigma_words(unit, level)} are, at 100\u202f°/s, "
+        "the noise of a mean of 1\u202fs.",
+    )
+
+
 def enough(device):
     """Return that no standard error matters, with the one that comes nearest; empty if one does."""
     weights = [

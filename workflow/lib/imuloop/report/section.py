@@ -17,6 +17,7 @@ from imuloop.report.figures.allan import (
     definitions,
     deviation_pictures,
 )
+from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.correlates import correlate_pictures
@@ -144,8 +145,10 @@ def _part(device, sensor, part, block):
     verdict = block["verdict"]
     above = verdict in ABOVE
     tables = [steps_table(sensor, part, block), *effect_tables(sensor, part, block)]
-    allan = []
-    if part == "static_record":
+    allan, drawn = [], []
+    if part != "static_record":
+        drawn = residual_pictures(device, sensor, block) + arm_pictures(device, block)
+    else:
         allan = corrected_pictures(device, sensor) if block["effects"] else []
         tables += [
             heldout_by_session(device, sensor, block),
@@ -160,7 +163,7 @@ def _part(device, sensor, part, block):
         # with which the sentence begins
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block),
-        "poses": residual_pictures(device, sensor, block) if part != "static_record" else [],
+        "poses": drawn,
         "bias": bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
         "allan": allan,

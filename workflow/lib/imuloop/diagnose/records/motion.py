@@ -1,6 +1,6 @@
 """The motion between the poses: velocity that a model of both sensors leaves at its end."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,9 +8,9 @@ from scipy.linalg import LinAlgError
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import midpoints
-from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.least_squares import SINGULAR, FitResult
 from imuloop.calibrate.motion import COUNT, FORCE, MotionPoses, OfSensor
-from imuloop.calibrate.pose_fits import in_raw_units
+from imuloop.calibrate.pose_fits import Solution, in_raw_units
 from imuloop.core.effect import Effect, find_effect
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
@@ -42,6 +42,8 @@ class MotionResult:
     # SensorCalibration of each sensor with the effects that motion shows; empty without any
     calibrations: dict = field(default_factory=dict)
     residuals: dict = field(default_factory=dict)  # columns of the moves, as of `residual_columns`
+    # MotionPoses and the Solution with what was found; empty where the poses determine no start
+    fit: tuple = ()
 
 
 class MotionProblem(PoseProblem):
@@ -96,9 +98,6 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
     x = [solution.fit.x for _, solution in (force, turn)]
     knock = knocks(recording, x[1][9:12])
     quiet, columns = knock <= SPOILED, {"knock_m_s": knock}
-    if quiet.sum() < LEAST_MOVES:
-        why = f"{quiet.sum()} of {len(quiet)} moves without a knock, at least {LEAST_MOVES} needed"
-        return untestable(f"{why}: {SOFTER}", columns)
     found = tuple(
         OfSensor(effect, model.sensor)
         for model, solution in (force, turn)
@@ -108,6 +107,10 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
         [x[0][:FORCE], x[1][: COUNT - FORCE], x[0][FORCE:], x[1][COUNT - FORCE :]]
     )
     model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
+    if quiet.sum() < LEAST_MOVES:
+        why = f"{quiet.sum()} of {len(quiet)} moves without a knock, at least {LEAST_MOVES} needed"
+        unfitted = Solution(found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0))))
+        return replace(untestable(f"{why}: {SOFTER}", columns), fit=(model, unfitted))
     model = model.given_rotation(recording, found)
     shapes = candidates_in_motion({type(e.effect) for e in found})
     problem = MotionProblem(
@@ -195,7 +198,8 @@ def _diagnosed(choices, units, columns):
     for name, values in residuals.items():
         columns[name] = np.full(len(quiet), np.nan)
         columns[name][quiet] = values
-    return MotionResult(contents, calibrations if added else {}, columns)
+    fit = problem.sensor, problem.linearized(added).solution
+    return MotionResult(contents, calibrations if added else {}, columns, fit)
 
 
 def _calibrations(problem, base, units):

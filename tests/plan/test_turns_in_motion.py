@@ -1,0 +1,83 @@
+"""Turns that show what motion has not: about the axis that was not turned about, as expected."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrate.devices import recorded
+from calibrate.test_motion import motion
+from imuloop.core.files import read_json
+from imuloop.effects.lever_arm import LeverArm
+from imuloop.effects.rate_sensitivity import RateSensitivity
+from imuloop.plan.next_recording import next_recording
+from imuloop.plan.session import Plan, level_turns
+from imuloop.report.recording import turns_in_motion, turns_needed
+from imuloop.report.results import Device
+from plan.planned_log import simulate_plan
+from plan.test_next_recording import HOLD_S, TRUTH, fitted
+from quick import diagnosed
+
+SLOW_S, FAST_S = 15.0, 1.5
+UP = np.array([0.6, 0.0, 0.8])
+
+
+def turned(seed, slowly=(), never=(), count=48):
+    """Return a log of turns about single axes, about some of them slowly or never."""
+    rng, fast = np.random.default_rng(seed), sorted({0, 1, 2} - {*slowly, *never})
+    about = rng.choice(fast, count)
+    about[rng.choice(count, 10 * len(slowly), replace=False)] = np.repeat(slowly, 10)
+    turns = np.zeros((count, 3))
+    turns[np.arange(count), about] = rng.uniform(0.7, 2.6, count) * rng.choice([-1, 1], count)
+    seconds = np.where(np.isin(about, slowly), SLOW_S, FAST_S)
+    return simulate_plan(TRUTH, Plan(UP, turns), seed, HOLD_S, seconds)
+
+
+def asked(log):
+    """Return what the next recording asks of motion after a log."""
+    recording = recorded(log)
+    made, _ = motion(TRUTH, recording)
+    return next_recording(*fitted(recording), recording, (made, made.fit(recording)))["motion"]
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
+    found = asked(turned(1 + axis, slowly=(axis,)))
+    assert found["axes"] == ["xyz"[axis]]
+    # of its axis an arm acts along the others
+    assert found["parameter"][:11] == "lever_arm.r" and found["parameter"][11] != "xyz"[axis]
+    assert found["std_after"] < found["level"] < 0.1 * found["std"]
+    device = Device("imu", "IMU", Path(), diagnosis={"next_recording": {"motion": found}})
+    [(gain, text)] = turns_in_motion(device)
+    words = text.replace("\u202f", " ")
+    assert gain > 0.9 and f"Turn about {'xyz'[axis]}: 8 quarter and half turns about it" in words
+    assert f"would lower σ of the accelerometer's {found['parameter'].replace('.', ' ')}" in words
+    assert "in 2.0 s each (90° at 45 °/s)" in words
+
+
+def test_nothing_is_asked_where_every_move_was_fast():
+    assert asked(turned(1)) == {}
+
+
+def test_expected_errors_are_those_of_a_fit_with_the_turns_added():
+    log = turned(4, slowly=(1,))
+    found = asked(log)
+    axis, effects = "xyz".index(found["axes"][0]), (LeverArm(), RateSensitivity())
+    plan = level_turns(axis, found["seconds"], initial_rest_s=50.0, rest_s=HOLD_S)
+    more = simulate_plan(TRUTH, plan, 4, HOLD_S, np.full(len(plan.turns), found["seconds"]))
+    both = recorded(log, more)
+    fit = motion(TRUTH, both)[0].fit(both, effects).fit
+    at = list(effects[0].parameters).index(found["parameter"].partition(".")[2])
+    # not by what chance makes of the residuals
+    std = np.sqrt(np.diag(fit.covariance))[at - 15]
+    assert found["axes"] == ["y"] and found["std_after"] == pytest.approx(std, rel=0.2)
+
+
+def test_a_log_that_was_never_turned_about_z_is_asked_to(tmp_path):
+    sensors = diagnosed(tmp_path, turned(1, never=(2,), count=40))
+    # without turns about z the gyroscope is not known, and nothing of motion before
+    assert sensors["gyroscope"]["motion"]["verdict"] == "not_testable"
+    content = read_json(tmp_path / "diagnosis.json")
+    assert content["next_recording"]["motion"] == {}
+    [(_, text)] = turns_needed(Device("imu", "IMU", tmp_path, diagnosis=content))
+    assert text.startswith("The rotations about z are too slow") and "360° about z" in text
