@@ -2,30 +2,40 @@
 
 The chips are of one kind, and lay on one board in both recordings (data/README.md), which
 IMULOOP_MIRROR names the folder of. What is a chip's own shows in both. The shaking that follows
-the rests is cut: the diagnosis is of poses.
+the rests is cut by the diagnosis, which is of poses; it shows best how far the chips are apart.
 """
 
 import json
 import os
 import tempfile
+from functools import partial
 from multiprocessing import Pool
 from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from imuloop import chain
 from imuloop.chain import Device
 
 RECORDINGS, CHIPS = ("exp_1", "exp_5"), range(1, 9)
-# counts of the chip: 2048 per g, 16.4 per deg/s
+# counts of the chip: 2048 per g, 16.4 per deg/s; 16 g and 2000 deg/s
 NOMINAL = {"acceleration": {"scale": 0.0047884}, "angular_rate": {"scale": 0.001064225}}
+FULL_SCALE = {"acceleration": 156.9, "angular_rate": 34.87}
 # gravity where they were recorded, m/s^2
 GRAVITY = 9.818
 SENSORS = ("accelerometer", "gyroscope")
 
 
-def diagnosed(job):
-    """Return the diagnosis of both sensors at the poses of a chip in a recording."""
-    recording, chip = job
-    (path,) = Path(os.environ["IMULOOP_MIRROR"]).rglob(f"{recording}.parquet")
+def recorded(name):
+    """Return the path of a file of the recordings."""
+    (path,) = Path(os.environ["IMULOOP_MIRROR"]).rglob(name)
+    return path
+
+
+def calibrated(folder, recording, chip):
+    """Return the Device of a chip in a recording, its results up to the calibration in a folder."""
     columns = {"time": "t_us"} | {
         quantity: [f"{letter}{axis}{chip}" for axis in "xyz"]
         for quantity, letter in (("acceleration", "a"), ("angular_rate", "g"))
@@ -34,16 +44,46 @@ def diagnosed(job):
         "columns": columns,
         "units": {"time": "us", "acceleration": "count", "angular_rate": "count"},
     }
-    with tempfile.TemporaryDirectory() as folder:
-        kinds = {"poses": "multi_position"}
-        device = Device(f"chip_{chip}", Path(folder), kinds, gravity=GRAVITY, nominal=NOMINAL)
-        failures = chain.ingest(device, "poses", declared, [path])
-        for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-            failures += stage(device)
-        if failures:
-            raise RuntimeError(str(failures[0]))
-        sensors = json.loads(device.file("diagnosis.json").read_text())["sensors"]
-    return {sensor: sensors[sensor]["poses"] for sensor in SENSORS}
+    name = f"chip_{chip}"
+    folder, kinds = Path(folder) / recording / name, {"poses": "multi_position"}
+    settings = {"gravity": GRAVITY, "nominal": NOMINAL, "full_scale": FULL_SCALE}
+    device = Device(name, folder, kinds, **settings)
+    failures = chain.ingest(device, "poses", declared, [recorded(f"{recording}.parquet")])
+    for stage in (chain.segment, chain.noise, chain.calibrate):
+        failures += stage(device)
+    if failures:
+        raise RuntimeError(str(failures[0]))
+    return device
+
+
+def diagnosed(folder, job):
+    """Return the Device of a chip in a recording, and the diagnosis of its poses by sensor."""
+    device = calibrated(folder, *job)
+    if failures := chain.diagnose(device):
+        raise RuntimeError(str(failures[0]))
+    sensors = json.loads(device.file("diagnosis.json").read_text())["sensors"]
+    return device, {sensor: sensors[sensor]["poses"] for sensor in SENSORS}
+
+
+def related(folder, devices):
+    """Return board.json of chips in one recording."""
+    board = Device("array", Path(folder), {})
+    if failures := chain.board(board, devices):
+        raise RuntimeError(str(failures[0]))
+    return json.loads(board.file("board.json").read_text())
+
+
+def places(content):
+    """Return places, σ and the nominal places of all chips but the first, beside it, m, (7, 3).
+
+    The nominal ones on the axes of the first chip, which is not square to the board: turned by what
+    brings them nearest.
+    """
+    drawn = pd.read_csv(recorded("IMU_positions.csv"), index_col=0).to_numpy().T
+    found = content["devices"].values()
+    arms, std = (np.array([d[name] for d in found])[1:] for name in ("arm", "arm_std"))
+    nominal = (drawn - drawn[0])[1:]
+    return arms, std, Rotation.align_vectors(arms, nominal)[0].apply(nominal)
 
 
 def words(part):
@@ -53,17 +93,44 @@ def words(part):
     return ", ".join([*words, *(f"`{e['name']}`" for e in part["effects"])])
 
 
+def size(test):
+    """Return error over noise, and the verdict where it is not consistent."""
+    words = [f"{test['error'] / test['floor']:.2f}"]
+    return ", ".join(words + [test["verdict"]] * (test["verdict"] != "consistent"))
+
+
 def main():
-    """Print a table of the chips, both recordings beside each other."""
+    """Print a table of the chips, both recordings beside each other, and one of the board."""
     jobs = [(recording, chip) for chip in CHIPS for recording in RECORDINGS]
-    with Pool(2) as pool:
-        found = dict(zip(jobs, pool.map(diagnosed, jobs, chunksize=1), strict=True))
+    with tempfile.TemporaryDirectory() as folder:
+        with Pool(2) as pool:
+            results = pool.map(partial(diagnosed, folder), jobs, chunksize=1)
+        found = dict(zip(jobs, results, strict=True))
+        boards = {
+            recording: related(folder, [found[recording, chip][0] for chip in CHIPS])
+            for recording in RECORDINGS
+        }
     heads = [f"{sensor}, `{recording}`" for sensor in SENSORS for recording in RECORDINGS]
     print("| chip | " + " | ".join(heads) + " |")
     print("|---|" + "---|" * len(heads))
     for chip in CHIPS:
-        cells = [words(found[recording, chip][s]) for s in SENSORS for recording in RECORDINGS]
+        cells = [words(found[recording, chip][1][s]) for s in SENSORS for recording in RECORDINGS]
         print(f"| {chip} | " + " | ".join(cells) + " |")
+    kinds = {"turn": "own turn", "gravity_norm": "own gravity"}
+    heads = [f"{words}, `{r}`" for words in ("place, mm", *kinds.values()) for r in RECORDINGS]
+    print("\n| chip | " + " | ".join(heads) + " |")
+    print("|---|" + "---|" * len(heads))
+    for chip in CHIPS:
+        entries = [boards[recording]["devices"][f"chip_{chip}"] for recording in RECORDINGS]
+        cells = [", ".join(f"{1e3 * x:.2f}" for x in entry["arm"]) for entry in entries]
+        cells += [size(entry[kind]) for kind in kinds for entry in entries]
+        print(f"| {chip} | " + " | ".join(cells) + " |")
+    for recording, content in boards.items():
+        arms, std, nominal = places(content)
+        apart = 1e3 * np.sqrt(((arms - nominal) ** 2).sum(axis=1).mean())
+        print(f"\n{recording}: places from nominal {apart:.3f} mm rms, σ {1e3 * std.mean():.2f} mm")
+        for kind, test in content["common"].items():
+            print(f"{recording}: common {kind} {test['error']:.3g}, noise {test['floor']:.3g}")
 
 
 if __name__ == "__main__":

@@ -14,4 +14,5 @@ report(
     provenance(Path(snakemake.scriptdir).parent, params.command, params.config),
     output.report,
     output.comparison,
+    snakemake.input.boards,
 )

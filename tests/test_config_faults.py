@@ -67,6 +67,14 @@ ONE_FAULT = {
         "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; "
         "name the session otherwise",
     ),
+    "board": (
+        session(SOUND, "board: 2nd,"),
+        "devices.imu.board: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)",
+    ),
+    "reserved device": (
+        "devices: {boards: {board: wing, sessions: {a: {kind: static, file: poses.csv}}}}",
+        "devices.boards: 'boards' is reserved where a device names a board; name it otherwise",
+    ),
     "missing file": (
         session("kind: static, file: data/none.csv"),
         "devices.imu.sessions.a.file: there is no file data/none.csv",

@@ -18,6 +18,7 @@ ARROWS = {
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "validate": {"effects", "calibrate", "diagnose"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},
+    "board": {"calibrate", "ingest"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},

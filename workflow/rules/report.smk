@@ -58,6 +58,7 @@ rule report:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
         exports=expand("results/{device}/exports.json", device=DEVICES),
+        boards=expand("results/boards/{board}/board.json", board=BOARDS),
     output:
         report=report(
             "results/report.html",

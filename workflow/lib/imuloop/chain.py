@@ -291,11 +291,27 @@ def report_device(device):
     )
 
 
-def report(folders, provenance, report_path, comparison_path):
+def board(board, devices):
+    """Write board.json, what the devices of a board show together.
+
+    `board` is a Device without sessions that has the board's name and folder.
+    """
+    from imuloop.board.board import no_board, relate
+    from imuloop.core.files import write_json
+
+    path = board.file("board.json")
+
+    def instead(reason, failed):
+        write_json(path, no_board(board.name, reason) | {"failed": failed})
+
+    return attempt(board, "board", lambda: write_json(path, relate(board.name, devices)), instead)
+
+
+def report(folders, provenance, report_path, comparison_path, boards=()):
     """Join the parts of devices to the report; see `imuloop.report.report.write_report`."""
     from imuloop.report.report import write_report
 
-    write_report(folders, provenance, report_path, comparison_path)
+    write_report(folders, provenance, report_path, comparison_path, boards)
 
 
 def run(device):

@@ -216,7 +216,13 @@ def _meaning_faults(config, wrong, replicas):
         yield ("cache",), f"{cache} is a file, not a folder"
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return
-    for name, device in merged_devices(config).items():
+    devices = merged_devices(config)
+    if "boards" in devices and any("board" in d for d in devices.values() if isinstance(d, dict)):
+        yield (
+            ("devices", "boards"),
+            "'boards' is reserved where a device names a board; name it otherwise",
+        )
+    for name, device in devices.items():
         sessions = device.get("sessions") if isinstance(device, dict) else None
         for session, content in sessions.items() if isinstance(sessions, dict) else ():
             key = ("devices", name, "sessions", session)

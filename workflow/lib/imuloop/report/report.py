@@ -15,6 +15,7 @@ from imuloop.report.figures.comparison import (
 )
 from imuloop.report.figures.loop import loop_picture
 from imuloop.report.page import write_page
+from imuloop.report.tables.board import board_part
 from imuloop.report.tables.comparison import (
     COLUMNS,
     best_words,
@@ -30,7 +31,7 @@ from imuloop.report.verdict import WORDS, grouped
 TOGETHER = 10
 
 
-def write_report(folders, provenance, report_path, comparison_path):
+def write_report(folders, provenance, report_path, comparison_path, boards=()):
     """Write the report and the comparison of all devices.
 
     Parameters
@@ -43,6 +44,8 @@ def write_report(folders, provenance, report_path, comparison_path):
         values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
         HTML and CSV file to write.
+    boards : sequence of path-like
+        board.json of each board.
     """
     given = [(read_json(folder / "summary.json"), Path(folder)) for folder in folders]
     given.sort(key=lambda each: each[0]["status"] != "failed")
@@ -58,6 +61,9 @@ def write_report(folders, provenance, report_path, comparison_path):
         # escaped when they were written
         sections=[Markup((f / "section.html").read_text("utf-8")) for f in folders if together],
         devices=devices,
+        boards=[
+            board_part(read_json(p), {d["device"]: d["label"] for d in devices}) for p in boards
+        ],
         rows=list(zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)),
         columns=COLUMNS,
         best=best_words(devices),

@@ -1,0 +1,46 @@
+"""Two devices that name one board, through the workflow."""
+
+import json
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from bench.result_files import fault
+from board.boards import SESSION, logs
+from imuloop.simulate.truth import example_truth
+from workflow.run import snakemake
+
+DEVICES = ("left", "right")
+BOARD = "results/boards/wing/board.json"
+
+
+@pytest.fixture(scope="module")
+def ran(repository, tmp_path_factory):
+    folder, made = tmp_path_factory.mktemp("board"), example_truth(rate=50.0)
+    plan = replace(made.sessions[SESSION], poses=16, initial_rest_s=10.0, rest_s=(2.0, 3.0))
+    found = logs(4, replace(made, sessions={SESSION: plan}))
+    entries = {}
+    for name, log in zip(DEVICES, found, strict=False):
+        log.to_csv(folder / f"{name}.csv", index=False)
+        entries[name] = {"sessions": {"poses": {"kind": SESSION, "file": f"{name}.csv"}}}
+    defaults = {"board": "wing", "diagnose": {"draws": 100, "folds": 3}}
+    (folder / "config.yaml").write_text(yaml.safe_dump({"defaults": defaults, "devices": entries}))
+    return folder, snakemake(repository, folder, target=BOARD)
+
+
+def test_a_board_waits_for_its_devices(ran):
+    folder, done = ran
+    assert done.returncode == 0, done.stderr
+    content = json.loads((folder / BOARD).read_text())
+    assert fault(folder / BOARD) is None
+    assert content["status"] == "ok" and [*content["devices"]] == [*DEVICES]
+    assert content["devices"]["right"]["arm"][0] == pytest.approx(0.02, abs=2e-3)
+
+
+def test_the_report_waits_for_the_board_and_nothing_is_done_twice(repository, ran):
+    folder, _ = ran
+    listed = snakemake(repository, folder, "-n", "--quiet", "rules").stdout
+    (folder / BOARD).unlink()
+    again = snakemake(repository, folder, "-n").stdout
+    assert "rule board" not in listed and "rule board" in again

@@ -1,0 +1,1 @@
+"""Devices on one board: how their frames lie to each other, and whether they agree."""
