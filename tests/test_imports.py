@@ -18,7 +18,7 @@ ARROWS = {
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "validate": {"effects", "calibrate", "diagnose"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},
-    "board": {"calibrate", "ingest"},
+    "board": {"calibrate", "effects", "ingest"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},
@@ -88,7 +88,13 @@ def test_who_reads_a_calibration_has_the_library_of_effects(repository):
                 os._exit(len(Effect.library) <= 20)
             assert os.waitpid(child, 0)[1] == 0, module
     """
-    modules = ["diagnose.diagnose", "export.export", "report.section", "simulate.truth"]
+    modules = [
+        "board.board",
+        "diagnose.diagnose",
+        "export.export",
+        "report.section",
+        "simulate.truth",
+    ]
     modules += ["commands.apply", "commands.check", "commands.info"]
     path = {"PYTHONPATH": str(repository / "workflow/lib")}
     command = [sys.executable, "-c", code, *modules]

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+# the library of effects joins by being loaded
+import imuloop.effects  # noqa: F401
 from imuloop.board.agreement import mean, own_parts, readings
 from imuloop.board.geometry import poses
 from imuloop.board.shared import read_shared
