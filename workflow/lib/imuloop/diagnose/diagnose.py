@@ -56,7 +56,7 @@ class Diagnosed:
     names: list  # of the recording's sessions
     tests: int  # number of tests that share the significance
     tables: dict  # columns of poses.parquet and moves.parquet
-    motion: tuple  # MotionPoses and the Solution of what the moves show, or nothing
+    motion: tuple = ()  # MotionPoses and the Solution of what the moves show
 
 
 def diagnose_device(
