@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from imuloop.calibrate.gaps import Lost, errors_of_time
+from imuloop.calibrate.undersampling import aliased_turns
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
@@ -121,9 +122,14 @@ class Rotations:
     # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
     # scatter
     uneven: np.ndarray | None = None
-    # steps about which time stamps add an error to the turn, (m, g), and its covariance, rad²
+    # steps about which time stamps, and samples too far apart, add an error to the turn, (m, g),
+    # and its covariance, rad²
     added_at: np.ndarray | None = None
     added: np.ndarray | None = None
+    # of the samples' distance alone: variance of each axis, rad², (m,), and the power of frequency
+    # by which the spectrum of the rate falls (`undersampling.aliased_turns`)
+    aliased: np.ndarray | None = None
+    fall: np.ndarray | None = None
 
     def __len__(self):
         return len(self.first)
@@ -235,6 +241,7 @@ def gather_rotations(poses, samples, segments, longest_s):
         In the order of the poses; what gaps took.
     """
     first, pieces, errors, all_, left_out = [], [], [], 0, [np.zeros(0, int)]
+    aliased, fall = [np.zeros(0)], [np.zeros(0)]
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
@@ -247,11 +254,17 @@ def gather_rotations(poses, samples, segments, longest_s):
         t = np.asarray(log[TIME])
         # `end_s` is open: the pose's last sample is the one before it
         begin, last = np.searchsorted(t, start) - 1, np.searchsorted(t, end)
-        found, lost = errors_of_time(log, begin, last, poses.w[k], poses.variance[k, 3:])
+        at_rest = poses.w[k], poses.variance[k, 3:]
+        found, lost = errors_of_time(log, begin, last, *at_rest)
         whole = np.array([e is not None for e in found], dtype=bool) & ~interrupted
         first.append(k[whole])
         pieces.append((log, begin[whole, None], last[whole, None]))
-        errors += [e for e, used in zip(found, whole, strict=True) if used]
+        size, power, parts = aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest)))
+        aliased.append(size)
+        fall.append(np.full(len(size), power))
+        used = (e for e, used in zip(found, whole, strict=True) if used)
+        for (missing, *own), more in zip(used, parts, strict=True):
+            errors.append((missing, *map(np.concatenate, zip(own, more, strict=True))))
         all_ += len(k)
         left_out.append(lost[~whole])
     left_out = np.concatenate(left_out)
@@ -275,6 +288,8 @@ def gather_rotations(poses, samples, segments, longest_s):
         f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
         **_padded_errors(errors, length - 1),
+        aliased=np.concatenate(aliased),
+        fall=np.concatenate(fall),
     )
     return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)))
 
@@ -289,4 +304,4 @@ def _padded_errors(errors, steps):
     for row, (missing, at, covariance) in enumerate(errors):
         uneven[row, missing] = True
         added_at[row, : len(at)], added[row, : len(at)] = at, covariance
-    return {"uneven": uneven, "added_at": added_at, "added": added}
+    return {"uneven": uneven if uneven.any() else None, "added_at": added_at, "added": added}

@@ -16,6 +16,7 @@ from imuloop.report.recording import (
 )
 from imuloop.report.verdict import (
     ABOVE,
+    FASTER,
     PARTS,
     block_of,
     blocks,
@@ -23,6 +24,7 @@ from imuloop.report.verdict import (
     misfit,
     quoted,
     shown,
+    undersampled,
 )
 
 # the most sentences per device
@@ -84,6 +86,7 @@ def next_steps(device):
         first_session,
         _clipped,
         _unexplained,
+        _undersampled,
         _short_rests,
         best_recording,
         hole,
@@ -169,6 +172,17 @@ def _unexplained(device):
             if sensor == "gyroscope" and residual["unit"] == "rad/s":
                 earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
         yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
+
+
+def _undersampled(device):
+    """Yield at which rate to record such turns."""
+    block = block_of(device.diagnosis, "gyroscope")
+    if found := undersampled(block):
+        yield (
+            1 - found["others"] / np.hypot(found["error"], found["others"]),
+            f"Sampled too slowly for such turns: {FASTER.format(found['record_hz'])}; "
+            f"{number(found['rate_hz'], 3)} Hz cost more than all other noise of a turn.",
+        )
 
 
 def _clipped(device):

@@ -1,0 +1,120 @@
+"""Turns that were sampled too slowly: what a log lost between two samples, and cannot show.
+
+No integration scheme gets it back: of samples at instants the sum of a rate that begins and ends at
+rest is wrong by its components at the rate of the log and its multiples, which look like a bias.
+They are known by the spectrum below half that rate, continued as a power of frequency.
+"""
+
+import numpy as np
+from scipy.fft import rfft
+from scipy.optimize import minimize_scalar
+from scipy.special import zeta
+
+from imuloop.core.samples import ANGULAR_RATE, TIME, lost_samples
+
+# bands of the upper half of the spectrum, between a quarter and half the rate
+BANDS = 32
+# power of frequency by which the spectrum falls: of steps of the rate, the fastest that a knock
+# makes it change, and what no longer adds anything
+FALLS = 2.0, 8.0
+# share of the white noise of the turns, in variance, below which it does not count
+NEGLIGIBLE = 0.01
+# parts of a turn in which its errors are put, where it changes most
+PARTS = 16
+# share of the errors that have no direction, as spectra of few bands do not show one for certain
+ANY_WAY = 0.5
+NO_PART = np.zeros(0, int), np.zeros((0, 3, 3))
+
+
+def aliased_turns(log, begin, last, bias, variance):
+    r"""Return what components above half the rate of a log add to its turns, and how fast they fall.
+
+    With the spectrum W(f) of the angular rate of a turn, C its attitude and steps of Δt = 1/f_s
+
+    .. math:: Δt Σ C w(t_k) - ∫ C w \, dt = Σ_{k≠0} W(k f_s),
+
+    of unknown phases. What does not commute adds a hundredth of it. The energy |W|² = a f⁻ᵖ of each
+    axis is folded in the samples, beside their white noise σ²:
+
+    .. math:: |W_s(x f_s)|² = a f_s^{-p} (ζ(p, x) + ζ(p, 1 - x)) + n Δt² σ², \quad 1/4 < x < 1/2,
+
+    ζ Hurwitz' function. The likeliest p of all turns (Whittle), and a of each, give the variance
+    2 a f_s⁻ᵖ ζ(p) of each axis. That is of samples at instants; means over each step would be free
+    of it, and a filter within the sensor is seen as a faster fall.
+
+    Parameters
+    ----------
+    log : DataFrame or dict of arrays
+        Angular rate, rad/s.
+    begin, last : ndarray of int, shape (m,)
+        First and last sample of each turn.
+    bias, variance : ndarray, shape (m, 3)
+        Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
+
+    Returns
+    -------
+    variance : ndarray, shape (m,)
+        Of the rotation vector on each axis, rad²; 0 where it is negligible in all of them.
+    fall : float
+        p.
+    parts : list
+        Of each turn steps, (g,), and the covariances about them, on the axes of the body there,
+        rad², (g, 3, 3), whose trace is in all three times the variance.
+
+    References
+    ----------
+    Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
+    """
+    if not len(begin):
+        return np.zeros(0), FALLS[1], []
+    steps = np.diff(np.asarray(log[TIME]))
+    usual = np.median(steps)
+    # a sample's number in its turn, lost ones counted too
+    lost = lost_samples(steps, usual)
+    numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
+    n = np.array([number[-1] + 1 for number in numbers])
+    length, energy = 4 * BANDS * -(-n.max() // (4 * BANDS)), []
+    parts = []
+    for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
+        w = [np.asarray(log[c])[i : j + 1] - rest[k] for k, c in enumerate(ANGULAR_RATE)]
+        even = [np.interp(np.arange(number[-1] + 1), number, axis) for axis in w]
+        own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
+        energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
+        parts.append(_parts(np.transpose(w)))
+    energy, noise = np.array(energy), (n * np.median(variance.mean(axis=1)))[:, None]
+    noise = np.maximum(noise, np.finfo(float).tiny)
+    x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
+
+    def likeliest(p):
+        """Return a f_s⁻ᵖ of each turn, (m, 1), and the logarithm of the likelihood, less."""
+        shape = zeta(p, x) + zeta(p, 1 - x)
+        size = np.zeros((len(n), 1))
+        for _ in range(20):
+            weight = (shape / np.maximum(size * shape, noise)) ** 2
+            size = np.average((energy - noise) / shape, axis=1, weights=weight)[:, None]
+            size = np.maximum(size, 0.0)
+        expected = size * shape + noise
+        return size, n @ (np.log(expected) + energy / expected).sum(axis=1)
+
+    p = minimize_scalar(lambda p: likeliest(p)[1], bounds=FALLS, method="bounded").x
+    found = 2 * likeliest(p)[0][:, 0] * zeta(p)
+    if found.sum() <= NEGLIGIBLE * noise.sum():
+        found, parts = np.zeros(len(n)), [NO_PART] * len(n)
+    found *= usual**2
+    return found, float(p), [(at, v * own) for v, (at, own) in zip(found, parts, strict=True)]
+
+
+def _parts(w):
+    """Return where and along what a rate, (k, 3), changes fastest: steps, and shares of variance.
+
+    Of shape (g,) and (g, 3, 3), the trace of all three.
+    """
+    bend = np.diff(w, 2, axis=0)
+    edges = np.linspace(0, len(bend), min(PARTS, len(bend)) + 1).astype(int)[:-1]
+    if not len(edges) or not bend.any():
+        return NO_PART
+    squares = bend[:, :, None] * bend[:, None, :] / np.sum(bend**2)
+    sums = np.add.reduceat(squares, edges)
+    shares = np.trace(sums, axis1=1, axis2=2)[:, None, None]
+    middles = np.append(edges[1:], len(bend)) + edges
+    return middles // 2, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * sums
