@@ -27,7 +27,7 @@ NO_PART = np.zeros(0, int), np.zeros((0, 3, 3))
 
 
 def aliased_turns(log, begin, last, bias, variance):
-    r"""Return what components above half the rate of a log add to its turns, and how fast they fall.
+    r"""Return what components above half the rate of a log add to its turns, and their fall.
 
     With the spectrum W(f) of the angular rate of a turn, C its attitude and steps of Δt = 1/f_s
 

@@ -300,7 +300,9 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
-    allows = "its noise and the rate of its log allow" if undersampled(block) else "its noise allows"
+    allows = (
+        "its noise and the rate of its log allow" if undersampled(block) else "its noise allows"
+    )
     return {
         "consistent": f"as good as {allows}",
         "explained": f"as good as {allows} with {effects} corrected",
