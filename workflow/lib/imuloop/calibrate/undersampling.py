@@ -23,6 +23,8 @@ NEGLIGIBLE = 0.01
 PARTS = 16
 # share of the errors that have no direction, as spectra of few bands do not show one for certain
 ANY_WAY = 0.5
+# share of the largest energy that rounding leaves
+EXACT = 1e-12
 NO_PART = np.zeros(0, int), np.zeros((0, 3, 3))
 
 
@@ -81,8 +83,11 @@ def aliased_turns(log, begin, last, bias, variance):
         own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
         parts.append(_parts(np.transpose(w)))
-    energy, noise = np.array(energy), (n * np.median(variance.mean(axis=1)))[:, None]
-    noise = np.maximum(noise, np.finfo(float).tiny)
+    energy, white = np.array(energy), np.median(variance.mean(axis=1))
+    # of a log without noise, as far as numbers go
+    noise = np.maximum(n * white, EXACT * energy.max())[:, None]
+    if not noise.any():
+        return np.zeros(len(n)), FALLS[1], [NO_PART] * len(n)
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
     def likeliest(p):
