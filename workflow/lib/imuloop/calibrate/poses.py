@@ -1,12 +1,12 @@
 """Poses and the rotations between them, gathered from the segments of all sessions."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from imuloop.calibrate.gaps import Lost, errors_of_time
-from imuloop.calibrate.undersampling import aliased_turns
+from imuloop.calibrate.undersampling import PARTS, aliased_turns
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
@@ -126,8 +126,8 @@ class Rotations:
     # and its covariance, rad²
     added_at: np.ndarray | None = None
     added: np.ndarray | None = None
-    # of the samples' distance alone: variance of each axis, rad², (m,), and the power of frequency
-    # by which the spectrum of the rate falls (`undersampling.aliased_turns`)
+    # of the samples' distance alone, the last parts of them (`undersampling.aliased_turns`):
+    # variance of each axis, rad², (m,), and the power of frequency by which it falls
     aliased: np.ndarray | None = None
     fall: np.ndarray | None = None
 
@@ -142,6 +142,13 @@ class Rotations:
     def select(self, keep):
         """Return the rotations of an index or mask."""
         return _selected(self, keep)
+
+    def without_aliasing(self):
+        """Return the same, as if their samples were close enough."""
+        if self.aliased is None:
+            return self
+        at, added = self.added_at[:, :-PARTS], self.added[:, :-PARTS]
+        return replace(self, added_at=at, added=added, aliased=None, fall=None)
 
 
 def _selected(table, keep):
@@ -240,8 +247,8 @@ def gather_rotations(poses, samples, segments, longest_s):
     Rotations, Lost
         In the order of the poses; what gaps took.
     """
-    first, pieces, errors, all_, left_out = [], [], [], 0, [np.zeros(0, int)]
-    aliased, fall = [np.zeros(0)], [np.zeros(0)]
+    first, pieces, errors, aliased, all_ = [], [], [], [], 0
+    left_out = [np.zeros(0, int)]
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
@@ -259,12 +266,9 @@ def gather_rotations(poses, samples, segments, longest_s):
         whole = np.array([e is not None for e in found], dtype=bool) & ~interrupted
         first.append(k[whole])
         pieces.append((log, begin[whole, None], last[whole, None]))
-        size, power, parts = aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest)))
-        aliased.append(size)
-        fall.append(np.full(len(size), power))
-        used = (e for e, used in zip(found, whole, strict=True) if used)
-        for (missing, *own), more in zip(used, parts, strict=True):
-            errors.append((missing, *map(np.concatenate, zip(own, more, strict=True))))
+        errors += [e for e, used in zip(found, whole, strict=True) if used]
+        of_turns = aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest)))
+        aliased.append((of_turns[0], np.full(len(k[whole]), of_turns[1]), *of_turns[2:]))
         all_ += len(k)
         left_out.append(lost[~whole])
     left_out = np.concatenate(left_out)
@@ -287,21 +291,26 @@ def gather_rotations(poses, samples, segments, longest_s):
         w=np.stack([padded(c) for c in ANGULAR_RATE], axis=-1),
         f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
-        **_padded_errors(errors, length - 1),
-        aliased=np.concatenate(aliased),
-        fall=np.concatenate(fall),
+        **_errors(errors, aliased, length - 1),
     )
     return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)))
 
 
-def _padded_errors(errors, steps):
-    """Return the errors of time of m rotations as `Rotations` holds them, of so many steps."""
-    count = max((len(at) for _, at, _ in errors), default=0)
-    if not count:
-        return {}
+def _errors(errors, aliased, steps):
+    """Return the errors of m rotations as `Rotations` holds them, of so many steps.
+
+    Those of time of each, and those of the samples' distance of each session.
+    """
+    count, found = max((len(at) for _, at, _ in errors), default=0), {}
     uneven = np.zeros((len(errors), steps), dtype=bool)
     added_at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))
     for row, (missing, at, covariance) in enumerate(errors):
         uneven[row, missing] = True
         added_at[row, : len(at)], added[row, : len(at)] = at, covariance
-    return {"uneven": uneven if uneven.any() else None, "added_at": added_at, "added": added}
+    if any(size.any() for size, *_ in aliased):
+        size, fall, at, covariance = map(np.concatenate, zip(*aliased, strict=True))
+        added_at, added = np.hstack([added_at, at]), np.hstack([added, covariance])
+        found = {"aliased": size, "fall": fall}
+    if added.shape[1]:
+        found |= {"uneven": uneven, "added_at": added_at, "added": added}
+    return found

@@ -25,7 +25,7 @@ PARTS = 16
 ANY_WAY = 0.5
 # share of the largest energy that rounding leaves
 EXACT = 1e-12
-NO_PART = np.zeros(0, int), np.zeros((0, 3, 3))
+NOTHING = np.zeros(0), FALLS[1], np.zeros((0, PARTS), int), np.zeros((0, PARTS, 3, 3))
 
 
 def aliased_turns(log, begin, last, bias, variance):
@@ -59,16 +59,16 @@ def aliased_turns(log, begin, last, bias, variance):
         Of the rotation vector on each axis, rad²; 0 where it is negligible in all of them.
     fall : float
         p.
-    parts : list
-        Of each turn steps, (g,), and the covariances about them, on the axes of the body there,
-        rad², (g, 3, 3), whose trace is in all three times the variance.
+    at, covariance : ndarray, shape (m, PARTS) and (m, PARTS, 3, 3)
+        Steps of each turn, and the parts of the covariance about them, on the axes of the body
+        there, rad²; their trace is in all three times the variance.
 
     References
     ----------
     Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
     """
     if not len(begin):
-        return np.zeros(0), FALLS[1], []
+        return NOTHING
     steps = np.diff(np.asarray(log[TIME]))
     usual = np.median(steps)
     # a sample's number in its turn, lost ones counted too
@@ -76,18 +76,18 @@ def aliased_turns(log, begin, last, bias, variance):
     numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
     n = np.array([number[-1] + 1 for number in numbers])
     length, energy = 4 * BANDS * -(-n.max() // (4 * BANDS)), []
-    parts = []
-    for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
+    places = np.zeros((len(n), PARTS), int), np.zeros((len(n), PARTS, 3, 3))
+    for r, (i, j, number, rest) in enumerate(zip(begin, last, numbers, bias, strict=True)):
         w = [np.asarray(log[c])[i : j + 1] - rest[k] for k, c in enumerate(ANGULAR_RATE)]
         even = [np.interp(np.arange(number[-1] + 1), number, axis) for axis in w]
         own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        parts.append(_parts(np.transpose(w)))
+        places[0][r], places[1][r] = _parts(np.transpose(w))
     energy, white = np.array(energy), np.median(variance.mean(axis=1))
     # of a log without noise, as far as numbers go
     noise = np.maximum(n * white, EXACT * energy.max())[:, None]
     if not noise.any():
-        return np.zeros(len(n)), FALLS[1], [NO_PART] * len(n)
+        return np.zeros(len(n)), FALLS[1], *places
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
     def likeliest(p):
@@ -103,23 +103,20 @@ def aliased_turns(log, begin, last, bias, variance):
 
     p = minimize_scalar(lambda p: likeliest(p)[1], bounds=FALLS, method="bounded").x
     found = 2 * likeliest(p)[0][:, 0] * zeta(p)
-    if found.sum() <= NEGLIGIBLE * noise.sum():
-        found, parts = np.zeros(len(n)), [NO_PART] * len(n)
-    found *= usual**2
-    return found, float(p), [(at, v * own) for v, (at, own) in zip(found, parts, strict=True)]
+    found *= usual**2 * (found.sum() > NEGLIGIBLE * noise.sum())
+    at, covariance = places
+    return found, float(p), at, covariance * found[:, None, None, None]
 
 
 def _parts(w):
     """Return where and along what a rate, (k, 3), changes fastest: steps, and shares of variance.
 
-    Of shape (g,) and (g, 3, 3), the trace of all three.
+    Of shape (PARTS,) and (PARTS, 3, 3), the trace of all three.
     """
     bend = np.diff(w, 2, axis=0)
-    edges = np.linspace(0, len(bend), min(PARTS, len(bend)) + 1).astype(int)[:-1]
-    if not len(edges) or not bend.any():
-        return NO_PART
-    squares = bend[:, :, None] * bend[:, None, :] / np.sum(bend**2)
-    sums = np.add.reduceat(squares, edges)
+    squares = bend[:, :, None] * bend[:, None, :] / max(np.sum(bend**2), np.finfo(float).tiny)
+    sums = np.zeros((PARTS, 3, 3))
+    np.add.at(sums, np.arange(len(bend)) * PARTS // max(len(bend), 1), squares)
     shares = np.trace(sums, axis1=1, axis2=2)[:, None, None]
-    middles = np.append(edges[1:], len(bend)) + edges
-    return middles // 2, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * sums
+    middles = (2 * np.arange(PARTS) + 1) * len(bend) // (2 * PARTS)
+    return middles, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * sums

@@ -138,7 +138,8 @@ def judged_residuals(choices, kinds, count):
             problem, kind, unit, rows, judged, errors, floor, share, bool(added)
         )
         above = np.logical_or(above, found)
-        slow |= judged[1].estimated < share
+        if kind != "rotation" or problem.recording.rotations.aliased is None:
+            slow |= judged[1].estimated < share
         each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
         residuals[kind] = entry | {
             "floor_range": floor_range(weights, each, entry["floor"]),
@@ -146,8 +147,7 @@ def judged_residuals(choices, kinds, count):
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
         }
         if kind == "rotation":
-            variance = np.tensordot(weights, [np.diag(c)[rows] for _, c in final.alternatives], 1)
-            residuals[kind] |= undersampled(problem, final, 2 * variance.mean())
+            residuals[kind] |= undersampled(problem, final.solution)
     found = {
         "verdict": verdict(*above, added),
         "slow_noise": bool(slow and not above[1]),
@@ -158,32 +158,30 @@ def judged_residuals(choices, kinds, count):
     return found, residual_columns(problem, kinds, left, floor[:, 0])
 
 
-def undersampled(problem, about, variance):
+def undersampled(problem, solution):
     """Return what the rate of the log adds to the rotations if it is more than all other noise.
 
     ``undersampled``: ``error`` and ``others``, rad; ``rate_hz``; ``enough_hz``, where it would be
-    as large as the other noise: its variance goes as the rate to the power -p, as the spectrum of
-    the turns. Takes the fit and the variance of a rotation, noise and this, rad².
+    as large as the others: its variance goes as the rate to the power -p, as the spectrum of the
+    turns. Of the noise as it was estimated.
     """
     recording, rotations = problem.recording, problem.recording.rotations
-    if rotations.added is None:
+    if rotations.aliased is None:
         return {}
-    own, bare = 2 * rotations.aliased.mean(), replace(rotations, added=None, added_at=None)
-    with_it, without = (
-        problem.sensor.covariances(about.solution, replace(recording, rotations=r))
-        for r in (rotations, bare)
+    whole, others = (
+        2
+        * np.diag(problem.sensor.covariances(solution, r)(problem.sensor.noise))[
+            -2 * len(rotations) :
+        ].mean()
+        for r in (recording, recording.without_aliasing())
     )
-    added = np.diag(with_it(problem.sensor.noise) - without(problem.sensor.noise))
-    # lost samples and late stamps are in there too
-    share = 3 * rotations.aliased.sum() / np.trace(rotations.added.sum(axis=1), 0, 1, 2).sum()
-    other = variance - 2 * share * added[-2 * len(rotations) :].mean()
-    if own <= other:
+    own, rate = whole - others, float(1 / np.median(rotations.steps[rotations.steps > 0]))
+    if own <= others:
         return {}
-    rate = float(1 / np.median(rotations.steps[rotations.steps > 0]))
     power = np.average(rotations.fall, weights=rotations.aliased)
-    enough = rate * (own / other) ** (1 / power)
-    sizes = {"error": float(np.sqrt(own)), "others": float(np.sqrt(other))}
-    return {"undersampled": {**sizes, "rate_hz": rate, "enough_hz": float(enough)}}
+    enough = float(rate * (own / others) ** (1 / power))
+    sizes = {"error": float(np.sqrt(own)), "others": float(np.sqrt(others))}
+    return {"undersampled": {**sizes, "rate_hz": rate, "enough_hz": enough}}
 
 
 def _final_solution(problem, base):
