@@ -22,9 +22,8 @@ GRAVITY = 9.818
 SENSORS = ("accelerometer", "gyroscope")
 
 
-def diagnosed(job):
-    """Return the diagnosis of both sensors at the poses of a chip in a recording."""
-    recording, chip = job
+def ingested(recording, chip, folder):
+    """Ingest a chip of a recording into a folder and return the `Device`."""
     (path,) = Path(os.environ["IMULOOP_MIRROR"]).rglob(f"{recording}.parquet")
     columns = {"time": "t_us"} | {
         quantity: [f"{letter}{axis}{chip}" for axis in "xyz"]
@@ -34,10 +33,17 @@ def diagnosed(job):
         "columns": columns,
         "units": {"time": "us", "acceleration": "count", "angular_rate": "count"},
     }
+    kinds = {"poses": "multi_position"}
+    device = Device(f"chip_{chip}", Path(folder), kinds, gravity=GRAVITY, nominal=NOMINAL)
+    if failures := chain.ingest(device, "poses", declared, [path]):
+        raise RuntimeError(str(failures[0]))
+    return device
+
+
+def diagnosed(job):
+    """Return the diagnosis of both sensors at the poses of a chip in a recording."""
     with tempfile.TemporaryDirectory() as folder:
-        kinds = {"poses": "multi_position"}
-        device = Device(f"chip_{chip}", Path(folder), kinds, gravity=GRAVITY, nominal=NOMINAL)
-        failures = chain.ingest(device, "poses", declared, [path])
+        device, failures = ingested(*job, folder), []
         for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
             failures += stage(device)
         if failures:

@@ -1,6 +1,6 @@
 """A multi-position session that is only planned: its poses and rotations as a sensor logs them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,7 +80,7 @@ def full_turns(axis, n, poses, *, move_s=MOVE_S, **habits):
     return Plan(up[0], np.concatenate([turns_between(up), turns]), move_s=seconds, **habits)
 
 
-def planned_recording(plan, calibration, variance, rate):
+def planned_recording(plan, calibration, variance, rate, aliased=0.0):
     """Return the Recording that a device would log of a plan, without noise, SI as logged.
 
     The effects of its calibration are left out: they are small, and what is asked of the
@@ -96,6 +96,8 @@ def planned_recording(plan, calibration, variance, rate):
         Sample variance at rest of the six channels, SI squared.
     rate : float
         Samples per second of the device, Hz.
+    aliased : float
+        Variance that this rate adds to each axis of a turn, rad².
     """
     moves = np.broadcast_to(plan.move_s, len(plan.turns))
     # rest, move, rest, …, rest: the number of each sample's part, even at rest
@@ -137,4 +139,10 @@ def planned_recording(plan, calibration, variance, rate):
         **means,
         **{f"{name}_std": np.full(len(n), size) for name, size in deviations},
     }
-    return record([log], [segments], np.inf).of_new_runs()
+    made = record([log], [segments], np.inf).without_aliasing().of_new_runs()
+    if aliased:
+        m = len(made.rotations)
+        added = np.tile(aliased * np.eye(3), (m, 1, 1, 1))
+        rotations = replace(made.rotations, added_at=np.zeros((m, 1), int), added=added)
+        made = replace(made, rotations=rotations)
+    return made
