@@ -5,6 +5,8 @@ corrections and tremor, and ends as the device lands on an edge and rocks: angul
 the milliseconds of a contact.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
@@ -24,7 +26,7 @@ def _contact(t, at, rng):
     return (1 - np.cos(np.pi * np.clip(x, 0, 1))) / 2
 
 
-def _bell(x):
+def bell(x):
     """Return the minimum-jerk course of a rate over 0 < x < 1, its integral one."""
     x = np.clip(x, 0, 1)
     return 30 * (x - x * x) ** 2
@@ -36,18 +38,18 @@ def turn(rng):
     t = np.arange(round((seconds + 1.0) * RATE)) / RATE
     angle, axis = rng.uniform(0.5, 2.6), rng.standard_normal(3)
     x = (t - begin) / seconds
-    w = np.outer(_bell(x) * angle / seconds, axis / np.linalg.norm(axis))
+    w = np.outer(bell(x) * angle / seconds, axis / np.linalg.norm(axis))
     for _ in range(rng.integers(1, 4)):
         lasts = rng.uniform(0.15, 0.4)
         start = begin + rng.uniform(0, max(seconds - lasts, 0.01))
-        w += np.outer(_bell((t - start) / lasts) / lasts, 0.15 * angle * rng.standard_normal(3))
+        w += np.outer(bell((t - start) / lasts) / lasts, 0.15 * angle * rng.standard_normal(3))
     tremor, axis = 2 * np.pi * rng.uniform(8, 12), rng.standard_normal(3)
     wave = 64 * np.clip(x - x * x, 0, 1) ** 3 * np.sin(tremor * t + rng.uniform(0, 2 * np.pi))
     w += np.outer(wave * 0.0026 * tremor, axis / np.linalg.norm(axis))
     lands = begin + seconds * rng.uniform(0.75, 0.97)
     w *= 1 - _contact(t, lands, rng)[:, None]
     edges = [lands, *lands + np.cumsum(rng.uniform(0.02, 0.1, rng.integers(1, 5)))]
-    jumps = [(*pair, rng.uniform(0.1, 0.7)) for pair in zip(edges, edges[1:], strict=False)]
+    jumps = [(*pair, rng.uniform(0.1, 0.7)) for pair in pairwise(edges)]
     if rng.random() < 0.7:
         jumps.append((begin, begin + rng.uniform(0.02, 0.06), 0.3))
     for start, end, size in jumps:
@@ -56,13 +58,10 @@ def turn(rng):
     return w
 
 
-
-
-def sampled(w, rate, rng, noise=0.0):
-    """Return the rate as logged from a random instant on, and the turn of what was logged over."""
+def sampled(w, rate, rng):
+    """Return an angular rate as it is logged, from a random instant on."""
     step = round(RATE / rate)
-    logged = w[rng.integers(step) :: step]
-    return logged + noise * rng.standard_normal(logged.shape)
+    return w[rng.integers(step) :: step]
 
 
 def log(rate, seed, truth, poses=40):

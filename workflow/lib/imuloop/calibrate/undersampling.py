@@ -7,6 +7,7 @@ They are known by the spectrum below half that rate, continued as a power of fre
 
 import numpy as np
 from scipy.fft import rfft
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.special import zeta
 
@@ -79,7 +80,7 @@ def aliased_turns(log, begin, last, bias, variance):
     places = np.zeros((len(n), PARTS), int), np.zeros((len(n), PARTS, 3, 3))
     for r, (i, j, number, rest) in enumerate(zip(begin, last, numbers, bias, strict=True)):
         w = [np.asarray(log[c])[i : j + 1] - rest[k] for k, c in enumerate(ANGULAR_RATE)]
-        even = [np.interp(np.arange(number[-1] + 1), number, axis) for axis in w]
+        even = CubicSpline(number, w, axis=1)(np.arange(number[-1] + 1))
         own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
         places[0][r], places[1][r] = _parts(np.transpose(w))
