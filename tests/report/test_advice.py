@@ -222,7 +222,8 @@ def test_turns_that_were_sampled_too_slowly_ask_for_a_higher_rate(first):
     lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
     block["residuals"]["rotation"]["undersampled"] = lost
     step = first(diagnosis=diagnosis(gyroscope=block))
-    assert step.startswith("Sampled too slowly for such turns: record at 150 Hz or more, or turn")
+    assert step.startswith("Sampled too slowly for such turns: what 62.5 Hz does not show")
+    assert step.endswith("record at 150 Hz or more, or turn more slowly.")
 
 
 def test_an_accelerometer_above_its_floor_is_mended_before_the_gyroscope(good):

@@ -101,9 +101,8 @@ def fit(residuals, x0, covariance, prior=None):
             damping = max(10 * damping, _DAMPING)
         if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
             break
-    return FitResult(
-        x, _covariance(white), float(chi2), len(r) - len(x), jacobian, r[: len(jacobian)]
-    )
+    own = r[: len(jacobian)]
+    return FitResult(x, _covariance(white), float(chi2), len(r) - len(x), jacobian, own)
 
 
 def _covariance(white):

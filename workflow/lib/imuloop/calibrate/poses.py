@@ -122,8 +122,8 @@ class Rotations:
     # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
     # scatter
     uneven: np.ndarray | None = None
-    # steps about which time stamps, and samples too far apart, add an error to the turn, (m, g),
-    # and its covariance, rad²
+    # steps about which time stamps, and samples too far apart, add an error, (m, g), and its
+    # covariance, rad²
     added_at: np.ndarray | None = None
     added: np.ndarray | None = None
     # of the samples' distance alone, the last parts of them (`undersampling.aliased_turns`):
@@ -247,8 +247,7 @@ def gather_rotations(poses, samples, segments, longest_s):
     Rotations, Lost
         In the order of the poses; what gaps took.
     """
-    first, pieces, errors, aliased, all_ = [], [], [], [], 0
-    left_out = [np.zeros(0, int)]
+    first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
@@ -267,8 +266,8 @@ def gather_rotations(poses, samples, segments, longest_s):
         first.append(k[whole])
         pieces.append((log, begin[whole, None], last[whole, None]))
         errors += [e for e, used in zip(found, whole, strict=True) if used]
-        of_turns = aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest)))
-        aliased.append((of_turns[0], np.full(len(k[whole]), of_turns[1]), *of_turns[2:]))
+        if whole.any():
+            aliased.append(aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest))))
         all_ += len(k)
         left_out.append(lost[~whole])
     left_out = np.concatenate(left_out)
@@ -297,10 +296,7 @@ def gather_rotations(poses, samples, segments, longest_s):
 
 
 def _errors(errors, aliased, steps):
-    """Return the errors of m rotations as `Rotations` holds them, of so many steps.
-
-    Those of time of each, and those of the samples' distance of each session.
-    """
+    """Return errors of time by rotation, of distance by session, as `Rotations` holds them."""
     count, found = max((len(at) for _, at, _ in errors), default=0), {}
     uneven = np.zeros((len(errors), steps), dtype=bool)
     added_at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))

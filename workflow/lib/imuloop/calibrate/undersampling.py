@@ -1,8 +1,7 @@
 """Turns that were sampled too slowly: what a log lost between two samples, and cannot show.
 
-No integration scheme gets it back: of samples at instants the sum of a rate that begins and ends at
-rest is wrong by its components at the rate of the log and its multiples, which look like a bias.
-They are known by the spectrum below half that rate, continued as a power of frequency.
+No integration scheme gets it back: components at the rate of the log and its multiples look like a
+bias. They are known by the spectrum below half that rate, continued as a power of frequency.
 """
 
 import numpy as np
@@ -15,18 +14,14 @@ from imuloop.core.samples import ANGULAR_RATE, TIME, lost_samples
 
 # bands of the upper half of the spectrum, between a quarter and half the rate
 BANDS = 32
-# power of frequency by which the spectrum falls: of steps of the rate, the fastest that a knock
-# makes it change, and what no longer adds anything
+# power by which the spectrum falls: of steps, as knocks make them; of what adds nothing
 FALLS = 2.0, 8.0
 # share of the white noise of the turns, in variance, below which it does not count
 NEGLIGIBLE = 0.01
-# parts of a turn in which its errors are put, where it changes most
-PARTS = 16
-# share of the errors that have no direction, as spectra of few bands do not show one for certain
-ANY_WAY = 0.5
-# share of the largest energy that rounding leaves
-EXACT = 1e-12
-NOTHING = np.zeros(0), FALLS[1], np.zeros((0, PARTS), int), np.zeros((0, PARTS, 3, 3))
+# parts of a turn that its errors are put in, and the share of them that has no direction
+PARTS, ANY_WAY = 16, 0.5
+# variance that rounding of numbers leaves of a log without noise, (rad/s)²
+EXACT = 1e-20
 
 
 def aliased_turns(log, begin, last, bias, variance):
@@ -56,10 +51,8 @@ def aliased_turns(log, begin, last, bias, variance):
 
     Returns
     -------
-    variance : ndarray, shape (m,)
-        Of the rotation vector on each axis, rad²; 0 where it is negligible in all of them.
-    fall : float
-        p.
+    variance, fall : ndarray, shape (m,)
+        Of the rotation vector on each axis, rad², 0 where all is negligible; and p.
     at, covariance : ndarray, shape (m, PARTS) and (m, PARTS, 3, 3)
         Steps of each turn, and the parts of the covariance about them, on the axes of the body
         there, rad²; their trace is in all three times the variance.
@@ -68,27 +61,20 @@ def aliased_turns(log, begin, last, bias, variance):
     ----------
     Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
     """
-    if not len(begin):
-        return NOTHING
     steps = np.diff(np.asarray(log[TIME]))
     usual = np.median(steps)
     # a sample's number in its turn, lost ones counted too
     lost = lost_samples(steps, usual)
     numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
     n = np.array([number[-1] + 1 for number in numbers])
-    length, energy = 4 * BANDS * -(-n.max() // (4 * BANDS)), []
-    places = np.zeros((len(n), PARTS), int), np.zeros((len(n), PARTS, 3, 3))
-    for r, (i, j, number, rest) in enumerate(zip(begin, last, numbers, bias, strict=True)):
+    length, energy, places = 4 * BANDS * -(-n.max() // (4 * BANDS)), [], []
+    for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
         w = [np.asarray(log[c])[i : j + 1] - rest[k] for k, c in enumerate(ANGULAR_RATE)]
         even = CubicSpline(number, w, axis=1)(np.arange(number[-1] + 1))
         own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        places[0][r], places[1][r] = _parts(np.transpose(w))
-    energy, white = np.array(energy), np.median(variance.mean(axis=1))
-    # of a log without noise, as far as numbers go
-    noise = np.maximum(n * white, EXACT * energy.max())[:, None]
-    if not noise.any():
-        return np.zeros(len(n)), FALLS[1], *places
+        places.append(_parts(np.transpose(w)))
+    energy, noise = np.array(energy), n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
     def likeliest(p):
@@ -105,15 +91,12 @@ def aliased_turns(log, begin, last, bias, variance):
     p = minimize_scalar(lambda p: likeliest(p)[1], bounds=FALLS, method="bounded").x
     found = 2 * likeliest(p)[0][:, 0] * zeta(p)
     found *= usual**2 * (found.sum() > NEGLIGIBLE * noise.sum())
-    at, covariance = places
-    return found, float(p), at, covariance * found[:, None, None, None]
+    at, shares = map(np.array, zip(*places, strict=True))
+    return found, np.full(len(n), p), at, shares * found[:, None, None, None]
 
 
 def _parts(w):
-    """Return where and along what a rate, (k, 3), changes fastest: steps, and shares of variance.
-
-    Of shape (PARTS,) and (PARTS, 3, 3), the trace of all three.
-    """
+    """Return where a rate, (k, 3), changes, steps (PARTS,), and along what, (PARTS, 3, 3)."""
     bend = np.diff(w, 2, axis=0)
     squares = bend[:, :, None] * bend[:, None, :] / max(np.sum(bend**2), np.finfo(float).tiny)
     sums = np.zeros((PARTS, 3, 3))

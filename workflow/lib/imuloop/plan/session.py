@@ -140,9 +140,6 @@ def planned_recording(plan, calibration, variance, rate, aliased=0.0):
         **{f"{name}_std": np.full(len(n), size) for name, size in deviations},
     }
     made = record([log], [segments], np.inf).without_aliasing().of_new_runs()
-    if aliased:
-        m = len(made.rotations)
-        added = np.tile(aliased * np.eye(3), (m, 1, 1, 1))
-        rotations = replace(made.rotations, added_at=np.zeros((m, 1), int), added=added)
-        made = replace(made, rotations=rotations)
-    return made
+    at = np.zeros((len(made.rotations), 1), int)
+    added = np.tile(aliased * np.eye(3), (*at.shape, 1, 1))
+    return replace(made, rotations=replace(made.rotations, added_at=at, added=added))

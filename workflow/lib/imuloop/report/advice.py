@@ -16,7 +16,6 @@ from imuloop.report.recording import (
 )
 from imuloop.report.verdict import (
     ABOVE,
-    FASTER,
     PARTS,
     block_of,
     blocks,
@@ -176,13 +175,9 @@ def _unexplained(device):
 
 def _undersampled(device):
     """Yield at which rate to record such turns."""
-    block = block_of(device.diagnosis, "gyroscope")
-    if found := undersampled(block):
-        yield (
-            1 - found["others"] / np.hypot(found["error"], found["others"]),
-            f"Sampled too slowly for such turns: {FASTER.format(found['record_hz'])}; "
-            f"{number(found['rate_hz'], 3)} Hz cost more than all other noise of a turn.",
-        )
+    found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
+    if found:
+        yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
 
 
 def _clipped(device):

@@ -48,8 +48,6 @@ SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
     "record of two hours or more would tell."
 )
-# of turns that were sampled too slowly: what to do, with a rate in Hz
-FASTER = "record at {} Hz or more, or turn more slowly"
 # share of the floor that its range is worth naming from
 WIDE = 0.1
 # probability of naming one of them by chance, and the share of the residual that is worth naming
@@ -168,9 +166,14 @@ def misfit(block):
 
 
 def undersampled(block):
-    """Return what the rate of the log adds to the rotations, and the rate to record at, or None."""
-    found = block["residuals"].get("rotation", {}).get("undersampled")
-    return found and found | {"record_hz": f"{10 * np.ceil(found['enough_hz'] / 10):g}"}
+    """Return what the rate of the log adds to the rotations, or None, and at which to record."""
+    if not (found := block["residuals"].get("rotation", {}).get("undersampled")):
+        return None, ""
+    return found, (
+        f"Sampled too slowly for such turns: what {number(found['rate_hz'])} Hz does not show "
+        f"makes {RESIDUAL['rad'].text(found['error'])} of the {RESIDUAL_WORDS['rotation']}; record "
+        f"at {10 * np.ceil(found['enough_hz'] / 10):g} Hz or more, or turn more slowly."
+    )
 
 
 def too_quiet(block):
@@ -246,13 +249,7 @@ def sentence(sensor, block):
             )
     elif block.get("slow_noise"):
         text += SLOW_NOISE
-    if found := undersampled(block):
-        error = RESIDUAL["rad"].text(found["error"])
-        text += (
-            f" Sampled too slowly for such turns: what {number(found['rate_hz'], 3)} Hz does not "
-            f"show makes {error} of the {RESIDUAL_WORDS['rotation']}; "
-            f"{FASTER.format(found['record_hz'])}."
-        )
+    text += f" {undersampled(block)[1]}".rstrip()
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
         text += f" Left out, for a knock between two samples: {spoiled} of {of}."
@@ -300,9 +297,8 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
-    allows = (
-        "its noise and the rate of its log allow" if undersampled(block) else "its noise allows"
-    )
+    slow = undersampled(block)[0]
+    allows = "its noise and the rate of its log allow" if slow else "its noise allows"
     return {
         "consistent": f"as good as {allows}",
         "explained": f"as good as {allows} with {effects} corrected",

@@ -161,27 +161,22 @@ def judged_residuals(choices, kinds, count):
 def undersampled(problem, solution):
     """Return what the rate of the log adds to the rotations if it is more than all other noise.
 
-    ``undersampled``: ``error`` and ``others``, rad; ``rate_hz``; ``enough_hz``, where it would be
-    as large as the others: its variance goes as the rate to the power -p, as the spectrum of the
-    turns. Of the noise as it was estimated.
+    Beside the noise as it was estimated. At ``enough_hz`` it would be as large as the others: its
+    variance falls with the rate as the spectrum of the turns does with frequency.
     """
-    recording, rotations = problem.recording, problem.recording.rotations
+    sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
     if rotations.aliased is None:
         return {}
-    whole, others = (
-        2
-        * np.diag(problem.sensor.covariances(solution, r)(problem.sensor.noise))[
-            -2 * len(rotations) :
-        ].mean()
-        for r in (recording, recording.without_aliasing())
-    )
-    own, rate = whole - others, float(1 / np.median(rotations.steps[rotations.steps > 0]))
+    found = [sensor.covariances(solution, r) for r in (recording, recording.without_aliasing())]
+    sums = (np.diag(each(sensor.noise))[-2 * len(rotations) :].sum() for each in found)
+    whole, others = (total / len(rotations) for total in sums)
+    own, rate = whole - others, 1 / np.median(rotations.steps[rotations.steps > 0])
     if own <= others:
         return {}
-    power = np.average(rotations.fall, weights=rotations.aliased)
-    enough = float(rate * (own / others) ** (1 / power))
-    sizes = {"error": float(np.sqrt(own)), "others": float(np.sqrt(others))}
-    return {"undersampled": {**sizes, "rate_hz": rate, "enough_hz": enough}}
+    enough = rate * (own / others) ** (1 / np.average(rotations.fall, weights=rotations.aliased))
+    found = np.sqrt(own), np.sqrt(others), rate, enough
+    names = ("error", "others", "rate_hz", "enough_hz")
+    return {"undersampled": dict(zip(names, map(float, found), strict=True))}
 
 
 def _final_solution(problem, base):

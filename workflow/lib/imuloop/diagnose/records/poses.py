@@ -208,8 +208,9 @@ class PoseProblem:
             for t, (size, spread) in loose.items()
         ]
         if recording.rotations.aliased is not None:
-            whole = sensor.covariances(solution, recording)(without)
-            aliased = block_diag(whole, others) - fixed
+            # from here on with it
+            of_noise = sensor.covariances(solution, recording)
+            aliased = covariance(without) - fixed
             parts += [Part(aliased, 1.0, KNOWN_TO)] * bool(aliased.any())
         return fixed, parts
 
