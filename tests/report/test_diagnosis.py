@@ -204,7 +204,7 @@ def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_nee
     residual |= {"chi2_before": 1.1, "chi2_after": 1.1, "undersampled": lost}
     block = UNTESTED | {"verdict": verdict, "residuals": {"rotation": residual}}
     said = sentence("gyroscope", block).replace("\u202f", " ")
-    assert "62.5 Hz does not show makes 0.229° of the error of gravity's direction" in said
+    assert "62.5 Hz does not show adds 0.229° to the error of gravity's direction" in said
     assert "record at 150 Hz or more, or turn more slowly" in said
     [_, (_, _, words)] = answers({"sensors": {"gyroscope": {"poses": block}}})
     assert (words == "as good as its noise and the rate of its log allow") == (

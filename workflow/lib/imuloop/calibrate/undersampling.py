@@ -27,7 +27,7 @@ EXACT = 1e-20
 def aliased_turns(log, begin, last, bias, variance):
     r"""Return what components above half the rate of a log add to its turns, and their fall.
 
-    With the spectrum W(f) of the angular rate of a turn, C its attitude and steps of Δt = 1/f_s
+    With the spectrum W(f) of the angular rate on fixed axes, C w, and steps of Δt = 1/f_s
 
     .. math:: Δt Σ C w(t_k) - ∫ C w \, dt = Σ_{k≠0} W(k f_s),
 

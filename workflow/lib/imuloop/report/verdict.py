@@ -171,7 +171,7 @@ def undersampled(block):
         return None, ""
     return found, (
         f"Sampled too slowly for such turns: what {number(found['rate_hz'])} Hz does not show "
-        f"makes {RESIDUAL['rad'].text(found['error'])} of the {RESIDUAL_WORDS['rotation']}; record "
+        f"adds {RESIDUAL['rad'].text(found['error'])} to the {RESIDUAL_WORDS['rotation']}; record "
         f"at {10 * np.ceil(found['enough_hz'] / 10):g} Hz or more, or turn more slowly."
     )
 
