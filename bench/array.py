@@ -34,8 +34,8 @@ def recorded(name):
     return path
 
 
-def calibrated(folder, recording, chip):
-    """Return the Device of a chip in a recording, its results up to the calibration in a folder."""
+def ingested(recording, chip, folder):
+    """Ingest a chip of a recording into a folder and return the `Device`."""
     columns = {"time": "t_us"} | {
         quantity: [f"{letter}{axis}{chip}" for axis in "xyz"]
         for quantity, letter in (("acceleration", "a"), ("angular_rate", "g"))
@@ -44,13 +44,20 @@ def calibrated(folder, recording, chip):
         "columns": columns,
         "units": {"time": "us", "acceleration": "count", "angular_rate": "count"},
     }
-    name = f"chip_{chip}"
-    folder, kinds = Path(folder) / recording / name, {"poses": "multi_position"}
     settings = {"gravity": GRAVITY, "nominal": NOMINAL, "full_scale": FULL_SCALE}
-    device = Device(name, folder, kinds, **settings)
-    failures = chain.ingest(device, "poses", declared, [recorded(f"{recording}.parquet")])
-    for stage in (chain.segment, chain.noise, chain.calibrate):
-        failures += stage(device)
+    device = Device(f"chip_{chip}", Path(folder), {"poses": "multi_position"}, **settings)
+    paths = [recorded(f"{recording}.parquet")]
+    if failures := chain.ingest(device, "poses", declared, paths):
+        raise RuntimeError(str(failures[0]))
+    return device
+
+
+def calibrated(folder, recording, chip):
+    """Return the Device of a chip in a recording, its results up to the calibration in a folder."""
+    device = ingested(recording, chip, Path(folder) / recording / f"chip_{chip}")
+    failures = [
+        failure for s in (chain.segment, chain.noise, chain.calibrate) for failure in s(device)
+    ]
     if failures:
         raise RuntimeError(str(failures[0]))
     return device

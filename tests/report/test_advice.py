@@ -217,6 +217,15 @@ def test_what_is_unexplained_is_said_with_its_floor(first):
         assert ("horizontal rate of the Earth" in step) == earth
 
 
+def test_turns_that_were_sampled_too_slowly_ask_for_a_higher_rate(first):
+    block = above("rotation", "rad", 4e-3, 4e-3, "consistent")
+    lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
+    block["residuals"]["rotation"]["undersampled"] = lost
+    step = first(diagnosis=diagnosis(gyroscope=block))
+    assert step.startswith("Sampled too slowly for such turns: what 62.5 Hz does not show")
+    assert step.endswith("record at 150 Hz or more, or turn more slowly.")
+
+
 def test_an_accelerometer_above_its_floor_is_mended_before_the_gyroscope(good):
     blocks = {
         "gyroscope": above("rotation", "rad", 4e-3, 1e-3),

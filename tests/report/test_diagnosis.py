@@ -197,6 +197,23 @@ def test_a_floor_that_the_noise_leaves_open_has_its_range():
         assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
 
 
+@pytest.mark.parametrize("verdict", ["consistent", "unexplained"])
+def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_need(verdict):
+    lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
+    residual = {"unit": "rad", "n": 20, "floor": 4.2e-3, "before": 4e-3, "after": 4e-3}
+    residual |= {"chi2_before": 1.1, "chi2_after": 1.1, "undersampled": lost}
+    block = UNTESTED | {"verdict": verdict, "residuals": {"rotation": residual}}
+    said = sentence("gyroscope", block).replace("\u202f", " ")
+    assert "62.5 Hz does not show adds 0.229° to the error of gravity's direction" in said
+    assert "record at 150 Hz or more, or turn more slowly" in said
+    [_, (_, _, words)] = answers({"sensors": {"gyroscope": {"poses": block}}})
+    assert (words == "as good as its noise and the rate of its log allow") == (
+        verdict == "consistent"
+    )
+    del residual["undersampled"]
+    assert "too slowly" not in sentence("gyroscope", block)
+
+
 def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
     figures = {"n": 20, "floor": 1e-3, "after": 4e-3, "chi2_before": 9.0, "chi2_after": 9.0}
     residuals = {

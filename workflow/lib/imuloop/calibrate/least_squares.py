@@ -21,7 +21,8 @@ class FitResult:
     """Result of a generalised least-squares fit of p parameters to n residuals.
 
     The covariance is ``(Jᵀ Σ⁻¹ J)⁻¹``, from the predicted covariance Σ of the residuals alone, χ²
-    ``rᵀ Σ⁻¹ r``; the derivative J, (n, p), is not whitened.
+    ``rᵀ Σ⁻¹ r``; the derivative J, (n, p), is not whitened, the residuals are, (n,), each given
+    those before it.
     """
 
     x: np.ndarray
@@ -29,6 +30,7 @@ class FitResult:
     chi2: float
     dof: int
     jacobian: np.ndarray
+    white: np.ndarray
 
     @property
     def reduced_chi2(self):
@@ -99,7 +101,8 @@ def fit(residuals, x0, covariance, prior=None):
             damping = max(10 * damping, _DAMPING)
         if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
             break
-    return FitResult(x, _covariance(white), float(chi2), len(r) - len(x), jacobian)
+    own = r[: len(jacobian)]
+    return FitResult(x, _covariance(white), float(chi2), len(r) - len(x), jacobian, own)
 
 
 def _covariance(white):

@@ -245,7 +245,9 @@ class GyroscopePoses(SensorPoses):
                 f"{too_large(condition, self.settings.largest_condition)}; was the angular rate "
                 "clipped or wrapped around, did scale or axes change midway?"
             )
-        std = np.sqrt(np.diag(found.scaled_covariance)[:9])
+        # as they contradict each other: what the rates at rest do says nothing of a turn
+        own = found.white[len(found.white) - 2 * count :]
+        std = np.sqrt(np.diag(found.covariance)[:9] * max(1.0, own @ own / (2 * count - 9)))
         axes, scale = std[:6].max(), np.max(std[6:] / sizes[6:])
         if axes > AXES or scale > SCALE:
             return (

@@ -1,11 +1,12 @@
 """Poses and the rotations between them, gathered from the segments of all sessions."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from imuloop.calibrate.gaps import Lost, errors_of_time
+from imuloop.calibrate.undersampling import PARTS, aliased_turns
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import GAP, STATIC, runs
@@ -121,9 +122,14 @@ class Rotations:
     # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
     # scatter
     uneven: np.ndarray | None = None
-    # steps about which time stamps add an error to the turn, (m, g), and its covariance, rad²
+    # steps about which time stamps, and samples too far apart, add an error, (m, g), and its
+    # covariance, rad²
     added_at: np.ndarray | None = None
     added: np.ndarray | None = None
+    # of the samples' distance alone, the last parts of them (`undersampling.aliased_turns`):
+    # variance of each axis, rad², (m,), and the power of frequency by which it falls
+    aliased: np.ndarray | None = None
+    fall: np.ndarray | None = None
 
     def __len__(self):
         return len(self.first)
@@ -136,6 +142,13 @@ class Rotations:
     def select(self, keep):
         """Return the rotations of an index or mask."""
         return _selected(self, keep)
+
+    def without_aliasing(self):
+        """Return the same, as if their samples were close enough."""
+        if self.aliased is None:
+            return self
+        at, added = self.added_at[:, :-PARTS], self.added[:, :-PARTS]
+        return replace(self, added_at=at, added=added, aliased=None, fall=None)
 
 
 def _selected(table, keep):
@@ -234,7 +247,7 @@ def gather_rotations(poses, samples, segments, longest_s):
     Rotations, Lost
         In the order of the poses; what gaps took.
     """
-    first, pieces, errors, all_, left_out = [], [], [], 0, [np.zeros(0, int)]
+    first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
@@ -247,11 +260,14 @@ def gather_rotations(poses, samples, segments, longest_s):
         t = np.asarray(log[TIME])
         # `end_s` is open: the pose's last sample is the one before it
         begin, last = np.searchsorted(t, start) - 1, np.searchsorted(t, end)
-        found, lost = errors_of_time(log, begin, last, poses.w[k], poses.variance[k, 3:])
+        at_rest = poses.w[k], poses.variance[k, 3:]
+        found, lost = errors_of_time(log, begin, last, *at_rest)
         whole = np.array([e is not None for e in found], dtype=bool) & ~interrupted
         first.append(k[whole])
         pieces.append((log, begin[whole, None], last[whole, None]))
         errors += [e for e, used in zip(found, whole, strict=True) if used]
+        if whole.any():
+            aliased.append(aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest))))
         all_ += len(k)
         left_out.append(lost[~whole])
     left_out = np.concatenate(left_out)
@@ -274,19 +290,23 @@ def gather_rotations(poses, samples, segments, longest_s):
         w=np.stack([padded(c) for c in ANGULAR_RATE], axis=-1),
         f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
-        **_padded_errors(errors, length - 1),
+        **_errors(errors, aliased, length - 1),
     )
     return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)))
 
 
-def _padded_errors(errors, steps):
-    """Return the errors of time of m rotations as `Rotations` holds them, of so many steps."""
-    count = max((len(at) for _, at, _ in errors), default=0)
-    if not count:
-        return {}
+def _errors(errors, aliased, steps):
+    """Return errors of time by rotation, of distance by session, as `Rotations` holds them."""
+    count, found = max((len(at) for _, at, _ in errors), default=0), {}
     uneven = np.zeros((len(errors), steps), dtype=bool)
     added_at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))
     for row, (missing, at, covariance) in enumerate(errors):
         uneven[row, missing] = True
         added_at[row, : len(at)], added[row, : len(at)] = at, covariance
-    return {"uneven": uneven, "added_at": added_at, "added": added}
+    if any(size.any() for size, *_ in aliased):
+        size, fall, at, covariance = map(np.concatenate, zip(*aliased, strict=True))
+        added_at, added = np.hstack([added_at, at]), np.hstack([added, covariance])
+        found = {"aliased": size, "fall": fall}
+    if added.shape[1]:
+        found |= {"uneven": uneven, "added_at": added_at, "added": added}
+    return found

@@ -60,6 +60,10 @@ class Recording:
         renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
         return replace(self, poses=self.poses.select(keep), rotations=renumbered)
 
+    def without_aliasing(self):
+        """Return the same, as if samples were close enough to follow the rotations."""
+        return replace(self, rotations=self.rotations.without_aliasing())
+
     def of_new_runs(self):
         """Return the same, its runs none of those that a calibration knows: numbers below zero."""
         return replace(self, poses=replace(self.poses, run=-1 - self.poses.run))

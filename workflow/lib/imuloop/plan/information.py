@@ -40,7 +40,7 @@ class Information:
             return cls(model, solution, matrix, solution.calibration.names, max(1.0, reduced))
         x = as_logged(calibration, model.names)
         matrix = np.zeros((len(x), len(x)))
-        fit = FitResult(x, np.full(matrix.shape, np.inf), np.nan, 0, matrix[:0])
+        fit = FitResult(x, np.full(matrix.shape, np.inf), np.nan, 0, matrix[:0], x[:0])
         start = Solution((), fit, calibration)
         if model.sensor == "gyroscope":
             # effects from elsewhere may need channels that a plan has not

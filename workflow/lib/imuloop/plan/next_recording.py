@@ -79,8 +79,12 @@ def next_recording(models, solutions, calibration, recording, motion=None):
         for sensor in models
     }
 
+    # turns are as hasty as those at hand
+    aliased = recording.rotations.aliased if len(poses) else None
+    hasty = 0.0 if aliased is None else float(aliased.mean())
+
     def planned(plan):
-        return planned_recording(plan, calibration, variance, rate)
+        return planned_recording(plan, calibration, variance, rate, hasty)
 
     made = [(e, planned(plan)) for e, plan in candidate_plans(recording, calibration, known)]
     if any(recorded.poses.unknown_noise(noise, CHANNELS) for _, recorded in made):

@@ -1,6 +1,6 @@
 """A multi-position session that is only planned: its poses and rotations as a sensor logs them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def level_turns(axis, seconds, **habits):
     return Plan(np.roll(np.eye(3)[axis], 1), turns, **habits | {"move_s": seconds})
 
 
-def planned_recording(plan, calibration, variance, rate):
+def planned_recording(plan, calibration, variance, rate, aliased=0.0):
     """Return the Recording that a device would log of a plan, without noise, SI as logged.
 
     The effects of its calibration are left out: they are small, and what is asked of the
@@ -106,6 +106,8 @@ def planned_recording(plan, calibration, variance, rate):
         Sample variance at rest of the six channels, SI squared.
     rate : float
         Samples per second of the device, Hz.
+    aliased : float
+        Variance that this rate adds to each axis of a turn, rad².
     """
     moves = np.broadcast_to(plan.move_s, len(plan.turns))
     # rest, move, rest, …, rest: the number of each sample's part, even at rest
@@ -147,4 +149,7 @@ def planned_recording(plan, calibration, variance, rate):
         **means,
         **{f"{name}_std": np.full(len(n), size) for name, size in deviations},
     }
-    return record([log], [segments], np.inf).of_new_runs()
+    made = record([log], [segments], np.inf).without_aliasing().of_new_runs()
+    at = np.zeros((len(made.rotations), 1), int)
+    added = np.tile(aliased * np.eye(3), (*at.shape, 1, 1))
+    return replace(made, rotations=replace(made.rotations, added_at=at, added=added))

@@ -24,6 +24,7 @@ from imuloop.report.verdict import (
     misfit,
     quoted,
     shown,
+    undersampled,
 )
 
 # the most sentences per device
@@ -85,6 +86,7 @@ def next_steps(device):
         first_session,
         _clipped,
         _unexplained,
+        _undersampled,
         _short_rests,
         best_recording,
         hole,
@@ -171,6 +173,13 @@ def _unexplained(device):
             if sensor == "gyroscope" and residual["unit"] == "rad/s":
                 earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
         yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
+
+
+def _undersampled(device):
+    """Yield at which rate to record such turns."""
+    found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
+    if found:
+        yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
 
 
 def _clipped(device):

@@ -165,6 +165,17 @@ def misfit(block):
     return f" Reduced χ² of the {words} is {number(chi2)}; noise alone gives 1."
 
 
+def undersampled(block):
+    """Return what the rate of the log adds to the rotations, or None, and at which to record."""
+    if not (found := block["residuals"].get("rotation", {}).get("undersampled")):
+        return None, ""
+    return found, (
+        f"Sampled too slowly for such turns: what {number(found['rate_hz'])} Hz does not show "
+        f"adds {RESIDUAL['rad'].text(found['error'])} to the {RESIDUAL_WORDS['rotation']}; record "
+        f"at {10 * np.ceil(found['enough_hz'] / 10):g} Hz or more, or turn more slowly."
+    )
+
+
 def too_quiet(block):
     """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
     for name, r in block["residuals"].items():
@@ -238,6 +249,7 @@ def sentence(sensor, block):
             )
     elif block.get("slow_noise"):
         text += SLOW_NOISE
+    text += f" {undersampled(block)[1]}".rstrip()
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
         text += f" Left out, for a knock between two samples: {spoiled} of {of}."
@@ -285,9 +297,11 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
+    slow = undersampled(block)[0]
+    allows = "its noise and the rate of its log allow" if slow else "its noise allows"
     return {
-        "consistent": "as good as its noise allows",
-        "explained": f"as good as its noise allows with {effects} corrected",
+        "consistent": f"as good as {allows}",
+        "explained": f"as good as {allows} with {effects} corrected",
         "partly_explained": f"better with {effects} corrected, but something is still missing",
         "unexplained": "something is missing that no known effect explains",
     }[block["verdict"]]

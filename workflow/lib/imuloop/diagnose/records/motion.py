@@ -109,7 +109,9 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
     model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {len(quiet)} moves without a knock, at least {LEAST_MOVES} needed"
-        unfitted = Solution(found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0))))
+        unfitted = Solution(
+            found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0)), np.zeros(0))
+        )
         return replace(untestable(f"{why}: {SOFTER}", columns), fit=(model, unfitted))
     model = model.given_rotation(recording, found)
     shapes = candidates_in_motion({type(e.effect) for e in found})

@@ -138,13 +138,16 @@ def judged_residuals(choices, kinds, count):
             problem, kind, unit, rows, judged, errors, floor, share, bool(added)
         )
         above = np.logical_or(above, found)
-        slow |= judged[1].estimated < share
+        if kind != "rotation" or problem.recording.rotations.aliased is None:
+            slow |= judged[1].estimated < share
         each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
         residuals[kind] = entry | {
             "floor_range": floor_range(weights, each, entry["floor"]),
             "in_sample_before": size_of(problem, kind, base.values[rows][:, None]),
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
         }
+        if kind == "rotation":
+            residuals[kind] |= undersampled(problem, final.solution)
     found = {
         "verdict": verdict(*above, added),
         "slow_noise": bool(slow and not above[1]),
@@ -153,6 +156,27 @@ def judged_residuals(choices, kinds, count):
     # what is left of a residual has its sign
     left = (*(-each[:, 0] for each in errors), base.values, final.values)
     return found, residual_columns(problem, kinds, left, floor[:, 0])
+
+
+def undersampled(problem, solution):
+    """Return what the rate of the log adds to the rotations if it is more than all other noise.
+
+    Beside the noise as it was estimated. At ``enough_hz`` it would be as large as the others: its
+    variance falls with the rate as the spectrum of the turns does with frequency.
+    """
+    sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
+    if rotations.aliased is None:
+        return {}
+    found = [sensor.covariances(solution, r) for r in (recording, recording.without_aliasing())]
+    sums = (np.diag(each(sensor.noise))[-2 * len(rotations) :].sum() for each in found)
+    whole, others = (total / len(rotations) for total in sums)
+    own, rate = whole - others, 1 / np.median(rotations.steps[rotations.steps > 0])
+    if own <= others:
+        return {}
+    enough = rate * (own / others) ** (1 / np.average(rotations.fall, weights=rotations.aliased))
+    found = np.sqrt(own), np.sqrt(others), rate, enough
+    names = ("error", "others", "rate_hz", "enough_hz")
+    return {"undersampled": dict(zip(names, map(float, found), strict=True))}
 
 
 def _final_solution(problem, base):

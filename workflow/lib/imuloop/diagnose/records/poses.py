@@ -18,6 +18,8 @@ from imuloop.diagnose.variance import Part, likely_sizes, total
 PATH = (0.0, 0.3, 0.6, 1.0)
 # size at which a part of the noise counts as half a parameter that was fitted
 HALF_A_PARAMETER = 0.1
+# standard deviation of the error that is foreseen of turns that were sampled too slowly, over it
+KNOWN_TO = 0.2
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,10 @@ class PoseProblem:
         return self._columns[effect]
 
     def _parts(self, solution):
-        """Return the covariance of the noise but for flicker and walk, and these axis by axis."""
+        """Return the covariance of the noise but for flicker and walk, and these axis by axis.
+
+        What turns lose between two samples is a part too, of size one.
+        """
         sensor, recording = self.sensor, self.recording
         terms = [(axis, name) for axis in sensor.axes for name in "BK"]
         limits = {t: sensor.noise.known(*t) for t in terms}
@@ -192,16 +197,22 @@ class PoseProblem:
         without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))
         # rows of other records are independent, of variance one
         others = np.eye(len(self.prior_rows[1]))
-        of_noise = sensor.covariances(solution, recording)
+        of_noise = sensor.covariances(solution, recording.without_aliasing())
 
         def covariance(noise):
             return block_diag(of_noise(noise), others)
 
         fixed = covariance(without)
-        return fixed, [
+        parts = [
             Part(covariance(without.with_sizes({t: spread})) - fixed, size / spread, 1.0)
             for t, (size, spread) in loose.items()
         ]
+        if recording.rotations.aliased is not None:
+            # from here on with it
+            of_noise = sensor.covariances(solution, recording)
+            aliased = covariance(without) - fixed
+            parts += [Part(aliased, 1.0, KNOWN_TO)] * bool(aliased.any())
+        return fixed, parts
 
     def nearest(self, base):
         """Return the residuals about the fit with the most of some effects that was asked for.

@@ -1,0 +1,104 @@
+"""What a slow log loses of turns by hand is foreseen; of others there is nothing to foresee."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibrate import hand
+from calibrate.devices import recorded
+from imuloop.calibrate.undersampling import aliased_turns
+from imuloop.core.rotation import exponential, prefix_product, step_vectors
+from imuloop.core.samples import ANGULAR_RATE, TIME
+from imuloop.simulate.logger import lose
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+from seeds import seeds
+
+NOISE, TURNS = 2e-3, 40
+
+
+def turned(w, rate):
+    """Return the turn that samples of a rate make."""
+    steps = step_vectors(w, np.full(len(w) - 1, 1 / rate))
+    return Rotation.from_quat(prefix_product(exponential(steps))[-1], scalar_first=True)
+
+
+def foreseen(turns, rate, noise=NOISE, rng=None):
+    """Return what `aliased_turns` does of turns, one after the other in a log."""
+    last = np.cumsum([len(w) for w in turns]) - 1
+    w = np.concatenate(turns)
+    if noise:
+        w = w + noise * rng.standard_normal(w.shape)
+    log = {TIME: np.arange(len(w)) / rate, **dict(zip(ANGULAR_RATE, w.T, strict=True))}
+    shape = len(turns), 3
+    where = np.append(0, last[:-1] + 1), last
+    return aliased_turns(log, *where, np.zeros(shape), np.full(shape, noise**2))
+
+
+def drawn(seed, rate):
+    """Return turns as they are and as they are logged, and the generator."""
+    rng = np.random.default_rng(seed)
+    whole = [hand.turn(rng) for _ in range(TURNS)]
+    return whole, [hand.sampled(w, rate, rng) for w in whole], rng
+
+
+@seeds(5, 20)
+@pytest.mark.parametrize("rate", [50, 62.5, 100])
+def test_the_error_of_turns_by_hand_is_foreseen_within_20_per_cent(seeds, rate):
+    expected, found = [], []
+    for seed in range(seeds):
+        whole, logged, rng = drawn(seed, rate)
+        expected.append(foreseen(logged, rate, rng=rng)[0])
+        for w, own in zip(whole, logged, strict=True):
+            lack = turned(own, rate) * turned(w, hand.RATE).inv()
+            found.append(lack.as_rotvec() ** 2)
+    assert np.sqrt(np.mean(expected) / np.mean(found)) == pytest.approx(1, abs=0.2)
+
+
+def test_turns_that_lose_more_are_foreseen_to_and_along_what_they_lose():
+    gain = []
+    for seed in range(5):
+        whole, logged, rng = drawn(seed, 50)
+        size, _, at, covariance = foreseen(logged, 50, rng=rng)
+        np.testing.assert_allclose(np.trace(covariance.sum(axis=1), 0, 1, 2), 3 * size)
+        for k, (w, own) in enumerate(zip(whole, logged, strict=True)):
+            lack = (turned(own, 50) * turned(w, hand.RATE).inv()).as_rotvec()
+            steps = [turned(own[: i + 2], 50).as_matrix() for i in at[k]]
+            of_turn = sum(C @ part @ C.T for C, part in zip(steps, covariance[k], strict=True))
+            # logarithm of the likelihood, over that of turns that are all alike
+            for matrix, sign in ((of_turn, 1), (size.mean() * np.eye(3), -1)):
+                squares = lack @ np.linalg.solve(matrix, lack)
+                gain.append(-sign * (np.linalg.slogdet(matrix)[1] + squares) / 2)
+    assert 2 * np.mean(gain) > 0.5
+
+
+def test_means_over_each_step_lose_a_tenth_as_much():
+    rate, ratio = 50, []
+    for seed in range(3):
+        whole, logged, _ = drawn(seed, rate)
+        step = hand.RATE // rate
+        for w, own in zip(whole, logged, strict=True):
+            n = len(w) // step
+            # a sample more at rest, for the mean of a step to be at its middle
+            means = w[: n * step].reshape(n, step, 3).mean(axis=1)
+            lacks = (
+                (turned(x, rate) * turned(w, hand.RATE).inv()).magnitude() for x in (means, own)
+            )
+            ratio.append(list(lacks))
+    of_means, of_instants = np.mean(np.square(ratio), axis=0)
+    assert of_means < of_instants / 100
+
+
+@pytest.mark.parametrize("share", [0.0, 0.03])
+def test_turns_that_are_followed_lose_nothing_even_where_samples_are_lost(share):
+    log = simulate_session(example_truth(), "multi_position", 3)
+    assert recorded(lose(log, share, np.random.default_rng(1))).rotations.aliased is None
+
+
+def test_without_noise_and_without_a_turn():
+    size, *_ = foreseen([np.zeros((50, 3))] * 3, 100, noise=0)
+    assert not size.any()
+    bell = np.outer(hand.bell(np.arange(100) / 100), [1, 2, 3])
+    size, fall, *_ = foreseen([bell] * 3, 100, noise=0)
+    assert np.sqrt(size.max()) < 1e-5
+    assert fall[0] > 5

@@ -1,0 +1,31 @@
+"""A device of turns by hand in a slow log: the rate is named, and nothing else."""
+
+from calibrate import hand
+from imuloop.simulate.truth import example_truth
+from quick import diagnosed
+from seeds import least, seeds
+
+TRUTH, RATE = example_truth(), 50.0
+
+
+@seeds(2, 20)
+def test_what_a_slow_log_lost_is_named_and_no_effect_is(seeds, tmp_path):
+    named = unexplained = 0
+    for seed in range(seeds):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        found = diagnosed(folder, hand.log(RATE, seed, TRUTH), gravity=TRUTH.gravity)
+        blocks = [found[s][r] for s in found for r in ("poses", "motion", "static_record")]
+        named += any(block["effects"] for block in blocks)
+        turns = found["gyroscope"]["poses"]
+        unexplained += turns["verdict"] == "unexplained"
+        lost = turns["residuals"]["rotation"]["undersampled"]
+        assert lost["rate_hz"] < 50.1 and lost["enough_hz"] > 150
+        # by the whole spectrum what is left is about as large as the floor
+        assert (
+            0.5
+            < turns["residuals"]["rotation"]["after"] / turns["residuals"]["rotation"]["floor"]
+            < 2
+        )
+    allowed = seeds - least(seeds, 0.95, 0.05)
+    assert named <= allowed and unexplained <= allowed
