@@ -27,8 +27,8 @@ def static_records(measured, device):
 
 @pytest.fixture(
     scope="module",
-    params=[SESSIONS[:2], pytest.param(SESSIONS, marks=pytest.mark.study)],
-    ids=["two orientations", "all"],
+    params=[SESSIONS[:1], pytest.param(SESSIONS, marks=pytest.mark.study)],
+    ids=["one orientation", "all"],
 )
 def tag(request, measured):
     """The name of the tag as a device of some of its sessions."""
@@ -97,6 +97,7 @@ def test_coefficients_of_the_orientations_side_by_side(found, minutes, sensor, a
         assert 0 < coefficient["std"] < abs(coefficient["value"]) / 3
 
 
+@pytest.mark.study
 def test_a_phone_at_rest_has_no_vibration_rectification(measured, monkeypatch):
     entry = {"kind": "static", "format": "netcdf", "file": PHONE}
     entry["columns"] = {"angular_rate": ANGULAR_RATE}

@@ -9,10 +9,8 @@ from published.test_stability import diagnosed
 NAME, LIMITS = "xsens_mti", 2.0
 
 
-@pytest.mark.parametrize(
-    ("name", "axis"),
-    [("bias_drift", "x"), pytest.param("warm_up", "z", marks=pytest.mark.study)],
-)
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "axis"), [("bias_drift", "x"), ("warm_up", "z")])
 def test_what_changes_with_time_is_found(measured, tmp_path, name, axis):
     candidates = measured.json(NAME, "diagnosis")["sensors"]["gyroscope"]["poses"]["candidates"]
     (candidate,) = (c for c in candidates if c["name"] == name)

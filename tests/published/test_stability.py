@@ -61,9 +61,9 @@ def judged(sensors):
     ("change", "segment"),
     [
         (other_axes_and_unit, {}),
-        (one_pose_less, {}),
-        (as_logged, {"window_s": 0.7}),
-        (as_logged, {"window_s": 1.3}),
+        pytest.param(one_pose_less, {}, marks=pytest.mark.study),
+        pytest.param(as_logged, {"window_s": 0.7}, marks=pytest.mark.study),
+        pytest.param(as_logged, {"window_s": 1.3}, marks=pytest.mark.study),
     ],
 )
 def test_verdicts_are_stable(measured, tmp_path, name, change, segment):

@@ -1,6 +1,5 @@
-"""A run of the workflow on a small config for all tests of it, and one of a device alone."""
+"""A run of the workflow on a small config for all tests of it."""
 
-import os
 import shutil
 from dataclasses import replace
 
@@ -92,16 +91,3 @@ def finished(checkout, logs, tmp_path_factory):
     write_log(folder / "swapped.csv", logs["six_position"].assign(**other), {})
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     return folder, snakemake(checkout, folder)
-
-
-@pytest.fixture(scope="session")
-def alone(checkout, logs, tmp_path_factory):
-    """The resting device alone: paths relative to another folder, and no target."""
-    beside = tmp_path_factory.mktemp("beside")
-    folder = beside / "else where"
-    folder.mkdir()
-    write_log(folder / "rest.parquet", logs["static"], {})
-    config = {"defaults": QUICK, "devices": {"resting": RESTING}}
-    (folder / "config.yaml").write_text(yaml.safe_dump(config))
-    source, given = os.path.relpath(checkout, beside), {"config": "else where/config.yaml"}
-    return folder, snakemake(source, folder, target=None, cwd=beside, **given)

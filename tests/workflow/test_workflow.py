@@ -2,11 +2,15 @@
 
 import hashlib
 import json
+import os
 import re
 
 import pandas as pd
 import yaml
 
+from imuloop import chain
+from imuloop.config import STAGES, resolve
+from workflow.conftest import QUICK, RESTING
 from workflow.run import snakemake
 
 
@@ -35,15 +39,32 @@ def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
     assert all(axis["N"]["identifiable"] for axis in noise["axes"].values())
 
 
-def test_the_files_of_a_good_device_are_the_same_bytes_alone(finished, alone):
-    assert alone[1].returncode == 0, alone[1].stderr
-    beside, single = (folder / "results/resting" for folder, _ in (finished, alone))
+def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tmp_path):
+    beside, single = finished[0] / "results/resting", tmp_path / "resting"
+    declared = resolve({"defaults": QUICK, "devices": {"resting": RESTING}})["resting"]
+    session = declared["sessions"]["rest"]
+    given = {key: declared[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
+    device = chain.Device("resting", single, {"rest": session.pop("kind")}, **given)
+    assert chain.ingest(device, "rest", session, [finished[0] / "rest.parquet"]) == []
+    assert chain.run(device) == []
     files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
     assert len(files) > 20
     assert [p for p in files if (single / p).read_bytes() != (beside / p).read_bytes()] == []
-    assert {path.name for path in (alone[0] / "results").glob("*.*")} == {
-        *("report.html", "comparison.csv")
-    }
+
+
+def test_paths_may_be_relative_to_another_folder_and_no_target_is_all(checkout, finished, tmp_path):
+    folder = tmp_path / "else where"
+    folder.mkdir()
+    (folder / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
+    (folder / "config.yaml").write_text(yaml.safe_dump({"devices": {"resting": RESTING}}))
+    source, config = os.path.relpath(checkout, tmp_path), "else where/config.yaml"
+    given = {"target": None, "config": config, "cwd": tmp_path}
+    done = snakemake(source, folder, "--until", "ingest", **given)
+    assert done.returncode == 0, done.stderr
+    made = {path.name for path in (folder / "results/resting/rest").iterdir()}
+    assert made == {"samples.parquet", "quality.json"}
+    planned = snakemake(source, folder, "-n", **given).stdout
+    assert "results/report.html" in planned and "results/comparison.csv" in planned
 
 
 def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):
