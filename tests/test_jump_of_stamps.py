@@ -41,7 +41,9 @@ def results(samples, kind, after, jump, folder):
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("kind", LOGS)
+@pytest.mark.parametrize(
+    "kind", ["static", pytest.param("multi_position", marks=pytest.mark.study)]
+)
 def test_what_lies_between_changes_nothing(recordings, tmp_path, kind):
     read, after = LOGS[kind]
     samples = read(recordings)

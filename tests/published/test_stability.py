@@ -12,7 +12,7 @@ from imuloop.chain import Device
 from imuloop.core.units import DEGREE
 from quick import verdicts
 
-DEVICES = ("xsens_mti", pytest.param("mpu9150_1", marks=pytest.mark.study))
+DEVICES = ("xsens_mti", "mpu9150_1")
 TURNED = {"ax": "ay", "ay": "az", "az": "ax", "gx": "gy", "gy": "gz", "gz": "gx"}
 
 
@@ -56,14 +56,15 @@ def judged(sensors):
     }
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", DEVICES)
 @pytest.mark.parametrize(
     ("change", "segment"),
     [
         (other_axes_and_unit, {}),
-        pytest.param(one_pose_less, {}, marks=pytest.mark.study),
-        pytest.param(as_logged, {"window_s": 0.7}, marks=pytest.mark.study),
-        pytest.param(as_logged, {"window_s": 1.3}, marks=pytest.mark.study),
+        (one_pose_less, {}),
+        (as_logged, {"window_s": 0.7}),
+        (as_logged, {"window_s": 1.3}),
     ],
 )
 def test_verdicts_are_stable(measured, tmp_path, name, change, segment):

@@ -132,23 +132,24 @@ def test_a_default_config_that_is_no_yaml_is_named(checkout, tmp_path):
 
 
 def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(checkout, tmp_path):
-    content = b"t,ax,ay,az,gx,gy,gz\n" + b"0,0,0,9.8,0,0,0\n" * 50
-    digest = hashlib.sha256(content).hexdigest()
-    source = {"url": "http://127.0.0.1:9/log.csv", "sha256": digest}
-    config = {"devices": {"a": {"sessions": {"rest": {"kind": "static", "file": source}}}}}
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    sessions, cached = {}, {}
     (tmp_path / "mirror/deep").mkdir(parents=True)
-    cached = f"data/cache/{digest}/log.csv"
-    done = snakemake(checkout, tmp_path, target=cached)
-    [line] = [x for x in done.stderr.splitlines() if x.startswith("ingest_fetch log.csv: ")]
-    assert done.returncode == 1 and "127.0.0.1:9/log.csv" in line
-    [log] = (tmp_path / "logs/ingest_fetch").rglob("*.log")
-    assert "Traceback" in log.read_text() and not (tmp_path / cached).exists()
-    (tmp_path / "mirror/deep/log.csv").write_bytes(content)
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"mirror": "mirror", **config}))
-    done = snakemake(checkout, tmp_path, target=cached)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / cached).read_bytes() == content
+    for name in ("here", "gone"):
+        content = f"t,ax,ay,az,gx,gy,gz,{name}\n".encode() + b"0,0,0,9.8,0,0,0,0\n" * 50
+        digest = hashlib.sha256(content).hexdigest()
+        source = {"url": f"http://127.0.0.1:9/{name}.csv", "sha256": digest}
+        sessions[name] = {"kind": "static", "file": source}
+        cached[name] = f"data/cache/{digest}/{name}.csv"
+        if name == "here":
+            (tmp_path / "mirror/deep/here.csv").write_bytes(content)
+    config = {"mirror": "mirror", "devices": {"a": {"sessions": sessions}}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    done = snakemake(checkout, tmp_path, "-k", target=" ".join(cached.values()))
+    [line] = [x for x in done.stderr.splitlines() if x.startswith("ingest_fetch gone.csv: ")]
+    assert done.returncode == 1 and "127.0.0.1:9/gone.csv" in line
+    failed = [p for p in (tmp_path / "logs/ingest_fetch").rglob("*.log") if p.stat().st_size]
+    assert len(failed) == 1 and "Traceback" in failed[0].read_text()
+    assert [(tmp_path / path).exists() for path in cached.values()] == [True, False]
 
 
 def test_the_library_never_imports_the_workflow_manager(repository):
