@@ -1,5 +1,6 @@
 """Mutated logs and configs, a small part of ``make fuzz``; and whether it would see harm."""
 
+import gc
 import gzip
 import os
 import time
@@ -23,12 +24,14 @@ def seeds(tmp_path_factory):
 
 
 def test_mutated_files_are_read_rejected_or_refused_in_one_line():
-    ends, faults = entry.fuzz(24)
+    # what other tests left behind is finalised here, not in a worker
+    gc.collect()
+    ends, faults = entry.fuzz(18)
     assert faults == []
     assert {end for _, end in ends} == {"ok", "rejected", "declared", "faults", "unreadable"}
     assert len({kind for kind, _ in ends}) == 9
     # as in any other share among workers
-    assert entry.fuzz(4, first=20, workers=1)[0] <= ends
+    assert entry.fuzz(3, first=15, workers=1)[0] <= ends
 
 
 def test_a_case_is_made_of_its_number_alone(seeds, tmp_path):

@@ -112,7 +112,13 @@ def test_nothing_is_left_behind(read, tmp_path, monkeypatch, how):
         os.waitpid(-1, os.WNOHANG)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+def test_every_reader_of_binary_files_has_a_process_of_its_own():
+    assert all(
+        hasattr(find_format(None, {"log": f"log.{e}"})[1].read, "__wrapped__") for e in ENDINGS
+    )
+
+
+@pytest.mark.parametrize("ending", ["mat", "bag"])
 def test_the_same_through_a_process(seeds, tmp_path, ending):
     path = tmp_path / f"log.{ending}"
     path.write_bytes(seeds[ending])

@@ -96,4 +96,4 @@ def finished(checkout, logs, tmp_path_factory):
     other = {"gx": logs["six_position"]["gy"], "gy": logs["six_position"]["gx"]}
     write_log(folder / "swapped.csv", logs["six_position"].assign(**other), {})
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
-    return folder, snakemake(checkout, folder)
+    return folder, snakemake(checkout, folder, target=None)
