@@ -1,5 +1,6 @@
 """Results without what takes longest and no verdict hangs on: limits, attitude, pictures."""
 
+from contextlib import contextmanager
 from unittest.mock import patch
 
 from bench.study.chain import ATTITUDE, LIMITS
@@ -14,10 +15,17 @@ def stages(device):
         assert stage(device) == []
 
 
+@contextmanager
+def hurried(name):
+    """Leave out detection limits, and the attitude of the device of that name."""
+    attitude = no_attitude(name, "not asked for")
+    with patch(LIMITS, return_value={}), patch(ATTITUDE, return_value=attitude):
+        yield
+
+
 def verdicts(device):
     """Return the diagnosis of both sensors of a device that is ingested."""
-    attitude = no_attitude(device.name, "not asked for")
-    with patch(LIMITS, return_value={}), patch(ATTITUDE, return_value=attitude):
+    with hurried(device.name):
         stages(device)
     return read_json(device.file("diagnosis.json"))["sensors"]
 

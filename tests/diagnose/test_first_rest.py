@@ -23,6 +23,7 @@ PLAN = SessionTruth(
 EFFECTS = {"accelerometer": ("scale_temperature", 4e-4), "gyroscope": ("bias_temperature", 3e-4)}
 
 
+@pytest.mark.study
 def test_an_effect_that_the_first_rest_shows_too_is_that_of_the_poses():
     changed = {
         sensor: getattr(with_effect(sensor, find_effect(name)(), [size] * 3), sensor)

@@ -44,7 +44,17 @@ HARMS = {
 }
 
 
-@pytest.mark.parametrize(("harm", "force", "turn"), HARMS.values(), ids=HARMS.keys())
+# the others in the study
+QUICK = ("gyroscope clipped", "scale halves")
+
+
+@pytest.mark.parametrize(
+    ("harm", "force", "turn"),
+    [
+        pytest.param(*own, id=name, marks=() if name in QUICK else pytest.mark.study)
+        for name, own in HARMS.items()
+    ],
+)
 def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
     log = xsens(recordings)
     harm(log)

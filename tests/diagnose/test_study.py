@@ -17,12 +17,9 @@ PART = (
 )
 
 
-@pytest.fixture(scope="module")
-def part():
-    return run(PART, first=0, seeds=1, controls=1, workers=2, progress=lambda line: None)
-
-
-def test_devices_are_judged_by_what_was_put_in(part):
+@pytest.mark.study
+def test_devices_are_judged_by_what_was_put_in():
+    part = run(PART, first=0, seeds=1, controls=1, workers=2, progress=lambda line: None)
     (control,), (quadratic,) = (part[case] for case in PART)
     assert judge(PART[0], control)["more"] == []
     found = judge(PART[1], quadratic)

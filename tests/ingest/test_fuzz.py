@@ -1,5 +1,6 @@
 """Mutated logs and configs, a small part of ``make fuzz``; and whether it would see harm."""
 
+import gc
 import gzip
 import os
 import time
@@ -23,12 +24,14 @@ def seeds(tmp_path_factory):
 
 
 def test_mutated_files_are_read_rejected_or_refused_in_one_line():
-    ends, faults = entry.fuzz(100)
+    # what other tests left behind is finalised here, not in a worker
+    gc.collect()
+    ends, faults = entry.fuzz(18)
     assert faults == []
     assert {end for _, end in ends} == {"ok", "rejected", "declared", "faults", "unreadable"}
     assert len({kind for kind, _ in ends}) == 9
     # as in any other share among workers
-    assert entry.fuzz(10, first=90, workers=1)[0] <= ends
+    assert entry.fuzz(3, first=15, workers=1)[0] <= ends
 
 
 def test_a_case_is_made_of_its_number_alone(seeds, tmp_path):
@@ -41,8 +44,11 @@ def test_a_case_is_made_of_its_number_alone(seeds, tmp_path):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("kind", ["csv", "ulog", "matlab", "zip", "ros", "dataflash", "table"])
-def test_what_is_mutated_was_a_sound_log(kind, seeds, tmp_path, monkeypatch):
+def test_what_is_mutated_was_a_sound_log(kind, seeds, tmp_path, monkeypatch, request):
     monkeypatch.chdir(tmp_path)
+    # an odd one of MATLAB takes all memory
+    if kind != "matlab":
+        request.getfixturevalue("in_process")
     for i, (name, content) in enumerate(seeds[kind]):
         packed = kind == "csv" and name.endswith("gz")
         Path(name).write_bytes(gzip.compress(content) if packed else content)

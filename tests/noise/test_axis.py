@@ -12,6 +12,7 @@ from imuloop.noise.sampling import Sampling
 from imuloop.noise.selection import Selection
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
+from seeds import least, seeds
 
 SETTINGS = NoiseSettings()
 N, RATE = 30_000, 10.0
@@ -40,18 +41,21 @@ def estimates(seeds, **truth):
 
 
 def held(coefficients, truth):
-    return sum(c.ci95[0] <= truth <= c.ci95[1] for c in coefficients)
+    """Return whether intervals of 95 % hold the truth as often as they are to."""
+    count = sum(c.ci95[0] <= truth <= c.ci95[1] for c in coefficients)
+    return count >= least(len(coefficients), 0.95, 0.01)
 
 
-def test_white_noise_alone():
-    found = estimates(10)
+@seeds(5, 20)
+def test_white_noise_alone(seeds):
+    found = estimates(seeds)
     relative = np.array([f.N.value for f in found]) / 0.01 - 1
     # the bound is 1/sqrt(2n)
     assert np.sqrt(np.mean(relative**2)) < 1.4 / np.sqrt(2 * N)
-    assert held([f.N for f in found], 0.01) >= 8
+    assert held([f.N for f in found], 0.01)
     for name in "QBKR":
-        assert sum(getattr(f, name).identifiable for f in found) <= 1, name
-    assert sum(bool(f.gauss_markov or f.sinusoid) for f in found) <= 1
+        assert sum(getattr(f, name).identifiable for f in found) <= seeds / 5, name
+    assert sum(bool(f.gauss_markov or f.sinusoid) for f in found) <= seeds / 5
 
 
 def test_what_is_not_there_is_a_limit_and_a_length_and_no_number():
@@ -62,32 +66,35 @@ def test_what_is_not_there_is_a_limit_and_a_length_and_no_number():
     assert N * DT / 3 < noise.K.needed_s < 30 * N * DT
 
 
-def test_random_walk():
-    found = [f.K for f in estimates(8, K=3e-4)]
+@seeds(5, 20)
+def test_random_walk(seeds):
+    found = [f.K for f in estimates(seeds, K=3e-4)]
     assert all(k.identifiable for k in found)
     assert np.sqrt(np.mean([(k.value / 3e-4 - 1) ** 2 for k in found])) < 0.22
-    assert held(found, 3e-4) >= 6
+    assert held(found, 3e-4)
 
 
-def test_flicker_and_quantisation():
-    found = estimates(6, B=4e-3, Q=5e-3)
+@seeds(5, 20)
+def test_flicker_and_quantisation(seeds):
+    found = estimates(seeds, B=4e-3, Q=5e-3)
     assert all(f.B.identifiable and f.Q.identifiable for f in found)
-    assert held([f.B for f in found], 4e-3) >= 4
-    assert held([f.Q for f in found], 5e-3) >= 4
+    assert held([f.B for f in found], 4e-3) and held([f.Q for f in found], 5e-3)
     assert np.mean([f.B.value for f in found]) == pytest.approx(4e-3, rel=0.05)
 
 
-def test_a_ramp_is_no_walk():
-    found = estimates(5, R=1e-5)
+@seeds(5, 20)
+def test_a_ramp_is_no_walk(seeds):
+    found = estimates(seeds, R=1e-5)
     assert all(f.R.identifiable and not f.K.identifiable for f in found)
-    assert held([f.R for f in found], 1e-5) >= 4
+    assert held([f.R for f in found], 1e-5)
 
 
-def test_a_hump_is_found_with_its_time():
-    found = estimates(5, hump=(4e-3, 20.0))
+@seeds(5, 20)
+def test_a_hump_is_found_with_its_time(seeds):
+    found = estimates(seeds, hump=(4e-3, 20.0))
     assert all(len(f.gauss_markov) == 1 and not f.sinusoid for f in found)
-    assert held([f.gauss_markov[0].q for f in found], 4e-3) >= 4
-    assert held([f.gauss_markov[0].tc for f in found], 20.0) >= 4
+    assert held([f.gauss_markov[0].q for f in found], 4e-3)
+    assert held([f.gauss_markov[0].tc for f in found], 20.0)
 
 
 def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
@@ -147,19 +154,21 @@ def short_lines(seed, amplitude=0.0, **truth):
     return find_lines([SHORT], SHORT_BASIS, [[x]], SETTINGS)[0]
 
 
+@seeds(5, 20)
 @pytest.mark.parametrize("kind", SLOW)
-def test_a_line_of_four_periods_is_no_slow_noise(kind):
+def test_a_line_of_four_periods_is_no_slow_noise(kind, seeds):
     density = slow_density(**SLOW[kind])
     amplitude = 3 * line_limit(SHORT, density, 0.01)
-    found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(6)]
+    found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(seeds)]
     # one over the record away
     near = [len(f) == 1 and abs(f[0].frequency - 0.01) < 0.0025 for f in found]
-    assert sum(near) >= 5
+    assert sum(near) >= 0.8 * seeds
 
 
-def test_slow_noise_is_no_line():
-    found = {kind: sum(bool(short_lines(s, **SLOW[kind])) for s in range(8)) for kind in SLOW}
-    assert sum(found.values()) <= 1, found
+@seeds(5, 20)
+def test_slow_noise_is_no_line(seeds):
+    found = {kind: sum(bool(short_lines(s, **SLOW[kind])) for s in range(seeds)) for kind in SLOW}
+    assert sum(found.values()) <= seeds / 5, found
 
 
 def test_a_line_that_wanders_is_one_line():

@@ -7,7 +7,7 @@ import pytest
 from bench.measured import devices
 from imuloop.config import resolve
 
-SESSIONS = ("static_z", "static_x", "static_y")
+pytestmark = pytest.mark.study
 SENSORS = {"accelerometer": ("ax", "ay", "az"), "gyroscope": ("gx", "gy", "gz")}
 # Galaxy S5: mean and variance of its accelerometer drift together
 PHONE = {
@@ -25,30 +25,16 @@ def static_records(measured, device):
     return {sensor: part["static_record"] for sensor, part in sensors.items()}
 
 
-@pytest.fixture(
-    scope="module",
-    params=[SESSIONS[:2], pytest.param(SESSIONS, marks=pytest.mark.study)],
-    ids=["two orientations", "all"],
-)
-def tag(request, measured):
-    """The name of the tag as a device of some of its sessions."""
-    whole, name = devices()["cats_tag"], f"cats_tag_{len(request.param)}"
-    sessions = {session: whole["sessions"][session] for session in request.param}
-    devices()[name] = {**whole, "sessions": sessions}
-    yield name
-    del devices()[name]
+@pytest.fixture(scope="module")
+def found(measured):
+    return static_records(measured, "cats_tag")
 
 
 @pytest.fixture(scope="module")
-def found(measured, tag):
-    return static_records(measured, tag)
-
-
-@pytest.fixture(scope="module")
-def minutes(measured, tag):
+def minutes(measured):
     """Return the means of each minute by session, straight from the samples."""
-    folder, means = measured.of(tag), {}
-    for session in devices()[tag]["sessions"]:
+    folder, means = measured.of("cats_tag"), {}
+    for session in devices()["cats_tag"]["sessions"]:
         log = pd.read_parquet(folder / session / "samples.parquet")
         means[session] = log.groupby((log.t // 60).astype(int)).mean()
     return means

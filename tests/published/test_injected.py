@@ -4,17 +4,26 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from bench.measured import ingested
+from imuloop.core.files import read_json
 from published.test_stability import diagnosed
+from quick import stages
 
 NAME, LIMITS = "xsens_mti", 2.0
 
 
-@pytest.mark.parametrize(
-    ("name", "axis"),
-    [("bias_drift", "x"), pytest.param("warm_up", "z", marks=pytest.mark.study)],
-)
-def test_what_changes_with_time_is_found(measured, tmp_path, name, axis):
-    candidates = measured.json(NAME, "diagnosis")["sensors"]["gyroscope"]["poses"]["candidates"]
+@pytest.fixture(scope="module")
+def candidates(measured, tmp_path_factory):
+    """Return the candidates at the poses of the gyroscope, with their limits."""
+    measured.of(NAME)
+    device = ingested(NAME, tmp_path_factory.mktemp("limits"))
+    stages(device)
+    return read_json(device.file("diagnosis.json"))["sensors"]["gyroscope"]["poses"]["candidates"]
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "axis"), [("bias_drift", "x"), ("warm_up", "z")])
+def test_what_changes_with_time_is_found(measured, candidates, tmp_path, name, axis):
     (candidate,) = (c for c in candidates if c["name"] == name)
     key = {"bias_drift": "d", "warm_up": "A"}[name] + axis
     size = LIMITS * candidate["detection_limit"][key]

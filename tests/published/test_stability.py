@@ -12,7 +12,7 @@ from imuloop.chain import Device
 from imuloop.core.units import DEGREE
 from quick import verdicts
 
-DEVICES = ("xsens_mti", pytest.param("mpu9150_1", marks=pytest.mark.study))
+DEVICES = ("xsens_mti", "mpu9150_1")
 TURNED = {"ax": "ay", "ay": "az", "az": "ax", "gx": "gy", "gy": "gz", "gz": "gx"}
 
 
@@ -56,6 +56,7 @@ def judged(sensors):
     }
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", DEVICES)
 @pytest.mark.parametrize(
     ("change", "segment"),

@@ -1,6 +1,5 @@
-"""A run of the workflow on a small config for all tests of it, and one of a device alone."""
+"""A run of the workflow on a small config for all tests of it."""
 
-import os
 import shutil
 from dataclasses import replace
 
@@ -24,7 +23,7 @@ CONFIG = {
         "posed": {
             "sessions": {
                 "poses": {"kind": "multi_position", "file": "logs in/p.csv"},
-                "faces": {"kind": "six_position", "file": "faces.csv"},
+                "faces": {"kind": "six_position", "format": "euroc", "file": "faces"},
                 "broken": {"kind": "static", "file": "broken.csv"},
             }
         },
@@ -33,6 +32,9 @@ CONFIG = {
         "failing": {"sessions": {"swapped": {"kind": "six_position", "file": "swapped.csv"}}},
     },
 }
+# columns of a sensor's folder of EuRoC
+EUROC = {f"g{x}": f"w_RS_S_{x} [rad s^-1]" for x in "xyz"}
+EUROC |= {f"a{x}": f"a_RS_S_{x} [m s^-2]" for x in "xyz"}
 # what is added to the noise stage
 FAIL = """
 
@@ -83,25 +85,15 @@ def logs():
 def finished(checkout, logs, tmp_path_factory):
     """A folder in which the workflow ran once, and what it printed."""
     folder = tmp_path_factory.mktemp("work")
-    (folder / "logs in").mkdir()
+    for name in ("logs in", "faces"):
+        (folder / name).mkdir()
     write_log(folder / "logs in/p.csv", logs["multi_position"], {})
-    write_log(folder / "faces.csv", logs["six_position"], {})
+    faces = logs["six_position"][["t", *EUROC]].rename(columns=EUROC)
+    faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
+    faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)
     write_log(folder / "rest.parquet", logs["static"], {})
     (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
     other = {"gx": logs["six_position"]["gy"], "gy": logs["six_position"]["gx"]}
     write_log(folder / "swapped.csv", logs["six_position"].assign(**other), {})
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
-    return folder, snakemake(checkout, folder)
-
-
-@pytest.fixture(scope="session")
-def alone(checkout, logs, tmp_path_factory):
-    """The resting device alone: paths relative to another folder, and no target."""
-    beside = tmp_path_factory.mktemp("beside")
-    folder = beside / "else where"
-    folder.mkdir()
-    write_log(folder / "rest.parquet", logs["static"], {})
-    config = {"defaults": QUICK, "devices": {"resting": RESTING}}
-    (folder / "config.yaml").write_text(yaml.safe_dump(config))
-    source, given = os.path.relpath(checkout, beside), {"config": "else where/config.yaml"}
-    return folder, snakemake(source, folder, target=None, cwd=beside, **given)
+    return folder, snakemake(checkout, folder, target=None)

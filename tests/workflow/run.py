@@ -11,7 +11,7 @@ def command(repository, folder, *arguments, target="results/report.html", config
     snakefile = Path(repository) / "Snakefile"
     words = [sys.executable, "-m", "snakemake", "-s", snakefile, "-d", folder, "-c2"]
     words += [*(["--configfile", config] if config else []), *arguments]
-    return [str(word) for word in (*words, *(["--", target] if target else []))]
+    return [str(word) for word in (*words, *(["--", *target.split()] if target else []))]
 
 
 def snakemake(

@@ -2,11 +2,15 @@
 
 import hashlib
 import json
+import os
 import re
 
 import pandas as pd
 import yaml
 
+from imuloop import chain
+from imuloop.config import STAGES, resolve
+from workflow.conftest import QUICK, RESTING
 from workflow.run import snakemake
 
 
@@ -35,15 +39,30 @@ def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
     assert all(axis["N"]["identifiable"] for axis in noise["axes"].values())
 
 
-def test_the_files_of_a_good_device_are_the_same_bytes_alone(finished, alone):
-    assert alone[1].returncode == 0, alone[1].stderr
-    beside, single = (folder / "results/resting" for folder, _ in (finished, alone))
+def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tmp_path):
+    beside, single = finished[0] / "results/resting", tmp_path / "resting"
+    declared = resolve({"defaults": QUICK, "devices": {"resting": RESTING}})["resting"]
+    session = declared["sessions"]["rest"]
+    given = {key: declared[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
+    device = chain.Device("resting", single, {"rest": session.pop("kind")}, **given)
+    assert chain.ingest(device, "rest", session, [finished[0] / "rest.parquet"]) == []
+    assert chain.run(device) == []
     files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
     assert len(files) > 20
     assert [p for p in files if (single / p).read_bytes() != (beside / p).read_bytes()] == []
-    assert {path.name for path in (alone[0] / "results").glob("*.*")} == {
-        *("report.html", "comparison.csv")
-    }
+
+
+def test_paths_may_be_relative_to_another_folder(checkout, finished, tmp_path):
+    folder = tmp_path / "else where"
+    folder.mkdir()
+    (folder / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
+    (folder / "config.yaml").write_text(yaml.safe_dump({"devices": {"resting": RESTING}}))
+    source, config = os.path.relpath(checkout, tmp_path), "else where/config.yaml"
+    target = "results/resting/rest/samples.parquet"
+    done = snakemake(source, folder, target=target, config=config, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    made = {path.name for path in (folder / "results/resting/rest").iterdir()}
+    assert made == {"samples.parquet", "quality.json"}
 
 
 def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):
@@ -111,23 +130,24 @@ def test_a_default_config_that_is_no_yaml_is_named(checkout, tmp_path):
 
 
 def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(checkout, tmp_path):
-    content = b"t,ax,ay,az,gx,gy,gz\n" + b"0,0,0,9.8,0,0,0\n" * 50
-    digest = hashlib.sha256(content).hexdigest()
-    source = {"url": "http://127.0.0.1:9/log.csv", "sha256": digest}
-    config = {"devices": {"a": {"sessions": {"rest": {"kind": "static", "file": source}}}}}
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    sessions, cached = {}, {}
     (tmp_path / "mirror/deep").mkdir(parents=True)
-    cached = f"data/cache/{digest}/log.csv"
-    done = snakemake(checkout, tmp_path, target=cached)
-    [line] = [x for x in done.stderr.splitlines() if x.startswith("ingest_fetch log.csv: ")]
-    assert done.returncode == 1 and "127.0.0.1:9/log.csv" in line
-    [log] = (tmp_path / "logs/ingest_fetch").rglob("*.log")
-    assert "Traceback" in log.read_text() and not (tmp_path / cached).exists()
-    (tmp_path / "mirror/deep/log.csv").write_bytes(content)
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"mirror": "mirror", **config}))
-    done = snakemake(checkout, tmp_path, target=cached)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / cached).read_bytes() == content
+    for name in ("here", "gone"):
+        content = f"t,ax,ay,az,gx,gy,gz,{name}\n".encode() + b"0,0,0,9.8,0,0,0,0\n" * 50
+        digest = hashlib.sha256(content).hexdigest()
+        source = {"url": f"http://127.0.0.1:9/{name}.csv", "sha256": digest}
+        sessions[name] = {"kind": "static", "file": source}
+        cached[name] = f"data/cache/{digest}/{name}.csv"
+        if name == "here":
+            (tmp_path / "mirror/deep/here.csv").write_bytes(content)
+    config = {"mirror": "mirror", "devices": {"a": {"sessions": sessions}}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    done = snakemake(checkout, tmp_path, "-k", target=" ".join(cached.values()))
+    [line] = [x for x in done.stderr.splitlines() if x.startswith("ingest_fetch gone.csv: ")]
+    assert done.returncode == 1 and "127.0.0.1:9/gone.csv" in line
+    failed = [p for p in (tmp_path / "logs/ingest_fetch").rglob("*.log") if p.stat().st_size]
+    assert len(failed) == 1 and "Traceback" in failed[0].read_text()
+    assert [(tmp_path / path).exists() for path in cached.values()] == [True, False]
 
 
 def test_the_library_never_imports_the_workflow_manager(repository):
