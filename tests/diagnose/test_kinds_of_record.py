@@ -59,6 +59,10 @@ class Linear:
     columns: np.ndarray
     covariances: list
     part: np.ndarray
+    rotations = SimpleNamespace(aliased=None)
+
+    def without_aliasing(self):
+        return self
 
     def design(self, effects):
         return np.column_stack([np.eye(2)[LEVEL], self.columns[:, [e.number for e in effects]]])

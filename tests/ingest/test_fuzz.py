@@ -46,8 +46,8 @@ def test_a_case_is_made_of_its_number_alone(seeds, tmp_path):
 @pytest.mark.parametrize("kind", ["csv", "ulog", "matlab", "zip", "ros", "dataflash", "table"])
 def test_what_is_mutated_was_a_sound_log(kind, seeds, tmp_path, monkeypatch, request):
     monkeypatch.chdir(tmp_path)
-    # an odd one of MATLAB takes all memory
-    if kind != "matlab":
+    # an odd one of MATLAB takes all memory, one of NetCDF is read where another was open before
+    if kind not in ("matlab", "table"):
         request.getfixturevalue("in_process")
     for i, (name, content) in enumerate(seeds[kind]):
         packed = kind == "csv" and name.endswith("gz")

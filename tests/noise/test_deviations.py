@@ -30,6 +30,7 @@ def test_stretches_pool_by_their_number_of_terms_whatever_their_levels(name):
     stretches = [rng.standard_normal(n) for n in (50, 400, 7)]
     factors = np.array([1, 3, 12, 100])
     terms = {
+        "allan": lambda n, m: n + 1 - 2 * m,
         "hadamard": lambda n, m: n + 1 - 3 * m,
         "modified": lambda n, m: n + 2 - 3 * m,
         "total": lambda n, m: n - 1 if m < n else 0,

@@ -70,7 +70,7 @@ def test_a_second_run_gives_the_same_bytes(results, tmp_path):
     for path in (*folder.glob("*.*"), *folder.glob("still/*.html")):
         path.unlink()
     write_section("still", label, folder / "still", kinds)
-    joined_report(folder, DEVICES, folder)
+    joined_report(folder, DEVICES, folder, [folder / "boards/wing/board.json"])
     assert _written(folder) == _written(results)
 
 

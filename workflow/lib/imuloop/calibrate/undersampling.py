@@ -16,6 +16,8 @@ from imuloop.core.samples import ANGULAR_RATE, TIME, lost_samples
 BANDS = 32
 # power by which the spectrum falls: of steps, as knocks make them; of what adds nothing
 FALLS = 2.0, 8.0
+# this near to the least fall the spectrum is none that falls
+FLAT = 0.01
 # share of the white noise of the turns, in variance, below which it does not count
 NEGLIGIBLE = 0.01
 # parts of a turn that its errors are put in, and the share of them that has no direction
@@ -90,7 +92,9 @@ def aliased_turns(log, begin, last, bias, variance):
 
     p = minimize_scalar(lambda p: likeliest(p)[1], bounds=FALLS, method="bounded").x
     found = 2 * likeliest(p)[0][:, 0] * zeta(p)
-    found *= usual**2 * (found.sum() > NEGLIGIBLE * noise.sum())
+    # with a tremor or a line near half the rate a spectrum does not fall, and has no continuation
+    counts = found.sum() > NEGLIGIBLE * noise.sum() and p > FALLS[0] + FLAT
+    found *= usual**2 * counts
     at, shares = map(np.array, zip(*places, strict=True))
     return found, np.full(len(n), p), at, shares * found[:, None, None, None]
 

@@ -17,7 +17,7 @@ REFLECTED = 0.05
 # function of allantools, and exponents of S(f) ~ f^alpha for which the degrees of freedom are
 # known, lowest and highest
 DEVIATIONS = {
-    "allan": (allantools.oadev, -2, 2),
+    "allan": (allantools.oadev, -2, 1),
     "total": (allantools.totdev, -2, 1),
     "modified": (allantools.mdev, -2, 2),
     "hadamard": (allantools.ohdev, -3, 1),
