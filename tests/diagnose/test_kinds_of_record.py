@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -59,6 +60,10 @@ class Linear:
     columns: np.ndarray
     covariances: list
     part: np.ndarray
+    rotations: ClassVar = SimpleNamespace(aliased=None)
+
+    def without_aliasing(self):
+        return self
 
     def design(self, effects):
         return np.column_stack([np.eye(2)[LEVEL], self.columns[:, [e.number for e in effects]]])
