@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ class Linear:
     columns: np.ndarray
     covariances: list
     part: np.ndarray
-    rotations = SimpleNamespace(aliased=None)
+    rotations: ClassVar = SimpleNamespace(aliased=None)
 
     def without_aliasing(self):
         return self

@@ -207,9 +207,7 @@ def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_nee
     assert "62.5 Hz does not show adds 0.229° to the error of gravity's direction" in said
     assert "record at 150 Hz or more, or turn more slowly" in said
     [_, (_, _, words)] = answers({"sensors": {"gyroscope": {"poses": block}}})
-    assert (words == "as good as its noise and the rate of its log allow") == (
-        verdict == "consistent"
-    )
+    assert (words == "as good as its noise and the log's rate allow") == (verdict == "consistent")
     del residual["undersampled"]
     assert "too slowly" not in sentence("gyroscope", block)
 

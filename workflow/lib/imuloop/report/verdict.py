@@ -297,8 +297,7 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
-    slow = undersampled(block)[0]
-    allows = "its noise and the rate of its log allow" if slow else "its noise allows"
+    allows = "its noise and the log's rate allow" if undersampled(block)[0] else "its noise allows"
     return {
         "consistent": f"as good as {allows}",
         "explained": f"as good as {allows} with {effects} corrected",

@@ -174,9 +174,8 @@ def undersampled(problem, solution):
     if own <= others:
         return {}
     enough = rate * (own / others) ** (1 / np.average(rotations.fall, weights=rotations.aliased))
-    found = np.sqrt(own), np.sqrt(others), rate, enough
-    names = ("error", "others", "rate_hz", "enough_hz")
-    return {"undersampled": dict(zip(names, map(float, found), strict=True))}
+    found = {"error": own**0.5, "others": others**0.5, "rate_hz": rate, "enough_hz": enough}
+    return {"undersampled": {name: float(value) for name, value in found.items()}}
 
 
 def _final_solution(problem, base):
