@@ -71,11 +71,12 @@ def _files(file, form):
             return sorted(glob(file)) or None
         if not Path(file).is_dir():
             return None
-        # some logs are folders
-        find_format(form, {"log": file})
-    except ImuloopError:
-        inside = (path for path in Path(file).iterdir() if not path.name.startswith("."))
-        return sorted(map(str, inside)) or None
+        try:
+            # some logs are folders
+            find_format(form, {"log": file})
+        except ImuloopError:
+            inside = (path for path in Path(file).iterdir() if not path.name.startswith("."))
+            return sorted(map(str, inside)) or None
     except OSError:
         # a name too long, a folder that may not be entered: a fault of the file
         pass
