@@ -8,12 +8,13 @@ import pandas as pd
 import pytest
 
 from imuloop.core.files import write_json
+from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.core.units import DEGREE
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.correlations import correlation_matrices, correlations
 from imuloop.report.figures.loop import loop_errors, loop_picture, loop_words
-from imuloop.report.figures.poses import direction_words, largest_hole, pose_picture
+from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import against, goes_with, residual_pictures, turn_axis
 from imuloop.report.figures.time_series import session_pictures
 from imuloop.report.results import Device

@@ -301,8 +301,8 @@ def _ingested(device, session, log, declared):
         _table(log).to_parquet(path, index=False)
     for failure in chain.ingest(device, session, declared, [path]):
         raise ImuloopError(failure.why)
-    quality = read_json(device.sessions[session]["quality"])
-    return [f"{shown}: rejected: {r}" for r in ["; ".join(quality["reasons"])] if r]
+    reasons = read_json(device.sessions[session]["quality"])["reasons"]
+    return [f"{shown}: rejected: {'; '.join(reasons)}"] if reasons else []
 
 
 def _table(log):

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from imuloop.calibrate.calibrate import raw_units
+from imuloop.calibrate.calibrate import KINDS, raw_units
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, between, declared, local_gravity
+from imuloop.commands.raw_log import add_arguments, between, local_gravity, log_samples
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.ingest.ingest import ingest
 from imuloop.plan.coach import progress, rest_noise
 from imuloop.report.numbers import number, plural
 
@@ -78,14 +76,17 @@ def _copy(source, target):
 
 def follow(log, arguments, folder):
     """Say what a growing log shows and what to do next, at each change; return the exit status."""
-    size, said, noise, why = -1, None, None, "the log is empty"
+    size, said, noise, why = -1, None, None, ""
     grown = time.monotonic()
     while True:
         now = log.stat().st_size
         if now != size:
             size, grown = now, time.monotonic()
-            samples, units, why = _read(log, arguments, folder)
-            if samples is not None:
+            path, quality = log_samples(log, arguments, folder)
+            why = "; ".join(quality["reasons"])
+            if not why:
+                samples = read_samples(path)
+                units = raw_units({"": {"kind": "multi_position", "samples": path}}, KINDS)
                 what = samples, arguments.gravity, units
                 found = progress(*what, noise, arguments.within / 100)
                 if found.done and noise is None:
@@ -98,30 +99,11 @@ def follow(log, arguments, folder):
                 if found.done:
                     return 0
         elif time.monotonic() - grown > arguments.patience:
-            say(why or "the log ended before all that was asked for is reached")
+            say(
+                f"{log}: {why}" if why else "the log ended before all that was asked for is reached"
+            )
             return EARLY
         time.sleep(arguments.every)
-
-
-def _read(log, arguments, folder):
-    """Return the samples of a log so far and their raw units, or why there are none."""
-    what, nominal = declared(arguments)
-    samples, quality = folder / "samples.parquet", folder / "quality.json"
-    ingest(
-        device="device",
-        session=log.name,
-        kind="multi_position",
-        paths=[log],
-        samples_path=samples,
-        quality_path=quality,
-        nominal=nominal,
-        **what,
-    )
-    found = read_json(quality)
-    if found["status"] == "rejected":
-        return None, None, f"{log}: {'; '.join(found['reasons'])}"
-    units = raw_units({"": {"kind": "multi_position", "samples": samples}}, ["multi_position"])
-    return read_samples(samples), units, ""
 
 
 def line(found):

@@ -1,6 +1,11 @@
-"""Directions evenly spread over the sphere."""
+"""Directions on the sphere: evenly spread, the largest hole between some, in words."""
 
 import numpy as np
+
+# a hole in the attitudes covered that is worth another pose, degrees
+WIDE_HOLE = 50.0
+# a component of a direction that is worth a word
+LEANS = 0.35
 
 
 def fibonacci_lattice(n):
@@ -17,3 +22,18 @@ def fibonacci_lattice(n):
     z, longitude = 1 - 2 * k / n, k * np.pi * (3 - np.sqrt(5))
     radius = np.sqrt(1 - z**2)
     return np.stack([radius * np.cos(longitude), radius * np.sin(longitude), z], axis=1)
+
+
+def largest_hole(directions):
+    """Return the direction farthest from unit vectors, (n, 3), and how far the nearest is, rad."""
+    # some 4 degrees apart
+    grid = fibonacci_lattice(2000)
+    nearest = (grid @ np.asarray(directions).T).max(axis=1)
+    worst = nearest.argmin()
+    return grid[worst], float(np.arccos(np.clip(nearest[worst], -1, 1)))
+
+
+def direction_words(vector):
+    """Return a direction in words: the axes it leans on, as ``+x −z``."""
+    signs = zip(vector, "xyz", strict=True)
+    return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > LEANS)

@@ -10,17 +10,13 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.segments import STATIC
+from imuloop.core.sphere import WIDE_HOLE, direction_words, largest_hole
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
-from imuloop.plan.session import INITIAL_REST_S, REST_S, holes
+from imuloop.plan.session import INITIAL_REST_S, REST_S
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-
-# the largest hole of a sphere that is covered, degrees
-LARGEST_HOLE = 55.0
-# a component of a direction that is worth a word
-LEANS = 0.35
 
 
 @dataclass(frozen=True)
@@ -95,10 +91,10 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     worst = {name: max(found.values(), default=np.inf) for name, found in relative.items()}
     up = force.aligned(recording.poses.f)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
-    hole = holes(up, 1)[0]
-    covered = (up @ hole).max() >= np.cos(np.radians(LARGEST_HOLE))
+    hole, angle = largest_hole(up)
+    covered = np.degrees(angle) < WIDE_HOLE
     if not covered or worst["accelerometer"] > within:
-        text = f"turn it until {side(hole)} is up, and let go for {REST_S:.0f} s"
+        text = f"turn it until {direction_words(hole)} is up, and let go for {REST_S:.0f} s"
     elif worst["gyroscope"] > within:
         of_turn = relative["gyroscope"]
         axis = "xyz"[int(max(of_turn, key=of_turn.get, default="K2")[-1])]
@@ -114,12 +110,6 @@ def rest_noise(samples):
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = Session("poses", "multi_position", samples, segments)
     return estimate_noise("device", [session], NoiseSettings(views=()), uncut=False).model
-
-
-def side(direction):
-    """Return a direction in words: the axes that it leans on, as ``+x and -z``."""
-    leaning = [i for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > LEANS]
-    return " and ".join(f"{'+' if direction[i] > 0 else '-'}{'xyz'[i]}" for i in leaning)
 
 
 def _relative(sensor):

@@ -3,10 +3,11 @@
 import numpy as np
 
 from imuloop.core.samples import CHANNELS
+from imuloop.core.sphere import WIDE_HOLE, largest_hole
 from imuloop.core.units import HOUR
 from imuloop.noise.record_length import record_seconds
 from imuloop.plan.session import INITIAL_REST_S, POSES
-from imuloop.report.figures.poses import largest_hole, pose_directions
+from imuloop.report.figures.poses import pose_directions
 from imuloop.report.numbers import duration, joined, number, percent
 from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
@@ -14,8 +15,6 @@ from imuloop.report.verdict import ABOVE, block_of
 
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
-# a hole in the attitudes covered that is worth another pose, degrees
-WIDE_HOLE = 50.0
 # share of a standard error that has to go before a recording is worth its while
 NOTICEABLE = 0.1
 # the largest rotation about an axis that is not small, degrees, and the least mean rate of

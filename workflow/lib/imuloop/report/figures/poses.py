@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION
-from imuloop.core.sphere import fibonacci_lattice
+from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.drawing import (
     BLUE,
     GRID,
@@ -24,21 +24,6 @@ FACES = {
     for sign in "+−"
 }
 NEAR = 0.94
-
-
-def largest_hole(directions):
-    """Return the direction farthest from unit vectors, (n, 3), and how far the nearest is, rad."""
-    # some 4 degrees apart
-    grid = fibonacci_lattice(2000)
-    nearest = (grid @ np.asarray(directions).T).max(axis=1)
-    worst = nearest.argmin()
-    return grid[worst], float(np.arccos(np.clip(nearest[worst], -1, 1)))
-
-
-def direction_words(vector):
-    """Return a direction in words: the axes it leans on, as ``+x −z``."""
-    signs = zip(vector, XYZ, strict=True)
-    return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > 0.35)
 
 
 def pose_directions(device):
