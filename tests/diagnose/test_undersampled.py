@@ -21,6 +21,7 @@ def test_what_a_slow_log_lost_is_named_and_no_effect_is(seeds, tmp_path):
         unexplained += turns["verdict"] == "unexplained"
         lost = turns["residuals"]["rotation"]["undersampled"]
         assert lost["rate_hz"] < 50.1 and lost["enough_hz"] > 150
+        assert lost["error"] < turns["residuals"]["rotation"]["floor"]
         # by the whole spectrum what is left is about as large as the floor
         assert (
             0.5

@@ -197,6 +197,15 @@ def test_a_floor_that_the_noise_leaves_open_has_its_range():
         assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
 
 
+@pytest.mark.parametrize(("slow", "verb"), [(True, "may allow"), (False, "allows")])
+def test_slow_noise_that_no_rest_shows_is_a_guess_in_the_first_answer_too(slow, verb):
+    residual = {"unit": "m/s^2", "n": 40, "floor": 2e-3, "before": 2e-3, "after": 2e-3}
+    residual |= {"chi2_before": 30.0, "chi2_after": 30.0}
+    block = {"verdict": "consistent", "residuals": {"gravity_norm": residual}, "slow_noise": slow}
+    diagnosis = {"sensors": {"accelerometer": {"poses": UNTESTED | block}}}
+    assert answers(diagnosis)[0][2] == f"as good as its noise {verb}"
+
+
 @pytest.mark.parametrize("verdict", ["consistent", "unexplained"])
 def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_need(verdict):
     lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}

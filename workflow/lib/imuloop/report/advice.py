@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.numbers import joined, number
+from imuloop.report.numbers import joined, number, plural
 from imuloop.report.recording import (
     best_recording,
     enough,
@@ -27,6 +27,8 @@ from imuloop.report.verdict import (
     undersampled,
 )
 
+# share of the moves that a knock has to spoil for the others to be under suspicion
+MANY = 0.1
 # the most sentences per device
 MOST = 5
 # span of a temperature that says anything, K, and the correlation with time from which on it and
@@ -71,7 +73,8 @@ _LOOK = (
 
 def what_next(block):
     """Return what a person can do about the residual that is left."""
-    probe, spoiled = leading(block), block.get("moves", {}).get("left_out")
+    probe, moves = leading(block), block.get("moves", {})
+    spoiled = moves.get("left_out", 0) > MANY * moves.get("all", 0)
     return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, _LOOK)
 
 
@@ -189,7 +192,7 @@ def _clipped(device):
         seen = s.quality["faults"].get("clipped_at", {})
         counts |= {k: f["rows"] for k, f in seen.items() if k not in counts and f["values"]}
         if counts:
-            listed = joined([f"{n} samples of {name}" for name, n in counts.items()])
+            listed = joined([f"{plural(n, 'sample')} of {name}" for name, n in counts.items()])
             yield (
                 1.0,
                 f"Session {s.name}: {listed} lie at the end of the range. Every figure that they "

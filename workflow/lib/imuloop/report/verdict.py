@@ -297,10 +297,13 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
-    allows = "its noise and the log's rate allow" if undersampled(block)[0] else "its noise allows"
+    few = undersampled(block)[0]
+    # slow noise that the rests do not show is a guess
+    verb = "may allow" if block.get("slow_noise") else "allow" if few else "allows"
+    limits = "its noise and the log's rate" if few else "its noise"
     return {
-        "consistent": f"as good as {allows}",
-        "explained": f"as good as {allows} with {effects} corrected",
+        "consistent": f"as good as {limits} {verb}",
+        "explained": f"as good as {limits} {verb} with {effects} corrected",
         "partly_explained": f"better with {effects} corrected, but something is still missing",
         "unexplained": "something is missing that no known effect explains",
     }[block["verdict"]]

@@ -147,7 +147,7 @@ def judged_residuals(choices, kinds, count):
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
         }
         if kind == "rotation":
-            residuals[kind] |= undersampled(problem, final.solution)
+            residuals[kind] |= undersampled(problem, final.solution, entry["floor"])
     found = {
         "verdict": verdict(*above, added),
         "slow_noise": bool(slow and not above[1]),
@@ -158,11 +158,12 @@ def judged_residuals(choices, kinds, count):
     return found, residual_columns(problem, kinds, left, floor[:, 0])
 
 
-def undersampled(problem, solution):
+def undersampled(problem, solution, floor):
     """Return what the rate of the log adds to the rotations if it is more than all other noise.
 
-    Beside the noise as it was estimated. At ``enough_hz`` it would be as large as the others: its
-    variance falls with the rate as the spectrum of the turns does with frequency.
+    Beside the noise as it was estimated; no more than the `floor` of the residual, rad, has of it.
+    At ``enough_hz`` it would be as large as the others: its variance falls with the rate as the
+    spectrum of the turns does with frequency.
     """
     sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
     if rotations.aliased is None:
@@ -170,7 +171,7 @@ def undersampled(problem, solution):
     found = [sensor.covariances(solution, r) for r in (recording, recording.without_aliasing())]
     sums = (np.diag(each(sensor.noise))[-2 * len(rotations) :].sum() for each in found)
     whole, others = (total / len(rotations) for total in sums)
-    own, rate = whole - others, 1 / np.median(rotations.steps[rotations.steps > 0])
+    own, rate = min(whole, floor**2) - others, 1 / np.median(rotations.steps[rotations.steps > 0])
     if own <= others:
         return {}
     enough = rate * (own / others) ** (1 / np.average(rotations.fall, weights=rotations.aliased))

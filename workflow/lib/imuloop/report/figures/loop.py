@@ -23,8 +23,9 @@ WORTH_SAYING = 1.1
 def loop_errors(device):
     """Return the held-out errors of a device that a user feels, the first one most.
 
-    Each a dict of ``what``, ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` and
-    ``effects``, SI; root mean squares, None where there is none.
+    Each a dict of ``what``, ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root
+    mean squares, None where there is none), ``effects``, and whether the floor takes ``slow_noise``
+    that the rests do not show.
     """
     found, poses = [], {s: block_of(device.diagnosis, s) for s in SENSORS}
     if residual := poses["gyroscope"]["residuals"].get("rotation"):
@@ -52,7 +53,8 @@ def _of_residual(what, residual, block, logged=None):
     names = list(dict.fromkeys(e["name"] for e in block["effects"]))
     sizes = {"logged": logged, "calibrated": residual["before"]}
     sizes |= {"final": residual["after"] if names else None, "floor": residual["floor"]}
-    return {"what": what, "unit": residual["unit"]} | sizes | {"effects": names}
+    known = {"effects": names, "slow_noise": bool(block.get("slow_noise"))}
+    return {"what": what, "unit": residual["unit"]} | sizes | known
 
 
 def fall(error):
@@ -76,7 +78,8 @@ def loop_words(errors):
     text = f"{error['what'].capitalize()}: {', '.join(path)}"
     if fall(error) >= WORTH_SAYING:
         text += f", {number(fall(error), 2)} times less"
-    return f"{text}. Noise alone gives {display.text(error['floor'], 2)}."
+    gives = "may give" if error["slow_noise"] else "gives"
+    return f"{text}. Noise alone {gives} {display.text(error['floor'], 2)}."
 
 
 def draw_loop(area, errors):
