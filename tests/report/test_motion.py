@@ -16,7 +16,7 @@ from imuloop.report.figures.arms import arm_pictures, ellipse
 from imuloop.report.figures.residuals import against
 from imuloop.report.recording import turns_in_motion
 from imuloop.report.results import Device
-from imuloop.report.verdict import BOTH, answers, motion_of, sentence
+from imuloop.report.verdict import BOTH, UNTESTED, answers, motion_of, sentence
 
 RESIDUAL = {
     "unit": "m/s", "n": 20, "floor": 4e-3, "before": 20e-3, "after": 6e-3,
@@ -135,7 +135,7 @@ def test_the_velocity_of_a_move_is_shown_against_its_knock():
     np.testing.assert_allclose(values, np.arange(n))
 
 
-def advice(**turns):
+def advice(undersampled=None, **turns):
     found = {
         "parameter": "lever_arm.rxy", "unit": "m", "std": 4e-3, "level": 3e-4, "std_after": 2e-4,
         "axes": ["x", "z"], "turns": 8, "seconds": 1.0,
@@ -144,6 +144,8 @@ def advice(**turns):
     for own in block["sensors"].values():
         own["motion"]["why"] = "a knock"
     block["next_recording"] = {"motion": found | turns}
+    lost = {"rotation": {"undersampled": undersampled}}
+    block["sensors"]["gyroscope"]["poses"] = UNTESTED | {"residuals": lost}
     return [
         text.replace("\u202f", " ")
         for _, text in turns_in_motion(Device("a", "A", None, diagnosis=block))
@@ -158,6 +160,9 @@ def test_about_which_axes_to_turn_and_how_fast_is_said():
         "lower σ of the accelerometer's lever_arm rxy from 4.0 to 0.20 mm; 0.30 mm are, at 100 "
         "°/s, the noise of a mean of 1 s."
     )
+    lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 25.0, "enough_hz": 60.0}
+    slower = "Raise the rate of the log first: it is too low for the turns at hand."
+    assert advice(lost) == [f"{text} {slower}"]
     [text] = advice(axes=["z"])
     assert "Turn about z: 8 quarter and half turns about it, level" in text
     assert advice(std=5e-4) == advice(std_after=3.8e-3) == []

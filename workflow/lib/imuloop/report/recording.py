@@ -11,7 +11,7 @@ from imuloop.report.figures.poses import pose_directions
 from imuloop.report.numbers import duration, joined, number, percent
 from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
-from imuloop.report.verdict import ABOVE, block_of
+from imuloop.report.verdict import ABOVE, block_of, undersampled
 
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
@@ -212,6 +212,8 @@ def turns_in_motion(device):
         return
     why = block_of(device.diagnosis, "accelerometer", "motion").get("why")
     reason = f"Motion could not be tested: {why}. " if why else ""
+    few, _ = undersampled(block_of(device.diagnosis, "gyroscope"))
+    first = " Raise the rate of the log first: it is too low for the turns at hand." if few else ""
     about, name = "each" if axes[1:] else "it", parameter_words("accelerometer", turns["parameter"])
     yield (
         gain,
@@ -219,7 +221,7 @@ def turns_in_motion(device):
         f"{about}, level, there and back, in {number(seconds, 2)}\u202fs each (90° at "
         f"{number(90 / seconds, 2)}\u202f°/s) with rests between, would lower σ of {name} "
         f"from {sigma_words(unit, now, after)}; {sigma_words(unit, level)} are, at 100\u202f°/s, "
-        "the noise of a mean of 1\u202fs.",
+        f"the noise of a mean of 1\u202fs.{first}",
     )
 
 
