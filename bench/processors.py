@@ -119,11 +119,13 @@ def differences(one, other, place="", size=0.0):
     """Yield place, both values and their difference, share of their size, of all in two contents.
 
     The size of a number in a list, the end of an interval or a part of a vector, is that of the
-    largest there. What is no number differs infinitely or not at all.
+    largest there; that of an estimate is at least its standard error. What is no number differs
+    infinitely or not at all.
     """
     if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        sizes = size if isinstance(size, dict) else {"parameters": one.get("std")}
         for key in one:
-            yield from differences(one[key], other[key], f"{place}/{key}")
+            yield from differences(one[key], other[key], f"{place}/{key}", sizes.get(key) or 0.0)
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         size = max((abs(x) for x in (*one, *other) if is_number(x)), default=0.0)
         for i, values in enumerate(zip(one, other, strict=True)):

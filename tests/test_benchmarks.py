@@ -50,6 +50,9 @@ def test_results_of_two_processors_differ_by_a_word_or_by_a_share_of_a_number():
     assert share(floor=1.001e-3) == pytest.approx(1e-3, rel=1e-2)
     # of an interval that reaches down to zero the size is its other end
     assert share(ci95=[1e-9, 2.0]) < BOUND < share(ci95=[1e-3, 2.0])
+    # an estimate near zero is as large as its standard error
+    one |= {"parameters": {"k": 4e-7}, "std": {"k": 5e-4}}
+    assert share(parameters={"k": 4.0001e-7}) < BOUND < share(parameters={"k": 5e-7})
     for changed in ({"verdict": "unexplained"}, {"why": 0.0}, {"ci95": None}, {"ci95": [0.0]}):
         assert share(**changed) == np.inf
     assert share(another=0) == np.inf
