@@ -30,7 +30,7 @@ def main(argv=None):
         # whoever reads the lines has enough of them
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ImuloopError, OSError) as error:
+    except (ImuloopError, ModuleNotFoundError, OSError) as error:
         named = f"{error.filename}: {error.strerror}" if getattr(error, "filename", 0) else error
         print(f"imuloop: {one_line(named)}", file=sys.stderr)
         return 1
