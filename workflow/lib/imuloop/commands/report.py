@@ -125,7 +125,7 @@ def make(arguments, folder):
             log=log,
             progress=False,
         )
-        for line in result.failures:
+        for line in (*result.failures, *result.notes):
             say(line)
         result.report(arguments.output, f"imuloop report {shlex.join(sys.argv[2:])}")
     logging.getLogger().removeHandler(handler)
