@@ -1,6 +1,7 @@
 """What may import what: stages point one way, and every package imported is declared."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -86,10 +87,10 @@ def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
     code = """if True:
         import sys
         sys.modules |= dict.fromkeys(sys.argv[2:])
-        import imuloop
         from imuloop.__main__ import main
-        result = imuloop.calibrate(sys.argv[1], progress=False)
-        print(result.calibration, result.export(sys.argv[1] + ".exports"), result)
+        folder = sys.argv[1] + ".made"
+        print(main(["calibrate", sys.argv[1], "-o", folder]))
+        print(main(["info", folder + "/calibration.json"]))
         print(main(["report", sys.argv[1], "-o", sys.argv[1] + ".html"]))
     """
     optional = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
@@ -99,7 +100,9 @@ def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
     command = [sys.executable, "-c", code, tmp_path / "1.csv", *packages]
     path = {"PYTHONPATH": str(repository / "workflow/lib")}
     done = subprocess.run(command, env=path, capture_output=True, text=True)
-    assert done.stdout.strip().endswith("1"), done.stderr
+    assert re.findall(r"^\d$", done.stdout, re.MULTILINE) == ["0", "0", "1"], done.stderr
+    assert "accelerometer, poses: " in done.stdout
+    assert (tmp_path / "1.csv.made/exports/kalibr_imu.yaml").is_file()
     assert "pip install 'imuloop[all]'" in done.stderr
 
 
