@@ -122,14 +122,14 @@ setup-cluster: .venv-cluster/.ready
 # exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--custom-compile-command "make lock"
-READERS := pyproject.toml --extra dataflash --extra ros --extra ulog --extra dev
+EVERYTHING := pyproject.toml --extra all --extra dev
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv
 	printf 'pip\nsetuptools\n' | $(COMPILE) - -o requirements-build.lock
-	$(COMPILE) $(READERS) -o requirements.lock
+	$(COMPILE) $(EVERYTHING) -o requirements.lock
 	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
-	$(COMPILE) $(READERS) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
+	$(COMPILE) $(EVERYTHING) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
 	echo snakemake-executor-plugin-kubernetes | \
 		$(COMPILE) - -c requirements-cluster.lock -o .ci/kubernetes.lock
 

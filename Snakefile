@@ -7,7 +7,7 @@ from snakemake.utils import min_version
 min_version("9.27")
 
 # every script inherits this path, on a cluster too
-sys.path.insert(0, f"{workflow.basedir}/workflow/lib")
+sys.path.insert(0, f"{workflow.current_basedir}/workflow/lib")
 
 if not workflow.configfiles:
     from imuloop.config_faults import unreadable

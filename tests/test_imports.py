@@ -1,11 +1,14 @@
 """What may import what: stages point one way, and every package imported is declared."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
 
 import pytest
+
+from calibrated import calibrated_device
 
 # what a stage may take from, itself and core left out
 ARROWS = {
@@ -25,6 +28,8 @@ ARROWS = {
 }
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}
+# what a light installation lacks
+EXTRAS = "report deviations workflow matlab netcdf dataflash ros ulog".split()
 
 
 def imported(path):
@@ -68,13 +73,37 @@ def test_every_package_imported_is_declared(repository):
         for name in imported(path)
     }
     needed -= {"imuloop", *sys.stdlib_module_names}
-    names = {d.partition(">")[0].lower() for d in declared["dependencies"]}
-    optional = declared["optional-dependencies"]
-    readers = {optional[name][0].partition(">")[0] for name in ("dataflash", "ros", "ulog")}
-    assert {DISTRIBUTIONS.get(name, name).lower() for name in needed} <= names | readers
+    needed = {DISTRIBUTIONS.get(name, name).lower() for name in needed}
+    of = declared["optional-dependencies"]
+    every = [*declared["dependencies"], *(d for extra in EXTRAS for d in of[extra])]
     # the workflow manager runs the rules: nothing else is idle
-    idle = names - {DISTRIBUTIONS.get(name, name).lower() for name in needed}
-    assert idle == {"snakemake"}
+    assert {d.partition(">")[0].lower() for d in every} - needed == {"snakemake"}
+    assert needed <= {d.partition(">")[0].lower() for d in every}
+    assert of["all"] == [f"imuloop[{','.join(EXTRAS)}]"]
+
+
+def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
+    calibrated_device(tmp_path, 8, 10.0, 1)
+    code = """if True:
+        import sys
+        sys.modules |= dict.fromkeys(sys.argv[2:])
+        from imuloop.__main__ import main
+        folder = sys.argv[1] + ".made"
+        print(main(["calibrate", sys.argv[1], "-o", folder]))
+        print(main(["info", folder + "/calibration.json"]))
+        print(main(["report", sys.argv[1], "-o", sys.argv[1] + ".html"]))
+    """
+    optional = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    packages = {
+        d.partition(">")[0] for extra in EXTRAS for d in optional["optional-dependencies"][extra]
+    }
+    command = [sys.executable, "-c", code, tmp_path / "1.csv", *packages]
+    path = {"PYTHONPATH": str(repository / "workflow/lib")}
+    done = subprocess.run(command, env=path, capture_output=True, text=True)
+    assert re.findall(r"^\d$", done.stdout, re.MULTILINE) == ["0", "0", "1"], done.stderr
+    assert "accelerometer, poses: " in done.stdout
+    assert (tmp_path / "1.csv.made/exports/kalibr_imu.yaml").is_file()
+    assert "pip install 'imuloop[all]'" in done.stderr
 
 
 def test_who_reads_a_calibration_has_the_library_of_effects(repository):

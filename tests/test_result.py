@@ -99,6 +99,12 @@ def test_what_cannot_be_used_is_said(log, tmp_path):
     assert "rejected" in short.failures[0]
 
 
+def test_a_log_in_counts_is_questioned(log):
+    with pytest.warns(UserWarning, match=r"units\.acceleration"):
+        result = imuloop.calibrate(log.iloc[:4000] * ([1] + 6 * [4000]), progress=False)
+    assert "units.acceleration" in str(result) and not result.failures
+
+
 def test_results_stay_in_the_folder_that_is_given(path, tmp_path, monkeypatch):
     monkeypatch.setattr("imuloop.result.STAGES", ())
     imuloop.calibrate(path, folder=tmp_path / "kept", progress=False)

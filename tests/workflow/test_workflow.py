@@ -150,6 +150,21 @@ def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(checkout
     assert [(tmp_path / path).exists() for path in cached.values()] == [True, False]
 
 
+def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path):
+    (tmp_path / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
+    config = {"imu": {"defaults": QUICK, "devices": {"resting": RESTING}}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    (tmp_path / "Snakefile").write_text(
+        'configfile: "config.yaml"\n'
+        f'module imuloop:\n    snakefile: "{checkout}/Snakefile"\n    config: config["imu"]\n'
+        "use rule * from imuloop as imu_*\n"
+    )
+    made = "results/resting/calibration.json"
+    done = snakemake(tmp_path, tmp_path, target=made, config=None)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / made).read_bytes() == (finished[0] / made).read_bytes()
+
+
 def test_the_library_never_imports_the_workflow_manager(repository):
     for path in (repository / "workflow/lib").rglob("*.py"):
         assert not re.search(r"^\s*(import|from) snakemake", path.read_text(), re.M), path

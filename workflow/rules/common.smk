@@ -8,6 +8,7 @@ from math import ceil
 from pathlib import Path
 from types import SimpleNamespace
 
+import imuloop
 import yaml
 from imuloop.code_digest import code_digest
 from imuloop.config import boards, fetched, is_stored, resolve, source_path
@@ -18,7 +19,8 @@ from imuloop.file_faults import SIMULATED
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-REPOSITORY = Path(workflow.basedir)
+# not that of a workflow that has this one as a module
+REPOSITORY = Path(imuloop.__file__).parents[3]
 TEMPLATES = REPOSITORY / "workflow/templates"
 # sessions of each simulated device that the workflow can make
 REPLICAS = {

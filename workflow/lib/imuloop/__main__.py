@@ -7,10 +7,11 @@ import sys
 # matrices are small: threads would wait for each other, ten times as long beside other work
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from imuloop.commands import apply, check, coach, info, report
+from imuloop import __version__
+from imuloop.commands import apply, calibrate, check, coach, info, report
 from imuloop.core.errors import ImuloopError, one_line
 
-COMMANDS = (apply, check, coach, info, report)
+COMMANDS = (apply, calibrate, check, coach, info, report)
 
 
 def main(argv=None):
@@ -20,6 +21,7 @@ def main(argv=None):
         description="Calibrate, check and describe accelerometers and gyroscopes.",
         epilog="imuloop COMMAND -h says more, with an example",
     )
+    parser.add_argument("--version", action="version", version=f"imuloop {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for each in COMMANDS:
         each.add(commands, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -30,7 +32,7 @@ def main(argv=None):
         # whoever reads the lines has enough of them
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ImuloopError, OSError) as error:
+    except (ImuloopError, ModuleNotFoundError, OSError) as error:
         named = f"{error.filename}: {error.strerror}" if getattr(error, "filename", 0) else error
         print(f"imuloop: {one_line(named)}", file=sys.stderr)
         return 1

@@ -37,11 +37,14 @@ class Result:
         Where the log of each session came from: its path, or ``in memory``.
     failures : tuple of str
         What went wrong, a line each: logs that were rejected, stages that failed.
+    notes : tuple of str
+        What to look at in a log that was used, a line each.
     """
 
     device: chain.Device
     logs: dict
     failures: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     # keeps a temporary folder as long as the result
     _folder: object = field(default=None, repr=False, compare=False)
 
@@ -105,10 +108,11 @@ class Result:
     def __str__(self):
         from imuloop.report.verdict import blocks, sentence
 
-        lines = [f"{self.device.label or self.device.name}:", *self.failures]
-        for sensor, part, block in blocks(self.diagnosis):
-            if block["verdict"] != "not_testable":
-                lines.append(f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}")
+        lines = [f"{self.device.label or self.device.name}:", *self.failures, *self.notes]
+        found = blocks(self.diagnosis)
+        tested = [each for each in found if each[2]["verdict"] != "not_testable"]
+        for sensor, part, block in tested or found:
+            lines.append(f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}")
         return "\n".join(lines)
 
     def __repr__(self):
@@ -241,20 +245,21 @@ def calibrate(
         "units": dict(units or {}),
         "rate": rate,
     }
-    failures = []
+    failures, notes = [], []
     with tqdm(total=len(logs) + len(STAGES), disable=not progress, leave=False) as bar:
         for session, log in logs.items():
             bar.set_description(f"ingest {session}")
-            failures += _ingested(device, session, log, declared)
+            wrong, look = _ingested(device, session, log, declared)
+            failures, notes = failures + wrong, notes + look
             bar.update()
         for stage in STAGES:
             bar.set_description(stage.__name__)
             failures += map(str, stage(device))
             bar.update()
-    for failure in failures:
-        warnings.warn(f"{name}: {failure}", stacklevel=2)
+    for text in (*failures, *notes):
+        warnings.warn(f"{name}: {text}", stacklevel=2)
     paths = {n: str(x) if isinstance(x, (str, Path)) else "in memory" for n, x in logs.items()}
-    return Result(device, paths, tuple(failures), None if folder else kept)
+    return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
 
 
 def read(log, **declared) -> pd.DataFrame:
@@ -275,7 +280,7 @@ def read(log, **declared) -> pd.DataFrame:
     nominal = declared.pop("nominal", {})
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         device = chain.Device("log", Path(folder), {"log": None}, nominal=nominal)
-        for failure in _ingested(device, "log", log, declared):
+        for failure in _ingested(device, "log", log, declared)[0]:
             raise ImuloopError(failure)
         return read_samples(device.sessions["log"]["samples"])
 
@@ -288,7 +293,7 @@ def _several(logs):
 
 
 def _ingested(device, session, log, declared):
-    """Write the samples of a session; return why they cannot be used, a line, in a list."""
+    """Write the samples of a session; return why they cannot be used, and what to look at."""
     path, shown = log, session
     if isinstance(log, (str, Path)):
         shown = str(log)
@@ -301,8 +306,9 @@ def _ingested(device, session, log, declared):
         _table(log).to_parquet(path, index=False)
     for failure in chain.ingest(device, session, declared, [path]):
         raise ImuloopError(failure.why)
-    reasons = read_json(device.sessions[session]["quality"])["reasons"]
-    return [f"{shown}: rejected: {'; '.join(reasons)}"] if reasons else []
+    quality = read_json(device.sessions[session]["quality"])
+    reasons = [f"{shown}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
+    return reasons, [f"{shown}: {text}" for text in quality["warnings"]]
 
 
 def _table(log):

@@ -111,4 +111,6 @@ def line(found):
     known = [f"{s} {number(100 * x, 2)} %" for s, x in found.worst.items() if np.isfinite(x)]
     text = f"{found.duration_s / 60:.1f} min, {plural(len(found.up), 'pose')}"
     text += f"; scale factor and misalignment good to: {', '.join(known)}" if known else ""
-    return f"{text}. {'Next: ' + found.advice if found.advice else 'Done'}."
+    if found.done:
+        return f"{text}. Done." + (f" Better still: {found.advice}." if found.advice else "")
+    return f"{text}. Next: {found.advice}."

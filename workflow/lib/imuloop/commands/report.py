@@ -1,21 +1,12 @@
 """``imuloop report``: the report of one device from its logs, without a config or a workflow."""
 
-import argparse
-import logging
 import shlex
 import sys
 import tempfile
-import warnings
 from pathlib import Path
 
+from imuloop.commands.calibrate import add_logs, kept_in, made
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, declared, is_samples, local_gravity
-from imuloop.core.errors import ImuloopError
-from imuloop.core.files import refuse_overwriting
-from imuloop.core.gravity import normal_gravity
-from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.job_log import Printable
-from imuloop.result import KINDS, calibrate
 
 EXAMPLE = """examples:
   imuloop report poses.csv -o report.html
@@ -30,12 +21,7 @@ def add(commands, **how):
     command = commands.add_parser(
         "report", help="report of one device's logs", epilog=EXAMPLE, **how
     )
-    command.add_argument(
-        "logs", nargs="+", type=log, metavar="[KIND=]LOG", help=f"KIND is {', '.join(KINDS)}"
-    )
-    command.add_argument(
-        "--kind", choices=KINDS, default=KINDS[0], help=f"of logs without; default {KINDS[0]}"
-    )
+    add_logs(command)
     command.add_argument("-o", "--output", type=Path, required=True, help="HTML file to write")
     command.add_argument(
         "--keep",
@@ -44,89 +30,15 @@ def add(commands, **how):
         help="keep calibration.json, noise.json, exports and all else there; without, the report "
         "alone is kept",
     )
-    command.add_argument("--label", help="name in the report; default: that of the first log")
-    command.add_argument(
-        "--gravity",
-        type=gravity,
-        default=STANDARD_GRAVITY,
-        metavar="M/S^2 or LATITUDE,HEIGHT",
-        help="local gravity, or degrees and m; default 9.80665: its error is one of scale",
-    )
-    add_arguments(command)
     command.set_defaults(run=run)
-
-
-def log(text):
-    """Return kind and path of an argument ``static=night.csv``, kind None without."""
-    kind, _, path = text.partition("=")
-    return (kind, Path(path)) if kind in KINDS and path else (None, Path(text))
-
-
-def gravity(text):
-    """Return gravity of an argument, m/s^2 as it is, or of latitude and height."""
-    if "," not in text:
-        return local_gravity(text)
-    values = [float(value) for value in text.split(",")]
-    if len(values) > 2 or not abs(values[0]) <= 90 or not abs(values[1]) <= 1e5:
-        raise argparse.ArgumentTypeError(f"{text} is not M/S^2 or LATITUDE,HEIGHT")
-    return normal_gravity(*values)
 
 
 def run(arguments):
     """Write the report of one device."""
-    for _, path in arguments.logs:
-        if not path.exists():
-            raise ImuloopError(f"{path}: there is no such file")
-    keep, logs = arguments.keep, [path for _, path in arguments.logs]
-    refuse_overwriting([arguments.output, log_of(arguments), *([keep] if keep else [])], logs)
-    if keep:
-        for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
-            if (keep / name).exists() and not (keep / mark).exists():
-                raise ImuloopError(
-                    f"--keep {keep}: {keep / name} would be emptied, and is not of an earlier "
-                    "report: give another folder"
-                )
-        make(arguments, keep)
-        return
+    page = arguments.output
+    log = page.with_name(f"{page.name}.log")
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        make(arguments, Path(folder))
-
-
-def log_of(arguments):
-    """Return where tracebacks go."""
-    return arguments.output.with_name(f"{arguments.output.name}.log")
-
-
-def make(arguments, folder):
-    """Run all stages and write the report; results go to a folder as ``results/<device>``."""
-    logs = {kind: [] for kind in KINDS}
-    for kind, path in arguments.logs:
-        if path.suffix == ".parquet" and path.is_file() and is_samples(path):
-            raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
-        logs[kind or arguments.kind].append(path)
-    what, nominal = declared(arguments)
-    log = log_of(arguments)
-    # made only where there is a traceback to keep
-    handler = logging.FileHandler(log, mode="w", delay=True)
-    handler.setLevel(logging.ERROR)
-    handler.setFormatter(Printable())
-    logging.getLogger().addHandler(handler)
-    with warnings.catch_warnings():
-        # of numbers at their limits, and what is said below
-        warnings.simplefilter("ignore")
-        result = calibrate(
-            logs.pop("multi_position"),
-            **logs,
-            **what,
-            nominal=nominal,
-            gravity=arguments.gravity,
-            label=arguments.label or arguments.logs[0][1].stem,
-            folder=folder,
-            log=log,
-            progress=False,
-        )
-        for line in result.failures:
-            say(line)
-        result.report(arguments.output, f"imuloop report {shlex.join(sys.argv[2:])}")
-    logging.getLogger().removeHandler(handler)
-    say(f"wrote {arguments.output}")
+        results = kept_in(arguments.keep or Path(folder), "--keep", arguments, [page, log])
+        with made(arguments, results, log) as result:
+            result.report(page, f"imuloop report {shlex.join(sys.argv[2:])}")
+    say(f"wrote {page}")

@@ -25,8 +25,12 @@ def printable(text):
 
 
 def one_line(text):
-    """Return `text` on one line, without what a terminal would obey: it can come from a log."""
-    return printable(" ".join(str(text).split()))
+    """Return `text` on one line, without what a terminal would obey: it can come from a log.
+
+    Of a package that is not installed, with what installs it.
+    """
+    cure = "; pip install 'imuloop[all]'" if isinstance(text, ModuleNotFoundError) else ""
+    return printable(" ".join(str(text).split())) + cure
 
 
 def did_you_mean(name, known, cutoff=0.6):

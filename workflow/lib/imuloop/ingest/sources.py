@@ -9,9 +9,6 @@ import tempfile
 import zipfile
 from pathlib import Path, PurePosixPath
 
-import pooch
-import requests
-
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.files import replaced
 
@@ -96,6 +93,10 @@ def _missing(source, cause):
 
 
 def _download(source, target):
+    # of the extra `workflow`
+    import pooch
+    import requests
+
     download = pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=_TIMEOUT)
     try:
         download(source["url"], str(target), None)

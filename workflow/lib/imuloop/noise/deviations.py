@@ -2,7 +2,6 @@
 
 from functools import cache
 
-import allantools
 import numpy as np
 import pandas as pd
 
@@ -14,13 +13,13 @@ from imuloop.noise.settings import NoiseSettings
 SLOPE_DECADES = 0.5
 # share of a stretch up to which the reflected ends leave the total variance that of Allan
 REFLECTED = 0.05
-# function of allantools, and exponents of S(f) ~ f^alpha for which the degrees of freedom are
-# known, lowest and highest
+# function of AllanTools (an extra), and exponents of S(f) ~ f^alpha for which the degrees of
+# freedom are known, lowest and highest
 DEVIATIONS = {
-    "allan": (allantools.oadev, -2, 1),
-    "total": (allantools.totdev, -2, 1),
-    "modified": (allantools.mdev, -2, 2),
-    "hadamard": (allantools.ohdev, -3, 1),
+    "allan": ("oadev", -2, 1),
+    "total": ("totdev", -2, 1),
+    "modified": ("mdev", -2, 2),
+    "hadamard": ("ohdev", -3, 1),
 }
 
 
@@ -80,14 +79,16 @@ def deviation_variance(name, stretches, factors):
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eqs. (14), (20),
     (25).
     """
-    factors = np.asarray(factors)
+    import allantools
+
+    factors, deviations = np.asarray(factors), getattr(allantools, DEVIATIONS[name][0])
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
     for x in stretches:
         count = _count(name, len(x), factors)
         used = np.flatnonzero(count)
         if len(used):
             # without the mean no digits are lost
-            taus, deviation, *_ = DEVIATIONS[name][0](
+            taus, deviation, *_ = deviations(
                 x - np.mean(x), rate=1.0, data_type="freq", taus=factors[used]
             )
             at = np.searchsorted(factors, np.rint(taus))
@@ -164,6 +165,8 @@ def _exponents(name, factors, variance):
 @cache
 def _freedom(name, phases, m, exponent):
     """Return the degrees of freedom of a stretch; not-a-number where the tables have no entry."""
+    import allantools
+
     edf = allantools.edf_greenhall
     if name == "hadamard":
         return edf(exponent, 3, m, phases, overlapping=True)

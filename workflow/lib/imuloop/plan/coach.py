@@ -37,7 +37,10 @@ class Progress:
         By sensor, the largest standard error of scale factor, relative, and misalignment, rad;
         infinite while it has none.
     advice : str
-        What to do next; empty when it is done.
+        What to do next; empty where nothing is left to do.
+    done : bool
+        Whether every standard error is as small as asked for; a wide hole may be left, in which
+        an effect could hide.
     """
 
     duration_s: float
@@ -46,11 +49,7 @@ class Progress:
     std: dict
     worst: dict
     advice: str
-
-    @property
-    def done(self):
-        """Whether all that was asked for is reached."""
-        return not self.advice
+    done: bool = False
 
 
 def progress(samples, gravity, units, noise=None, within=2e-3):
@@ -102,7 +101,8 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     else:
         text = ""
     std = {name: sensor.std for name, sensor in sensors.items() if relative[name]}
-    return Progress(early.duration_s, up, None if covered else hole, std, worst, text)
+    hole, done = None if covered else hole, max(worst.values()) <= within
+    return Progress(early.duration_s, up, hole, std, worst, text, done)
 
 
 def rest_noise(samples):

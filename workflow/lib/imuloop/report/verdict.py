@@ -227,7 +227,7 @@ def sentence(sensor, block):
     """Return the verdict on a sensor's poses or static record in a sentence."""
     verdict = block["verdict"]
     if verdict == "not_testable":
-        return f"not testable: {block['why']}."
+        return f"not testable: {block['why']}{'' if block['why'].endswith('?') else '.'}"
     name, residual = quoted(sensor, block)
     effects = joined([e["name"] for e in block["effects"]])
     words = {

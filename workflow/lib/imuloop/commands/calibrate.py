@@ -1,0 +1,127 @@
+"""``imuloop calibrate``: calibration, noise and verdicts of one device from its logs."""
+
+import argparse
+import logging
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+
+from imuloop.commands.lines import say
+from imuloop.commands.raw_log import add_arguments, declared, is_samples, local_gravity
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import refuse_overwriting
+from imuloop.core.gravity import normal_gravity
+from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.job_log import Printable
+from imuloop.result import KINDS, calibrate
+
+EXAMPLE = """examples:
+  imuloop calibrate poses.csv -o results/my_imu
+  imuloop calibrate poses.csv static=night.csv -o results/my_imu --acceleration-unit g
+
+Writes calibration.json, noise.json, diagnosis.json and exports, and prints the verdicts; needs
+neither Snakemake nor matplotlib."""
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser(
+        "calibrate", help="calibrate one device by its logs", epilog=EXAMPLE, **how
+    )
+    add_logs(command)
+    command.add_argument("-o", "--output", type=Path, required=True, help="folder of the results")
+    command.set_defaults(run=run)
+
+
+def add_logs(command):
+    """Add the logs of a device, and what a config would say of them."""
+    command.add_argument(
+        "logs", nargs="+", type=_log, metavar="[KIND=]LOG", help=f"KIND is {', '.join(KINDS)}"
+    )
+    command.add_argument(
+        "--kind", choices=KINDS, default=KINDS[0], help=f"of logs without; default {KINDS[0]}"
+    )
+    command.add_argument("--label", help="name in the report; default: that of the first log")
+    command.add_argument(
+        "--gravity",
+        type=_gravity,
+        default=STANDARD_GRAVITY,
+        metavar="M/S^2 or LATITUDE,HEIGHT",
+        help="local gravity, or degrees and m; default 9.80665: its error is one of scale",
+    )
+    add_arguments(command)
+
+
+def run(arguments):
+    """Write the results of one device."""
+    folder = kept_in(arguments.output, "-o", arguments)
+    with made(arguments, folder, folder / "calibrate.log") as result:
+        result.export(folder / "exports")
+        print(result)
+    say(f"wrote {folder / 'calibration.json'}")
+
+
+def kept_in(folder, option, arguments, files=()):
+    """Return a folder for results, unless they would overwrite something else."""
+    logs = [path for _, path in arguments.logs]
+    for path in logs:
+        if not path.exists():
+            raise ImuloopError(f"{path}: there is no such file")
+    refuse_overwriting([*files, folder], logs)
+    for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
+        if (folder / name).exists() and not (folder / mark).exists():
+            raise ImuloopError(
+                f"{option} {folder}: {folder / name} would be emptied, and is not of an earlier "
+                "run: give another folder"
+            )
+    return folder
+
+
+@contextmanager
+def made(arguments, folder, log):
+    """Run all stages into a folder and give the `Result`; tracebacks go to a log."""
+    logs = {kind: [] for kind in KINDS}
+    for kind, path in arguments.logs:
+        if path.suffix == ".parquet" and path.is_file() and is_samples(path):
+            raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
+        logs[kind or arguments.kind].append(path)
+    what, nominal = declared(arguments)
+    # made only where there is a traceback to keep
+    handler = logging.FileHandler(log, mode="w", delay=True)
+    handler.setLevel(logging.ERROR)
+    handler.setFormatter(Printable())
+    logging.getLogger().addHandler(handler)
+    with warnings.catch_warnings():
+        # of numbers at their limits, and what is said below
+        warnings.simplefilter("ignore")
+        result = calibrate(
+            logs.pop("multi_position"),
+            **logs,
+            **what,
+            nominal=nominal,
+            gravity=arguments.gravity,
+            label=arguments.label or arguments.logs[0][1].stem,
+            folder=folder,
+            log=log,
+            progress=False,
+        )
+        for line in (*result.failures, *result.notes):
+            say(line)
+        yield result
+    logging.getLogger().removeHandler(handler)
+
+
+def _log(text):
+    """Return kind and path of an argument ``static=night.csv``, kind None without."""
+    kind, _, path = text.partition("=")
+    return (kind, Path(path)) if kind in KINDS and path else (None, Path(text))
+
+
+def _gravity(text):
+    """Return gravity of an argument, m/s^2 as it is, or of latitude and height."""
+    if "," not in text:
+        return local_gravity(text)
+    values = [float(value) for value in text.split(",")]
+    if len(values) > 2 or not abs(values[0]) <= 90 or not abs(values[1]) <= 1e5:
+        raise argparse.ArgumentTypeError(f"{text} is not M/S^2 or LATITUDE,HEIGHT")
+    return normal_gravity(*values)
