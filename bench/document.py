@@ -23,7 +23,6 @@ turns, each in a process of its own. Packages are those of `requirements.lock`."
 # by name: title, command that measures, whether it prints Markdown, the target of the Makefile
 PARTS = {
     "peers": ("Beside other packages", ["-m", "bench.peers"], True, "make bench"),
-    "imu_tk": ("Calibration beside imu_tk", ["-m", "bench.peers.imu_tk"], True, "make bench"),
     "stages": ("Jobs of a factory's device", ["-m", "bench.stages"], True, "make bench"),
     "a-day-200": (
         "24 h at 200 Hz", ["-m", "bench.a_day", "--rate", "200"], False, "make a-day RATE=200"
