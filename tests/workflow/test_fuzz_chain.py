@@ -5,7 +5,8 @@ import signal
 
 import pytest
 
-from bench.fuzz.chain import recordings, run
+import bench.fuzz.chain.__main__ as entry
+from bench.fuzz.chain import recordings
 from bench.fuzz.chain.cases import make
 from bench.fuzz.chain.judge import Page
 from imuloop import chain
@@ -49,7 +50,7 @@ def test_what_goes_wrong_is_seen(monkeypatch, harm, end, fault):
     monkeypatch.setattr(chain, "report_device", at_the_end)
     # too few to be a log: the stages have little to do
     monkeypatch.setattr("bench.fuzz.chain.cases.MOST_ROWS", 50)
-    ((number, found, faults),) = run.fuzz([1], 1)
+    ((number, found, faults),) = entry.fuzz([1], 1)
     assert number == 1 and end in found
     assert faults == [] if fault is None else fault in " ".join(faults)
 
