@@ -104,8 +104,7 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     search = Choices(problem).search()
     assert search.test((drift,), sensitivity).p_value > 0.01
     values, std, _ = search.beside((drift,), sensitivity)
-    # of the 27 of three boards one is 3.2, see docs/reproduce.md: a bound of three
-    # standard errors is not met on board 3
+    # of the 27 of three boards one is 3.2: a bound of three is not met on board 3
     assert board == 3 or np.all(np.abs(values / std) < 3)
 
 
