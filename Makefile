@@ -38,11 +38,11 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
 
-# times beside other packages, and of each job. Writes these sections of docs/benchmarks.md, ten
-# minutes; recordings by IMULOOP_MIRROR
+# times beside other packages. Writes this section of docs/benchmarks.md, ten minutes; recordings by
+# IMULOOP_MIRROR
 MEASURE := PYTHONPATH=workflow/lib $(BIN)/python -m bench.document
 bench: setup $(PEERS)/.ready
-	$(MEASURE) peers stages
+	$(MEASURE) peers
 
 # a day at rest from CSV to noise.json, time and memory, into the same document; RATE=200 or 1000
 RATE ?= 200
