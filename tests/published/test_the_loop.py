@@ -116,3 +116,14 @@ def test_climate_chamber_is_temperature_and_its_past(measured):
     z = found["residuals"]["bias"]["sessions"]["static"]["az"]
     assert z["before"] > 0.15
     assert z["after"] <= 0.035
+
+
+def test_the_error_of_the_vertical_over_a_rotation_falls_three_fold(measured):
+    found = measured.json("xsens_mti", "attitude")
+    rotation = found["methods"]["rotation"]
+    assert rotation["n"] == 37
+    assert all(effects["gyroscope"][:1] == ["g_sensitivity"] for effects in found["effects"])
+    assert rotation["base_over_final"] >= 3
+    assert rotation["ratio_ci95"][0] > 2.5
+    # what is left is little more than the noise
+    assert rotation["models"]["final"]["rms_deg"] < 1.5 * rotation["floor_deg"]

@@ -150,11 +150,6 @@ def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(checkout
     assert [(tmp_path / path).exists() for path in cached.values()] == [True, False]
 
 
-def test_the_library_never_imports_the_workflow_manager(repository):
-    for path in (repository / "workflow/lib").rglob("*.py"):
-        assert not re.search(r"^\s*(import|from) snakemake", path.read_text(), re.M), path
-
-
 def test_a_target_that_names_nothing_is_refused(finished, checkout):
     target = "results/posed/face/quality.json"
     done = snakemake(checkout, finished[0], "-n", target=target)
