@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors kill setup setup-cluster lock licences clean
+.PHONY: report picture test cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -38,11 +38,11 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
 
-# times beside other packages, of each job, and the bound of the calibration. Writes these sections of
-# docs/benchmarks.md, ten minutes; recordings by IMULOOP_MIRROR, imu_tk's program by IMU_TK_BIN
+# times beside other packages. Writes this section of docs/benchmarks.md, ten minutes; recordings by
+# IMULOOP_MIRROR
 MEASURE := PYTHONPATH=workflow/lib $(BIN)/python -m bench.document
 bench: setup $(PEERS)/.ready
-	$(MEASURE) peers imu_tk stages
+	$(MEASURE) peers
 
 # a day at rest from CSV to noise.json, time and memory, into the same document; RATE=200 or 1000
 RATE ?= 200
@@ -87,14 +87,10 @@ fuzz-chain: setup
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz.chain \
 		--workers $(CORES) $(if $(CASE),--case $(CASE),--cases $(FUZZ_CASES) --first $(FIRST))
 
-# numeric tests and the measured devices by the code of each kind of processor: same figures, same
-# verdicts; recordings by IMULOOP_MIRROR
+# the measured devices by the code of each kind of processor, the numeric tests by the oldest: same
+# figures, same verdicts; recordings by IMULOOP_MIRROR
 processors: setup
 	PYTHONPATH=workflow/lib $(BIN)/python -m bench.processors --workers $(CORES)
-
-# runs killed at random moments and run again, compared byte by byte with a calm one
-kill: setup
-	PYTHONPATH=workflow/lib $(BIN)/python -m bench.kill --kills 30
 
 setup: $(READY)
 

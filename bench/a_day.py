@@ -8,7 +8,6 @@ memory of the largest process, and the intervals that miss the truth.
 
 import argparse
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -31,55 +30,41 @@ TRUTH = {
     **{name: {"N": 1e-4, "B": 1.5e-5, "K": 7e-7} for name in ANGULAR_RATE},
 }
 MEAN = dict(zip(CHANNELS, (0.1, -0.2, 9.8, 0.01, -0.02, 0.03), strict=True))
-# digits after the point: of a stamp, of m/s^2, of rad/s
-STAMP, FORCE, RATE = 4, 8, 10
 SLOW_RATE = 50.0
 # rows of a piece
 ROWS = 1 << 18
-# bytes of a row as text, and of its samples beside it
-ROW_BYTES, SAMPLE_BYTES = 90, 45
 CONFIG = "devices:\n  a_day:\n    sessions:\n      still: {kind: static, file: log.csv}\n"
 
 
 def generate(path, rate, hours):
     """Write a static log of the truth as CSV; return its number of rows."""
-    seeds = iter(np.random.SeedSequence(1).spawn(3 * len(CHANNELS)))
+    rng = np.random.default_rng(1)
     n, slow_n, slow = round(hours * 3600 * rate), round(hours * 3600 * SLOW_RATE) + 2, {}
     for name, truth in TRUTH.items():
-        rngs = [np.random.default_rng(next(seeds)) for _ in range(2)]
-        slow[name] = flicker(slow_n, 1 / SLOW_RATE, truth["B"], rngs[0])
-        slow[name] += walk(slow_n, 1 / SLOW_RATE, truth["K"], rngs[1])
-    rng = {name: np.random.default_rng(next(seeds)) for name in CHANNELS}
+        slow[name] = MEAN[name] + flicker(slow_n, 1 / SLOW_RATE, truth["B"], rng)
+        slow[name] += walk(slow_n, 1 / SLOW_RATE, truth["K"], rng)
     with pa.csv.CSVWriter(path, pa.schema([(x, pa.float64()) for x in (TIME, *CHANNELS)])) as file:
         for first in range(0, n, ROWS):
             t = np.arange(first, min(first + ROWS, n)) / rate
-            columns = {TIME: np.round(t, STAMP)}
+            columns = {TIME: np.round(t, 4)}
             begin = int(t[0] * SLOW_RATE)
             near = slice(begin, int(t[-1] * SLOW_RATE) + 2)
             for name in CHANNELS:
                 x = np.interp(t * SLOW_RATE - begin, np.arange(near.stop - begin), slow[name][near])
-                x += TRUTH[name]["N"] * np.sqrt(rate) * rng[name].standard_normal(len(t))
-                digits = FORCE if name in ACCELERATION else RATE
-                columns[name] = np.round(x + MEAN[name], digits)
+                x += TRUTH[name]["N"] * np.sqrt(rate) * rng.standard_normal(len(t))
+                columns[name] = np.round(x, 8 if name in ACCELERATION else 10)
             file.write_batch(pa.RecordBatch.from_pydict(columns))
     return n
 
 
 def run(folder, cores):
     """Run the workflow to noise.json; return its seconds and the memory of its largest process."""
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "-s",
-        REPOSITORY / "Snakefile",
-        "-d",
-        folder,
-        f"-c{cores}",
-    ]
-    command += ["--configfile", folder / "config.yaml", "--", "results/a_day/noise.json"]
+    command = [sys.executable, "-m", "snakemake", "-s", str(REPOSITORY / "Snakefile")]
+    command += ["-d", str(folder), f"-c{cores}", "--configfile", str(folder / "config.yaml")]
     start = time.monotonic()
-    done = subprocess.run([str(each) for each in command], stderr=subprocess.PIPE, text=True)
+    done = subprocess.run(
+        [*command, "--", "results/a_day/noise.json"], stderr=subprocess.PIPE, text=True
+    )
     took = time.monotonic() - start
     if done.returncode:
         sys.exit(f"the workflow failed:\n{done.stderr[-4000:]}")
@@ -87,23 +72,21 @@ def run(folder, cores):
 
 
 def stages(folder):
-    """Print seconds and memory of each stage, from Snakemake's benchmark files."""
+    """Yield seconds and memory of each stage, from Snakemake's benchmark files."""
     for path in sorted((folder / "benchmarks").rglob("*.tsv"), key=lambda p: p.stat().st_mtime_ns):
         row = pd.read_csv(path, sep="\t").iloc[0]
         stage = path.relative_to(folder / "benchmarks").parts[0]
         used = f"processor {row['cpu_time']} s, {row['max_rss']} MB"
-        print(f"  {stage:8} {row['s']:7.1f} s, {used}")
+        yield f"{stage:8} {row['s']:7.1f} s, {used}"
 
 
 def misses(axes):
-    """Return the coefficients whose interval does not hold the truth, as text."""
-    found = []
+    """Yield the coefficients whose interval does not hold the truth, as text."""
     for name, truth in TRUTH.items():
         for term, value in truth.items():
             low, high = axes[name][term]["ci95"] or (np.nan, np.nan)
             if not (axes[name][term]["identifiable"] and low <= value <= high):
-                found.append(f"{term} of {name} is {value:.1e}, not in [{low:.3e}, {high:.3e}]")
-    return found
+                yield f"{term} of {name} is {value:.1e}, not in [{low:.3e}, {high:.3e}]"
 
 
 def main():
@@ -114,29 +97,23 @@ def main():
     parser.add_argument("--folder", type=Path, default=Path("build"), help="where there is room")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    need = options.hours * 3600 * options.rate * (ROW_BYTES + SAMPLE_BYTES)
-    free = shutil.disk_usage(options.folder).free
-    if need > free:
-        return f"{need / 1e9:.1f} GB of disk needed, {free / 1e9:.1f} GB free in {options.folder}"
     with tempfile.TemporaryDirectory(prefix="a-day-", dir=options.folder) as folder:
         folder = Path(folder).resolve()
         (folder / "config.yaml").write_text(CONFIG)
         rows = generate(folder / "log.csv", options.rate, options.hours)
-        size = (folder / "log.csv").stat().st_size
-        print(
-            f"{rows} rows, {options.hours:g} h at {options.rate} Hz, CSV of {size / 1e9:.2f} GB",
-            flush=True,
-        )
+        size = (folder / "log.csv").stat().st_size / 1e9
         took, memory = run(folder, options.cores)
+        missed = list(misses(read_json(folder / "results/a_day/noise.json")["axes"]))
         print(
+            f"```\n{rows} rows, {options.hours:g} h at {options.rate} Hz, CSV of {size:.2f} GB\n"
             f"CSV to noise.json: {took:.1f} s, {memory:.0f} MB of memory of the largest process, "
-            f"on {options.cores} cores"
+            f"on {options.cores} cores",
+            *stages(folder),
+            sep="\n  ",
         )
-        stages(folder)
-        results = folder / "results" / "a_day"
-        missed = misses(read_json(results / "noise.json")["axes"])
     # of 18 intervals of 95 %, four are missed in 1 % of days
-    print(f"{len(missed)} of {3 * len(CHANNELS)} intervals miss the truth", *missed, sep="\n  ")
+    counted = f"{len(missed)} of {3 * len(CHANNELS)} intervals miss the truth"
+    print("\n  ".join([counted, *missed]), "```", sep="\n")
     return int(len(missed) > 3)
 
 

@@ -12,55 +12,46 @@ import sys
 from pathlib import Path
 
 from bench.commit import commit
-from bench.stages import ONE_THREAD, REPOSITORY
 
-DOCUMENT = REPOSITORY / "docs/benchmarks.md"
+DOCUMENT = Path(__file__).parents[1] / "docs/benchmarks.md"
 HEAD = """# Benchmarks
 
 Written by the commands that each section names, never by hand. Seconds are processor time of one
 thread, or of the clock where it says "wall"; the best of some rounds, in which the contenders take
 turns, each in a process of its own. Packages are those of `requirements.lock`."""
-# by name: title, command that measures, whether it prints Markdown, the target of the Makefile
+# by name: title, module and options that measure, the target of the Makefile
 PARTS = {
-    "peers": ("Beside other packages", ["-m", "bench.peers"], True, "make bench"),
-    "imu_tk": ("Calibration beside imu_tk", ["-m", "bench.peers.imu_tk"], True, "make bench"),
-    "stages": ("Jobs of a factory's device", ["-m", "bench.stages"], True, "make bench"),
-    "a-day-200": (
-        "24 h at 200 Hz", ["-m", "bench.a_day", "--rate", "200"], False, "make a-day RATE=200"
-    ),
-    "a-day-1000": (
-        "24 h at 1 kHz", ["-m", "bench.a_day", "--rate", "1000"], False, "make a-day RATE=1000"
-    ),
-    "factory": ("A factory's devices", ["-m", "bench.factory"], True, "make factory"),
-}  # fmt: skip
+    "peers": ("Beside other packages", "bench.peers", "make bench"),
+    "a-day-200": ("24 h at 200 Hz", "bench.a_day --rate 200", "make a-day RATE=200"),
+    "a-day-1000": ("24 h at 1 kHz", "bench.a_day --rate 1000", "make a-day RATE=1000"),
+    "factory": ("A factory's devices", "bench.factory", "make factory"),
+}
 
 
 def machine():
     """Return the machine in a line; neither its name nor a path."""
     models = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.M)
-    processor = next(iter(models), platform.machine())
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     return (
-        f"{processor}, {os.cpu_count()} cores, {memory:.0f} GB, {platform.system()}, "
-        f"Python {platform.python_version()}"
+        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores, {memory:.0f} GB, "
+        f"{platform.system()}, Python {platform.python_version()}"
     )
 
 
 def measure(part, options):
     """Run a part and return its section."""
-    title, command, markdown, target = PARTS[part]
+    title, command, target = PARTS[part]
     print(f"{title} …", file=sys.stderr, flush=True)
     done = subprocess.run(
-        [sys.executable, *command, *options],
-        env={**os.environ, **ONE_THREAD},
+        [sys.executable, "-m", *command.split(), *options],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         stdout=subprocess.PIPE,
         text=True,
     )
     text = done.stdout.strip()
     if done.returncode:
-        text = f"{text}\n\nexit status {done.returncode}"
-    text = text if markdown else f"```\n{text}\n```"
-    shown = " ".join([f"`{target}`", *(["with", f"`{' '.join(options)}`"] if options else [])])
+        text += f"\n\nexit status {done.returncode}"
+    shown = f"`{target}`" + (f" with `{' '.join(options)}`" if options else "")
     return f"## {title}\n\n{shown}, commit {commit()}. {machine()}.\n\n{text}\n"
 
 
@@ -83,8 +74,7 @@ def main():
     options = parser.parse_args()
     for part in options.parts:
         write({part: measure(part, options.options.split())})
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -103,48 +103,39 @@ def make_logs(folder, number):
 
 def measure(folder, count, cores, rows):
     """Time the runs of so many devices into rows by name; return what they did wrongly."""
-    work, repository = folder / f"run_{count}", folder / f"repository_{count}"
+    work, repository, faults = folder / f"run_{count}", folder / f"repository_{count}", []
     for each in (work, repository):
         shutil.rmtree(each, ignore_errors=True)
         each.mkdir()
     for name in ("workflow", "scripts", "profiles", "data/replicas"):
         shutil.copytree(REPOSITORY / name, repository / name)
     shutil.copy(REPOSITORY / "Snakefile", repository)
-    faults = []
-
-    def snakemake(*arguments):
-        command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", work]
-        command += ["--configfile", work / "config.yaml", f"-c{cores}", *arguments]
-        return subprocess.run(
-            [*map(str, command), "--", "results/report.html"],
-            capture_output=True,
-            text=True,
-            # byte code is kept from job to job, as Python does where nobody forbids it
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""},
-        )
+    command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", work]
+    command = [*map(str, command), "--configfile", str(work / "config.yaml"), f"-c{cores}"]
+    # byte code is kept from job to job, as Python does where nobody forbids it
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
 
     def run(name, expected, devices, *arguments):
         begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = snakemake(*arguments)
+        done = subprocess.run(
+            [*command, *arguments, "--", "results/report.html"],
+            **{"capture_output": True, "text": True, "env": environment},
+        )
         wall, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
         processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         output = done.stdout + done.stderr
         if done.returncode:
             sys.exit(f"{name}, {count} devices: {output[-2000:]}")
-        table = output.partition("Job stats:")[2].partition("total")[0]
-        jobs = Counter()
-        for rule, n in re.findall(r"(?m)^([a-z_]+) +(\d+)$", table):
-            jobs[rule] += int(n)
         rows.setdefault(name, []).extend((f"{wall:.1f}", f"{processor / devices:.2f}"))
-        print(f"{count} devices, {name}: {wall:.1f} s", file=sys.stderr, flush=True)
-        wanted = {rule: n * devices for rule, n in expected.items()} | {"report": 1}
-        if jobs != (wanted if expected else {}):
-            faults.append(f"{name}, {count} devices: jobs {dict(jobs)}, not {wanted}")
+        listed = output.partition("Job stats:")[2].partition("total")[0]
+        jobs = {rule: int(n) for rule, n in re.findall(r"(?m)^([a-z_]+) +(\d+)$", listed)}
+        wanted = {rule: n * devices for rule, n in expected.items()}
+        if jobs != (wanted and wanted | {"report": 1}):
+            faults.append(f"{name}, {count} devices: jobs {jobs}, not {wanted}")
 
-    # not timed: the first start after an installation, which writes the byte code
-    write_config(work, 1)
-    snakemake("-n")
     write_config(work, count)
+    # not timed: the first start after an installation writes the byte code
+    subprocess.run([*command, "-n"], env=environment, capture_output=True)
     run("dry run", WHOLE, count, "-n")
     run("whole run", WHOLE, count)
     run("nothing to do", {}, 1)

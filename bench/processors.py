@@ -1,10 +1,9 @@
 """The measured devices by the code that each kind of processor runs: the same verdicts and figures.
 
 From the repository, its library on the path: ``python -m bench.processors``. OpenBLAS and NumPy
-choose their code by the processor; each kind that this machine can run is taken in turn, and one
-that it cannot is left out. The numeric tests run with each but the newest, by which ``make test``
-runs them. Ends with 1 where a test fails, a word differs at all, or a number by
-more than `BOUND` of its size.
+choose their code by the processor; each kind that this machine can run makes the results of the
+devices. The numeric tests run by the oldest; ``make test`` runs them by the newest. Ends with 1
+where a test fails, a word differs at all, or a number by more than `BOUND` of its size.
 """
 
 import argparse
@@ -14,7 +13,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -38,7 +36,6 @@ BOUND = 1e-5
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--skip-tests", action="store_true", help="the devices alone")
     # of the processes that this one starts
     parser.add_argument("--make", nargs=2, metavar=("DEVICE", "FOLDER"), help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -46,22 +43,16 @@ def main():
         return make(options.make[0], Path(options.make[1]))
     kinds = [kind for kind, level in KINDS.items() if level in features("baseline", "found")]
     print(f"kinds of processor: {', '.join(kinds)}; left out: {', '.join({*KINDS} - {*kinds})}")
-    start, failed = time.monotonic(), []
-    if not options.skip_tests:
-        failed = [kind for kind in kinds[1:] if not tested(kind, options.workers)]
-    names = []
-    for name in devices():
-        if reason := missing(name):
-            print(f"{name} left out: {reason}")
-        else:
-            names.append(name)
+    failed = OLD in kinds and not tested(options.workers)
+    reasons = {name: missing(name) for name in devices()}
+    print(*(f"{name} left out: {reason}" for name, reason in reasons.items() if reason), sep="\n")
+    names = [name for name, reason in reasons.items() if not reason]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.workers) as pool:
         every = [(kind, name, Path(folder, kind, name)) for kind in kinds for name in names]
         list(pool.map(lambda each: made_by(*each), every))
         faults = [f for kind in kinds[1:] for f in compared(Path(folder), kinds[0], kind)]
-    print(*faults, sep="\n")
-    print(f"{len(names)} devices in {time.monotonic() - start:.0f} s")
-    return bool(faults or failed)
+    print(*faults, f"{len(names)} devices", sep="\n")
+    return bool(faults) or failed
 
 
 def features(*which):
@@ -79,11 +70,11 @@ def run(kind, *command, **how):
     return subprocess.run(command, env=environment, cwd=REPOSITORY, check=False, **how)
 
 
-def tested(kind, workers):
-    """Return whether the numeric tests pass."""
-    print(f"numeric tests as on {kind}", flush=True)
+def tested(workers):
+    """Return whether the numeric tests pass by the oldest code."""
+    print(f"numeric tests as on {OLD}", flush=True)
     options = "-q", "-n", workers, "-p", "no:cacheprovider"
-    return run(kind, "pytest", *options, *TESTS).returncode == 0
+    return run(OLD, "pytest", *options, *TESTS).returncode == 0
 
 
 def made_by(kind, name, folder):

@@ -15,14 +15,14 @@ from imuloop.noise.allan import allan_variance
 def test_a_part_takes_the_place_of_its_section_and_leaves_the_others(tmp_path, monkeypatch):
     monkeypatch.setattr(document, "DOCUMENT", tmp_path / "benchmarks.md")
     titles = {part: each[0] for part, each in document.PARTS.items()}
-    document.write({"stages": f"## {titles['stages']}\n\nold\n\n### Below\n"})
+    document.write({"a-day-200": f"## {titles['a-day-200']}\n\nold\n\n### Below\n"})
     document.write({"factory": f"## {titles['factory']}\n\nkept\n"})
     document.write({"peers": f"## {titles['peers']}\n\nfirst\n"})
-    document.write({"stages": f"## {titles['stages']}\n\nnew\n"})
+    document.write({"a-day-200": f"## {titles['a-day-200']}\n\nnew\n"})
     text = (tmp_path / "benchmarks.md").read_text()
     assert re.findall(r"^#+ (.*)$", text, re.M) == [
         "Benchmarks",
-        *(titles[part] for part in ("peers", "stages", "factory")),
+        *(titles[part] for part in ("peers", "a-day-200", "factory")),
     ]
     assert "old" not in text and text.index("first") < text.index("new") < text.index("kept")
 

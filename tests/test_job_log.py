@@ -20,11 +20,3 @@ def test_a_long_job_says_how_far_it_is(caplog, capsys):
         "imu/still: read 3.0 of 10.0 GB, 100 MB/s, 70 s left",
         "imu/still: measured 5.0 of 10.0 GB, 500 MB/s, 10 s left",
     ]
-
-
-def test_a_short_job_says_nothing(caplog):
-    caplog.set_level(logging.INFO)
-    progress = progress_lines("imu/still", clock=lambda: 7.0)
-    for done in range(10):
-        progress("read", done, 10)
-    assert not caplog.messages

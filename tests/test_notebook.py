@@ -20,13 +20,3 @@ def test_the_notebook_gives_what_is_stored_in_it(repository):
         # another processor rounds otherwise
         values = [np.array(re.findall(NUMBER, each), dtype=float) for each in (found, expected)]
         np.testing.assert_allclose(*values, rtol=0.05, atol=0.05)
-
-
-def test_the_notebook_is_small_and_valid(repository):
-    path = repository / "docs/using.ipynb"
-    stored = json.loads(path.read_text())
-    assert path.stat().st_size < 100_000
-    assert (stored["nbformat"], stored["nbformat_minor"]) == (4, 5)
-    identities = [cell["id"] for cell in stored["cells"]]
-    assert len(set(identities)) == len(identities)
-    assert all(cell["execution_count"] for cell in code_cells(stored))

@@ -35,18 +35,13 @@ def walk(node):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_schema_is_one_and_describes_every_key(schemas, name):
+def test_a_schema_describes_every_key_and_allows_no_other(schemas, name):
     Draft202012Validator.check_schema(schemas[name])
     for node in walk(schemas[name]):
         for key, value in node.get("properties", {}).items():
             # a condition repeats a key
             if not set(value) <= {"const", "type", "minProperties"}:
                 assert target(schemas, name, value).get("description"), key
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_set_of_keys_is_closed(schemas, name):
-    for node in walk(schemas[name]):
         if "required" in node and "properties" in node:
             assert node.get("additionalProperties") is not None, node["required"]
 
@@ -60,13 +55,10 @@ FAILED = {"stage": "noise", "why": "it did", "log": "logs/noise/a.log"}
     [
         (EXPORTS, None),
         (EXPORTS | {"failed": FAILED}, None),
-        (EXPORTS | {"failed": FAILED | {"log": None}}, None),
         (EXPORTS | {"failed": {"stage": "noise"}}, "'why' is a required property"),
-        (EXPORTS | {"failed": FAILED | {"stage": "cook"}}, "'cook' is not one of"),
         (EXPORTS | {"failed": FAILED | {"why": "two\nlines"}}, "does not match"),
         (EXPORTS | {"more": 1}, "'more' was unexpected"),
         ({"sha256": {"README.txt": float("nan")}}, "NaN is no JSON"),
-        ({"sha256": {"README.txt": float("-inf")}}, "-Infinity is no JSON"),
         ({"sha256": {"README.txt": None}}, "None is not of type 'string'"),
     ],
 )

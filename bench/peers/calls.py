@@ -12,15 +12,12 @@ import contextlib
 import io
 import json
 import sys
-import tempfile
 import time
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-
-from bench.memory import peak_memory
 
 # Hz, of the record and of imucal's recording; m/s^2
 RATE, FACES_RATE, GRAVITY = 100.0, 204.8, 9.80665
@@ -61,29 +58,6 @@ def allan_variance_analyzer(axes, factors):
 
     # the function cuts off: the half keeps rounding from taking one sample less
     return np.sqrt(compute_allan_variances(axes.T, (factors + 0.5) / RATE, RATE, overlap=0)).T
-
-
-def allan_variance_fit(axes, factors):
-    """Curve and five coefficients; returned N and K of the accelerometer's axes."""
-    from allan_variance import compute_avar, estimate_parameters
-
-    last = {"tau_max": (factors[-1] + 0.5) / RATE, "n_clusters": COUNT}
-    found = [estimate_parameters(*compute_avar(x, 1 / RATE, **last))[0] for x in axes]
-    return [[each["white"], each["walk"]] for each in found[:3]]
-
-
-def allan_variance_analyzer_fit(axes, _):
-    """As its README shows; returned N and K of the accelerometer: it writes the largest of each."""
-    from allan_variance_analyzer import AllanVarianceAnalyzer
-
-    with tempfile.TemporaryDirectory() as folder:
-        config = Path(folder) / "config.yaml"
-        config.write_text(f"imu_rate: {RATE:g}\nmeasure_rate: {RATE:g}\nshow_plots: false\n")
-        AllanVarianceAnalyzer(config, folder)(axes.T.copy())
-        lines = (Path(folder) / "imu.yaml").read_text().splitlines()
-    values = dict(line.split(": ") for line in lines if line.startswith("accelerometer"))
-    names = ("accelerometer_noise_density", "accelerometer_random_walk")
-    return [[float(values[name]) for name in names]]
 
 
 def imuloop(axes, factors):
@@ -137,15 +111,13 @@ def faces_imuloop(log, sections):
 
 
 # name: call, distribution
-CALLS = {
+CURVES = {
+    "imuloop": (imuloop, None),
+    "imuloop, intervals": (imuloop_intervals, None),
     "allantools": (allantools, "allantools"),
     "allan-variance": (allan_variance, "allan-variance"),
     "avar": (avar, "avar"),
     "allan-variance-analyzer": (allan_variance_analyzer, "allan-variance-analyzer"),
-    "allan-variance, fit": (allan_variance_fit, "allan-variance"),
-    "allan-variance-analyzer, fit": (allan_variance_analyzer_fit, "allan-variance-analyzer"),
-    "imuloop": (imuloop, None),
-    "imuloop, intervals": (imuloop_intervals, None),
 }
 FACES_CALLS = {"imuloop, faces": (faces_imuloop, None), "imucal, faces": (faces_imucal, "imucal")}
 
@@ -154,6 +126,13 @@ def averaging_factors(n):
     """Return the averaging factors of all, spaced as `allan-variance` spaces them, about 100."""
     spaced = np.logspace(0, np.log2(n // 3), COUNT, base=2)
     return np.unique(np.rint(spaced)).astype(int)
+
+
+def peak_memory():
+    """Return the bytes of memory that this process had at most."""
+    # what getrusage tells may be the parent's, from before the program began
+    (line,) = (x for x in Path("/proc/self/status").read_text().splitlines() if "VmHWM" in x)
+    return 1024 * int(line.split()[1])
 
 
 def timed(call, *arguments):
@@ -165,15 +144,13 @@ def timed(call, *arguments):
 
 def main():
     name, folder = sys.argv[1], Path(sys.argv[2])
-    call, distribution = (CALLS | FACES_CALLS)[name]
+    call, distribution = (CURVES | FACES_CALLS)[name]
     # they print progress
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        if name in CALLS:
+        if name in CURVES:
             axes, factors = np.load(folder / "axes.npy"), np.load(folder / "factors.npy")
             short = axes[:, : len(axes[0]) // 10].copy()
-            # one of them needs more than a short part
-            with contextlib.suppress(Exception):
-                call(short, averaging_factors(len(short[0])))
+            call(short, averaging_factors(len(short[0])))
             values, seconds = timed(call, axes, factors)
         else:
             paths = sorted(folder.glob("*.csv"))

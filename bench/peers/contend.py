@@ -4,13 +4,15 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
-from bench.peers.calls import CALLS, FACES_CALLS
-from bench.stages import ONE_THREAD
+from bench.peers.calls import CURVES, FACES_CALLS
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 # freed memory stays with the process: else page faults of temporaries count, or not, by chance
 ENVIRONMENT = {
-    **ONE_THREAD,
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONPATH": os.pathsep.join([str(REPOSITORY / "workflow/lib"), str(REPOSITORY)]),
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 32),
 }
@@ -28,7 +30,7 @@ def contend(name, folder, environment):
     environment : Path
         Virtual environment of the peers, with the log of what did not install.
     """
-    _, distribution = (CALLS | FACES_CALLS)[name]
+    _, distribution = (CURVES | FACES_CALLS)[name]
     python = environment / "bin/python" if distribution else sys.executable
     if distribution and not python.exists():
         return "there is no environment of the peers"

@@ -9,7 +9,6 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
@@ -34,22 +33,15 @@ def needs_plugin(name):
 def write_devices(folder, names):
     """Write the logs of small devices, a static and a multi-position one each, and their config."""
     truth = example_truth(rate=50.0)
-    devices = {}
-    for number, name in enumerate(names):
-        bias = np.random.default_rng(number).normal(0, 0.05, 3)
-        sensor = replace(truth.accelerometer, b=truth.accelerometer.b + bias)
-        static = replace(truth.sessions["static"], duration_s=60.0, seed=2 * number + 1)
-        poses = replace(
-            truth.sessions["multi_position"],
-            **{"poses": 12, "initial_rest_s": 10.0, "rest_s": (2.0, 3.0), "seed": 2 * number + 2},
-        )
-        made = {"static": static, "multi_position": poses}
-        each = replace(truth, name=name, accelerometer=sensor, sessions=made)
-        for kind in made:
-            write_log(folder / f"{name}_{kind}.csv", simulate_session(each, kind), {})
-        devices[name] = {
-            "sessions": {kind: {"kind": kind, "file": f"{name}_{kind}.csv"} for kind in made}
-        }
+    static, poses = (truth.sessions[kind] for kind in ("static", "multi_position"))
+    short = {"poses": 12, "initial_rest_s": 10.0, "rest_s": (2.0, 3.0)}
+    plans = {"static": replace(static, duration_s=60.0), "multi_position": replace(poses, **short)}
+    truth, devices = replace(truth, sessions=plans), {}
+    for seed, name in enumerate(names):
+        for kind in plans:
+            write_log(folder / f"{name}_{kind}.csv", simulate_session(truth, kind, seed), {})
+        sessions = {kind: {"kind": kind, "file": f"{name}_{kind}.csv"} for kind in plans}
+        devices[name] = {"sessions": sessions}
     write_config(folder, devices)
     return devices
 

@@ -1,14 +1,25 @@
 """Logs in an S3, a local one: the results of the local files, and one line where one is missing."""
 
+import os
 import re
+import shlex
 
 import pyarrow.parquet as pq
 import pytest
 
-from cluster.conftest import KEYS, contents, into_bucket, run, write_config, write_devices
+from cluster.conftest import (
+    KEYS,
+    contents,
+    into_bucket,
+    needs_plugin,
+    run,
+    write_config,
+    write_devices,
+)
 
 FOLDER = b"s3://logs/bench 1/"
 TARGET = "results/imu/section.html"
+PLUGIN = "build/kubernetes"
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +62,7 @@ def test_a_log_in_s3_is_looked_at_no_more_once_its_results_are_there(both, repos
     ("address", "keys", "fault"),
     [
         ("s3://logs/none.csv", KEYS, "there is no such file in the storage"),
-        (
-            "s3://other/none.csv",
-            KEYS,
-            "there is no bucket other, or it is not",
-        ),
+        ("s3://other/none.csv", KEYS, "there is no bucket other, or it is not"),
         ("s3://logs/none.csv", {}, "cannot be looked up: Unable to locate credentials"),
         ("gs://logs/none.csv", {}, "Snakemake has no plugin for gs:// here; see docs/clusters.md"),
     ],
@@ -100,3 +107,41 @@ def test_a_run_without_any_shared_folder_gives_the_same_bytes(both, repository, 
     assert {each["Key"] for each in listed} == set(local)
     for path in local:
         assert client.get_object(Bucket="all", Key=path)["Body"].read() == local[path], path
+
+
+@pytest.fixture
+def stored(repository, s3, tmp_path):
+    """Return a function: plan a run of a device whose logs are in a bucket."""
+    client, environment = s3
+    devices = write_devices(tmp_path, ["imu"])
+    into_bucket(client, tmp_path, devices, "bucket")
+    write_config(tmp_path, devices)
+
+    def plan(*arguments, **more):
+        arguments = [repository / a if str(a).startswith("profiles/") else a for a in arguments]
+        done = run(repository, tmp_path, *arguments, "-n", **environment | KEYS | more)
+        assert done.returncode == 0, f"{arguments}\n{done.stderr}"
+        return done.stdout + done.stderr
+
+    return plan
+
+
+def test_every_command_of_the_document_can_be_planned(repository, stored):
+    needs_plugin("executor_plugin_slurm")
+    text = (repository / "docs/clusters.md").read_text()
+    lines = re.findall(r"^\.venv-cluster/bin/snakemake (.*) -- results/report.html$", text, re.M)
+    assert len(lines) == text.count("\n.venv-cluster/bin/snakemake ") == 3
+    for line in lines:
+        stored(*shlex.split(line.replace("--configfile config.yaml", "")))
+
+
+def test_a_run_on_kubernetes_is_planned(repository, stored):
+    """As far as it can be checked without a cluster."""
+    if not (repository / PLUGIN / "snakemake_executor_plugin_kubernetes").is_dir():
+        pytest.skip(f"no Kubernetes plugin in {PLUGIN}: .ci/cluster installs it")
+    paths = os.pathsep.join([str(repository / PLUGIN), os.environ.get("PYTHONPATH", "")])
+    said = stored("--profile", "profiles/kubernetes", PYTHONPATH=paths)
+    # a device is one pod, logs and results are in the storage, the report is made here
+    assert said.count("Group job device") == 1
+    assert "s3://bucket/imu_static.csv" in said
+    assert "output: s3://imuloop/results/report.html (send to storage)" in said

@@ -7,14 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from cluster.conftest import (
-    ENVIRONMENT,
-    command,
-    contents,
-    run,
-    write_config,
-    write_devices,
-)
+from cluster.conftest import ENVIRONMENT, command, contents, run, write_config, write_devices
 from workflow.conftest import copied
 
 # longest time from the end of a job to Snakemake's word of it, s
@@ -48,7 +41,7 @@ def queue(folder):
 @pytest.fixture(scope="module")
 def started(repository, slurm, tmp_path_factory):
     """All runs on SLURM, at once because they mostly wait: the future of each function by name."""
-    runs = (fail, take_too_much, six)
+    runs = (fail, take_too_much, three)
     # here, because pytest makes no folders for several threads at once
     folders = [tmp_path_factory.mktemp(each.__name__) for each in runs]
     with ThreadPoolExecutor() as pool:
@@ -58,10 +51,10 @@ def started(repository, slurm, tmp_path_factory):
         }
 
 
-def six(repository, profile, folder):
-    """Run six devices here and on SLURM; return both folders, the jobs, and what was said."""
+def three(repository, profile, folder):
+    """Run three devices here and on SLURM; return both folders, the jobs, and what was said."""
     local, remote = folder / "local", folder / "remote"
-    names = [f"imu{number}" for number in range(6)]
+    names = [f"imu{number}" for number in range(3)]
     for each in (local, remote):
         each.mkdir()
         write_devices(each, names)
@@ -73,8 +66,8 @@ def six(repository, profile, folder):
     return local, remote, queue(remote), done.stderr
 
 
-def test_six_devices_on_slurm_give_the_same_bytes_as_here(started):
-    local, remote, _, _ = started["six"].result()
+def test_devices_on_slurm_give_the_same_bytes_as_here(started):
+    local, remote, _, _ = started["three"].result()
     here, there = contents(local), contents(remote)
     # time and host stand in logs/ and benchmarks/ only
     assert set(here) == set(there)
@@ -82,8 +75,8 @@ def test_six_devices_on_slurm_give_the_same_bytes_as_here(started):
 
 
 def test_a_device_is_one_submission(started):
-    *_, jobs, said = started["six"].result()
-    assert len(jobs) == 6
+    *_, jobs, said = started["three"].result()
+    assert len(jobs) == 3
     assert {state for *_, state in jobs} == {"COMPLETED"}
     # its two sessions at once
     assert {cores for _, cores, *_ in jobs} == {"2"}
@@ -91,7 +84,7 @@ def test_a_device_is_one_submission(started):
 
 
 def test_memory_is_asked_for_by_the_size_of_the_log(started, repository):
-    local, _, jobs, _ = started["six"].result()
+    local, _, jobs, _ = started["three"].result()
     asked = sorted(int(memory.rstrip("M")) for _, _, memory, *_ in jobs)
     # what both sessions' ingest asks for at once with hardly any log
     assert 1000 <= asked[0] <= asked[-1] < 1100

@@ -52,7 +52,7 @@ def test_what_the_rotations_leave_is_no_chips_own(board):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("chips", [(1, 1, 1), (1, 3, 5), (3, 5, 7), (5, 7, 1)], ids=str)
+@pytest.mark.parametrize("chips", [(1, 1, 1), (3, 5, 7)], ids=str)
 def test_an_accelerometer_of_three_chips_shows_its_arms(recordings, tmp_path, chips):
     """Axes x, y, z of three chips that lie alike; the arms of the drawing, from motion alone."""
     kinds = dict.fromkeys(RECORDINGS, "multi_position")

@@ -133,9 +133,6 @@ def test_a_corrected_file_leaves_less_velocity(measured, moves, tmp_path):
         calibration = Calibration.from_json(folder / f"{name}.json")
         calibration.apply_file(log, tmp_path / f"{name}.parquet")
         pieces = pd.read_parquet(tmp_path / f"{name}.parquet")
-        whole = calibration.apply(pd.read_parquet(log))
-        channels = [*ACCELERATION, *ANGULAR_RATE]
-        np.testing.assert_allclose(pieces[channels], whole[channels], rtol=0, atol=1e-9)
         left[name] = np.sqrt((vertical(pieces, recording) ** 2).mean())
     assert left["multi_position"] > 15e-3 and left["calibration"] < 6e-3
 

@@ -1,7 +1,10 @@
-"""Three MPU-9150 boards: against the table published with their logs."""
+"""Three MPU-9150 boards against the table published with their logs; schemas of all devices."""
 
 import numpy as np
 import pytest
+
+from bench.result_files import fault
+from published.conftest import DEVICES
 
 # scale factor error in per cent as published, of the output against the truth: 1/K - 1
 SCALE = {1: (0.363, 0.315, 0.647), 2: (0.471, 0.482, 0.932), 3: (0.382, 0.355, 0.780)}
@@ -18,3 +21,10 @@ def test_the_accelerometer_is_as_published_and_no_effect_is_added(measured, boar
     np.testing.assert_allclose(accelerometer["b"], BIAS[board], atol=0.015)
     for sensor in measured.json(device, "diagnosis")["sensors"].values():
         assert sensor["poses"]["effects"] == []
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_every_json_file_of_a_measured_device_fits_its_schema(measured, device):
+    paths = list(measured.of(device).rglob("*.json"))
+    assert len(paths) > 5
+    assert {str(p): wrong for p in paths if (wrong := fault(p))} == {}

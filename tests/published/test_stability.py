@@ -63,7 +63,6 @@ def judged(sensors):
     [
         (other_axes_and_unit, {}),
         (one_pose_less, {}),
-        (as_logged, {"window_s": 0.7}),
         (as_logged, {"window_s": 1.3}),
     ],
 )

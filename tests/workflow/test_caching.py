@@ -130,12 +130,6 @@ def test_results_that_were_cut_are_named(folder, checkout):
     assert "Traceback" not in printed
 
 
-def test_a_deleted_result_is_made_again_where_it_is_asked_for(folder, checkout):
-    (folder / "results/resting/calibration.json").unlink()
-    found = planned(checkout, folder, target="results/resting/calibration.json")
-    assert found == {"diagnose/resting"}
-
-
 def test_a_job_that_was_killed_runs_again(folder, checkout):
     """Its results are there, and nobody knows whether they are whole."""
     script = checkout / "scripts/export.py"

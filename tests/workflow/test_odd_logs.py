@@ -28,18 +28,14 @@ def faults(tmp_path):
     return of
 
 
-def test_without_noise_there_is_no_allan_curve_to_draw(logs, faults):
+def test_axes_without_noise_have_no_allan_curve_and_are_drawn_beside_others(logs, faults):
     # means of the log, held; and a thermometer without a value
-    log = logs["static"].assign(temperature=np.nan)
-    log[list(CHANNELS)] = log[list(CHANNELS)].mean().to_numpy()
-    log.loc[len(log) // 2 :, "ax"] += 0.1
-    assert faults(a=("static", log)) == []
-
-
-def test_axes_without_noise_are_drawn_beside_others(logs, faults):
+    still = logs["static"].assign(temperature=np.nan)
+    still[list(CHANNELS)] = still[list(CHANNELS)].mean().to_numpy()
+    still.loc[len(still) // 2 :, "ax"] += 0.1
     log = logs["static"].assign(gx=-0.0276, gy=0.0)
     log.loc[len(log) // 3 :, "gz"] = 0.0
-    assert faults(a=("static", log), b=("six_position", log)) == []
+    assert faults(a=("static", still), b=("static", log), c=("six_position", log)) == []
 
 
 @pytest.mark.usefixtures("undrawn")

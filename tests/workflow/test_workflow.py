@@ -121,14 +121,6 @@ def test_five_mistakes_are_five_lines(checkout, tmp_path):
     assert not (tmp_path / "results").exists()
 
 
-def test_a_default_config_that_is_no_yaml_is_named(checkout, tmp_path):
-    (tmp_path / "config.yaml").write_text("devices: {a: [")
-    done = snakemake(checkout, tmp_path, config=None)
-    assert done.returncode == 1
-    assert "config.yaml: line 1, column 15: no YAML: " in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(checkout, tmp_path):
     sessions, cached = {}, {}
     (tmp_path / "mirror/deep").mkdir(parents=True)
@@ -163,11 +155,6 @@ def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path):
     done = snakemake(tmp_path, tmp_path, target=made, config=None)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / made).read_bytes() == (finished[0] / made).read_bytes()
-
-
-def test_the_library_never_imports_the_workflow_manager(repository):
-    for path in (repository / "workflow/lib").rglob("*.py"):
-        assert not re.search(r"^\s*(import|from) snakemake", path.read_text(), re.M), path
 
 
 def test_a_target_that_names_nothing_is_refused(finished, checkout):

@@ -1,14 +1,13 @@
 """Devices of one to three harmed sessions, each made of its number alone."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from bench.fuzz.chain import recordings
-from bench.fuzz.chain.harm import HARMS, other_kind
-from bench.fuzz.chain.log import MOST_ROWS, SENSORS, UNITS, Log
-from imuloop.core.samples import SENSORS as AXES
+from bench.fuzz.chain.harm import HARMS, MOST_ROWS, UNITS, other_kind
 from imuloop.core.units import STANDARD_GRAVITY, TIME
 
 
@@ -40,21 +39,22 @@ def make(number, folder):
     first = recordings.recording(name)
     # SI, counts and other units alike
     written = {}
-    for sensor, (si, *others) in UNITS.items():
-        written[sensor] = [si, "count", others[rng.integers(len(others))]][rng.integers(3)]
+    for quantity, (si, *others) in UNITS.items():
+        written[quantity] = [si, "count", others[rng.integers(len(others))]][rng.integers(3)]
     nominal, sessions, words = {}, {}, []
     for k in range(rng.choice([1, 2, 3], p=[0.6, 0.25, 0.15])):
         if k and rng.random() < 0.3:
             family = families[rng.integers(len(families))]
         if k and rng.random() < 0.5:
             name = family[rng.integers(len(family))]
-        log = stretch(rng, recordings.recording(name), first.count, written)
+        log = stretch(rng, recordings.recording(name))
+        log.count, log.written, log.declared = first.count, dict(written), dict(written)
         harms = harm(rng, log)
-        for sensor in SENSORS:
-            if other := log.declared.pop(f"nominal.{sensor}", None):
-                nominal[sensor] = other
-            elif log.declared[sensor] == "count":
-                nominal.setdefault(sensor, first.count[sensor])
+        for quantity in UNITS:
+            if other := log.declared.pop(f"nominal.{quantity}", None):
+                nominal[quantity] = other
+            elif log.declared[quantity] == "count":
+                nominal.setdefault(quantity, first.count[quantity])
         path, declared = write(rng, log, folder / f"log {k}")
         sessions[f"session_{k + 1}"] = {"kind": log.kind, "file": str(path), **declared}
         listed = "; ".join(harms) or "no harm"
@@ -64,25 +64,17 @@ def make(number, folder):
     return Case(number, entry, tuple(words))
 
 
-def stretch(rng, source, count, written):
+def stretch(rng, source):
     """Return a minute or two of a recording, or all of it thinned."""
-    n = len(source.t)
+    n, log = len(source), copy(source)
     if rng.random() < 0.5:
         rate = (n - 1) / (source.t[-1] - source.t[0])
         rows = int(min(max(rng.uniform(60, 120) * rate, 2000), MOST_ROWS))
         first = 0 if rng.random() < 0.3 else int(rng.integers(0, max(n - rows, 1)))
-        rows = slice(first, first + rows)
+        log.take(slice(first, first + rows))
     else:
-        rows = slice(0, None, -(-n // MOST_ROWS) * int(rng.choice([1, 1, 2])))
-    log = Log(
-        kind=source.kind,
-        t=source.t[rows] - source.t[rows][0],
-        x={"acceleration": source.f[rows].copy(), "angular_rate": source.w[rows].copy()},
-        temperature=None if source.temperature is None else source.temperature[rows].copy(),
-        count=count,
-        written=dict(written),
-        declared=dict(written),
-    )
+        log.take(slice(0, None, -(-n // MOST_ROWS) * int(rng.choice([1, 1, 2]))))
+    log.t, log.lines = log.t - log.t[0], []
     if rng.random() < 0.3:
         other_kind(rng, log)
     return log
@@ -95,7 +87,7 @@ def harm(rng, log):
         if len(log):
             each = HARMS[rng.integers(len(HARMS))]
             with np.errstate(all="ignore"):
-                done.append(f"{each.__name__} {each(rng, log)}".rstrip())
+                done.append(f"{each.__name__} {each(rng, log)}")
     return done
 
 
@@ -105,14 +97,16 @@ def write(rng, log, stem):
     time = list(TIME)[rng.integers(4)] if rng.random() < 0.4 else "s"
     with np.errstate(all="ignore"):
         if log.rate is None:
-            columns["t"], units["time"] = whole(log.t / TIME[time], time != "s"), time
-        for sensor, names in zip(SENSORS, AXES.values(), strict=True):
-            unit, count, values = log.written[sensor], log.count[sensor], log.x[sensor]
+            columns["t"], units["time"] = log.t / TIME[time], time
+            if time != "s":
+                columns["t"] = whole(columns["t"])
+        for quantity, axes in recordings.QUANTITIES.items():
+            unit, count, values = log.written[quantity], log.count[quantity], log.x[quantity]
             if unit == "count":
-                values = whole(values / count["scale"] + count["offset"], True)
+                values = whole(values / count["scale"] + count["offset"])
             else:
-                values = values / UNITS[sensor][unit]
-            columns |= dict(zip(names, values.T, strict=True))
+                values = values / UNITS[quantity][unit]
+            columns |= dict(zip(axes, values.T, strict=True))
     if log.temperature is not None:
         columns["temp"] = log.temperature
     table = pd.DataFrame(columns)
@@ -129,8 +123,6 @@ def write(rng, log, stem):
     return path, declared
 
 
-def whole(x, rounded):
-    """Return numbers, whole ones where they are to be and can be."""
-    if not rounded or not (np.abs(x) < 2**62).all():
-        return x
-    return np.round(x).astype(np.int64)
+def whole(x):
+    """Return whole numbers, where they can be."""
+    return np.round(x).astype(np.int64) if (np.abs(x) < 2**62).all() else x

@@ -2,17 +2,12 @@
 
 import numpy as np
 
-from bench.fuzz.chain.log import KINDS, MOST_ROWS, SENSORS, UNITS
-from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.core import units
 
-
-def some(rng, log, most=0.3):
-    """Return which rows are in one to four stretches."""
-    rows = np.zeros(len(log), dtype=bool)
-    for _ in range(rng.integers(1, 5)):
-        first = rng.integers(0, len(log) + 1)
-        rows[first : first + int(len(log) * most * rng.random() ** 2) + 1] = True
-    return rows
+# most rows of a log: a case is to take a second or two
+MOST_ROWS = 8_000
+KINDS = ("static", "six_position", "multi_position")
+UNITS = {"acceleration": units.ACCELERATION, "angular_rate": units.ANGULAR_RATE}
 
 
 def size(rng, low, high):
@@ -25,8 +20,17 @@ def middle(rng, log):
     return int(len(log) * rng.uniform(0.1, 0.9))
 
 
-def sensor_of(rng):
-    return SENSORS[rng.integers(2)]
+def quantity_of(rng):
+    return str(rng.choice([*UNITS]))
+
+
+def stretches(rng, log, most):
+    """Return which rows are in one to four stretches."""
+    rows = np.zeros(len(log), dtype=bool)
+    for _ in range(rng.integers(1, 5)):
+        first = rng.integers(0, len(log) + 1)
+        rows[first : first + int(len(log) * most * rng.random() ** 2) + 1] = True
+    return rows
 
 
 # --- time
@@ -39,9 +43,15 @@ def dropped(rng, log):
 
 
 def cut(rng, log):
-    rows = some(rng, log, 0.15)
+    rows = stretches(rng, log, 0.15)
     log.take(~rows)
     return f"{rows.sum()} rows"
+
+
+def short(rng, log):
+    n = int(rng.choice([0, 1, 2, 50, 99, 100, 101, 150, 300, 1000]))
+    log.take(slice(0, n))
+    return f"{n} rows"
 
 
 def jitter(rng, log):
@@ -59,19 +69,10 @@ def bursts(rng, log):
 
 
 def clock_jumps(rng, log):
-    jumps = []
-    for _ in range(rng.choice([1, 1, 2, 3])):
-        row, by = middle(rng, log), size(rng, 1e-3, 1e8) * rng.choice([-1, 1])
-        by = float(rng.choice([by, 1.7e9, -1.7e9, 3.15e7, -10.0]))
-        log.t[row:] += by
-        jumps.append(f"{by:.4g} s at row {row}")
-    return ", ".join(jumps)
-
-
-def repeated(rng, log):
-    rows = rng.integers(0, max(len(log), 1), int(len(log) * size(rng, 1e-3, 0.1)))
-    log.take(np.sort(np.concatenate([np.arange(len(log)), rows])))
-    return f"{len(rows)} rows"
+    row, by = middle(rng, log), size(rng, 1e-3, 1e8) * rng.choice([-1, 1])
+    by = float(rng.choice([by, 1.7e9, -1.7e9, 3.15e7, -10.0]))
+    log.t[row:] += by
+    return f"{by:.4g} s at row {row}"
 
 
 def shuffled(rng, log):
@@ -92,19 +93,11 @@ def wrong_rate(rng, log):
 def resampled(rng, log):
     rate = float(rng.choice([5, 10, 20, 50, 200, 400, 1000, 2000]))
     n = min(int((log.t[-1] - log.t[0]) * rate), MOST_ROWS)
-    at = np.linspace(0, min(n / rate / log.step, len(log) - 1), max(n, 1)).astype(int)
-    log.take(at)
+    log.take(np.linspace(0, min(n / rate / log.step, len(log) - 1), max(n, 1)).astype(int))
     log.t = np.arange(len(log)) / rate
-    for sensor, values in log.x.items():
-        noise = 0.5 * log.count[sensor]["scale"] * rng.normal(size=values.shape)
-        log.x[sensor] = values + noise
+    for quantity, values in log.x.items():
+        values += 0.5 * log.count[quantity]["scale"] * rng.normal(size=values.shape)
     return f"to {rate:g} Hz"
-
-
-def short(rng, log):
-    n = int(rng.choice([0, 1, 2, 50, 99, 100, 101, 150, 300, 1000]))
-    log.take(slice(0, n))
-    return f"{n} rows"
 
 
 # --- what was done with the device
@@ -126,139 +119,109 @@ def only(rng, log):
     return f"{'rest' if rest else 'motion'}, {len(log)} rows"
 
 
-def few_poses(rng, log):
-    share = rng.uniform(0.05, 0.4)
-    first = rng.uniform(0, 1 - share)
-    log.take(slice(int(first * len(log)), int((first + share) * len(log))))
-    return f"{share:.2g} of the log"
-
-
 # --- values
 
 
 def clipped(rng, log):
-    sensor = sensor_of(rng)
-    most = np.abs(log.x[sensor]).max(initial=0.0)
-    limit = rng.choice([1.05 * STANDARD_GRAVITY, 1.5, most * rng.uniform(0.2, 1.0)])
-    log.x[sensor] = np.clip(log.x[sensor], -limit, limit)
-    return f"{sensor} at {limit:.3g}"
+    quantity = quantity_of(rng)
+    most = np.abs(log.x[quantity]).max(initial=0.0)
+    limit = rng.choice([1.05 * units.STANDARD_GRAVITY, 1.5, most * rng.uniform(0.2, 1.0)])
+    log.x[quantity] = np.clip(log.x[quantity], -limit, limit)
+    return f"{quantity} at {limit:.3g}"
 
 
 def wrapped(rng, log):
-    sensor = sensor_of(rng)
-    limit = float(rng.choice([5, 7, 8.5] if sensor == "acceleration" else [0.2, 1, 4]))
-    log.x[sensor] = (log.x[sensor] + limit) % (2 * limit) - limit
-    return f"{sensor} at {limit:g}"
+    quantity = quantity_of(rng)
+    limit = float(rng.choice([5, 7, 8.5] if quantity == "acceleration" else [0.2, 1, 4]))
+    log.x[quantity] = (log.x[quantity] + limit) % (2 * limit) - limit
+    return f"{quantity} at {limit:g}"
 
 
 def requantised(rng, log):
-    sensor, step = sensor_of(rng), size(rng, 1e-4, 3.0)
-    log.x[sensor] = np.round(log.x[sensor] / step) * step
-    return f"{sensor} to {step:.3g}"
+    quantity, step = quantity_of(rng), size(rng, 1e-4, 3.0)
+    log.x[quantity] = np.round(log.x[quantity] / step) * step
+    return f"{quantity} to {step:.3g}"
 
 
 def spikes(rng, log):
-    sensor, height = sensor_of(rng), size(rng, 10, 1e38) * rng.choice([-1, 1])
+    quantity, height = quantity_of(rng), size(rng, 10, 1e38) * rng.choice([-1, 1])
     rows = rng.integers(0, len(log), rng.choice([1, 1, 2, 5, 50]))
-    log.x[sensor][rows, rng.integers(3)] = height
-    return f"{len(rows)} of {height:.3g} in {sensor}"
+    log.x[quantity][rows, rng.integers(3)] = height
+    return f"{len(rows)} of {height:.3g} in {quantity}"
 
 
 def stuck(rng, log):
-    sensor, axis = sensor_of(rng), rng.integers(3)
+    quantity, axis = quantity_of(rng), rng.integers(3)
     first = middle(rng, log) if rng.random() < 0.6 else 0
-    value = 0.0 if rng.random() < 0.3 else log.x[sensor][first, axis]
+    value = 0.0 if rng.random() < 0.3 else log.x[quantity][first, axis]
     axes = slice(None) if rng.random() < 0.2 else axis
-    log.x[sensor][first:, axes] = value
-    return f"{sensor} axis {axes} at {value:.3g} from row {first}"
+    log.x[quantity][first:, axes] = value
+    return f"{quantity} axis {axes} at {value:.3g} from row {first}"
 
 
 def padded(rng, log):
-    rows = some(rng, log)
-    for sensor in SENSORS if rng.random() < 0.5 else [sensor_of(rng)]:
-        log.x[sensor][rows] = 0.0
+    rows = stretches(rng, log, 0.3)
+    for quantity in UNITS if rng.random() < 0.5 else [quantity_of(rng)]:
+        log.x[quantity][rows] = 0.0
     return f"zeros in {rows.sum()} rows"
 
 
 def other_axes(rng, log):
-    sensor, order, signs = sensor_of(rng), rng.permutation(3), rng.choice([-1.0, 1.0], 3)
-    log.x[sensor] = log.x[sensor][:, order] * signs
-    return f"{sensor} to {order} by {signs}"
-
-
-def copied(rng, log):
-    sensor, other = sensor_of(rng), sensor_of(rng)
-    a, b = rng.integers(3, size=2)
-    log.x[sensor][:, a] = log.x[other][:, b]
-    return f"{other} {b} as {sensor} {a}"
+    quantity, order, signs = quantity_of(rng), rng.permutation(3), rng.choice([-1.0, 1.0], 3)
+    log.x[quantity] = log.x[quantity][:, order] * signs
+    return f"{quantity} to {order} by {signs}"
 
 
 def changes(rng, log):
-    sensor, row = sensor_of(rng), middle(rng, log)
-    factor = float(rng.choice([1, 0.5, 2, 1.01, 0.1, -1, 1e-6]))
+    quantity, row = quantity_of(rng), middle(rng, log) if rng.random() < 0.7 else 0
+    factor = float(rng.choice([1, 0.5, 2, 1.01, -1, 1e-6, 1e6, 1e30, 1e-200, 1e200]))
     offset = rng.choice([0, 5.0, 0.5, 0.02]) * rng.choice([-1, 1], 3)
-    log.x[sensor][row:] = log.x[sensor][row:] * factor + offset
-    return f"{sensor} by {factor:g} and {offset} from row {row}"
+    log.x[quantity][row:] = log.x[quantity][row:] * factor + offset
+    return f"{quantity} by {factor:g} and {offset} from row {row}"
 
 
 def drifting(rng, log):
-    sensor, direction = sensor_of(rng), rng.normal(size=3)
+    quantity, direction, amount = quantity_of(rng), rng.normal(size=3), size(rng, 1e-4, 1.0)
     course = np.linspace(0, 1, len(log))
     course = [course, np.exp(-5 * course), np.sin(9 * course)][rng.integers(3)]
-    amount = size(rng, 1e-4, 1.0)
-    log.x[sensor] = log.x[sensor] + amount * course[:, None] * direction
+    log.x[quantity] += amount * course[:, None] * direction
     if rng.random() < 0.5:
         log.temperature = 20 + 30 * course + 0.02 * rng.normal(size=len(log))
-    return f"{sensor} by {amount:.3g}"
-
-
-def scaled(rng, log):
-    sensor = sensor_of(rng)
-    factor = float(rng.choice([1e-200, 1e-30, 1e-6, 0.5, 2, 4, 1e6, 1e30, 1e200]))
-    log.x[sensor] = log.x[sensor] * factor
-    return f"{sensor} by {factor:g}"
+    return f"{quantity} by {amount:.3g}"
 
 
 def noisy(rng, log):
-    sensor, amount = sensor_of(rng), size(rng, 1e-3, 30)
-    noise = rng.normal(size=log.x[sensor].shape)
+    quantity, amount = quantity_of(rng), size(rng, 1e-3, 30)
+    noise = rng.normal(size=log.x[quantity].shape)
     if rng.random() < 0.3:
         noise = np.sin(rng.uniform(0.006, 3) * np.arange(len(log)))[:, None] * rng.normal(size=3)
-    log.x[sensor] = log.x[sensor] + amount * noise
-    return f"{sensor} by {amount:.3g}"
-
-
-def without_noise(rng, log):
-    parts = int(rng.integers(2, 40))
-    for sensor in SENSORS:
-        pieces = np.array_split(log.x[sensor], parts)
-        log.x[sensor] = np.concatenate([0 * p + p.mean(axis=0) if len(p) else p for p in pieces])
-    return f"{parts} means"
+    log.x[quantity] += amount * noise
+    return f"{quantity} by {amount:.3g}"
 
 
 def smoothed(rng, log):
-    n = int(rng.integers(2, 50))
-    for sensor in SENSORS:
-        total = np.cumsum(log.x[sensor], axis=0)
-        total[n:] = (total[n:] - total[:-n]).copy()
-        log.x[sensor] = total / np.minimum(np.arange(1, len(log) + 1), n)[:, None]
+    """Means over stretches, held."""
+    n = int(size(rng, 2, 2000))
+    for values in log.x.values():
+        for first in range(0, len(log), n):
+            values[first : first + n] = values[first : first + n].mean(axis=0)
     return f"over {n} rows"
 
 
 def corrected(rng, log):
     f = log.x["acceleration"]
     if rng.random() < 0.5:
-        log.x["acceleration"] = STANDARD_GRAVITY * f / np.linalg.norm(f, axis=1)[:, None]
+        f *= units.STANDARD_GRAVITY / np.linalg.norm(f, axis=1)[:, None]
         return "norm to gravity"
-    log.x["acceleration"] = f - f.mean(axis=0)
+    f -= f.mean(axis=0)
     return "gravity taken out"
 
 
 def missing(rng, log):
     rows, value = rng.random(len(log)) < size(rng, 1e-4, 0.2), rng.choice([np.nan, np.inf, -np.inf])
-    sensor = sensor_of(rng)
-    log.x[sensor][rows, rng.integers(3)] = value
-    return f"{rows.sum()} of {value} in {sensor}"
+    quantity = quantity_of(rng)
+    log.x[quantity][rows, rng.integers(3)] = value
+    return f"{rows.sum()} of {value} in {quantity}"
 
 
 def temperature(rng, log):
@@ -273,7 +236,7 @@ def temperature(rng, log):
         "spikes": np.where(rng.random(n) < 0.001, 1e38, 20 + course),
         "none": None,
     }
-    what = list(courses)[rng.integers(len(courses))]
+    what = str(rng.choice([*courses]))
     log.temperature = courses[what]
     return what
 
@@ -282,20 +245,20 @@ def temperature(rng, log):
 
 
 def wrong_unit(rng, log):
-    sensor = sensor_of(rng)
-    units = [unit for unit in UNITS[sensor] if unit != log.declared[sensor]]
-    log.declared[sensor] = units[rng.integers(len(units))]
-    return f"{sensor} in {log.written[sensor]} as {log.declared[sensor]}"
+    quantity = quantity_of(rng)
+    others = [unit for unit in UNITS[quantity] if unit != log.declared[quantity]]
+    log.declared[quantity] = str(rng.choice(others))
+    return f"{quantity} in {log.written[quantity]} as {log.declared[quantity]}"
 
 
 def wrong_count(rng, log):
-    sensor = sensor_of(rng)
-    log.written[sensor] = log.declared[sensor] = "count"
+    quantity = quantity_of(rng)
+    log.written[quantity] = log.declared[quantity] = "count"
     factor = float(rng.choice([0.5, 2, 4, 1.5, 10, 0.1, 1e5, 1e300]))
     offset = float(rng.choice([0, 32768, 1e6]))
-    nominal = {"scale": factor * log.count[sensor]["scale"], "offset": offset}
-    log.declared[f"nominal.{sensor}"] = nominal
-    return f"{sensor} {nominal}"
+    nominal = {"scale": factor * log.count[quantity]["scale"], "offset": offset}
+    log.declared[f"nominal.{quantity}"] = nominal
+    return f"{quantity} {nominal}"
 
 
 def second_header(rng, log):
@@ -305,11 +268,11 @@ def second_header(rng, log):
 
 
 def other_kind(rng, log):
-    log.kind = KINDS[rng.integers(len(KINDS))]
+    log.kind = str(rng.choice(KINDS))
     return log.kind
 
 
-HARMS = (dropped, cut, jitter, bursts, clock_jumps, repeated, shuffled, wrong_rate, resampled)
-HARMS += (short, only, few_poses, clipped, wrapped, requantised, spikes, stuck, padded, other_axes)
-HARMS += (copied, changes, drifting, scaled, noisy, without_noise, smoothed, corrected, missing)
-HARMS += (temperature, wrong_unit, wrong_count, second_header, other_kind)
+HARMS = (dropped, cut, short, jitter, bursts, clock_jumps, shuffled, wrong_rate, resampled, only)
+HARMS += (clipped, wrapped, requantised, spikes, stuck, padded, other_axes, changes, drifting)
+HARMS += (noisy, smoothed, corrected, missing, temperature, wrong_unit, wrong_count, second_header)
+HARMS += (other_kind,)
