@@ -71,18 +71,6 @@ def span(last, first, step, tick=1):
     return best
 
 
-def overlap(a, b):
-    """Return how long two ranges (first, last) have in common, negative where they are apart."""
-    return min(a[1], b[1]) - max(a[0], b[0])
-
-
-def turns_apart(a, b, width):
-    """Return what brings range b onto a, whole spans of a counter: one may begin a span later."""
-    middle = round((a[0] + a[1] - b[0] - b[1]) / 2 / width)
-    shifts = [(middle + k) * width for k in (0, -1, 1)]
-    return max(shifts, key=lambda shift: overlap(a, (b[0] + shift, b[1] + shift)))
-
-
 @dataclass
 class Clock:
     """What is known of a clock after some rows, and what was mended in them.

@@ -218,7 +218,10 @@ def resolve(names, declared=None, headed=True):
     others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
     for name, value in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
-    _check_each_once(chosen, names)
+    places = {q: where if isinstance(where, tuple) else (where,) for q, where in chosen.items()}
+    check_each_once(
+        {q: [f"{i}, '{names[i]}'," for i in x if i is not None] for q, x in places.items()}
+    )
     return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
 
 
@@ -242,17 +245,17 @@ def _only(quantity, found, names):
     return where
 
 
-def _check_each_once(chosen, names):
-    """Raise where a column is taken twice, by name and by number or for two quantities."""
+def check_each_once(chosen):
+    """Raise where a column (quantity -> columns) is taken twice, or for two quantities."""
     taken = {}
-    for quantity, where in chosen.items():
-        for i in where if isinstance(where, tuple) else (where,):
-            if i is not None and i in taken:
+    for quantity, columns in chosen.items():
+        for column in columns:
+            if column in taken:
                 raise ImuloopError(
-                    f"columns.{quantity}: column {i}, '{names[i]}', is already in "
-                    f"columns.{taken[i]}; name another"
+                    f"columns.{quantity}: column {column} is already in columns.{taken[column]}; "
+                    "name another"
                 )
-            taken[i] = quantity
+            taken[column] = quantity
 
 
 def _intervals(declared, names, headed, guessed, summed):
