@@ -17,8 +17,8 @@ _EVEN = 0.05
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
 _KNOWN = 0.05
 _FEWEST = 16
-# points of a line, at most
-_POINTS = 1 << 18
+# points of a line, at most twice so many
+POINTS = 1 << 17
 # parts of a log whose stamps must lie on one line
 _PARTS = 20
 # a line whose rate differs more from the declared one is not the sensor's
@@ -26,25 +26,6 @@ _RATE_SHARE = 0.02
 # stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
 # and what follows takes minutes to find that out
 _LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
-
-
-class Points:
-    """Number and time of every k-th row: few enough to hold, the same for any batches."""
-
-    def __init__(self):
-        self._stride, self._parts = 1, [np.empty((0, 2))]
-
-    def add(self, rows, t):
-        """Take further rows."""
-        self._parts.append(np.column_stack([rows, t])[rows % self._stride == 0])
-        while sum(map(len, self._parts)) > _POINTS:
-            self._stride *= 2
-            held = np.concatenate(self._parts)
-            self._parts = [held[held[:, 0] % self._stride == 0]]
-
-    def columns(self):
-        """Return the row numbers and the times, s."""
-        return np.concatenate(self._parts).T
 
 
 def follows_stamps(path, step):
@@ -75,9 +56,10 @@ def line_step(counts, measured, rate=None, increments=False):
 
     `measured` are the figures of the samples as stamped, `rate` is the declared one, Hz.
     """
-    rows, t = counts.points.columns()
-    if counts.clock.resets or len(rows) < 10 * _PARTS:
+    points = counts.points.rows()
+    if counts.clock.resets or len(points) < 10 * _PARTS:
         return None
+    rows, t = points.T
     rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()

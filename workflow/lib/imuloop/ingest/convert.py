@@ -10,7 +10,8 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, TEMPERATUR
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.bursts import Points
+from imuloop.ingest.axes import Thinned
+from imuloop.ingest.bursts import POINTS
 from imuloop.ingest.clocks import Clock, ahead
 from imuloop.ingest.columns import STAMP, unknown_unit
 from imuloop.ingest.stamps import (
@@ -50,7 +51,7 @@ class Counts:
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
-    points: Points = field(default_factory=Points)
+    points: Thinned = field(default_factory=lambda: Thinned(POINTS))
 
     def add(self, **rows):
         """Count rows, a mask each."""
@@ -163,7 +164,7 @@ def si_batches(
         elif timeline:
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:
-            counts.points.add(rows[keep], samples[TIME])
+            counts.points.add(np.column_stack([rows[keep], samples[TIME]]))
         if log.temperature:
             values[TEMPERATURE][missing[TEMPERATURE] | beyond[TEMPERATURE]] = np.nan
         samples |= {name: values[name][keep] for name in channels}
