@@ -168,28 +168,6 @@ def test_headerless_log_needs_numbers(log, run, tmp_path):
         run(path, columns={"acceleration": [1, 2, 3], "angular_rate": [5, 6, 7]})
 
 
-@pytest.mark.parametrize("share", [0.04, 0.5])
-@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
-def test_a_long_line_counts_by_what_was_in_it(log, run, tmp_path, share, batch_rows):
-    """Line ends were lost: one line, though a part of the log is in it."""
-    log = pd.concat([log] * 80, ignore_index=True)
-    log["t"] = np.arange(len(log)) / 100
-    lines = log.to_csv(index=False).splitlines(keepends=True)
-    lost = round(share * len(lines))
-    lines[100 : 100 + lost] = [line.rstrip("\n") for line in lines[100 : 100 + lost]]
-    path = tmp_path / "log.csv"
-    path.write_text("".join(lines))
-    quality = run(path, batch_rows=batch_rows).quality
-    assert quality["bad_lines"] == 1
-    if share == 0.04:
-        assert quality["status"] == "ok"
-    else:
-        [reason] = quality["reasons"]
-        number, _, rest = reason.partition("%")
-        assert abs(float(number) - 100 * share) < 1
-        assert rest == " of the log's bytes are in 1 lines that are no row; at most 5% may be lost"
-
-
 @pytest.mark.parametrize("filling", [b"\0", b"\xff"])
 def test_what_was_never_written_is_not_lost(log, run, tmp_path, filling):
     """The rest of a block of a disk or of a flash memory."""
@@ -220,20 +198,6 @@ def test_a_second_header_of_other_columns(log, run, tmp_path, kind, batch_rows):
         f"a second header in the log names other columns ({named}) than the first "
         "(t, ax, ay, az, gx, gy, gz): make a log of each part"
     )
-
-
-@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
-def test_a_second_header_by_names_of_its_own(log, run, tmp_path, separator):
-    names = ["time", "fx", "fy", "fz", "p", "q", "r"]
-    log.columns = names
-    lines = log.to_csv(index=False, sep=separator).splitlines()
-    path = tmp_path / "log.csv"
-    columns = {"acceleration": names[1:4], "angular_rate": names[4:]}
-    for second, status in ((names, "ok"), ([*names[:4], "q", "p", "r"], "rejected")):
-        path.write_text("\n".join([*lines[:300], separator.join(second), *lines[300:]]))
-        quality = run(path, columns=columns).quality
-        assert quality["status"] == status
-        assert quality["non_finite"] == (status == "ok")
 
 
 def test_text_that_is_no_header_costs_its_line(log, run, tmp_path):

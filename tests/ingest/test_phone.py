@@ -37,13 +37,13 @@ def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal=".")
     return members
 
 
-def sensor_logger(log, named, about=("android", "false"), late=0):
+def sensor_logger(log, named, about=("android", "false")):
     """Return name -> text as Sensor Logger exports it: `named` maps files to columns of the log."""
     t = START + STEPS
     members = {
         f"{file}.csv": table(
             ["time", "seconds_elapsed", "z", "y", "x"],
-            [t + late * (columns is RATE), log.t, *(log[c] for c in columns[::-1])],
+            [t, log.t, *(log[c] for c in columns[::-1])],
         )
         for file, columns in named.items()
     }
@@ -206,19 +206,6 @@ def test_sensor_logger_on_ios(log, run, write, about, scale, unit):
     warned = " ".join(done.quality["warnings"])
     assert ("the sign of iOS is turned" in warned) == (unit == "g")
     assert ("no Metadata.csv" in warned) == (about is None)
-
-
-def test_each_table_has_its_clock(log, run, write):
-    late = 2_500_000
-    named = {"TotalAcceleration": ACCELERATION, "Gyroscope": RATE}
-    done = run(write(sensor_logger(log, named, late=late)))
-    np.testing.assert_array_equal(done.samples.ax, log.ax[1:])
-    between = 0.25 * log.gx[:-1].to_numpy() + 0.75 * log.gx[1:].to_numpy()
-    np.testing.assert_allclose(done.samples.gx, between, atol=1e-15)
-    assert any("white noise keeps 62%" in line for line in done.quality["warnings"])
-    members = sensor_logger(log, {"TotalAcceleration": ACCELERATION})
-    members |= sensor_logger(log, {"Gyroscope": RATE}, late=10**15)
-    assert "share no time" in " ".join(run(write(members)).quality["reasons"])
 
 
 def test_damaged_rows_are_counted(log, run, write):

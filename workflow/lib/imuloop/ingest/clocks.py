@@ -75,14 +75,9 @@ def span(last, first, step, tick=1):
 class Clock:
     """What is known of a clock after some rows, and what was mended in them.
 
-    Attributes
-    ----------
-    rollovers, span_s : int, float or None
-        Times that the stamps rolled over, and the span of the counter, s, which was added.
-    resets : int
-        Times that the stamps started again; they go on `RESET_STEPS` usual steps after the last.
-    strays : int
-        Stamps ahead of at least two rows that follow in their place; taken as missing.
+    At each of `rollovers` the span of the counter, `span_s`, is added; after each of `resets` the
+    stamps go on `RESET_STEPS` usual steps after the last; `strays` are stamps ahead of at least two
+    rows that follow in their place, taken as missing.
     """
 
     rollovers: int = 0

@@ -144,15 +144,10 @@ class Columns:
 
 
 def stated_unit(quantity, text, increments=False):
-    """Return the contract's name of a unit as a file spells it, or None.
+    """Return the contract's name of a unit as a file spells it, m/s^2 of "m s^-2", or None.
 
     Who writes `deg` beside a rate means deg/s: an angle counts as an increment only where
     `increments`.
-
-    Examples
-    --------
-    >>> stated_unit("acceleration", "m s^-2")
-    'm/s^2'
     """
     plain = re.sub(r"[\s^*·._{}\\]", "", str(text).lower().replace("²", "2"))
     plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
@@ -174,15 +169,9 @@ def unknown_unit(quantity, text):
 def resolve(names, declared=None, headed=True):
     """Return which columns hold time, acceleration, angular rate and temperature.
 
-    Parameters
-    ----------
-    names : list of str
-        Names of all columns, in order.
-    declared : dict, optional
-        Quantity to column name or number (from 0), three of them for a sensor. A quantity that
-        is left out is found by its usual name; one that is None is taken as not logged.
-    headed : bool
-        Whether the names are the log's own; without, columns must be declared by number.
+    `declared` maps a quantity to a column's name or number from 0, three of them for a sensor. A
+    quantity that is left out is found by its usual name; one that is None is taken as not logged.
+    Where the names are not the log's own (`headed`), columns have to be declared by number.
     """
     declared = dict(declared or {})
     guessed = guess(names) if headed else dict.fromkeys((*_QUANTITIES, "interval"), ())

@@ -3,10 +3,8 @@
 import os
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from itertools import chain
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
@@ -26,6 +24,7 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _SENSORS = ("acceleration", "angular_rate")
+_COUNTED = ("duplicates", "out_of_order", "non_finite", "missing_values", "impossible_values")
 
 
 def ingest(
@@ -50,24 +49,19 @@ def ingest(
     threads=1,
     progress=None,
 ):
-    """Write samples.parquet and quality.json of one session.
+    """Write samples.parquet and quality.json of one session, each in one step.
 
     What is wrong in the data is a result: `status` is ``rejected``, with reasons, and the samples
-    are empty.
+    are empty. What is declared is as in the config; the rest is found from the log, units else SI.
 
     Parameters
     ----------
-    device, session, kind : str
-        Names, and what was done with the device, None where that is not known.
+    kind : str or None
+        What was done with the device, None where that is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of `sources`.
-    samples_path, quality_path : path-like
-        Files to write, each in one step.
-    format, columns, units, rate, time_range, pps, nominal, full_scale : optional
-        As in the config; what is not declared is found from the log, units else SI.
     sources : dict, optional
-        Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source, for
-        the record; found from the number of paths if None.
+        Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source.
     gravity : float
         Local gravity, m/s^2.
     batch_rows, threads : int
@@ -172,14 +166,16 @@ def ingest(
     if logged:
         doubts.append(bursts.rebuilt(logged, step))
     doubts += counts.clock.warnings()
-    found = _quality(reasons, figures, counts, log) | origin
-    found["misdeclared"] = misdeclared
-    found["warnings"] = doubts + quality.warnings(figures, counts, log, rate=rate) + doubted
-    found["clock"] = clocks.figures(
-        counts.clock, figures, "time" in log.found and rate, logged, timeline and timeline.figures
-    )
-    found["increments"] = summed
-    write_json(quality_path, found)
+    told = {
+        "misdeclared": misdeclared,
+        "warnings": doubts + quality.warnings(figures, counts, log, rate=rate) + doubted,
+        "clock": clocks.figures(
+            *(counts.clock, figures, "time" in log.found and rate, logged),
+            timeline and timeline.figures,
+        ),
+        "increments": summed,
+    }
+    write_json(quality_path, _quality(reasons, figures, counts, log) | told | origin)
 
 
 def _check_paths(paths):
@@ -207,7 +203,7 @@ def _origin(device, session, kind, units, raw_units, log_format, source, simulat
 
 
 def _quality(reasons, figures, counts, log):
-    """Return the content of quality.json but for clock, increments, warnings and source."""
+    """Return the content of quality.json of a log of which nothing more is known."""
     return {
         "format": 1,
         "status": "rejected" if reasons else "ok",
@@ -218,11 +214,7 @@ def _quality(reasons, figures, counts, log):
         **figures,
         "clock": None,
         "increments": None,
-        "duplicates": counts.duplicates,
-        "out_of_order": counts.out_of_order,
-        "non_finite": counts.non_finite,
-        "missing_values": counts.missing_values,
-        "impossible_values": counts.impossible_values,
+        **{name: getattr(counts, name) for name in _COUNTED},
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,
@@ -250,12 +242,9 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
 def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
     """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
     plain = schema(log.temperature, {}, rebuilt).remove_metadata()
-    tables = rechunked(batches, ROW_GROUP)
-    first = next(tables, plain.empty_table()).select(plain.names)
     # what is known at the end only cannot be in an Arrow schema; doubles need none
-    options = {"compression": "zstd", "store_schema": False, **_encodings(first)}
-    with pq.ParquetWriter(path, plain, **options) as writer:
-        for table in chain([first] if len(first) else [], tables):
+    with pq.ParquetWriter(path, plain, compression="zstd", store_schema=False) as writer:
+        for table in rechunked(batches, ROW_GROUP):
             writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
             progress(log.position)
         origin["sha256"] = hashes.result()
@@ -264,13 +253,6 @@ def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
         if counts.time_unit:
             origin["units"]["time"] = counts.time_unit
         writer.add_key_value_metadata(schema(log.temperature, origin).metadata)
-
-
-def _encodings(table):
-    """Return how Parquet is to hold the columns: few values by number, else byte by byte."""
-    few = [n for n in table.column_names if 4 * len(np.unique(table[n])) < len(table)]
-    many = [name for name in table.column_names if name not in few]
-    return {"use_dictionary": few, "use_byte_stream_split": many}
 
 
 def used_units(log, declared):

@@ -38,19 +38,10 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
     missing. Between two stamps, a share u of the step after the first, white noise keeps
     :math:`u^2 + (1 - u)^2` of its variance: a note says how much on average.
 
-    Parameters
-    ----------
-    streams : sequence of Stream
-        All that the log holds.
-    columns : dict, optional
-        Quantity to ``STREAM.FIELD``, three of them for a sensor, or to a stream. What is left
-        out is found by the usual names of fields; a time or temperature that is None is taken as
-        not logged.
-    batch_rows : int
-        Rows given at once.
-    notes, damage : sequence of str
-        What the log's notes begin with, and what was lost: where the log lacks what is looked for
-        and something was lost, that is a fault of the data, not of the config.
+    `columns` maps a quantity to ``STREAM.FIELD``, three of them for a sensor, or to a stream; what
+    is left out is found by the usual names of fields, and a time or temperature of None is taken as
+    not logged. Where the log lacks what is looked for and `damage` says that something was lost,
+    that is a fault of the data, not of the config.
     """
     columns = dict(columns or {})
     if columns.get("interval") is not None:
