@@ -43,19 +43,15 @@ def test_provenance(path, run):
     assert fields.equals(schema(False, {}))
 
 
-def test_threads_change_nothing_and_progress_is_given(log, path, run, monkeypatch):
+def test_threads_change_nothing(log, path, run, monkeypatch):
     monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 1000)
     log = pd.concat([log] * 12, ignore_index=True).assign(t=np.arange(6000) / 100)
     log.to_csv(path, index=False)
-    size, given = path.stat().st_size, []
     first = run(path, batch_rows=500)
-    again = run(path, batch_rows=500, threads=2, progress=lambda *all: given.append(all))
+    again = run(path, batch_rows=500, threads=2)
     assert again.quality == first.quality
     assert again.path.read_bytes() == first.path.read_bytes()
     pd.testing.assert_frame_equal(again.samples, log)
-    assert [what for what, *_ in given].count("read") == 6
-    assert given == sorted(given, key=lambda one: (one[0] != "read", one[1]))
-    assert given[5] == ("read", size, size) and given[-1] == ("measured", size, size)
 
 
 def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch, tmp_path):

@@ -89,9 +89,9 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
     file = pa.PythonFile(source, mode="r") if path is None else pa.OSFile(path)
 
     def work(piece):
-        text, bad_lines, lost, *read = piece
+        text, bad_lines, lost, taken = piece
         batch, more, bytes_ = _parsed(text, layout, positions, stamps)
-        return batch, bad_lines + more, lost + bytes_, *read
+        return batch, bad_lines + more, lost + bytes_, taken
 
     with file, pa.input_stream(file, compression=path and _packing(path)) as stream:
         try:
@@ -99,11 +99,10 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
             pieces = _pieces(stream, path and file, size, layout.separator == BLANKS)
-            for batch, bad_lines, lost, taken, position in in_order(work, pieces, log.threads):
+            for batch, bad_lines, lost, taken in in_order(work, pieces, log.threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
                 log.text_bytes += taken
-                log.position = position
                 for begin in range(0, batch.num_rows, batch_rows):
                     yield batch.slice(begin, batch_rows)
         except (pa.ArrowInvalid, OSError) as error:
@@ -252,7 +251,7 @@ def _pieces(stream, file, size, squeeze):
 
     Runs of blanks become tabs if `squeeze`; `file` is what the stream comes out of, None where that
     is of no concern. With the text, whole lines, come the number of lines left out and the bytes in
-    them; bytes of the text read, empty ones left out; and the bytes of the file read so far.
+    them, and bytes of the text read, empty ones left out.
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:
@@ -278,5 +277,5 @@ def _pieces(stream, file, size, squeeze):
             # no comma: that may be decimal
             lines = re.sub(rb"[ \t]+", b"\t", lines)
         if lines or bad_lines:
-            yield lines or b"\n", bad_lines, lost, written, file.tell() if file else taken
+            yield lines or b"\n", bad_lines, lost, written
             lost = written = 0

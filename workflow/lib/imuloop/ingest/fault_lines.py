@@ -5,9 +5,9 @@ import numpy as np
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest.faults import HIGH, LACKING_SHARE
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.rest_means import EARTH_PART
-from imuloop.ingest.rests import HIGH, LACKING_SHARE
 
 # what a thermometer beside an IMU can show, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)

@@ -18,7 +18,6 @@ from imuloop.core.samples import (
     METADATA_KEY,
     TIME,
 )
-from imuloop.ingest import rests
 from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.increments import SENSORS
@@ -43,15 +42,23 @@ RAILS, LEAST_RAIL = (32767, 32768), 2
 # an integer that wraps around jumps by this share of the range at least, while neighbouring samples
 # differ by less than that
 WRAPPED, FLAT = 0.9, 0.05
+# blocks for spectra: rows per block, blocks per row group, blocks needed
+BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
+# share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
+LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
+# the noise near Nyquist is lacking below this share; a log with more drift is moving
+LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
+# an axis is silent at rest where it never changes in this share of the quieter blocks
+SILENT_SHARE = 0.8
 
 
 # a damaged file may hold 1e306, which a sum of squares does not
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def measure(file, figures, threads=1, progress=lambda share: None):
+def measure(file, figures, threads=1):
     """Return the faults of a samples file, row group by row group; empty for an empty file.
 
     `figures` are quality figures with ``rate_hz``, ``quantisation_step`` and ``range`` of every
-    channel; `progress` is called often with the share that is done.
+    channel.
     """
     rate, steps = figures["rate_hz"], figures["quantisation_step"]
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
@@ -88,7 +95,6 @@ def measure(file, figures, threads=1, progress=lambda share: None):
             yield x, before
             before = {n: np.concatenate((before[n], x[n][-2 * REACH :]))[-2 * REACH :] for n in x}
             row += table.num_rows
-            progress((group + 1) / file.num_row_groups)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def counted(part):
@@ -105,9 +111,9 @@ def measure(file, figures, threads=1, progress=lambda share: None):
             np.array([_wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n])
                       for n in CHANNELS]),
         ]  # fmt: skip
-        blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
+        blocks = {name: _blocks(x[name]) for name in CHANNELS}
         quiet = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        return counts, np.array([rests.bands(blocks[name]) for name in CHANNELS]), quiet
+        return counts, np.array([_bands(blocks[name]) for name in CHANNELS]), quiet
 
     counts, spectra, quiet = zip(*in_order(counted, groups(), threads), strict=True)
     common, lengths, limits, spikes, wraps = (sum(each) for each in zip(*counts, strict=True))
@@ -121,7 +127,7 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         # once or twice is a fault of a moment
         if len(stuck[name]) not in (1, 2)
         and name not in figures["constant"]
-        and rests.silent(spectra[name][0], quiet)
+        and _silent(spectra[name][0], quiet)
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
@@ -156,7 +162,7 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         ],
         "silent_at_rest": silent,
         "noise_near_nyquist": {
-            name: None if name in silent else rests.lacking(spectra[name]) for name in CHANNELS
+            name: None if name in silent else _lacking(spectra[name]) for name in CHANNELS
         },
         "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
         "axes": axes,
@@ -282,3 +288,35 @@ def _spikes(x, step):
         spread = np.maximum(np.abs(near - middle[:, None]).max(axis=1), max(step, usual))
         count += int((np.abs(x[part] - middle) > SPIKE_FACTOR * spread).sum())
     return count
+
+
+def _blocks(x):
+    """Return a few whole blocks of rows, evenly spread, shape (n, BLOCK)."""
+    found = x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
+    return found[:: max(-(-len(found) // BLOCKS), 1)]
+
+
+def _bands(blocks):
+    """Return variance and the mean power in the bands of each block, shape (4, n)."""
+    away = blocks - blocks.mean(axis=1, keepdims=True)
+    power = np.abs(np.fft.rfft(away * np.hanning(BLOCK), axis=1)) ** 2
+    top = BLOCK // 2
+    bands = [power[:, int(a * top) : int(b * top)].mean(axis=1) for a, b in (LOW, MIDDLE, HIGH)]
+    return np.array([away.var(axis=1), *bands])
+
+
+def _lacking(found):
+    """Return the noise near Nyquist as a share of that below; None where nothing rests."""
+    variance, low, middle, high = found[:, np.isfinite(found).all(axis=0) & (found[0] > 0)]
+    if len(variance) < LEAST_BLOCKS:
+        return None
+    quiet = np.argsort(variance)[: max(len(variance) // 4, LEAST_BLOCKS)]
+    if not middle[quiet].sum() or low[quiet].sum() > MOST_DRIFT * middle[quiet].sum():
+        return None
+    return float(high[quiet].sum() / middle[quiet].sum())
+
+
+def _silent(variance, spread):
+    """Tell whether an axis hardly ever changes while the force does not move."""
+    quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
+    return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())

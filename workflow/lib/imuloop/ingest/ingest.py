@@ -47,7 +47,6 @@ def ingest(
     gravity=STANDARD_GRAVITY,
     batch_rows=1 << 16,
     threads=1,
-    progress=None,
 ):
     """Write samples.parquet and quality.json of one session, each in one step.
 
@@ -66,9 +65,6 @@ def ingest(
         Local gravity, m/s^2.
     batch_rows, threads : int
         Rows read at once, about, and how many may work at once; neither changes the result.
-    progress : callable, optional
-        ``progress(what, done, total)``, called often while a text table is ``"read"``, and then
-        ``"measured"``: bytes of its files.
 
     Raises
     ------
@@ -90,18 +86,13 @@ def ingest(
         log.threads = threads
         return log
 
-    def teller(what):
-        return lambda done: progress and done and progress(what, done, total)
-
     def written(log, counts, batches, rebuilt=False):
-        _write(temporary, batches, log, counts, origin, hashes, teller("read"), rebuilt)
-        measured = teller("measured")
-        return quality.measure(temporary, full_scale, threads, lambda x: measured(x * total))
+        _write(temporary, batches, log, counts, origin, hashes, rebuilt)
+        return quality.measure(temporary, full_scale, threads)
 
     try:
         _check_paths(paths)
         before = _state(paths)
-        total = sum(size for _, _, size, _ in before)
         log_format, form = find_format(format, files)
         try:
             log = opened()
@@ -150,7 +141,7 @@ def ingest(
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
             if reasons:
-                _write(temporary, (), log, counts, origin, hashes, teller("read"))
+                _write(temporary, (), log, counts, origin, hashes)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
         kind_of_error, text = type(error), error
@@ -239,14 +230,13 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     write_json(quality_path, found | {"failed": failed})
 
 
-def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
+def _write(path, batches, log, counts, origin, hashes, rebuilt=False):
     """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
     plain = schema(log.temperature, {}, rebuilt).remove_metadata()
     # what is known at the end only cannot be in an Arrow schema; doubles need none
     with pq.ParquetWriter(path, plain, compression="zstd", store_schema=False) as writer:
         for table in rechunked(batches, ROW_GROUP):
             writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
-            progress(log.position)
         origin["sha256"] = hashes.result()
         if counts.start_ns is not None:
             origin["start"] = iso_text(counts.start_ns)

@@ -44,13 +44,12 @@ TREATMENT = (
 )
 
 
-def measure(path, full_scale=None, threads=1, progress=None):
+def measure(path, full_scale=None, threads=1):
     """Return the quality figures of a samples file, as in quality.json, row group by row group.
 
-    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping;
-    `progress` is called often with the share that is done. What the rows cannot give is None.
+    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping. What the
+    rows cannot give is None.
     """
-    progress = progress or (lambda share: None)
     with pq.ParquetFile(path) as file:
         names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
         scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
@@ -61,13 +60,12 @@ def measure(path, full_scale=None, threads=1, progress=None):
                 table = file.read_row_group(group)
                 yield np.concatenate((last, table[TIME].to_numpy())), table
                 last = table[TIME].to_numpy()[-1:]
-                progress(0.5 * (group + 1) / file.num_row_groups)
 
         parts = in_order(lambda part: _part(*part, names, scales), tables(), threads)
         parts = list(zip(*parts, strict=True)) or [[]] * 4
         figures = _time_figures(file, median_of_parts(parts[0]))
         figures |= _channel_figures(file.metadata.num_rows, names, scales, *parts[1:])
-        found = faults.measure(file, figures, threads, lambda share: progress(0.5 + 0.5 * share))
+        found = faults.measure(file, figures, threads)
     return {**figures, "faults": found}
 
 

@@ -22,9 +22,8 @@ class RawLog:
     column), `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units). `found` and
     `units` map a quantity to its columns, and to the unit that the file states; `columns` lists all
     columns, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
-    those in all lines, without blanks and unwritten memory; `position` is the bytes read so far;
-    `interpolated` are sensors on the clock of the other. `threads`, set before the first batch is
-    taken, changes no result.
+    those in all lines, without blanks and unwritten memory; `interpolated` are sensors on the clock
+    of the other. `threads`, set before the first batch is taken, changes no result.
     """
 
     batches: Iterable[pa.RecordBatch] = ()
@@ -35,7 +34,6 @@ class RawLog:
     bad_lines: int = 0
     lost_bytes: int = 0
     text_bytes: int = 0
-    position: int = 0
     interpolated: list[str] = field(default_factory=list)
     columns: str = ""
     threads: int = 1
