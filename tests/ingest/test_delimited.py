@@ -48,7 +48,7 @@ def test_a_bomb_is_refused(run, tmp_path):
 
 @pytest.mark.parametrize("batch_rows", [1 << 16, 64])
 @pytest.mark.parametrize("separator", [" ", ","])
-@pytest.mark.parametrize("size", [1 << 16, (1 << 16) + 1, (1 << 21) + 3])
+@pytest.mark.parametrize("size", [1 << 16, (1 << 21) + 3])
 def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size, batch_rows):
     path = tmp_path / "log.txt"
     lines = log.to_csv(index=False, sep=separator).splitlines(keepends=True)
@@ -119,7 +119,6 @@ ODD = [" 1.5", "1.5 ", "+2", ".5", "5.", "1e-7", "-inf", " nan", "NULL", "", "oo
 BIG = 140363657976355584
 
 
-@pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(
     ("stamps", "value"),
     [
@@ -131,7 +130,7 @@ BIG = 140363657976355584
         (lambda i: f"{i}.25" if i != 9 else "oops", lambda i: i + 0.25 if i != 9 else None),
     ],
 )
-def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value, threads):
+def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value):
     rng = np.random.default_rng(3)
     exact = rng.normal(size=20_000) * 10.0 ** rng.integers(-300, 300, size=20_000)
     rows = [f"{stamps(i)},{x!r},0.1,1,2,3,4\n" for i, x in enumerate(exact.tolist())]
@@ -140,7 +139,7 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value, thr
     path = tmp_path / "log.csv"
     path.write_text("t,ax,ay,az,gx,gy,gz\n" + "".join(rows))
     log = delimited.read({"log": path}, batch_rows=5000)
-    log.threads = threads
+    log.threads = 2
     batches = list(log.batches)
     columns = {
         name: [v for batch in batches for v in batch[name].to_pylist()]
@@ -185,14 +184,13 @@ ORDERS = {
 }
 
 
-@pytest.mark.parametrize("batch_rows", [1 << 16, 64])
 @pytest.mark.parametrize("kind", ORDERS)
-def test_a_second_header_of_other_columns(log, run, tmp_path, kind, batch_rows):
+def test_a_second_header_of_other_columns(log, run, tmp_path, kind):
     lines = log.to_csv(index=False).splitlines()
     lines.insert(490, ORDERS[kind])
     path = tmp_path / "log.csv"
     path.write_text("\n".join(lines))
-    [reason] = run(path, batch_rows=batch_rows).quality["reasons"]
+    [reason] = run(path, batch_rows=64).quality["reasons"]
     named = ", ".join(each.strip(" #") for each in ORDERS[kind].split(","))
     assert reason == (
         f"a second header in the log names other columns ({named}) than the first "

@@ -107,21 +107,6 @@ def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line)
     assert int(found[3]) < MEMORY
 
 
-def test_names_in_a_header_that_a_terminal_would_obey(run, tmp_path, monkeypatch, capsys):
-    path = tmp_path / "log.csv"
-    path.write_text("t,\x1b[31max,ay,\x07az,gx,gy,gz\n" + "0,1,2,3,4,5,6\n" * 20)
-    from imuloop.job_log import open_log
-
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    monkeypatch.setattr(sys, "__stderr__", sys.stderr)
-    open_log(tmp_path / "job.log", "ingest imu/poses")
-    with pytest.raises(ImuloopError) as raised:
-        run(path)
-    sys.excepthook(raised.type, raised.value, None)
-    for text in (capsys.readouterr().err, (tmp_path / "job.log").read_text()):
-        assert "?[31max" in text and all(line.isprintable() for line in text.split("\n"))
-
-
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
 @pytest.mark.parametrize("name", ["log.csv", "log.bag"])
 def test_what_is_no_file_is_told_and_never_waited_for(run, tmp_path, kind, name):

@@ -113,13 +113,6 @@ def test_a_pause_of_phyphox_is_a_gap(log, run, write, separator, decimal):
     )
 
 
-@pytest.mark.parametrize(
-    "text", ["", "START", "START,a,b", "START,1,inf\nSTART,nan,2", "a\nSTART,1"]
-)
-def test_a_broken_table_of_starts_tells_nothing(log, run, write, text):
-    check(run(write({**phyphox(log), "meta/time.csv": text})), log)
-
-
 def test_phyphox_in_one_table_and_a_folder(log, run, write):
     header = ["Time (s)", *(f"Acceleration {a} (m/s^2)" for a in "xyz"), "Absolute (m/s^2)"]
     header += [f"Gyroscope {a} (rad/s)" for a in "xyz"]
@@ -233,22 +226,6 @@ def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
         "the zip holds no table of phyphox or Sensor Logger, but 'a.txt'"
     )
     assert "but nothing" in refused({})
-
-
-def test_paths_outside_are_names_like_others(log, run, write, tmp_path):
-    """Nothing is unpacked to disk."""
-    members = phyphox(log)
-    for name in ("/tmp/a.csv", "../a.csv", "C:\\a.txt"):
-        members[name] = "1,2,3"
-    members.pop("/tmp/a.csv")
-    check(run(write(members)), log)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.zip", "out"]
-
-
-def test_two_files_of_one_name(log, refused, write):
-    members = phyphox(log)
-    members["second/Gyroscope.csv"] = members["Gyroscope.csv"]
-    assert "two files 'Gyroscope.csv'" in refused(members)
 
 
 def test_a_file_of_the_zip_that_cannot_be_read_is_named(log, write, every_bit):
