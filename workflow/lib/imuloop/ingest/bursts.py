@@ -1,9 +1,8 @@
 """Stamps that come in bursts, or scatter: the sensor's own step, where a line shows it."""
 
 import numpy as np
-import pyarrow.parquet as pq
 
-from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME
+from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, Samples
 from imuloop.core.stamps import Scatter
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
@@ -31,11 +30,8 @@ _LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
 def follows_stamps(path, step):
     """Tell whether samples (a file) were taken when they are stamped, not evenly every `step` s."""
     scatter = Scatter(step)
-    with pq.ParquetFile(path) as file:
-        for group in range(file.num_row_groups):
-            table = file.read_row_group(group, columns=[TIME, *ANGULAR_RATE])
-            t, *w = (table[name].to_numpy() for name in (TIME, *ANGULAR_RATE))
-            scatter.add(t, w)
+    for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
+        scatter.add(t, w)
     return scatter.followed
 
 

@@ -1,7 +1,6 @@
 """One raw log into canonical samples and its quality figures."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -87,7 +86,7 @@ def ingest(
         return log
 
     def written(log, counts, batches, rebuilt=False):
-        _write(temporary, batches, log, counts, origin, hashes, rebuilt)
+        _write(temporary, batches, log, counts, origin, rebuilt)
         return quality.measure(temporary, full_scale, threads)
 
     try:
@@ -101,10 +100,10 @@ def ingest(
         units, doubts = used_units(log, units or {})
         raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in _SENSORS}
         source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
-        origin = _origin(device, session, kind, units, raw_units, log_format, source, log.simulated)
+        origin = _origin(device, session, kind, units, raw_units, log_format, source)
+        origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
-        with ThreadPoolExecutor(1) as pool, replaced(samples_path) as temporary:
-            hashes = pool.submit(_hashes, paths)
+        with replaced(samples_path) as temporary:
             try:
                 if rejected:
                     raise rejected
@@ -141,7 +140,7 @@ def ingest(
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
             if reasons:
-                _write(temporary, (), log, counts, origin, hashes)
+                _write(temporary, (), log, counts, origin)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
         kind_of_error, text = type(error), error
@@ -177,18 +176,18 @@ def _check_paths(paths):
             raise ImuloopError("there is no such file; see file: in the config")
 
 
-def _origin(device, session, kind, units, raw_units, log_format, source, simulated):
-    """Return where samples come from; hashes and start are known once they are read."""
+def _origin(device, session, kind, units, raw_units, log_format, source):
+    """Return where samples come from, as far as it is known before the log is read."""
     return {
         "device": device,
         "session": session,
         "kind": kind,
         "log_format": log_format,
         "source": source,
-        "sha256": None,
+        "sha256": {},
         "units": units,
         "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
-        "simulated": simulated,
+        "simulated": False,
         "start": None,
     }
 
@@ -222,7 +221,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     reason, failed = why
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
-    origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
+    origin = _origin(device, session, kind, units, raw_units, None, {})
     with replaced(samples_path) as temporary:
         pq.write_table(schema(False, origin).empty_table(), temporary)
         figures = quality.measure(temporary)
@@ -230,14 +229,13 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     write_json(quality_path, found | {"failed": failed})
 
 
-def _write(path, batches, log, counts, origin, hashes, rebuilt=False):
-    """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
+def _write(path, batches, log, counts, origin, rebuilt=False):
+    """Write samples as Parquet; `origin` learns start and time unit on the way."""
     plain = schema(log.temperature, {}, rebuilt).remove_metadata()
     # what is known at the end only cannot be in an Arrow schema; doubles need none
     with pq.ParquetWriter(path, plain, compression="zstd", store_schema=False) as writer:
         for table in rechunked(batches, ROW_GROUP):
             writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
-        origin["sha256"] = hashes.result()
         if counts.start_ns is not None:
             origin["start"] = iso_text(counts.start_ns)
         if counts.time_unit:
@@ -298,7 +296,6 @@ def _hashes(paths):
     files, found = _files(paths), {}
     distinct = len({path.name for path in files}) == len(files)
     for path in files:
-        found[path.name if distinct else str(path)] = None
         # one that is gone meanwhile has changed
         with suppress(FileNotFoundError):
             found[path.name if distinct else str(path)] = sha256(path)
