@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
+from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import AXES, STAMP, check_each_once, guess, listed
@@ -114,17 +114,12 @@ def stream_names(columns):
     return {".".join(words[: i + 1]) for words in parts for i in range(len(words))}
 
 
-def printable(text):
-    """Return a name of a file without what a terminal would obey."""
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
 def _signed(stream):
     """Return the stream with stamps that can be subtracted, and names that fit in a line."""
-    fields = {printable(name): x for name, x in stream.fields.items()}
+    fields = {one_line(name): x for name, x in stream.fields.items()}
     whole = np.asarray(stream.stamps).dtype.kind in "iu"
     stamps = np.asarray(stream.stamps).astype(np.int64 if whole else float)
-    return replace(stream, name=printable(stream.name), fields=fields, stamps=stamps)
+    return replace(stream, name=one_line(stream.name), fields=fields, stamps=stamps)
 
 
 def _chosen(columns, streams):
