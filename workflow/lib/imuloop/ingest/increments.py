@@ -25,7 +25,7 @@ def by_stamps(log, units):
 def usual_step(batches):
     """Return the median step of samples (batches with `t`), s; None of fewer than two."""
     steps = np.diff(np.concatenate([np.empty(0), *(batch[TIME] for batch in batches)]))
-    return float(np.median(steps)) if len(steps) else None
+    return float(np.median(steps, overwrite_input=True)) if len(steps) else None
 
 
 # stamps and values of a broken log can be of any size

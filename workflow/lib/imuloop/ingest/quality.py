@@ -60,37 +60,46 @@ def measure(path, full_scale=None, threads=1):
 
     parts = in_order(part, samples.pieces(names), threads)
     parts = list(zip(*parts, strict=True)) or [[]] * 3
-    figures = _time_figures(samples[TIME])
+    figures = _time_figures(samples)
     figures |= _channel_figures(len(samples), names, scales, *parts)
     return {**figures, "faults": faults.measure(samples, read_metadata(path), figures, threads)}
 
 
-def _time_figures(t):
-    """Return the figures of the steps of time."""
+def _time_figures(samples):
+    """Return the figures of the steps of time; two columns of a log are held at once, no more."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     figures = {
-        "rows": len(t),
+        "rows": len(samples),
         "duration_s": 0.0,
         "rate_hz": None,
         "jitter": {"std_s": None, "max_s": None},
         "gaps": gaps,
     }
-    steps = np.diff(t)
-    if not len(steps):
+    if len(samples) < 2:
         return figures
+    steps = np.diff(samples[TIME])
+    figures["duration_s"] = float(steps.sum())
     median = float(np.median(steps))
     limit = gaps["longer_than_s"] = GAP_STEPS * median
     wide = np.flatnonzero(steps > limit)
     gaps["count"], gaps["total_s"] = len(wide), float(steps[wide].sum())
+    listed = wide[:LISTED_GAPS]
     gaps["list"] = [
-        {"start_s": float(t[i]), "duration_s": float(steps[i])} for i in wide[:LISTED_GAPS]
+        {"start_s": start, "duration_s": step}
+        for start, step in zip(
+            samples.at(TIME, listed).tolist(), steps[listed].tolist(), strict=True
+        )
     ]
-    figures["duration_s"] = float(t[-1] - t[0])
-    away = np.delete(steps, wide) - median
+    away = np.delete(steps, wide)
+    away -= median
+    mean = away.mean()
     # infinite where the steps of a damaged file are 1e-318 s
     with np.errstate(over="ignore", divide="ignore"):
-        figures["rate_hz"] = float(np.divide(1, median + away.mean()))
-    figures["jitter"] = {"std_s": float(away.std()), "max_s": float(np.abs(away).max())}
+        figures["rate_hz"] = float(np.divide(1, median + mean))
+    figures["jitter"] = {
+        "std_s": float(np.sqrt(max(away @ away / len(away) - mean**2, 0.0))),
+        "max_s": float(max(away.max(), -away.min())),
+    }
     return figures
 
 
