@@ -4,7 +4,7 @@ from pathlib import Path
 
 from imuloop.chain import Device, ingest
 from imuloop.core.files import read_json
-from imuloop.job_log import progress_lines, run_stage, say
+from imuloop.job_log import run_stage, say
 
 device = Device(
     **snakemake.params.device,
@@ -14,7 +14,7 @@ device = Device(
 )
 (session,) = device.kinds
 name, log = f"{device.name}/{session}", list(snakemake.input.log)
-if not run_stage(ingest, device, session, snakemake.params.declared, log, progress_lines(name)):
+if not run_stage(ingest, device, session, snakemake.params.declared, log):
     quality = read_json(snakemake.output.quality)
     for line in (*(f"rejected: {reason}" for reason in quality["reasons"]), *quality["warnings"]):
         say(f"{name}: {line}")

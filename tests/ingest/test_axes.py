@@ -53,17 +53,13 @@ FAULTS = {
         f"x as gy, y as gx, z as gz: {MIRRORED}",
     ),
     "one axis of the gyroscope flipped": (GOOD, (1, -2, 3), f"y as -gy, z as gz: {MIRRORED}"),
-    "two axes of the gyroscope flipped": (
-        *(GOOD, (-1, 2, -3)),
-        "x as -gx, y as gy, z as -gz: turned axes; as well with an acceleration of ax, -ay, az;",
-    ),
     "one axis of the accelerometer flipped": (
         *((1, 2, -3), GOOD),
-        "x as -gx, y as -gy, z as gz: turned axes; as well with an acceleration of ax, ay, -az;",
+        "x as -gx, y as -gy, z as gz: turned axes;",
     ),
     "two axes of the accelerometer swapped": (
         *((2, 1, 3), GOOD),
-        "x as -gy, y as -gx, z as -gz: turned axes; as well with an acceleration of ay, ax, az;",
+        "x as -gy, y as -gx, z as -gz: turned axes;",
     ),
     "both in one frame with two axes swapped": (
         *((2, 1, 3), (2, 1, 3)),

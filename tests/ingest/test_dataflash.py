@@ -243,25 +243,6 @@ def test_damage_costs_its_rows(run, single, write):
 
 
 @pytest.mark.parametrize("kind", [binary, text])
-def test_a_sensor_lost_to_damage_is_a_fault_of_the_data(run, single, write, kind):
-    messages = [
-        ("ACC", ACC, sampled(single, ACCELERATION)),
-        ("GYR", GYR, sampled(single, ANGULAR_RATE)),
-    ]
-    content = kind(*messages)
-    columns = {"angular_rate": "GYR_0"}
-    # its definition alone: the length, or the number of fields
-    at = content.index(b"GYR")
-    damaged = content[: at - 1] + b"\xff" + content[at:]
-    if kind is text:
-        damaged = content.replace(b", SampleUS,Gyr".replace(b" ", b""), b"Gyr")
-    (reason,) = run(write(damaged), columns=columns, format="dataflash").quality["reasons"]
-    assert "no stream 'GYR_0'" in reason and "; it may be lost to damage: " in reason
-    with pytest.raises(ImuloopError, match="no stream 'GYR_0'"):
-        run(write(kind(messages[0])), columns=columns, format="dataflash")
-
-
-@pytest.mark.parametrize("kind", [binary, text])
 def test_a_message_that_is_defined_twice(run, single, write, kind):
     """Its fields are in another order from there on."""
     codes, names = IMU

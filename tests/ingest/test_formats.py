@@ -1,7 +1,6 @@
 """What tells a format: its name in the config, a file's first bytes, its name."""
 
 import pytest
-from scipy.io import savemat
 
 from imuloop.core.errors import ImuloopError
 from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
@@ -14,13 +13,6 @@ def test_first_bytes_go_before_the_name(tmp_path, head, name):
     assert guess_format({"log": str(path)}) == name
     path.write_bytes(head[:-1])
     assert guess_format({"log": str(path)}) == "csv"
-
-
-def test_signatures_are_those_of_files_as_they_are_written(log, tmp_path):
-    log.to_parquet(tmp_path / "log.txt")
-    savemat(tmp_path / "log.dat", {name: log[name] for name in log}, format="5")
-    assert guess_format({"log": tmp_path / "log.txt"}) == "parquet"
-    assert guess_format({"log": tmp_path / "log.dat"}) == "matlab"
 
 
 def test_a_table_of_sensorlog_is_told_by_its_header(tmp_path):

@@ -5,9 +5,6 @@ import pytest
 
 from imuloop.core.errors import ImuloopError
 
-COUNTS = {"acceleration": "count", "angular_rate": "count"}
-NOMINAL = {"acceleration": {"scale": 0.0024}, "angular_rate": {"scale": 2e-4, "offset": 32768}}
-
 
 @pytest.fixture
 def pair(log, tmp_path):
@@ -27,13 +24,6 @@ def test_every_bit(hard, every_bit, tmp_path, form):
         path.write_text("".join(" ".join(form % x for x in row) + "\n" for row in rows))
     nearest = np.array([[float(form % x) for x in row] for row in hard.tolist()])
     every_bit(paths, nearest, np.array([float(form % x) for x in t.tolist()]))
-
-
-def test_counts(log, run, pair):
-    done = run(*pair, units=COUNTS, nominal=NOMINAL)
-    np.testing.assert_allclose(done.samples.az, 0.0024 * log.az, atol=1e-8)
-    np.testing.assert_allclose(done.samples.gz, 2e-4 * (log.gz - 32768), atol=1e-8)
-    assert done.metadata["raw_units"]["acceleration"]["offset"] == 0
 
 
 def test_different_row_counts_are_rejected(run, pair):

@@ -115,14 +115,6 @@ def test_structs_of_columns_beside_others(log, run, arrays, path, save):
     assert done.quality["columns"]["acceleration"] == ["imu.acc.x", "imu.acc.y", "imu.acc.z"]
 
 
-@BOTH
-def test_a_matrix_of_all_columns(log, run, path, save):
-    save(path, {"data": log.to_numpy()})
-    numbers = {"acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
-    columns = {q: [f"data.{i}" for i in three] for q, three in numbers.items()}
-    assert same(run(path, columns={"time": "data.0", **columns}).samples, log)
-
-
 def test_the_other_byte_order(log, run, path):
     def element(kind, content):
         return struct.pack(">II", kind, len(content)) + content + bytes(-len(content) % 8)

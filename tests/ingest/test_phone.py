@@ -37,13 +37,13 @@ def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal=".")
     return members
 
 
-def sensor_logger(log, named, about=("android", "false"), late=0):
+def sensor_logger(log, named, about=("android", "false")):
     """Return name -> text as Sensor Logger exports it: `named` maps files to columns of the log."""
     t = START + STEPS
     members = {
         f"{file}.csv": table(
             ["time", "seconds_elapsed", "z", "y", "x"],
-            [t + late * (columns is RATE), log.t, *(log[c] for c in columns[::-1])],
+            [t, log.t, *(log[c] for c in columns[::-1])],
         )
         for file, columns in named.items()
     }
@@ -111,13 +111,6 @@ def test_a_pause_of_phyphox_is_a_gap(log, run, write, separator, decimal):
     assert any(
         line.startswith("paused 2 times, 37 s together") for line in done.quality["warnings"]
     )
-
-
-@pytest.mark.parametrize(
-    "text", ["", "START", "START,a,b", "START,1,inf\nSTART,nan,2", "a\nSTART,1"]
-)
-def test_a_broken_table_of_starts_tells_nothing(log, run, write, text):
-    check(run(write({**phyphox(log), "meta/time.csv": text})), log)
 
 
 def test_phyphox_in_one_table_and_a_folder(log, run, write):
@@ -208,19 +201,6 @@ def test_sensor_logger_on_ios(log, run, write, about, scale, unit):
     assert ("no Metadata.csv" in warned) == (about is None)
 
 
-def test_each_table_has_its_clock(log, run, write):
-    late = 2_500_000
-    named = {"TotalAcceleration": ACCELERATION, "Gyroscope": RATE}
-    done = run(write(sensor_logger(log, named, late=late)))
-    np.testing.assert_array_equal(done.samples.ax, log.ax[1:])
-    between = 0.25 * log.gx[:-1].to_numpy() + 0.75 * log.gx[1:].to_numpy()
-    np.testing.assert_allclose(done.samples.gx, between, atol=1e-15)
-    assert any("white noise keeps 62%" in line for line in done.quality["warnings"])
-    members = sensor_logger(log, {"TotalAcceleration": ACCELERATION})
-    members |= sensor_logger(log, {"Gyroscope": RATE}, late=10**15)
-    assert "share no time" in " ".join(run(write(members)).quality["reasons"])
-
-
 def test_damaged_rows_are_counted(log, run, write):
     members = phyphox(log)
     lines = members["Accelerometer.csv"].splitlines()
@@ -246,22 +226,6 @@ def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
         "the zip holds no table of phyphox or Sensor Logger, but 'a.txt'"
     )
     assert "but nothing" in refused({})
-
-
-def test_paths_outside_are_names_like_others(log, run, write, tmp_path):
-    """Nothing is unpacked to disk."""
-    members = phyphox(log)
-    for name in ("/tmp/a.csv", "../a.csv", "C:\\a.txt"):
-        members[name] = "1,2,3"
-    members.pop("/tmp/a.csv")
-    check(run(write(members)), log)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.zip", "out"]
-
-
-def test_two_files_of_one_name(log, refused, write):
-    members = phyphox(log)
-    members["second/Gyroscope.csv"] = members["Gyroscope.csv"]
-    assert "two files 'Gyroscope.csv'" in refused(members)
 
 
 def test_a_file_of_the_zip_that_cannot_be_read_is_named(log, write, every_bit):

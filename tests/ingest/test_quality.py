@@ -1,7 +1,11 @@
 """Quality figures against logs with faults of known size."""
 
+from functools import partialmethod
+
 import numpy as np
 import pytest
+
+from imuloop.core.samples import Samples
 
 
 @pytest.fixture
@@ -38,10 +42,10 @@ def test_gaps_and_rate_beside_them(log, measured):
     assert found["warnings"] == ["2 gaps, 0.53 s together"]
 
 
-def test_figures_over_row_groups_are_those_of_one(log, measured, monkeypatch):
+def test_figures_over_pieces_are_those_of_one(log, measured, monkeypatch):
     log.loc[100:, "t"] += 0.5
     whole = measured()
-    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 64)
+    monkeypatch.setattr(Samples, "pieces", partialmethod(Samples.pieces, rows=64))
     parts = measured()
     assert parts["gaps"]["list"] == whole["gaps"]["list"]
     assert parts["gaps"]["count"] == whole["gaps"]["count"] == 1

@@ -67,13 +67,3 @@ def test_ferraris(run, recordings):
     np.testing.assert_allclose(
         done.samples[["gx", "gy", "gz"]], np.deg2rad(raw[:, 1:4]), rtol=1e-15
     )
-
-
-def test_adis16405(run, recordings):
-    path = recordings("adis_16405_imu1.parquet")
-    done = run(path, rate=100, units={"acceleration": "g", "angular_rate": "deg/s"})
-    assert done.quality["rows"] == 1_000_000
-    assert done.quality["duration_s"] / 3600 == pytest.approx(2.78, abs=0.005)
-    # least significant bits of the data sheet
-    assert done.quality["quantisation_step"]["gx"] == pytest.approx(np.deg2rad(0.05), rel=1e-4)
-    assert done.quality["quantisation_step"]["ax"] == pytest.approx(0.00333 * 9.80665, rel=1e-4)

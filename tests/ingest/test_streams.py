@@ -121,7 +121,7 @@ def test_a_straight_line_is_interpolated_exactly():
     np.testing.assert_allclose(gx, 3 - 2 * (at + 0.001), rtol=1e-14)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.25, 0.5])
+@pytest.mark.parametrize("share", [0.25, 0.5])
 def test_white_noise_keeps_the_share_of_its_variance_that_is_noted(share):
     rows = 200_000
     noise = np.random.default_rng(11).normal(size=rows)
@@ -209,51 +209,26 @@ def test_of_several_temperatures_none_is_taken_unless_declared():
     assert raw_log(streams, {"temperature": "gps.temp"}).found["temperature"] == "gps.temp"
 
 
-def two_clocks(start, width, *, lead=0, reset=(None, None)):
-    """Return streams at 100 and 200 Hz whose counters of `width` roll over each at its own row.
-
-    The values of the gyroscope are true times, s, so that what is interpolated tells its stamp.
-    """
-    streams, rng = [], np.random.default_rng(2)
-    for name, fields, step, late, at in (
-        ("acc", ACC, 10_000, 0, reset[0]),
-        ("gyro", GYRO, 5_000, 1_237 + lead, reset[1]),
-    ):
-        true = start + late + step * np.arange(40_000_000 // step) + rng.integers(-99, 99)
-        counter = true if at is None else np.where(true < at, true, true - at + 77)
-        counter = counter % width
-        values = true * 1e-6 if fields is GYRO else np.zeros(len(true))
-        streams.append(Stream(name, counter, dict.fromkeys(fields, values), {"time": "us"}))
+def clocks(kind, **changed):
+    """Return an accelerometer at 100 Hz and a gyroscope at 200 Hz; one has a clock that changes."""
+    streams = []
+    for name, fields, step in (("acc", ACC, 10_000), ("gyro", GYRO, 5_000)):
+        stamps = 2**30 - 20_000_000 + step * np.arange(40_000_000 // step)
+        if name == kind:
+            stamps = changed["change"](stamps)
+        streams.append(Stream(name, stamps, dict.fromkeys(fields, stamps * 1e-6), {"time": "us"}))
     return streams
 
 
-@pytest.mark.parametrize("lead", [0, 3_000_000, -3_000_000])
-# in the middle, and between the first rows of the two
-@pytest.mark.parametrize(
-    ("start", "width"), [(2**32 - 20_000_000, 2**32), (10**9 - 2_000_000, 10**9)]
-)
-def test_counters_that_roll_over_each_at_its_own_row(start, width, lead):
-    log = raw_log(two_clocks(start, width, lead=lead))
-    table = arrays(log)
-    true = table["stamp"] + width * (table["stamp"] < start - 10_000)
-    inside = np.isfinite(table["gx"])
-    shared = 40_000_000 - abs(lead)
-    assert inside.sum() == pytest.approx(shared / 10_000, abs=3)
-    np.testing.assert_allclose(table["gx"][inside], true[inside] * 1e-6, rtol=1e-12)
-    assert any("gyro: the stamps roll over" in note for note in log.notes) == (
-        start + lead + 1_237 < width
-    )
+@pytest.mark.parametrize("kind", ["acc", "gyro"])
+@pytest.mark.parametrize("width", [2**30, 2**30 + 5_000_077])
+def test_a_clock_that_starts_again_beside_another_is_rejected(kind, width):
+    with pytest.raises(RejectedLog, match=f"the clock of {kind} starts again within the log"):
+        raw_log(clocks(kind, change=lambda stamps: stamps % width))
 
 
-@pytest.mark.parametrize("reset", [(10**9 + 20_000_000, None), (None, 10**9 + 20_000_000)])
-def test_a_clock_that_starts_again_beside_another_is_rejected(reset):
-    with pytest.raises(RejectedLog, match="the clocks of acc and gyro start again"):
-        raw_log(two_clocks(10**9, 2**40, reset=reset))
-
-
-def test_a_stray_stamp_of_one_stream_costs_its_row_alone():
-    for which in (0, 1):
-        streams = two_clocks(10**9, 2**40)
-        streams[which].stamps[700] += 10**12
-        table = arrays(raw_log(streams))
-        assert (~np.isfinite(table["gx"])).sum() <= 4
+@pytest.mark.parametrize("kind", ["acc", "gyro"])
+def test_a_stray_stamp_of_one_stream_costs_its_row_alone(kind):
+    far = 10**12 * (np.arange(8000) == 700)
+    table = arrays(raw_log(clocks(kind, change=lambda stamps: stamps + far[: len(stamps)])))
+    assert 0 < (~np.isfinite(table["gx"])).sum() <= 4

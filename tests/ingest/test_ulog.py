@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from pyulog import ULog
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import RejectedLog
 from imuloop.ingest import ulog
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -85,9 +85,10 @@ def combined(table, **more):
     )
 
 
-def sensor(table, kind, instance, shift=0, **more):
+def sensor(table, kind, instance, **more):
     columns = ACCELERATION if kind == "accel" else ANGULAR_RATE
-    stamps = {"timestamp": STAMPS + np.uint64(700), "timestamp_sample": STAMPS + np.uint64(shift)}
+    # published later than sampled, each by its own delay
+    stamps = {"timestamp": STAMPS + np.uint64(100 * len(kind)), "timestamp_sample": STAMPS}
     return f"sensor_{kind}", instance, stamps | axes(table, columns) | more
 
 
@@ -130,32 +131,6 @@ def test_raw_sensors_at_the_same_times(run, single, write):
     np.testing.assert_array_equal(done.samples.temperature, warm)
     assert done.quality["columns"]["angular_rate"][2] == "sensor_gyro_1.angular_rate.z"
     assert done.quality["warnings"] == []
-
-
-def test_raw_sensors_at_different_times(run, single, write):
-    done = run(write(sensor(single, "accel", 0), sensor(single, "gyro", 0, shift=2_500)))
-    np.testing.assert_array_equal(done.samples.ax, single.ax[1:])
-    share = 1 - 2_500 / 10_003
-    expected = single.gx.to_numpy(float)
-    expected = expected[:-1] + share * np.diff(expected)
-    np.testing.assert_allclose(done.samples.gx, expected, rtol=0, atol=1e-12)
-    assert "interpolated linearly onto" in done.quality["warnings"][0]
-
-
-def test_instances_are_chosen_by_name(run, single, log, write):
-    other = log.astype(np.float32) + 1
-    topics = [sensor(t, k, i) for i, t in ((0, other), (1, single)) for k in ("accel", "gyro")]
-    path = write(*topics)
-    with pytest.raises(ImuloopError) as error:
-        run(path)
-    assert "sensor_accel_0 (" in str(error.value) and "sensor_accel_1 (" in str(error.value)
-    assert "columns.acceleration" in str(error.value)
-    columns = {"acceleration": "sensor_accel_1", "angular_rate": "sensor_gyro_1"}
-    assert_equal(run(path, columns=columns), single)
-    columns["acceleration"] = [f"sensor_accel_1.{axis}" for axis in "xyz"]
-    assert_equal(run(path, columns=columns), single)
-    with pytest.raises(ImuloopError, match=r"no stream 'sensor_accel_7'.*did you mean"):
-        run(path, columns={"acceleration": "sensor_accel_7"})
 
 
 def test_a_topic_that_is_not_of_px4(run, single, write):
@@ -265,19 +240,3 @@ def test_damage_costs_its_rows(run, single, write):
     # a row whose end alone is overwritten cannot be told
     assert np.isin(done.samples.az, single.az).sum() >= len(done.samples) - 1
     assert done.quality["gaps"]["count"] == 1
-
-
-@pytest.mark.parametrize("declared", [None, {"angular_rate": "sensor_gyro_0"}])
-def test_a_sensor_lost_to_damage_is_a_fault_of_the_data(run, single, write, declared):
-    path = write(sensor(single, "accel", 0), sensor(single, "gyro", 0))
-    content = path.read_bytes()
-    # of the gyroscope's subscription, the kind of message
-    at = content.index(b"sensor_gyro", content.index(b"sensor_gyro") + 1) - 4
-    path.write_bytes(content[:at] + b"\xff" + content[at + 1 :])
-    (reason,) = run(path, columns=declared).quality["reasons"]
-    assert "; it may be lost to damage: " in reason
-    lacks = "no stream 'sensor_gyro_0'" if declared else "no angular_rate found"
-    assert f"{lacks}; there" in reason or f"{lacks}; the log holds sensor_accel_0" in reason
-    # a log that is whole never had one
-    with pytest.raises(ImuloopError, match=lacks):
-        run(write(sensor(single, "accel", 0)), columns=declared)

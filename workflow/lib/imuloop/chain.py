@@ -74,11 +74,11 @@ class Device:
         }
 
 
-def ingest(device, session, declared, paths, progress=None):
+def ingest(device, session, declared, paths):
     """Write samples and quality of one session, the log of which lies in files at the paths.
 
     ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
-    declared, and `progress` given, as of `imuloop.ingest.ingest.ingest`.
+    declared.
     """
     from imuloop.ingest.ingest import ingest, write_nothing
 
@@ -100,7 +100,6 @@ def ingest(device, session, declared, paths, progress=None):
             full_scale=device.full_scale,
             gravity=device.gravity,
             threads=device.threads,
-            progress=progress,
         )
 
     return attempt(device, "ingest", work, lambda *why: write_nothing(**what, why=why))

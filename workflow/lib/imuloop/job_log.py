@@ -2,7 +2,6 @@
 
 import logging
 import sys
-import time
 
 from imuloop.core.errors import one_line, printable
 
@@ -49,24 +48,3 @@ def say(line):
     """Write a line to the job's log and to the terminal."""
     logging.info(line)
     print(one_line(line), file=sys.__stderr__, flush=True)
-
-
-def progress_lines(job, seconds=10.0, clock=time.monotonic):
-    """Return ``progress(what, done, total)``, in bytes, that says how far a job is.
-
-    A line every so many seconds goes to the job's log and to the terminal:
-    ``imu/still: read 3.2 of 10.0 GB, 104 MB/s, 65 s left``.
-    """
-    begun, last = {}, clock()
-
-    def progress(what, done, total):
-        nonlocal last
-        now = clock()
-        begin = begun.setdefault(what, now)
-        if now - max(begin, last) < seconds or not done:
-            return
-        last, rate = now, done / (now - begin)
-        left = f"{rate / 1e6:.0f} MB/s, {(total - done) / rate:.0f} s left"
-        say(f"{job}: {what} {done / 1e9:.1f} of {total / 1e9:.1f} GB, {left}")
-
-    return progress

@@ -1,9 +1,8 @@
 """Stamps that come in bursts, or scatter: the sensor's own step, where a line shows it."""
 
 import numpy as np
-import pyarrow.parquet as pq
 
-from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME
+from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, Samples
 from imuloop.core.stamps import Scatter
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
@@ -17,8 +16,8 @@ _EVEN = 0.05
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
 _KNOWN = 0.05
 _FEWEST = 16
-# points of a line, at most
-_POINTS = 1 << 18
+# points of a line, at most twice so many
+POINTS = 1 << 17
 # parts of a log whose stamps must lie on one line
 _PARTS = 20
 # a line whose rate differs more from the declared one is not the sensor's
@@ -28,33 +27,11 @@ _RATE_SHARE = 0.02
 _LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
 
 
-class Points:
-    """Number and time of every k-th row: few enough to hold, the same for any batches."""
-
-    def __init__(self):
-        self._stride, self._parts = 1, [np.empty((0, 2))]
-
-    def add(self, rows, t):
-        """Take further rows."""
-        self._parts.append(np.column_stack([rows, t])[rows % self._stride == 0])
-        while sum(map(len, self._parts)) > _POINTS:
-            self._stride *= 2
-            held = np.concatenate(self._parts)
-            self._parts = [held[held[:, 0] % self._stride == 0]]
-
-    def columns(self):
-        """Return the row numbers and the times, s."""
-        return np.concatenate(self._parts).T
-
-
 def follows_stamps(path, step):
     """Tell whether samples (a file) were taken when they are stamped, not evenly every `step` s."""
     scatter = Scatter(step)
-    with pq.ParquetFile(path) as file:
-        for group in range(file.num_row_groups):
-            table = file.read_row_group(group, columns=[TIME, *ANGULAR_RATE])
-            t, *w = (table[name].to_numpy() for name in (TIME, *ANGULAR_RATE))
-            scatter.add(t, w)
+    for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
+        scatter.add(t, w)
     return scatter.followed
 
 
@@ -75,9 +52,10 @@ def line_step(counts, measured, rate=None, increments=False):
 
     `measured` are the figures of the samples as stamped, `rate` is the declared one, Hz.
     """
-    rows, t = counts.points.columns()
-    if counts.clock.resets or len(rows) < 10 * _PARTS:
+    points = counts.points.rows()
+    if counts.clock.resets or len(points) < 10 * _PARTS:
         return None
+    rows, t = points.T
     rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()

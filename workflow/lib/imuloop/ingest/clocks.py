@@ -71,30 +71,13 @@ def span(last, first, step, tick=1):
     return best
 
 
-def overlap(a, b):
-    """Return how long two ranges (first, last) have in common, negative where they are apart."""
-    return min(a[1], b[1]) - max(a[0], b[0])
-
-
-def turns_apart(a, b, width):
-    """Return what brings range b onto a, whole spans of a counter: one may begin a span later."""
-    middle = round((a[0] + a[1] - b[0] - b[1]) / 2 / width)
-    shifts = [(middle + k) * width for k in (0, -1, 1)]
-    return max(shifts, key=lambda shift: overlap(a, (b[0] + shift, b[1] + shift)))
-
-
 @dataclass
 class Clock:
     """What is known of a clock after some rows, and what was mended in them.
 
-    Attributes
-    ----------
-    rollovers, span_s : int, float or None
-        Times that the stamps rolled over, and the span of the counter, s, which was added.
-    resets : int
-        Times that the stamps started again; they go on `RESET_STEPS` usual steps after the last.
-    strays : int
-        Stamps ahead of at least two rows that follow in their place; taken as missing.
+    At each of `rollovers` the span of the counter, `span_s`, is added; after each of `resets` the
+    stamps go on `RESET_STEPS` usual steps after the last; `strays` are stamps ahead of at least two
+    rows that follow in their place, taken as missing.
     """
 
     rollovers: int = 0

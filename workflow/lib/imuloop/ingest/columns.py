@@ -144,15 +144,10 @@ class Columns:
 
 
 def stated_unit(quantity, text, increments=False):
-    """Return the contract's name of a unit as a file spells it, or None.
+    """Return the contract's name of a unit as a file spells it, m/s^2 of "m s^-2", or None.
 
     Who writes `deg` beside a rate means deg/s: an angle counts as an increment only where
     `increments`.
-
-    Examples
-    --------
-    >>> stated_unit("acceleration", "m s^-2")
-    'm/s^2'
     """
     plain = re.sub(r"[\s^*·._{}\\]", "", str(text).lower().replace("²", "2"))
     plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
@@ -174,15 +169,9 @@ def unknown_unit(quantity, text):
 def resolve(names, declared=None, headed=True):
     """Return which columns hold time, acceleration, angular rate and temperature.
 
-    Parameters
-    ----------
-    names : list of str
-        Names of all columns, in order.
-    declared : dict, optional
-        Quantity to column name or number (from 0), three of them for a sensor. A quantity that
-        is left out is found by its usual name; one that is None is taken as not logged.
-    headed : bool
-        Whether the names are the log's own; without, columns must be declared by number.
+    `declared` maps a quantity to a column's name or number from 0, three of them for a sensor. A
+    quantity that is left out is found by its usual name; one that is None is taken as not logged.
+    Where the names are not the log's own (`headed`), columns have to be declared by number.
     """
     declared = dict(declared or {})
     guessed = guess(names) if headed else dict.fromkeys((*_QUANTITIES, "interval"), ())
@@ -218,7 +207,10 @@ def resolve(names, declared=None, headed=True):
     others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
     for name, value in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
-    _check_each_once(chosen, names)
+    places = {q: where if isinstance(where, tuple) else (where,) for q, where in chosen.items()}
+    check_each_once(
+        {q: [f"{i}, '{names[i]}'," for i in x if i is not None] for q, x in places.items()}
+    )
     return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
 
 
@@ -242,17 +234,17 @@ def _only(quantity, found, names):
     return where
 
 
-def _check_each_once(chosen, names):
-    """Raise where a column is taken twice, by name and by number or for two quantities."""
+def check_each_once(chosen):
+    """Raise where a column (quantity -> columns) is taken twice, or for two quantities."""
     taken = {}
-    for quantity, where in chosen.items():
-        for i in where if isinstance(where, tuple) else (where,):
-            if i is not None and i in taken:
+    for quantity, columns in chosen.items():
+        for column in columns:
+            if column in taken:
                 raise ImuloopError(
-                    f"columns.{quantity}: column {i}, '{names[i]}', is already in "
-                    f"columns.{taken[i]}; name another"
+                    f"columns.{quantity}: column {column} is already in columns.{taken[column]}; "
+                    "name another"
                 )
-            taken[i] = quantity
+            taken[column] = quantity
 
 
 def _intervals(declared, names, headed, guessed, summed):

@@ -10,7 +10,8 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, TEMPERATUR
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.bursts import Points
+from imuloop.ingest.axes import Thinned
+from imuloop.ingest.bursts import POINTS
 from imuloop.ingest.clocks import Clock, ahead
 from imuloop.ingest.columns import STAMP, unknown_unit
 from imuloop.ingest.stamps import (
@@ -50,7 +51,7 @@ class Counts:
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
-    points: Points = field(default_factory=Points)
+    points: Thinned = field(default_factory=lambda: Thinned(POINTS))
 
     def add(self, **rows):
         """Count rows, a mask each."""
@@ -61,26 +62,13 @@ class Counts:
 def si_batches(
     log, *, units, raw_units, rate, time_range, counts, step=None, usual=None, timeline=None
 ):
-    """Give the samples of a log, batch by batch, `t` strictly increasing from 0.
+    """Give the samples of a RawLog, batch by batch, `t` strictly increasing from 0.
 
-    Parameters
-    ----------
-    log : RawLog
-        Log being read.
-    units, raw_units : dict
-        Unit of each quantity, increments of the sensors become rates; `RawUnit` of each sensor.
-    rate : float or None
-        Hz; stamps rows by their number where the log has no stamps.
-    time_range : (start, end) or None
-        Half-open crop: seconds from the log's first stamp, or ISO 8601 stamps; None is open.
-    counts : Counts
-        Filled on the way.
-    step : float, optional
-        Seconds from row to row; `t` is then rebuilt from the row number, `t_logged` as stamped.
-    usual : float, optional
-        Usual step of the stamps, s; that of increments after a gap.
-    timeline : imuloop.ingest.pps.Timeline, optional
-        GNSS time over the stamps; `t` is then in it.
+    `units` and `raw_units` are the unit of each quantity and the `RawUnit` of each sensor; `rate`,
+    Hz, stamps rows of a log without stamps; `time_range` is a half-open crop, seconds from the
+    log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With a `step`, s
+    per row, `t` is rebuilt from the row number and `t_logged` is as stamped; `usual` is the step of
+    the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t` is GNSS time.
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     for kind in (counts.missing_values, counts.impossible_values):
@@ -163,7 +151,7 @@ def si_batches(
         elif timeline:
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:
-            counts.points.add(rows[keep], samples[TIME])
+            counts.points.add(np.column_stack([rows[keep], samples[TIME]]))
         if log.temperature:
             values[TEMPERATURE][missing[TEMPERATURE] | beyond[TEMPERATURE]] = np.nan
         samples |= {name: values[name][keep] for name in channels}

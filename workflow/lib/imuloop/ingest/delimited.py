@@ -36,7 +36,6 @@ IN_FOLDER = "data.csv"
 
 # a line that may be a header
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
-_DECIMAL = re.compile(rb"[+-]?\d*\.\d+")
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
@@ -90,9 +89,9 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
     file = pa.PythonFile(source, mode="r") if path is None else pa.OSFile(path)
 
     def work(piece):
-        text, bad_lines, lost, *read = piece
+        text, bad_lines, lost, taken = piece
         batch, more, bytes_ = _parsed(text, layout, positions, stamps)
-        return batch, bad_lines + more, lost + bytes_, *read
+        return batch, bad_lines + more, lost + bytes_, taken
 
     with file, pa.input_stream(file, compression=path and _packing(path)) as stream:
         try:
@@ -100,11 +99,10 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
             pieces = _pieces(stream, path and file, size, layout.separator == BLANKS)
-            for batch, bad_lines, lost, taken, position in in_order(work, pieces, log.threads):
+            for batch, bad_lines, lost, taken in in_order(work, pieces, log.threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
                 log.text_bytes += taken
-                log.position = position
                 for begin in range(0, batch.num_rows, batch_rows):
                     yield batch.slice(begin, batch_rows)
         except (pa.ArrowInvalid, OSError) as error:
@@ -144,25 +142,14 @@ def _parsed(text, layout, positions, stamps):
     """Return the columns of a text, how many lines are no row, and the bytes of these."""
     as_text = [pa.string()] * len(positions)
     kinds = as_text if stamps is None else as_text[:stamps] + [pa.float64()] * len(as_text[stamps:])
-    first = text[: text.find(b"\n")].split(_delimiter(layout).encode())
-    for i, at in enumerate(positions[:stamps] if stamps else ()):
-        # several times as fast as by way of text
-        if at < len(first) and _DECIMAL.fullmatch(first[at].strip()):
-            kinds[i] = pa.float64()
-    exact = True
+    numeric = stamps is not None
     try:
         columns, bad_lines, lost = _fields(text, layout, positions, kinds)
-        # whole numbers, but for the first line's, have more digits than these hold
-        exact = all(
-            x.type == pa.string() or pc.any(pc.not_equal(x, pc.floor(x))).as_py()
-            for x in columns[:stamps]
-        )
     except pa.ArrowInvalid:
         # what is no number spoils its own row alone
-        exact = False
-    if not exact:
+        numeric = False
         columns, bad_lines, lost = _fields(text, layout, positions, as_text)
-    if bad_lines or not exact or stamps is None:
+    if bad_lines or not numeric:
         _check_headers(text, layout, positions)
     if stamps is not None:
         columns = [*map(stamp_array, columns[:stamps]), *map(numbers, columns[stamps:])]
@@ -264,7 +251,7 @@ def _pieces(stream, file, size, squeeze):
 
     Runs of blanks become tabs if `squeeze`; `file` is what the stream comes out of, None where that
     is of no concern. With the text, whole lines, come the number of lines left out and the bytes in
-    them; bytes of the text read, empty ones left out; and the bytes of the file read so far.
+    them, and bytes of the text read, empty ones left out.
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:
@@ -290,5 +277,5 @@ def _pieces(stream, file, size, squeeze):
             # no comma: that may be decimal
             lines = re.sub(rb"[ \t]+", b"\t", lines)
         if lines or bad_lines:
-            yield lines or b"\n", bad_lines, lost, written, file.tell() if file else taken
+            yield lines or b"\n", bad_lines, lost, written
             lost = written = 0

@@ -5,9 +5,9 @@ import numpy as np
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest.faults import HIGH, LACKING_SHARE
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.rest_means import EARTH_PART
-from imuloop.ingest.rests import HIGH, LACKING_SHARE
 
 # what a thermometer beside an IMU can show, degC
 PLAUSIBLE_TEMPERATURE = (-60.0, 150.0)
@@ -143,8 +143,11 @@ def _axes(found):
     # one axis in two places fits nowhere, and has a line of its own
     if not mapping or found["copies"]:
         return []
-    fits = [f"{axis} as {_signed(ANGULAR_RATE, n)}" for axis, n in zip("xyz", mapping, strict=True)]
-    fits = ", ".join(text for text, number in zip(fits, mapping, strict=True) if number)
+    fits = ", ".join(
+        f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"
+        for axis, number in zip("xyz", mapping, strict=True)
+        if number
+    )
     # the signed permutation that takes each axis from the one given by number and sign
     matrix = np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
     if not all(mapping):
@@ -155,16 +158,8 @@ def _axes(found):
             "alone would mend"
         )
     else:
-        # -u turns as u does: of the two that mend it, the one with fewer signs
-        other = max(matrix.T, -matrix.T, key=np.sum) @ [1, 2, 3]
-        other = ", ".join(_signed(ACCELERATION, int(number)) for number in other)
-        fault = f"turned axes; as well with an acceleration of {other}"
+        fault = "turned axes"
     return [
         f"the angular rate fits the turns of gravity with {fits}: {fault}; gravity does not tell "
         "which sensor is at fault; columns puts axes in order, a sign has to be turned in the log"
     ]
-
-
-def _signed(names, number):
-    """Return an axis's name by its number from 1, with its sign."""
-    return ("-" if number < 0 else "") + names[abs(number) - 1]

@@ -5,7 +5,6 @@ several rows, an axis that is a copy of another, a stream filtered or resampled 
 logged, a temperature that is none, and units that motion and rest deny.
 """
 
-import json
 from itertools import combinations
 
 import numpy as np
@@ -15,10 +14,8 @@ from imuloop.core.samples import (
     ANGULAR_RATE,
     CHANNELS,
     LOGGED_TIME,
-    METADATA_KEY,
     TIME,
 )
-from imuloop.ingest import rests
 from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.in_order import in_order
 from imuloop.ingest.increments import SENSORS
@@ -43,23 +40,32 @@ RAILS, LEAST_RAIL = (32767, 32768), 2
 # an integer that wraps around jumps by this share of the range at least, while neighbouring samples
 # differ by less than that
 WRAPPED, FLAT = 0.9, 0.05
+# blocks for spectra: rows per block, blocks per row group, blocks needed
+BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
+# share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
+LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
+# the noise near Nyquist is lacking below this share; a log with more drift is moving
+LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
+# an axis is silent at rest where it never changes in this share of the quieter blocks
+SILENT_SHARE = 0.8
 
 
 # a damaged file may hold 1e306, which a sum of squares does not
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def measure(file, figures, threads=1, progress=lambda share: None):
-    """Return the faults of a samples file, row group by row group; empty for an empty file.
+def measure(samples, metadata, figures, threads=1):
+    """Return the faults of samples, piece by piece; empty of none.
 
     `figures` are quality figures with ``rate_hz``, ``quantisation_step`` and ``range`` of every
-    channel; `progress` is called often with the share that is done.
+    channel.
     """
     rate, steps = figures["rate_hz"], figures["quantisation_step"]
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
-    if not file.metadata.num_rows or not 0 < (rate or 0) < MOST_RATE:
+    if not len(samples) or not 0 < (rate or 0) < MOST_RATE:
         return {}
-    names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
+    names = [name for name in samples.names if name not in (TIME, LOGGED_TIME)]
     pairs = list(combinations(names, 2))
-    units = _units(file)
+    units = metadata.get("raw_units", {})
+    units = {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}
     zeros = {
         n: (0.0 - units[n]["offset"]) * units[n]["scale"] if n in units else 0 for n in CHANNELS
     }
@@ -68,11 +74,10 @@ def measure(file, figures, threads=1, progress=lambda share: None):
     means, still, way = RestMeans(rate), Stops(rate), Axes(rate)
 
     def groups():
-        """Give the rows of each group, less padding, and the last ones before them."""
-        row, before = 0, {name: np.empty(0) for name in names}
-        for group in range(file.num_row_groups):
-            table = file.read_row_group(group, columns=names)
-            x = {name: table[name].to_numpy() for name in names}
+        """Give the rows of each piece, less padding, and the last ones before them."""
+        before = {name: np.empty(0) for name in names}
+        for row, columns in samples.pieces(names):
+            x = dict(zip(names, columns, strict=True))
             way.add(x)
             padded = {s: np.all([x[n] == zeros[n] for n in SENSORS[s]], axis=0) for s in SENSORS}
             # a gyroscope at rest may well show three zeros; an accelerometer never does
@@ -87,8 +92,6 @@ def measure(file, figures, threads=1, progress=lambda share: None):
                 runs[name].add(x[name], row)
             yield x, before
             before = {n: np.concatenate((before[n], x[n][-2 * REACH :]))[-2 * REACH :] for n in x}
-            row += table.num_rows
-            progress((group + 1) / file.num_row_groups)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def counted(part):
@@ -105,9 +108,9 @@ def measure(file, figures, threads=1, progress=lambda share: None):
             np.array([_wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n])
                       for n in CHANNELS]),
         ]  # fmt: skip
-        blocks = {name: rests.blocks(x[name]) for name in CHANNELS}
+        blocks = {name: _blocks(x[name]) for name in CHANNELS}
         quiet = sum(blocks[name].var(axis=1) for name in ACCELERATION)
-        return counts, np.array([rests.bands(blocks[name]) for name in CHANNELS]), quiet
+        return counts, np.array([_bands(blocks[name]) for name in CHANNELS]), quiet
 
     counts, spectra, quiet = zip(*in_order(counted, groups(), threads), strict=True)
     common, lengths, limits, spikes, wraps = (sum(each) for each in zip(*counts, strict=True))
@@ -121,7 +124,7 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         # once or twice is a fault of a moment
         if len(stuck[name]) not in (1, 2)
         and name not in figures["constant"]
-        and rests.silent(spectra[name][0], quiet)
+        and _silent(spectra[name][0], quiet)
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
@@ -141,10 +144,12 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         if name in ANGULAR_RATE:
             stuck[name] = [run for run in stuck[name] if run[:2] not in padding]
     axes = way.fit()
-    fits = axes and axes["best"] > AGREEMENT
+    rests = still.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
+    if rests:
+        rests["jump_s"] = float(samples.at(TIME, rests.pop("jump_row")))
     return {
         "zero_rows": zero_rows,
-        "stuck": {name: _stuck_figures(stuck[name], rate, file) for name in CHANNELS},
+        "stuck": {name: _stuck_figures(stuck[name], rate, samples) for name in CHANNELS},
         "spikes": spikes,
         "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
         "clipped_at": clipped,
@@ -156,55 +161,27 @@ def measure(file, figures, threads=1, progress=lambda share: None):
         ],
         "silent_at_rest": silent,
         "noise_near_nyquist": {
-            name: None if name in silent else rests.lacking(spectra[name]) for name in CHANNELS
+            name: None if name in silent else _lacking(spectra[name]) for name in CHANNELS
         },
         "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
         "axes": axes,
-        "rests": _rests(still.figures(fits and axes["ratio"]), file),
+        "rests": rests,
     }
 
 
-def _rests(found, file):
-    """Return what the stops tell, with times in place of rows."""
-    if found:
-        found["jump_s"] = _time_of(file, found.pop("jump_row"))
-    return found
-
-
-def _units(file):
-    """Return the raw unit of each channel, where the file says it."""
-    metadata = json.loads((file.schema_arrow.metadata or {}).get(METADATA_KEY, b"{}"))
-    units = metadata.get("raw_units", {})
-    return {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}
-
-
-def _stuck_figures(found, rate, file):
+def _stuck_figures(found, rate, samples):
     """Return how often, for how many rows, how long at most and from when an axis was stuck."""
     return {
         "stretches": len(found),
         "rows": sum(run[0] for run in found),
         "longest_s": max((run[0] for run in found), default=0) / rate,
-        "first_s": _time_of(file, min(run[1] for run in found)) if found else None,
+        "first_s": float(samples.at(TIME, min(run[1] for run in found))) if found else None,
     }
-
-
-def _time_of(file, row):
-    """Return the time of a row, s."""
-    for group in range(file.num_row_groups):
-        rows = file.metadata.row_group(group).num_rows
-        if row < rows:
-            return file.read_row_group(group, columns=[TIME])[TIME][row].as_py()
-        row -= rows
-    return None
 
 
 def _common_changes(x, y, at_x, at_y):
     """Return how often the one changes, more or less than the other, and how often both alike."""
     if not len(at_x) or not len(at_y):
-        return max(len(at_x), len(at_y)), 0
-    # a glance at a few rows settles most pairs
-    few = at_x[:: max(len(at_x) // 64, 1)] + 1
-    if (x[few] == y[few]).mean() < 0.5:
         return max(len(at_x), len(at_y)), 0
     both = at_x[x[at_x] == y[at_x]]
     return max(len(at_x), len(at_y)), int((x[both + 1] == y[both + 1]).sum())
@@ -274,11 +251,39 @@ def _spikes(x, step):
     height[(before > 0) == (after > 0)] = 0.0
     at = np.flatnonzero(height > SPIKE_FACTOR * max(step, usual)) + 1
     at = at[(at >= REACH) & (at < len(x) - REACH)]
-    around = np.r_[-REACH:0, 1 : REACH + 1]
-    count = 0
-    for part in np.array_split(at, max(len(at) // 4096, 1)):
-        near = x[part[:, None] + around]
-        middle = np.median(near, axis=1)
-        spread = np.maximum(np.abs(near - middle[:, None]).max(axis=1), max(step, usual))
-        count += int((np.abs(x[part] - middle) > SPIKE_FACTOR * spread).sum())
-    return count
+    near = x[at[:, None] + np.r_[-REACH:0, 1 : REACH + 1]]
+    middle = np.median(near, axis=1)
+    spread = np.maximum(np.abs(near - middle[:, None]).max(axis=1), max(step, usual))
+    return int((np.abs(x[at] - middle) > SPIKE_FACTOR * spread).sum())
+
+
+def _blocks(x):
+    """Return a few whole blocks of rows, evenly spread, shape (n, BLOCK)."""
+    found = x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
+    return found[:: max(-(-len(found) // BLOCKS), 1)]
+
+
+def _bands(blocks):
+    """Return variance and the mean power in the bands of each block, shape (4, n)."""
+    away = blocks - blocks.mean(axis=1, keepdims=True)
+    power = np.abs(np.fft.rfft(away * np.hanning(BLOCK), axis=1)) ** 2
+    top = BLOCK // 2
+    bands = [power[:, int(a * top) : int(b * top)].mean(axis=1) for a, b in (LOW, MIDDLE, HIGH)]
+    return np.array([away.var(axis=1), *bands])
+
+
+def _lacking(found):
+    """Return the noise near Nyquist as a share of that below; None where nothing rests."""
+    variance, low, middle, high = found[:, np.isfinite(found).all(axis=0) & (found[0] > 0)]
+    if len(variance) < LEAST_BLOCKS:
+        return None
+    quiet = np.argsort(variance)[: max(len(variance) // 4, LEAST_BLOCKS)]
+    if not middle[quiet].sum() or low[quiet].sum() > MOST_DRIFT * middle[quiet].sum():
+        return None
+    return float(high[quiet].sum() / middle[quiet].sum())
+
+
+def _silent(variance, spread):
+    """Tell whether an axis hardly ever changes while the force does not move."""
+    quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
+    return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())

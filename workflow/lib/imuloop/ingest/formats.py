@@ -25,21 +25,11 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class Format:
     """A log format: its reader, and what its files are called.
 
-    Attributes
-    ----------
-    read : callable
-        ``read(paths, columns, batch_rows) -> RawLog``: role of each file (``log``) to its path,
-        what the config says of columns, rows given at once, about. With `most`, bytes to be read,
-        about, where `whole`. Raises ImuloopError where a declaration does not fit, RejectedLog for
-        a file that is broken.
-    endings : tuple of str
-        Endings of the file names that stand for the format, lower case.
-    files : tuple of str
-        Roles of its files; ``("log",)`` for a format of one file.
-    folder : bool
-        Whether it may be a folder with files of these endings.
-    whole : bool
-        Whether `read` takes in the whole log unless `most` says how many bytes of it.
+    ``read(paths, columns, batch_rows) -> RawLog`` takes the role of each file, `files`, to its
+    path, what the config says of columns, and about how many rows are given at once. It raises
+    ImuloopError where a declaration does not fit, RejectedLog for a broken file. Where `whole`, it
+    takes in the whole log unless a further argument, `most`, says how many bytes are enough.
+    `endings` are those of file names, lower case; a `folder` may hold files of them.
     """
 
     read: Callable

@@ -5,12 +5,9 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TIME
 from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest.raw_log import rechunked
 from imuloop.ingest.stamps import stamp_values
 
 SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
-# rows whose steps give one median; the same for any batches
-_BLOCK = 1 << 17
 # jitter of the stamps that is worth a warning, of a step: it becomes noise of the same share
 _JITTER = 1e-3
 
@@ -25,28 +22,10 @@ def by_stamps(log, units):
     return bool(factors(units)) and "time" in log.found and "interval" not in log.found
 
 
-def median_of_parts(medians):
-    """Return the median of (median, number) of parts, weighted: exact for one part, None of none.
-
-    Bounded memory for steps of a log of any length.
-    """
-    medians = [(float(median), n) for median, n in medians if n]
-    if not medians:
-        return None
-    values, weights = np.array(sorted(medians)).T
-    return values[np.searchsorted(np.cumsum(weights), weights.sum() / 2)].item()
-
-
 def usual_step(batches):
     """Return the median step of samples (batches with `t`), s; None of fewer than two."""
-    medians, last = [], np.empty(0)
-    for table in rechunked(batches, _BLOCK):
-        t = table[TIME].to_numpy()
-        steps = np.diff(np.concatenate((last, t)))
-        last = t[-1:]
-        if len(steps):
-            medians.append((np.median(steps), len(steps)))
-    return median_of_parts(medians)
+    steps = np.diff(np.concatenate([np.empty(0), *(batch[TIME] for batch in batches)]))
+    return float(np.median(steps, overwrite_input=True)) if len(steps) else None
 
 
 # stamps and values of a broken log can be of any size

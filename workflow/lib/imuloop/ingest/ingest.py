@@ -1,12 +1,9 @@
 """One raw log into canonical samples and its quality figures."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from itertools import chain
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
@@ -26,6 +23,7 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _SENSORS = ("acceleration", "angular_rate")
+_COUNTED = ("duplicates", "out_of_order", "non_finite", "missing_values", "impossible_values")
 
 
 def ingest(
@@ -48,33 +46,24 @@ def ingest(
     gravity=STANDARD_GRAVITY,
     batch_rows=1 << 16,
     threads=1,
-    progress=None,
 ):
-    """Write samples.parquet and quality.json of one session.
+    """Write samples.parquet and quality.json of one session, each in one step.
 
     What is wrong in the data is a result: `status` is ``rejected``, with reasons, and the samples
-    are empty.
+    are empty. What is declared is as in the config; the rest is found from the log, units else SI.
 
     Parameters
     ----------
-    device, session, kind : str
-        Names, and what was done with the device, None where that is not known.
+    kind : str or None
+        What was done with the device, None where that is not known.
     paths : list of path-like
         Files of the log, or its folder, in the order of `sources`.
-    samples_path, quality_path : path-like
-        Files to write, each in one step.
-    format, columns, units, rate, time_range, pps, nominal, full_scale : optional
-        As in the config; what is not declared is found from the log, units else SI.
     sources : dict, optional
-        Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source, for
-        the record; found from the number of paths if None.
+        Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source.
     gravity : float
         Local gravity, m/s^2.
     batch_rows, threads : int
         Rows read at once, about, and how many may work at once; neither changes the result.
-    progress : callable, optional
-        ``progress(what, done, total)``, called often while a text table is ``"read"``, and then
-        ``"measured"``: bytes of its files.
 
     Raises
     ------
@@ -96,18 +85,13 @@ def ingest(
         log.threads = threads
         return log
 
-    def teller(what):
-        return lambda done: progress and done and progress(what, done, total)
-
     def written(log, counts, batches, rebuilt=False):
-        _write(temporary, batches, log, counts, origin, hashes, teller("read"), rebuilt)
-        measured = teller("measured")
-        return quality.measure(temporary, full_scale, threads, lambda x: measured(x * total))
+        _write(temporary, batches, log, counts, origin, rebuilt)
+        return quality.measure(temporary, full_scale, threads)
 
     try:
         _check_paths(paths)
         before = _state(paths)
-        total = sum(size for _, _, size, _ in before)
         log_format, form = find_format(format, files)
         try:
             log = opened()
@@ -116,10 +100,10 @@ def ingest(
         units, doubts = used_units(log, units or {})
         raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in _SENSORS}
         source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
-        origin = _origin(device, session, kind, units, raw_units, log_format, source, log.simulated)
+        origin = _origin(device, session, kind, units, raw_units, log_format, source)
+        origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
-        with ThreadPoolExecutor(1) as pool, replaced(samples_path) as temporary:
-            hashes = pool.submit(_hashes, paths)
+        with replaced(samples_path) as temporary:
             try:
                 if rejected:
                     raise rejected
@@ -156,7 +140,7 @@ def ingest(
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
             if reasons:
-                _write(temporary, (), log, counts, origin, hashes, teller("read"))
+                _write(temporary, (), log, counts, origin)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
         kind_of_error, text = type(error), error
@@ -172,14 +156,16 @@ def ingest(
     if logged:
         doubts.append(bursts.rebuilt(logged, step))
     doubts += counts.clock.warnings()
-    found = _quality(reasons, figures, counts, log) | origin
-    found["misdeclared"] = misdeclared
-    found["warnings"] = doubts + quality.warnings(figures, counts, log, rate=rate) + doubted
-    found["clock"] = clocks.figures(
-        counts.clock, figures, "time" in log.found and rate, logged, timeline and timeline.figures
-    )
-    found["increments"] = summed
-    write_json(quality_path, found)
+    told = {
+        "misdeclared": misdeclared,
+        "warnings": doubts + quality.warnings(figures, counts, log, rate=rate) + doubted,
+        "clock": clocks.figures(
+            *(counts.clock, figures, "time" in log.found and rate, logged),
+            timeline and timeline.figures,
+        ),
+        "increments": summed,
+    }
+    write_json(quality_path, _quality(reasons, figures, counts, log) | told | origin)
 
 
 def _check_paths(paths):
@@ -190,24 +176,24 @@ def _check_paths(paths):
             raise ImuloopError("there is no such file; see file: in the config")
 
 
-def _origin(device, session, kind, units, raw_units, log_format, source, simulated):
-    """Return where samples come from; hashes and start are known once they are read."""
+def _origin(device, session, kind, units, raw_units, log_format, source):
+    """Return where samples come from, as far as it is known before the log is read."""
     return {
         "device": device,
         "session": session,
         "kind": kind,
         "log_format": log_format,
         "source": source,
-        "sha256": None,
+        "sha256": {},
         "units": units,
         "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
-        "simulated": simulated,
+        "simulated": False,
         "start": None,
     }
 
 
 def _quality(reasons, figures, counts, log):
-    """Return the content of quality.json but for clock, increments, warnings and source."""
+    """Return the content of quality.json of a log of which nothing more is known."""
     return {
         "format": 1,
         "status": "rejected" if reasons else "ok",
@@ -218,11 +204,7 @@ def _quality(reasons, figures, counts, log):
         **figures,
         "clock": None,
         "increments": None,
-        "duplicates": counts.duplicates,
-        "out_of_order": counts.out_of_order,
-        "non_finite": counts.non_finite,
-        "missing_values": counts.missing_values,
-        "impossible_values": counts.impossible_values,
+        **{name: getattr(counts, name) for name in _COUNTED},
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,
@@ -239,7 +221,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     reason, failed = why
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
-    origin = _origin(device, session, kind, units, raw_units, None, {}, False) | {"sha256": {}}
+    origin = _origin(device, session, kind, units, raw_units, None, {})
     with replaced(samples_path) as temporary:
         pq.write_table(schema(False, origin).empty_table(), temporary)
         figures = quality.measure(temporary)
@@ -247,30 +229,18 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     write_json(quality_path, found | {"failed": failed})
 
 
-def _write(path, batches, log, counts, origin, hashes, progress, rebuilt=False):
-    """Write samples as Parquet; `origin` learns hashes, start and time unit on the way."""
+def _write(path, batches, log, counts, origin, rebuilt=False):
+    """Write samples as Parquet; `origin` learns start and time unit on the way."""
     plain = schema(log.temperature, {}, rebuilt).remove_metadata()
-    tables = rechunked(batches, ROW_GROUP)
-    first = next(tables, plain.empty_table()).select(plain.names)
     # what is known at the end only cannot be in an Arrow schema; doubles need none
-    options = {"compression": "zstd", "store_schema": False, **_encodings(first)}
-    with pq.ParquetWriter(path, plain, **options) as writer:
-        for table in chain([first] if len(first) else [], tables):
+    with pq.ParquetWriter(path, plain, compression="zstd", store_schema=False) as writer:
+        for table in rechunked(batches, ROW_GROUP):
             writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
-            progress(log.position)
-        origin["sha256"] = hashes.result()
         if counts.start_ns is not None:
             origin["start"] = iso_text(counts.start_ns)
         if counts.time_unit:
             origin["units"]["time"] = counts.time_unit
         writer.add_key_value_metadata(schema(log.temperature, origin).metadata)
-
-
-def _encodings(table):
-    """Return how Parquet is to hold the columns: few values by number, else byte by byte."""
-    few = [n for n in table.column_names if 4 * len(np.unique(table[n])) < len(table)]
-    many = [name for name in table.column_names if name not in few]
-    return {"use_dictionary": few, "use_byte_stream_split": many}
 
 
 def used_units(log, declared):
@@ -326,7 +296,6 @@ def _hashes(paths):
     files, found = _files(paths), {}
     distinct = len({path.name for path in files}) == len(files)
     for path in files:
-        found[path.name if distinct else str(path)] = None
         # one that is gone meanwhile has changed
         with suppress(FileNotFoundError):
             found[path.name if distinct else str(path)] = sha256(path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import RejectedLog, one_line
+from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import resolve
 from imuloop.ingest.guarded import check_unpacked, guarded
 from imuloop.ingest.raw_log import by_axis, column_names, table_log
@@ -31,8 +31,6 @@ def read(paths, columns=None, batch_rows=1 << 16):
     import netCDF4
 
     path = Path(paths["log"])
-    if elsewhere := _elsewhere(path):
-        raise RejectedLog(f"{one_line(elsewhere)} lies in another file: write one file of all")
     # a path that begins otherwise could be an address to the library
     dataset = netCDF4.Dataset(os.path.abspath(path))
     numeric = [v for v in dataset.variables.values() if getattr(v.dtype, "kind", "O") in "iuf"]
@@ -71,23 +69,6 @@ def read(paths, columns=None, batch_rows=1 << 16):
             stated = {chosen.stated(quantity, text) or text for text in texts}
             units[quantity] = " and ".join(sorted(stated))
     return table_log(names, chosen, batches(), units=units)
-
-
-def _elsewhere(path):
-    """Return the name of what a NetCDF-4 file takes from another file, None where nothing is."""
-    import h5py
-
-    if not h5py.is_hdf5(path):
-        return None
-
-    def outside(name, item):
-        """Return the name of a dataset whose values lie in another file."""
-        found = isinstance(item, h5py.Dataset) and (item.external or item.is_virtual)
-        return name if found else None
-
-    with h5py.File(path) as file:
-        link = file.visititems_links(lambda n, k: n if isinstance(k, h5py.ExternalLink) else None)
-        return link or file.visititems(outside)
 
 
 def _units(variable):

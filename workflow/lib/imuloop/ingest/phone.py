@@ -15,11 +15,11 @@ from pathlib import PureWindowsPath
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest.columns import AXES, guess, unit_of
 from imuloop.ingest.delimited import read_series
 from imuloop.ingest.guarded import guarded
-from imuloop.ingest.streams import Stream, printable, raw_log
+from imuloop.ingest.streams import Stream, raw_log
 from imuloop.ingest.text_layout import find_layout
 
 ENDINGS = (".zip",)
@@ -185,7 +185,7 @@ def _table(name, text, turned, batch_rows):
     except RejectedLog:
         # notes of the user, a header without rows
         return None
-    name, names = printable(name), [printable(each) for each in layout.names]
+    name, names = one_line(name), [one_line(each) for each in layout.names]
     lower = [each.lower() for each in names]
     app = next((app for app in _APPS if {*app.marks} <= {*lower}), None)
     sensors = _sensors(name, names)

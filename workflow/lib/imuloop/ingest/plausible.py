@@ -29,8 +29,8 @@ FULL_SCALES = (2, 4, 8, 16)
 # on average no sensor at rest shows more, and no hand turns faster, rad/s
 PLAUSIBLE_REST, PLAUSIBLE_MEAN_RATE = 1.0, 10.0
 # a static session rests for this share of its time; its gravity turns by less than no drift of a
-# bias makes, 0.15 g, rad; stops that follow each other differ by less in a slow tilt, rad
-LEAST_REST, MOST_TILT, SLOW_STEP = 0.5, 0.15, 0.1
+# bias makes, 0.15 g, rad
+LEAST_REST, MOST_TILT = 0.5, 0.15
 # the mean rate of half a second changes by more, rad/s, and by so many times the power of white
 # noise: the device turns to and fro
 MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
@@ -187,14 +187,10 @@ def _moved(rests, gravity, reasons, warnings):
     turned, share, change = rests["turned"], rests["share"], rests["change"]
     # a step of the force without a turn is of the sensor
     if turned > MOST_TILT and rests["jump_m_s2"] < 0.5 * turned * gravity:
-        how = f"gravity turns by up to {np.degrees(turned):.0f}° in the axes of the device"
-        if rests["next"] < SLOW_STEP:
-            how += ", slowly, and farther than a drift of the bias would take it: it tilts"
-        elif share >= LEAST_REST:
-            how += f": it looks like a multi_position session of {rests['attitudes']} attitudes"
-        else:
-            how += f", and rests for {share:.0%} of the time only: it looks like a log of motion"
-        reasons.append(f"{how}; {declare}")
+        reasons.append(
+            f"gravity turns by up to {np.degrees(turned):.0f}° in the axes of the device, which "
+            f"rests for {share:.0%} of the time, in {rests['attitudes']} attitudes; {declare}"
+        )
     elif share < LEAST_REST and change > MOST_CHANGE:
         reasons.append(f"the device rests for {share:.0%} of the time only; {declare}")
     elif share < LEAST_REST:

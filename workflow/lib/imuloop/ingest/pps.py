@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.ingest.clocks import Clock, overlap, turns_apart
+from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
 from imuloop.ingest.convert import counter_batches
 from imuloop.ingest.delimited import text_batches
@@ -138,8 +138,20 @@ def _beside(counter, time, dated, width, limits, tick):
             raise RejectedLog("1PPS: the counter of the marks starts again")
         counter, time, width = counter[usable], time[usable], clock.span_in(tick)
     if width and limits and len(counter):
-        counter = counter + turns_apart(limits, counter[[0, -1]].tolist(), width)
+        counter = counter + _turns_apart(limits, counter[[0, -1]].tolist(), width)
     return counter, time, dated
+
+
+def _overlap(a, b):
+    """Return how long two ranges (first, last) have in common, negative where they are apart."""
+    return min(a[1], b[1]) - max(a[0], b[0])
+
+
+def _turns_apart(a, b, width):
+    """Return what brings range b onto a, whole spans of a counter: one may begin a span later."""
+    middle = round((a[0] + a[1] - b[0] - b[1]) / 2 / width)
+    shifts = [(middle + k) * width for k in (0, -1, 1)]
+    return max(shifts, key=lambda shift: _overlap(a, (b[0] + shift, b[1] + shift)))
 
 
 # marks of a broken log can be anywhere
@@ -177,7 +189,7 @@ def timeline(counters, times, dated, limits, scale):
     if end - begin < 1:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
     counters, t = counters[begin : end + 1], t[begin : end + 1]
-    if not limits or overlap(limits, (counters[0], counters[-1])) <= 0:
+    if not limits or _overlap(limits, (counters[0], counters[-1])) <= 0:
         raise RejectedLog("1PPS: the marks and the log share no time")
     steps, off = np.diff(t), off[begin:end] * 1e6
     figures = {

@@ -1,7 +1,6 @@
 """How good a log is: steps of time, gaps, faults, plausibility, and whether it can be used."""
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from imuloop.core.samples import (
     ACCELERATION,
@@ -11,11 +10,13 @@ from imuloop.core.samples import (
     LOGGED_TIME,
     TEMPERATURE,
     TIME,
+    Samples,
+    read_metadata,
 )
 from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.in_order import in_order
-from imuloop.ingest.increments import SENSORS, median_of_parts
+from imuloop.ingest.increments import SENSORS
 
 # at most so many gaps are listed; all are counted
 LISTED_GAPS = 50
@@ -44,85 +45,72 @@ TREATMENT = (
 )
 
 
-def measure(path, full_scale=None, threads=1, progress=None):
-    """Return the quality figures of a samples file, as in quality.json, row group by row group.
+def measure(path, full_scale=None, threads=1):
+    """Return the quality figures of a samples file, as in quality.json, piece by piece.
 
-    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping;
-    `progress` is called often with the share that is done. What the rows cannot give is None.
+    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping. What the
+    rows cannot give is None.
     """
-    progress = progress or (lambda share: None)
-    with pq.ParquetFile(path) as file:
-        names = [name for name in file.schema_arrow.names if name not in (TIME, LOGGED_TIME)]
-        scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
+    samples = Samples(path)
+    names = [name for name in samples.names if name not in (TIME, LOGGED_TIME)]
+    scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
 
-        def tables():
-            last = np.empty(0)
-            for group in range(file.num_row_groups):
-                table = file.read_row_group(group)
-                yield np.concatenate((last, table[TIME].to_numpy())), table
-                last = table[TIME].to_numpy()[-1:]
-                progress(0.5 * (group + 1) / file.num_row_groups)
+    def part(piece):
+        return _part(dict(zip(names, piece[1], strict=True)), scales)
 
-        parts = in_order(lambda part: _part(*part, names, scales), tables(), threads)
-        parts = list(zip(*parts, strict=True)) or [[]] * 4
-        figures = _time_figures(file, median_of_parts(parts[0]))
-        figures |= _channel_figures(file.metadata.num_rows, names, scales, *parts[1:])
-        found = faults.measure(file, figures, threads, lambda share: progress(0.5 + 0.5 * share))
-    return {**figures, "faults": found}
+    parts = in_order(part, samples.pieces(names), threads)
+    parts = list(zip(*parts, strict=True)) or [[]] * 3
+    figures = _time_figures(samples)
+    figures |= _channel_figures(len(samples), names, scales, *parts)
+    return {**figures, "faults": faults.measure(samples, read_metadata(path), figures, threads)}
 
 
-def _time_figures(file, median):
-    """Return the figures of the steps of time, whose usual one is given."""
+def _time_figures(samples):
+    """Return the figures of the steps of time; two columns of a log are held at once, no more."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     figures = {
-        "rows": file.metadata.num_rows,
+        "rows": len(samples),
         "duration_s": 0.0,
         "rate_hz": None,
         "jitter": {"std_s": None, "max_s": None},
         "gaps": gaps,
     }
-    if median is None:
+    if len(samples) < 2:
         return figures
+    steps = np.diff(samples[TIME])
+    figures["duration_s"] = float(steps.sum())
+    median = float(np.median(steps))
     limit = gaps["longer_than_s"] = GAP_STEPS * median
-    regular = total = squares = largest = 0.0
-    last = np.empty(0)
-    for group in range(file.num_row_groups):
-        t = np.concatenate((last, file.read_row_group(group, columns=[TIME])[TIME].to_numpy()))
-        steps, last = np.diff(t), t[-1:]
-        figures["duration_s"] += float(steps.sum())
-        wide = np.flatnonzero(steps > limit)
-        gaps["count"] += len(wide)
-        gaps["total_s"] += float(steps[wide].sum())
-        gaps["list"] += [
-            {"start_s": float(t[i]), "duration_s": float(steps[i])}
-            for i in wide[: LISTED_GAPS - len(gaps["list"])]
-        ]
-        away = np.delete(steps, wide) - median
-        regular += away.size
-        total += away.sum()
-        squares += (away**2).sum()
-        largest = max(largest, np.abs(away).max(initial=0.0))
-    mean = total / regular
+    wide = np.flatnonzero(steps > limit)
+    gaps["count"], gaps["total_s"] = len(wide), float(steps[wide].sum())
+    listed = wide[:LISTED_GAPS]
+    gaps["list"] = [
+        {"start_s": start, "duration_s": step}
+        for start, step in zip(
+            samples.at(TIME, listed).tolist(), steps[listed].tolist(), strict=True
+        )
+    ]
+    away = np.delete(steps, wide)
+    away -= median
+    mean = away.mean()
     # infinite where the steps of a damaged file are 1e-318 s
     with np.errstate(over="ignore", divide="ignore"):
         figures["rate_hz"] = float(np.divide(1, median + mean))
     figures["jitter"] = {
-        "std_s": float(np.sqrt(max(squares / regular - mean**2, 0.0))),
-        "max_s": float(largest),
+        "std_s": float(np.sqrt(max(away @ away / len(away) - mean**2, 0.0))),
+        "max_s": float(max(away.max(), -away.min())),
     }
     return figures
 
 
 # a damaged file may hold 1e306
 @np.errstate(over="ignore", invalid="ignore")
-def _part(t, table, names, scales):
-    """Return what a row group alone shows.
+def _part(x, scales):
+    """Return what some rows alone show.
 
-    Median and number of steps; ends and smallest step of each channel; samples at each full scale;
-    sums of both magnitudes.
+    Ends and smallest step of each channel; samples at each full scale; sums of both magnitudes.
     """
-    x = {name: table[name].to_numpy() for name in names}
-    finite = {name: np.sort(x[name][np.isfinite(x[name])]) for name in names}
+    finite = {name: np.sort(values[np.isfinite(values)]) for name, values in x.items()}
     ends = [
         (each[0], each[-1], _smallest_step(each)) if each.size else (np.nan, np.nan, np.inf)
         for each in finite.values()
@@ -132,9 +120,7 @@ def _part(t, table, names, scales):
         for name, scale in scales.items()
     ]
     force, rate = (np.sqrt(sum(x[name] ** 2 for name in axes)) for axes in SENSORS.values())
-    steps = np.diff(t)
-    median = (np.median(steps) if len(steps) else None, len(steps))
-    return median, ends, clipped, (force.sum(), rate.sum())
+    return ends, clipped, (force.sum(), rate.sum())
 
 
 @np.errstate(over="ignore", invalid="ignore")

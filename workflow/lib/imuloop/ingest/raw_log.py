@@ -18,26 +18,12 @@ WIDEST = 64
 class RawLog:
     """A log being read; the counts grow while `batches` is consumed.
 
-    Attributes
-    ----------
-    batches : iterable of pyarrow.RecordBatch
-        Columns `stamp` (int64, float64 or timestamp[ns]; absent without a time column),
-        `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units).
-    found, units : dict
-        Quantity to the names of its columns, and to the unit that the file itself states.
-    simulated : bool
-        Whether the file says that it is simulated.
-    notes, columns : list of str, str
-        What a user should know of how the file was read, what columns it has.
-    bad_lines, lost_bytes, text_bytes : int
-        Lines that are no row of the table, bytes in them and in all of a text; blanks and
-        unwritten memory are in neither.
-    position : int
-        Bytes of the file read so far, 0 where the reader does not say.
-    interpolated : list of str
-        Sensors that are interpolated onto the clock of the other.
-    threads : int
-        How many the reader may use, set before the first batch is taken; changes no result.
+    `batches` have the columns `stamp` (int64, float64 or timestamp[ns]; absent without a time
+    column), `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units). `found` and
+    `units` map a quantity to its columns, and to the unit that the file states; `columns` lists all
+    columns, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
+    those in all lines, without blanks and unwritten memory; `interpolated` are sensors on the clock
+    of the other. `threads`, set before the first batch is taken, changes no result.
     """
 
     batches: Iterable[pa.RecordBatch] = ()
@@ -48,7 +34,6 @@ class RawLog:
     bad_lines: int = 0
     lost_bytes: int = 0
     text_bytes: int = 0
-    position: int = 0
     interpolated: list[str] = field(default_factory=list)
     columns: str = ""
     threads: int = 1

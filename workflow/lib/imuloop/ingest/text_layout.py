@@ -24,10 +24,7 @@ MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 # how files begin that are no text, and what to do about them
 _BINARY = {
-    b"\x89HDF": "HDF5: format netcdf or matlab reads it where it is written as these are",
     b"\x1f\x8b": "packed by gzip: name it .csv.gz",
-    b"BZh": "packed by bzip2: name it .csv.bz2",
-    b"\x28\xb5\x2f\xfd": "packed by zstd: name it .csv.zst",
     b"PK\x03\x04": "a zip or a spreadsheet: save its table as CSV",
     b"\xd0\xcf\x11\xe0": "a spreadsheet: save its table as CSV",
 }

@@ -82,18 +82,14 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
 
 class _Tape(io.BytesIO):
-    """A file in memory that knows whether reading ended inside a message; endless reading fails."""
+    """A file in memory that knows whether reading ended inside a message."""
 
-    cut, cost = False, 0
+    cut = False
 
     def read(self, size=-1):
         got = super().read(size)
         # the next header's three bytes may be missing, nothing else
         self.cut |= len(got) < size and (size != 3 or bool(got))
-        # the library goes back and forth over what is damaged
-        self.cost += 32 + len(got)
-        if self.cost > 1e6 + 50 * self.getbuffer().nbytes:
-            raise RejectedLog("the ULog file is too damaged to find its messages")
         return got
 
 
