@@ -6,7 +6,6 @@ import pytest
 from scipy.signal import lfilter, welch
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
-from imuloop.noise import spectrum as module
 from imuloop.noise.allan import allan_variance
 from imuloop.noise.representations import COLUMNS, WORDS, empty, label, representations
 from imuloop.noise.sampling import Sampling
@@ -61,22 +60,6 @@ def test_each_point_is_a_mean_over_what_scipy_gives(length):
         assert value == pytest.approx(expected[inside].mean(), rel=1e-9)
 
 
-def test_low_end_of_a_long_record_is_that_of_the_whole_transform(monkeypatch):
-    """Quantisation is the worst case for the means that stand in: all its power lies above."""
-    rng = np.random.default_rng(1)
-    length = 1_000_000
-    x = 30 * np.diff(rng.standard_normal(length + 1)) + 0.1 * rng.standard_normal(length)
-    f, density, _ = power_spectrum([x], RATE)
-    assert segment_lengths(length)[0] > module.TRANSFORM
-    monkeypatch.setattr(module, "TRANSFORM", 1 << 30)
-    _, whole, _ = power_spectrum([x], RATE)
-    # the ends of a segment hold different samples
-    first = f < 17 * RATE / segment_lengths(length)[1]
-    ratio = density[first] / whole[first]
-    assert ratio.mean() == pytest.approx(1, abs=0.01) and ratio.std() < 0.1
-    np.testing.assert_allclose(density[~first], whole[~first])
-
-
 def test_cuts_and_levels_do_not_enter():
     rng = np.random.default_rng(2)
     stretches = [rng.standard_normal(n) for n in (5000, 200, 12, 9000)]
@@ -125,10 +108,10 @@ def test_spectrum_of_simulated_noise_is_the_models():
 
 def test_autocorrelation_is_its_definition():
     rng = np.random.default_rng(5)
-    # several blocks of the transform, lags longer than the short stretches
-    stretches = [np.cumsum(rng.standard_normal(n)) for n in (150_000, 37, 1, 70_001)]
+    # lags longer than the short stretches
+    stretches = [np.cumsum(rng.standard_normal(n)) for n in (15_000, 37, 1, 7_001)]
     lags, value, pairs = autocorrelation(stretches)
-    assert lags[0] == 1 and lags[-1] == 15_000 and len(lags) <= LAGS
+    assert lags[0] == 1 and lags[-1] == 1_500 and len(lags) <= LAGS
     centred = [x - x.mean() for x in stretches]
     power = sum(y @ y for y in centred) / sum(map(len, centred))
     for k in range(0, len(lags), 9):
