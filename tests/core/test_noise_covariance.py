@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 
-# Monte-Carlo error of an entry: at most sqrt(2/DRAWS) = 1 % of the two standard deviations
-DRAWS, BOUND = 20_000, 0.05
+# Monte-Carlo error of an entry: at most sqrt(2/DRAWS) = 1.4 % of the two standard deviations
+DRAWS, BOUND = 10_000, 0.05
 # s; unequal lengths, gaps, two windows that touch, one that overlaps two others, not in order
 WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [310, 400], [150, 290], [50, 75]])
 LENGTH = np.diff(WINDOWS)[:, 0]

@@ -7,7 +7,7 @@ from scipy.signal import lfilter, welch
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.noise.allan import allan_variance
-from imuloop.noise.representations import COLUMNS, WORDS, empty, label, representations
+from imuloop.noise.representations import COLUMNS, empty, representations
 from imuloop.noise.sampling import Sampling
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.spectrum import (
@@ -34,12 +34,6 @@ def tabulated(stretches, settings, axis="gx"):
 
 def coefficient(value):
     return Coefficient(value, (value, value), value, True)
-
-
-def test_segments_span_both_ends_of_the_spectrum():
-    assert segment_lengths(15) == []
-    assert segment_lengths(1000) == [256]
-    assert segment_lengths(17_280_000) == [1 << 23, 1 << 17, 1 << 11]
 
 
 @pytest.mark.parametrize("length", [300, 400_000])
@@ -144,9 +138,3 @@ def test_short_or_constant_output_gives_what_there_is(length, level):
         table = tabulated([np.full(length, level)], EVERY)
     assert not (table["view"] == "autocorrelation").any()
     assert table["value"].to_numpy() == pytest.approx(0, abs=1e-12)
-
-
-def test_each_view_has_words_of_its_own():
-    assert label("m_sample_3").startswith("3-sample deviation: of 3 consecutive averages")
-    words = [label(view) for view in WORDS if view != "m_sample"]
-    assert len(set(words)) == len(words)

@@ -39,20 +39,9 @@ def apply_file(calibration, source, target, rows=ROWS):
 
     Gives what `Calibration.apply` gives of the whole, whatever the rows of a piece. Columns that
     are no samples are kept. Returned is by (sensor, effect) the number of samples at which the
-    effect was held to the range of its data.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        To apply.
-    source, target : path-like
-        Samples, Parquet, as ingest writes them; ``.csv`` or ``.parquet``, written in one step.
-
-    Raises
-    ------
-    ImuloopError
-        If the source lacks a column or is calibrated already, or the target is the source or has
-        another ending.
+    effect was held to the range of its data. The source is Parquet as ingest writes it, the target
+    ``.csv`` or ``.parquet``; an ImuloopError if the source lacks a column or is calibrated already,
+    or the target is the source or has another ending.
     """
     source, target = Path(source), Path(target)
     if target.suffix not in (".csv", ".parquet"):
