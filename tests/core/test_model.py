@@ -36,18 +36,6 @@ def log(n=5):
     return pd.DataFrame({"t": np.arange(n) / 10, **dict(zip(CHANNELS, values.T, strict=True))})
 
 
-def test_the_model_is_the_formula_of_the_contract():
-    T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
-    K, b = np.array([0.0024, 0.0025, 0.0026]), np.array([32700.0, 32800.0, 33000.0])
-    accelerometer = SensorCalibration(COUNTS, T, K, b)
-    raw = np.array([[33000.0, 32000.0, 36000.0]])
-    x = accelerometer.apply(COUNTS.to_si(raw))
-    # written out for the x axis
-    o = [(33000 - 32700) * 0.0024, (32000 - 32800) * 0.0025, (36000 - 33000) * 0.0026]
-    assert x[0, 0] == pytest.approx(o[0] + 0.01 * o[1] + 0.02 * o[2], rel=1e-12)
-    assert x[0, 2] == pytest.approx(o[2], rel=1e-12)
-
-
 def test_the_file_gives_back_what_was_written(tmp_path):
     names = find_effect("g_sensitivity").parameters
     values, std = dict.fromkeys(names, 1e-4), dict.fromkeys(names, 1e-6)

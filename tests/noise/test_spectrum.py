@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter, welch
+from scipy.signal import welch
 
-from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.core.noise_model import Coefficient
 from imuloop.noise.allan import allan_variance
 from imuloop.noise.representations import COLUMNS, empty, representations
 from imuloop.noise.sampling import Sampling
@@ -79,25 +79,6 @@ def test_intervals_of_white_noise_cover(seeds):
     thirds = [part.mean() for part in np.array_split(inside["psd"], 3, axis=1)]
     assert thirds == pytest.approx([0.95] * 3, abs=0.12 / np.sqrt(seeds))
     assert np.mean(inside["autocorrelation"]) == pytest.approx(0.95, abs=0.12 / np.sqrt(seeds))
-
-
-def test_spectrum_of_simulated_noise_is_the_models():
-    """White noise, a Gauss-Markov process and a walk against `AxisNoise.density`."""
-    rng = np.random.default_rng(4)
-    n_samples, n, k, q, tc = 400_000, 0.02, 2e-3, 0.05, 3.0
-    x = n * np.sqrt(RATE) * rng.standard_normal(n_samples)
-    x += k / np.sqrt(RATE) * np.cumsum(rng.standard_normal(n_samples))
-    decay = np.exp(-1 / (RATE * tc))
-    step = q * np.sqrt(tc / 2 * (1 - decay**2))
-    x += lfilter([1], [1, -decay], step * rng.standard_normal(n_samples))
-    f, density, edf = power_spectrum([x], RATE)
-    model = AxisNoise(N=coefficient(n), K=coefficient(k)).density(f, RATE)
-    model = model + 2 * q**2 / (tc**-2 + (2 * np.pi * f) ** 2)
-    score = (density / model - 1) / np.sqrt(2 / edf)
-    # a sampled process folds what lies above half the rate: not there
-    score = score[f < RATE / 8]
-    assert np.abs(score.mean()) < 4 / np.sqrt(len(score))
-    assert score.std() == pytest.approx(1, abs=0.15)
 
 
 def test_autocorrelation_is_its_definition():

@@ -144,16 +144,16 @@ def test_covariance_is_that_of_the_undisturbed_part_and_turns_with_the_frame():
 
 def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
     """Two gaps, knocks, a tilt seen on long scales only, row groups that fit no piece."""
-    samples = static_log(11, 400_000)
-    samples.loc[90_000:90_010, "gx"] += 0.05
-    samples.loc[250_000:, "ay"] += 0.008
-    samples.loc[150_000:, "t"] += 3.0
-    samples.loc[150_100:, "t"] += 3.0
+    samples = static_log(11, 200_000)
+    samples.loc[40_000:40_010, "gx"] += 0.05
+    samples.loc[150_000:, "ay"] += 0.008
+    samples.loc[90_000:, "t"] += 3.0
+    samples.loc[90_100:, "t"] += 3.0
     segments, metadata = segment_session(samples, "static", SETTINGS)
     assert list(segments["kind"]).count("gap") == 2
     assert list(segments["kind"]).count("disturbed") >= 2
     path = tmp_path / "samples.parquet"
-    samples.to_parquet(path, index=False, row_group_size=70_001)
+    samples.to_parquet(path, index=False, row_group_size=35_001)
     for threads in (1, 2):
         table, found = segment_session(Samples(path), "static", SETTINGS, threads)
         assert found == metadata

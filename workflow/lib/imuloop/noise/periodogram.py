@@ -202,9 +202,16 @@ def chance_over_band(chance, independent):
 
 def _filled(sampling, values, size):
     """Return a session over `size`, levels and slope removed, zeros in the gaps."""
-    lengths, level = np.array(sampling.lengths), np.repeat(sampling.level, sampling.lengths)
-    x, sample = sampling.joined(values)
-    t = sample - (np.bincount(level, sample) / np.bincount(sampling.level, lengths))[level]
-    filled = np.zeros(sample[-1] + 1 - sample[0], np.float32)
-    filled[sample - sample[0]] = (x - (t @ x) / (t @ t) * t) / size
+    starts, lengths = np.array(sampling.starts), np.array(sampling.lengths)
+    middles, level = starts + (lengths - 1) / 2, sampling.level
+    middle = (np.bincount(level, lengths * middles) / np.bincount(level, lengths))[level]
+    times = [start + np.arange(n) - t for start, n, t in zip(starts, lengths, middle, strict=True)]
+    means = sampling.level_means(values)[level]
+    xs = [x - mean for x, mean in zip(values, means, strict=True)]
+    pairs = list(zip(times, xs, strict=True))
+    slope = sum(t @ x for t, x in pairs) / sum(t @ t for t in times)
+    first, last = sampling.extent
+    filled = np.zeros(last + 1 - first, np.float32)
+    for start, (t, x) in zip(starts - first, pairs, strict=True):
+        filled[start : start + len(x)] = (x - slope * t) / size
     return filled
