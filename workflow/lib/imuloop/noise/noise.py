@@ -81,16 +81,9 @@ def estimate_noise(device, sessions, settings, uncut=True):
     One estimate from all clean stretches of all sessions used; no term is identifiable where there
     is nothing to fit.
 
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    sessions : sequence of Session
-        All; the static ones count or, where none of them holds a rest, the rests of all others.
-    settings : NoiseSettings
-        Averaging times, levels of the tests, other views.
-    uncut : bool
-        Whether the coefficients are also estimated with the disturbed stretches left in.
+    Takes the device's name, all its Sessions, of which the static ones count or, where none of them
+    holds a rest, the rests of all others, NoiseSettings, and whether the coefficients are also
+    estimated with the disturbed stretches left in.
     """
     notes = []
     static = static_records(sessions, notes)
