@@ -42,6 +42,14 @@ def test_figure_bounds_the_error_found_in_other_attitudes(n):
     assert 1.0 < np.median(ratio) < 3.0
 
 
+def test_figure_grows_as_poses_are_lost_and_is_the_same_in_any_frame():
+    f = measured(directions(40, 3), 1e-3)
+    few = [expected_error(f[:n]) for n in (5, 14, 40)]
+    assert few[0] > few[1] > few[2]
+    q, _ = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))
+    assert expected_error(f @ q) == pytest.approx(few[2], rel=1e-6)
+
+
 def test_a_pair_that_loses_poses_and_one_that_blurs_them_lose():
     f = np.repeat(measured(directions(30, 6), 2e-4), 100, axis=0)
     every = np.column_stack([np.arange(30) * 100, np.arange(30) * 100 + 90])
