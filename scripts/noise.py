@@ -9,6 +9,5 @@ device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.noise).parent,
     log=snakemake.log[0],
-    threads=snakemake.threads,
 )
 run_stage(noise, device)

@@ -11,24 +11,16 @@ import numpy as np
 import scipy
 
 from bench.commit import commit
-from bench.noise import accuracy, coverage, curve, detection
+from bench.noise import accuracy, coverage, detection
 from bench.study.tables import table
 
-PARTS = {"accuracy": accuracy, "coverage": coverage, "curve": curve, "detection": detection}
+PARTS = {"accuracy": accuracy, "coverage": coverage, "detection": detection}
 # records of each scenario beside those of the other parts
-MORE = {"coverage": 5, "curve": 5}
+MORE = {"coverage": 5}
 
 
 def document(outcomes, made_of):
-    """Return docs/noise_figures.md.
-
-    Parameters
-    ----------
-    outcomes : dict of str to object
-        What each part's `run` gave, those that were run.
-    made_of : str
-        The commit.
-    """
+    """Return docs/noise_figures.md of what each part's `run` gave, and the commit."""
     head = (
         f"Written by `make bench-noise`, never by hand: commit {made_of}, "
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}."

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 
 from bench.noise.bound import relative_bound
-from bench.noise.records import RATE, TERMS, Scenario, by_scenario, curve_of, estimate, record
+from bench.noise.records import RATE, SETTINGS, TERMS, Scenario, by_scenario, estimate, record
 from bench.noise.rivals import RIVALS
 from bench.study.tables import share, table
-from imuloop.noise.allan import allan_variance
+from imuloop.noise.allan import allan_variance, averaging_factors
 
 TITLE = "Errors beside the bound and beside common tools"
 INTRODUCTION = """
@@ -41,7 +41,7 @@ def _one(job):
     scenario, seed, length = job
     x = record(scenario, length, RATE, seed)
     noise = estimate(x, RATE)
-    factors, _ = curve_of(length, RATE)
+    factors = averaging_factors(length, SETTINGS)
     variance = allan_variance([x], factors)
     given = {name: getattr(noise, name).value for name in TERMS}
     found = {PRODUCT: {name: value for name, value in given.items() if value is not None}}

@@ -24,22 +24,8 @@ def relative_bound(scenario, n, rate, unknown, block=BLOCK):
     noise, and little for the others at frequencies above one in two blocks, where white noise
     dominates (0.5 % of the bound of K, tested against the closed form).
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Q, N, B and K count.
-    n : int
-        Samples; what exceeds whole blocks is not used.
-    rate : float
-        Hz.
-    unknown : str
-        Letters of the coefficients that are estimated together; the level always is.
-    block : int
-        Samples of a block.
-
-    Returns
-    -------
-    dict of str to float
+    Of a Scenario's Q, N, B and K in n samples, what exceeds whole blocks left out; `unknown` are
+    the letters of the coefficients that are estimated together. The level always is.
     """
     count = n // block
     truth = np.array([scenario.terms.get(name, 0.0) ** 2 for name in unknown])

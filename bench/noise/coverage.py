@@ -61,11 +61,7 @@ def _coefficients(scenario, noise):
 
 
 def _counts(scenario, made):
-    """Return for each coefficient its truth and counts of records.
-
-    The counts: identifiable, interval holds it; not identifiable, limit holds it then; limit holds
-    it, identifiable or not.
-    """
+    """Return for each coefficient its truth and counts of records, as the table's columns."""
     total = {}
     for noise in made:
         for name, truth, c in _coefficients(scenario, noise):

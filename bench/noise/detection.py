@@ -3,11 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq, nnls
+from scipy.optimize import brentq
 from scipy.special import betaincinv, chndtrinc, ndtri
 
 from bench.noise.records import RATE, SETTINGS, Scenario, by_scenario, estimate, record
 from bench.study.tables import share, table
+from imuloop.noise.likelihood import weighted_nnls
 from imuloop.noise.periodogram import Band, chance_at_one, chance_over_band
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.sampling import Sampling
@@ -109,11 +110,8 @@ def gauss_markov_limit(theta, tc, length, rate, level=LEVEL):
     r"""Return the density q of a Gauss-Markov process that is found with 90 %.
 
     The likelihood gains what the spectrum s with the process has over the nearest one s' that Q,
-    N, B and K can make without it,
-
-    .. math:: g = \tfrac12 \sum_k (s_k/s'_k - 1 - \ln s_k/s'_k), \quad f_k = k/2T
-
-    and the process is found with probability P at the level a where
+    N, B and K can make without it, :math:`g = \tfrac12 \sum_k (s_k/s'_k - 1 - \ln s_k/s'_k)` at
+    :math:`f_k = k/2T`, and the process is found with probability P at the level a where
     :math:`\sqrt{2 g} = z_{1 - a} + z_P`.
     """
     k = np.unique(np.rint(np.geomspace(1, length - 1, 600)))
@@ -125,10 +123,7 @@ def gauss_markov_limit(theta, tc, length, rate, level=LEVEL):
     def excess(log_q):
         there = without = units @ theta + np.exp(2 * log_q) * shape
         for _ in range(30):
-            weight = np.sqrt(count) / without
-            a = units * weight[:, None]
-            size = np.linalg.norm(a, axis=0)
-            without = units @ (nnls(a / size, there * weight)[0] / size)
+            without = units @ weighted_nnls(units, there, count / without**2)
         ratio = there / without
         return np.sqrt(max(count @ (ratio - 1 - np.log(ratio)), 0)) - aim
 
@@ -163,7 +158,13 @@ def text(outcomes):
     for scenario, results in outcomes.items():
         if scenario not in CONTROLS:
             size = (scenario.gauss_markov or scenario.sinusoid)[0][0]
-            rows.append((scenario.label, f"{size:.3g}", f"{_named(results)}/{len(results)}"))
+            rows.append(
+                (
+                    scenario.label,
+                    f"{size:.3g}",
+                    f"{sum(right for right, _ in results)}/{len(results)}",
+                )
+            )
     controls = "; ".join(s.label for s in outcomes if s in CONTROLS)
     introduction = INTRODUCTION.format(
         length=LENGTH / RATE, limits=LIMITS, factor=FACTOR, controls=controls
@@ -172,23 +173,15 @@ def text(outcomes):
     return f"{' '.join(introduction.split())}\n\n{cases}"
 
 
-def _named(results):
-    return sum(right for right, _ in results)
-
-
-def _alarms(results):
-    return sum(bool(found) for _, found in results)
-
-
 def checks(outcomes):
     """Yield what is required, its bound, of which case, what was found and whether it is met."""
     for scenario, results in outcomes.items():
         number, case = len(results), scenario.label
         if scenario in CONTROLS:
-            alarms, bound = _alarms(results), f"≤ {ALARMS:.0%}"
+            alarms, bound = sum(bool(found) for _, found in results), f"≤ {ALARMS:.0%}"
             met = alarms <= ALARMS * number
             yield "false humps and lines", bound, case, share(alarms, number), met
         else:
-            right, bound = _named(results), f"≥ {FOUND:.0%}"
+            right, bound = sum(right for right, _ in results), f"≥ {FOUND:.0%}"
             met = right >= FOUND * number
             yield "humps and lines named", bound, case, share(right, number), met

@@ -1,16 +1,11 @@
 """Simulated static records of known coefficients, and what imuloop estimates of one."""
 
 from dataclasses import dataclass, field
-from functools import cache
 from zlib import crc32
 
 import numpy as np
 
-from imuloop.noise.allan import averaging_factors
-from imuloop.noise.axis import estimate_axis
-from imuloop.noise.curve import CurveVariance
-from imuloop.noise.modes import modes
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.axis import estimate_record
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate import noise as process
 from imuloop.simulate.truth import GaussMarkovProcess, Noise, SpectralLine
@@ -25,24 +20,16 @@ TERMS = "QNBKR"
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """Processes of a simulated axis.
+    """Processes of a simulated axis, SI."""
 
-    Attributes
-    ----------
-    label : str
-        Name in the tables.
-    terms : dict of str to float
-        Coefficients by letter: Q, N, B, K, R, SI.
-    gauss_markov, sinusoid : tuple of pairs of float
-        (q, tc in s) and (amplitude, frequency in Hz).
-    step : float
-        The log rounds to multiples of it, SI; 0 does not.
-    """
-
+    # name in the tables
     label: str
+    # coefficients by letter: Q, N, B, K, R
     terms: dict = field(default_factory=dict)
+    # pairs (q, tc in s) and (amplitude, frequency in Hz)
     gauss_markov: tuple = ()
     sinusoid: tuple = ()
+    # the log rounds to multiples of it
     step: float = 0.0
 
 
@@ -60,20 +47,7 @@ def record(scenario, n, rate, seed):
 
 def estimate(x, rate):
     """Return imuloop's AxisNoise of one record without gaps."""
-    return estimate_axis(*_basis(len(x), rate), [[x]], SETTINGS).noise
-
-
-@cache
-def _basis(n, rate):
-    samplings = [Sampling(rate, (0,), (n,), (0,))]
-    return samplings, modes(samplings)
-
-
-@cache
-def curve_of(n, rate):
-    """Return the averaging factors of a record of `n` samples and the variance of its curve."""
-    factors = averaging_factors(n, SETTINGS)
-    return factors, CurveVariance.of(factors, [n], rate)
+    return estimate_record(x, rate, SETTINGS).noise
 
 
 def by_scenario(one, scenarios, seeds, each, length):

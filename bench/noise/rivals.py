@@ -5,27 +5,25 @@ coefficients that it gives by letter; it tests none of them.
 """
 
 import numpy as np
-from scipy.optimize import nnls
 
 from imuloop.noise.curve import design
+from imuloop.noise.likelihood import weighted_nnls
 
 FLICKER = np.sqrt(2 * np.log(2) / np.pi)
 
 
 def non_negative(tau, variance):
     """Non-negative least squares of the five terms, relative residuals: weights 1/sigma^2."""
-    return _non_negative(tau, variance, 1 / np.asarray(variance))
+    return _non_negative(tau, variance, 1 / np.square(variance))
 
 
 def weighted(tau, variance):
     """The same, where each point counts by its own error; for white noise it grows as sqrt(tau)."""
-    return _non_negative(tau, variance, 1 / (np.asarray(variance) * np.sqrt(tau)))
+    return _non_negative(tau, variance, 1 / (np.square(variance) * tau))
 
 
 def _non_negative(tau, variance, weight):
-    a = design(tau) * weight[:, None]
-    scale = a.max(axis=0)
-    theta = nnls(a / scale, variance * weight)[0] / scale
+    theta = weighted_nnls(design(tau), variance, weight)
     return {name: np.sqrt(value) for name, value in zip("QNBKR", theta, strict=True) if value}
 
 

@@ -25,12 +25,6 @@ def test_arrays_and_not_a_number_become_plain_json(tmp_path):
     assert json.loads((tmp_path / "r.json").read_text()) == {"x": [1.5, None], "n": 3}
 
 
-def test_floats_come_back_to_the_last_bit(tmp_path):
-    values = np.random.default_rng(0).normal(size=100)
-    write_json(tmp_path / "r.json", values)
-    np.testing.assert_array_equal(read_json(tmp_path / "r.json"), values)
-
-
 def test_a_result_that_is_not_whole_is_named(tmp_path):
     path = tmp_path / "r.parquet"
     path.write_bytes(b"PAR1 and then nothing")

@@ -1,13 +1,11 @@
 """Functions of a log that remember its past, against closed forms and against plain loops."""
 
-import math
 from decimal import Decimal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import lfilter
 
 from imuloop.core.memory import fast_part, filled, first_order_lag, moving_mean, play, secant
 
@@ -41,15 +39,6 @@ def play_step_by_step(x, w):
     for value in x[1:]:
         p.append(min(max(p[-1], value - w), value + w))
     return np.array(p)
-
-
-def test_even_samples_are_filtered_as_by_a_recursive_filter():
-    x = np.random.default_rng(3).normal(size=(5000, 2)) + 7
-    a = math.exp(-0.01 / TAU)
-    g = (1 - a) * TAU / 0.01
-    # the state in which a constant stays one: y₀ = (1 - g) x₀ + state = x₀
-    expected, _ = lfilter([1 - g, g - a], [1, -a], x, axis=0, zi=g * x[:1])
-    np.testing.assert_allclose(first_order_lag(0.01 * np.arange(5000), x, TAU), expected, atol=1e-9)
 
 
 @given(logs, st.floats(1e-2, 1e4))

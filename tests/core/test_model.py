@@ -36,38 +36,6 @@ def log(n=5):
     return pd.DataFrame({"t": np.arange(n) / 10, **dict(zip(CHANNELS, values.T, strict=True))})
 
 
-def test_the_identity_leaves_samples_alone():
-    nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
-    same = Calibration("d", 9.81, nominal, sensor()).apply(log())
-    pd.testing.assert_frame_equal(same, log())
-
-
-def test_the_model_is_the_formula_of_the_contract():
-    T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
-    K, b = np.array([0.0024, 0.0025, 0.0026]), np.array([32700.0, 32800.0, 33000.0])
-    accelerometer = SensorCalibration(COUNTS, T, K, b)
-    raw = np.array([[33000.0, 32000.0, 36000.0]])
-    x = accelerometer.apply(COUNTS.to_si(raw))
-    # written out for the x axis
-    o = [(33000 - 32700) * 0.0024, (32000 - 32800) * 0.0025, (36000 - 33000) * 0.0026]
-    assert x[0, 0] == pytest.approx(o[0] + 0.01 * o[1] + 0.02 * o[2], rel=1e-12)
-    assert x[0, 2] == pytest.approx(o[2], rel=1e-12)
-
-
-def test_an_effect_is_subtracted_on_the_sensors_own_axes():
-    G = np.arange(9) * 1e-3
-    names = find_effect("g_sensitivity").parameters
-    effect = FittedEffect(find_effect("g_sensitivity")(), dict(zip(names, G, strict=True)), {})
-    gyroscope = sensor(T=np.array([[1, 0.1, 0], [0, 1, 0], [0, 0, 1.0]]), effects=(effect,))
-    nominal = SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "nothing known")
-    samples = log()
-    applied = Calibration("d", 9.81, nominal, gyroscope).apply(samples)
-    f, w = samples[["ax", "ay", "az"]].to_numpy(), samples[["gx", "gy", "gz"]].to_numpy()
-    e = f @ G.reshape(3, 3).T
-    np.testing.assert_allclose(applied["gx"], (w - e)[:, 0] + 0.1 * (w - e)[:, 1], rtol=1e-12)
-    np.testing.assert_allclose(applied["gz"], (w - e)[:, 2], rtol=1e-12)
-
-
 def test_the_file_gives_back_what_was_written(tmp_path):
     names = find_effect("g_sensitivity").parameters
     values, std = dict.fromkeys(names, 1e-4), dict.fromkeys(names, 1e-6)
@@ -85,16 +53,6 @@ def test_the_file_gives_back_what_was_written(tmp_path):
     content = json.loads((tmp_path / "c.json").read_text())
     assert list(content)[:3] == ["format", "device", "gravity"]
     assert {"raw_unit", "T", "K", "b", "covariance", "effects"} <= set(content["gyroscope"])
-
-
-def test_a_samples_file_is_not_written_onto_itself(tmp_path):
-    path = tmp_path / "samples.parquet"
-    log().to_parquet(path)
-    before = path.read_bytes()
-    made = Calibration("d", 9.8, SensorCalibration.nominal(RawUnit("m/s^2", 1.0), "why"), sensor())
-    with pytest.raises(ImuloopError, match=r"samples\.parquet, which is read"):
-        made.apply_file(path, path)
-    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("way", ["apply", "apply_arrays"])

@@ -1,103 +1,62 @@
-"""Covariance of pose means against Monte-Carlo draws, each entry within 5 %.
-
-The processes are drawn from their definitions, sample by sample; nothing is shared with the kernel.
-"""
+"""Covariance of pose means against that of means of samples, from their dense covariance."""
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.linalg import toeplitz
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
+from imuloop.noise.processes import gauss_markov_samples, sample_covariances
 
-# Monte-Carlo error of an entry: at most sqrt(2/DRAWS) = 1 % of the two standard deviations
-DRAWS, BOUND = 20_000, 0.05
 # s; unequal lengths, gaps, two windows that touch, one that overlaps two others, not in order
 WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [310, 400], [150, 290], [50, 75]])
-LENGTH = np.diff(WINDOWS)[:, 0]
-# samples of 1 s
-N = 400
+N, DT = 4000, 0.1
 
 
 def known(value):
     return Coefficient(value, (0.9 * value, 1.1 * value), 1.08 * value, True)
 
 
-# sizes that give the means of the windows similar variances
-TERMS = {
-    "Q": known(0.6),
-    "N": known(0.2),
-    "B": known(0.05),
-    "K": known(0.004),
-    "gauss_markov": (GaussMarkov(known(0.02), known(10.0)),),
-    "sinusoid": (Sinusoid(known(0.1), known(0.03)),),
+Q, W, B, K = np.array([0.6, 0.2, 0.05, 0.004])[:, None] ** 2 * sample_covariances(N, DT)
+# each process, and its covariance at lags of 0, 1, ... samples
+PROCESSES = {
+    "Q": (known(0.6), Q),
+    "N": (known(0.2), W),
+    "B": (known(0.05), B),
+    "K": (known(0.004), K),
+    "gauss_markov": (
+        (GaussMarkov(known(0.02), known(10.0)),),
+        0.02**2 * 5 * gauss_markov_samples(N, DT, 10.0),
+    ),
+    "sinusoid": (
+        (Sinusoid(known(0.1), known(0.03)),),
+        0.1**2 / 2 * np.cos(2 * np.pi * 0.03 * DT * np.arange(N)),
+    ),
 }
-PROCESSES = {name: AxisNoise(**{name: term}) for name, term in TERMS.items()}
-PROCESSES["all"] = AxisNoise(**TERMS)
+PROCESSES["all"] = None, sum(lags for _, lags in PROCESSES.values())
 
 
-def draw(name, count, rng):
-    """Return the output of each second, SI, shape (count, N)."""
-    if name == "Q":
-        # an angle that was read with independent errors
-        return np.diff(0.6 * rng.standard_normal((count, N + 1)))
-    if name == "N":
-        return 0.2 * rng.standard_normal((count, N))
-    if name == "K":
-        step = 0.004 * rng.standard_normal((count, N))
-        # from zero at t = 0, in the middle of each second
-        return np.cumsum(step, axis=1) - step / 2
-    if name == "gauss_markov":
-        q, tc = 0.02, 10.0
-        keep, std = np.exp(-1 / tc), q * np.sqrt(tc / 2)
-        drive = std * rng.standard_normal((count, N))
-        drive[:, 1:] *= np.sqrt(1 - keep**2)
-        return lfilter([1], [1, -keep], drive)
-    if name == "sinusoid":
-        return 0.1 * np.sin(2 * np.pi * (0.03 * (np.arange(N) + 0.5) + rng.random((count, 1))))
-    # one-sided density B^2/(pi f); a ring of 16 lengths, so that its ends are not seen to meet
-    f = np.fft.rfftfreq(16 * N)[1:]
-    std = np.sqrt(0.05**2 / (np.pi * f) * 16 * N / 4)
-    spectrum = np.zeros((count, len(f) + 1), dtype=complex)
-    spectrum.real[:, 1:] = std * rng.standard_normal((count, len(f)))
-    spectrum.imag[:, 1:] = std * rng.standard_normal((count, len(f)))
-    return np.fft.irfft(spectrum)[:, :N]
-
-
-@pytest.fixture(scope="module")
-def integrals():
-    """Return the outputs integrated over the windows, by process, shape (DRAWS, 6)."""
-    middle = np.arange(N)[:, None] + 0.5
-    inside = ((WINDOWS[:, 0] < middle) & (middle < WINDOWS[:, 1])).astype(float)
-    rng = np.random.default_rng(11)
-    drawn = {
-        name: np.concatenate([draw(name, 500, rng) @ inside for _ in range(DRAWS // 500)])
-        for name in TERMS
-    }
-    return {**drawn, "all": sum(drawn.values())}
-
-
-def deviation(drawn, covariance, name):
-    """Return the largest error of an entry beside the two standard deviations."""
-    # flicker has no level of its own: what a fitted bias absorbs is taken out of both
-    free = np.eye(6) - (1 / 6 if name in ("B", "all") else 0)
-    found = free @ (drawn.T @ drawn / DRAWS) @ free.T
-    expected = free @ covariance @ free.T
-    std = np.sqrt(np.diag(expected))
-    return np.max(np.abs(found - expected) / (std[:, None] * std))
-
-
-def on_gy(noise):
-    return NoiseModel("device", {**dict.fromkeys(CHANNELS, AxisNoise()), "gy": noise})
+def covariance(noise):
+    axes = {**dict.fromkeys(CHANNELS, AxisNoise()), "gy": noise}
+    return NoiseModel("device", axes).pose_mean_covariance(WINDOWS)
 
 
 @pytest.mark.parametrize("name", PROCESSES)
-def test_pose_means_agree_with_simulation(integrals, name):
-    covariance = on_gy(PROCESSES[name]).pose_mean_covariance(WINDOWS)
-    assert deviation(integrals[name] / LENGTH, covariance[4], name) < BOUND
-    assert not np.delete(covariance, 4, axis=0).any()
+def test_pose_means_are_means_of_samples(name):
+    term, lags = PROCESSES[name]
+    terms = {name: term} if term else {n: each for n, (each, _) in PROCESSES.items() if each}
+    found = covariance(AxisNoise(**terms))
+    middle = DT * (np.arange(N) + 0.5)
+    average = (WINDOWS[:, :1] < middle) & (middle < WINDOWS[:, 1:])
+    average = average / average.sum(axis=1, keepdims=True)
+    # flicker and walk have no level of their own: what a fitted bias absorbs is taken out of both
+    free = np.eye(6) - 1 / 6
+    expected = free @ average @ toeplitz(lags) @ average.T @ free
+    std = np.sqrt(np.diag(expected))
+    error = np.abs(free @ found[4] @ free - expected) / (std[:, None] * std)
+    assert error.max() < 2e-3
+    assert not np.delete(found, 4, axis=0).any()
 
 
 def test_a_ramp_is_no_part_of_it():
-    ramp = on_gy(AxisNoise(R=known(0.1)))
-    assert not ramp.pose_mean_covariance(WINDOWS).any()
+    assert not covariance(AxisNoise(R=known(0.1))).any()

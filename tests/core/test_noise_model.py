@@ -71,13 +71,6 @@ def test_density_of_quantisation_is_that_of_the_samples(n):
     assert variance == pytest.approx(PROCESSES["quantisation"].allan_variance(n / RATE), rel=1e-3)
 
 
-def test_density_of_all_is_the_sum_and_a_line_has_none():
-    f = np.geomspace(1e-4, RATE / 2, 50)
-    parts = {name: axis.density(f, RATE) for name, axis in PROCESSES.items()}
-    assert not parts["sinusoid"].any()
-    assert parts.pop("all") == pytest.approx(sum(parts.values()), rel=1e-12)
-
-
 @process
 def test_shifted_clock_changes_nothing(name):
     windows = np.array([[0, 3], [10, 18], [18, 30.0]])

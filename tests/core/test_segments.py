@@ -3,9 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from imuloop.core.samples import CHANNELS, read_metadata
+from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import runs, segment_table
-from imuloop.core.tables import write_table
 
 
 def samples(temperature):
@@ -34,15 +33,6 @@ def test_a_missing_temperature_does_not_count():
     assert table["temperature_mean"][0] == 21.0
     assert table["temperature_std"][0] == 1.0
     assert np.isnan(table["temperature_mean"][1])
-
-
-def test_the_file_gives_back_the_table_and_what_was_chosen(tmp_path):
-    table = segment_table(
-        samples(np.full(9, 3.3)), [0, 0.4], [0.4, 0.9], ["static", "gap"], [0, -1]
-    )
-    write_table(tmp_path / "s.parquet", table, {"multiples": [3, 10]})
-    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "s.parquet"), table, check_exact=True)
-    assert read_metadata(tmp_path / "s.parquet") == {"multiples": [3, 10]}
 
 
 def test_a_gap_longer_than_all_that_was_recorded_ends_a_run():

@@ -194,15 +194,6 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     assert step.K.value > 3 * moved.K.value
 
 
-def test_scaled_output_scales_every_coefficient():
-    x = record(4, K=3e-4, B=3e-3)
-    one, other = (estimate_record(f * x, RATE, SETTINGS).noise for f in (1.0, 1e-4))
-    for name in "QNBKR":
-        assert getattr(other, name).upper95 == pytest.approx(
-            1e-4 * getattr(one, name).upper95, rel=1e-3
-        )
-
-
 def test_a_filter_is_told_and_the_noise_below_it_kept():
     x = sosfilt(butter(2, 0.2, output="sos"), record(5))
     estimate = estimate_record(x, RATE, SETTINGS)
@@ -222,12 +213,6 @@ def test_a_spectrum_outside_the_model_widens_the_intervals():
     assert plain.misfit == 0 and odd.misfit > 0.1
     width = [np.diff(e.noise.N.ci95)[0] for e in (plain, odd)]
     assert width[1] > 5 * width[0]
-
-
-@pytest.mark.parametrize("x", [np.zeros(500), np.ones(500), np.arange(5.0)])
-def test_nothing_to_fit_is_a_result(x):
-    noise = estimate_record(x, RATE, SETTINGS).noise
-    assert not noise.N.identifiable and not noise.K.identifiable
 
 
 def test_a_ramp_without_noise_is_a_ramp():

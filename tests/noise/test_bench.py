@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from bench.noise import accuracy, coverage, curve, detection
+from bench.noise import accuracy, coverage, detection
 from bench.noise.__main__ import document
 from bench.noise.bound import difference_covariance, relative_bound
 from bench.noise.records import Scenario
 from bench.noise.rivals import RIVALS, lines, minimum, non_negative, scaled_minimum, weighted
 from imuloop.core.noise_model import AxisNoise, Coefficient
-from imuloop.noise.allan import allan_variance
-from imuloop.simulate.noise import quantisation
 
 TAU = np.geomspace(0.1, 3600, 44)
 
@@ -46,12 +44,6 @@ def test_differences_have_twice_the_allan_variance(m):
         assert found["B"] == pytest.approx(2 * np.log(2) / np.pi, rel=0.02)
 
 
-def test_expected_curve_is_that_of_long_records():
-    x = quantisation(200_000, 0.1, 0.02, np.random.default_rng(0))
-    expected = curve.expected(Scenario("", {"Q": 0.02}), np.array([1, 10]), 200_000, 10.0)
-    assert allan_variance([x], [1, 10]) == pytest.approx(expected, rel=0.02)
-
-
 def test_rivals_read_an_exact_curve_as_their_tools_do():
     truth = {"Q": 0.02, "N": 0.01, "B": 8e-3, "K": 2e-3, "R": 2e-4}
     for tool in (non_negative, weighted):
@@ -73,25 +65,16 @@ def test_what_was_found_is_named_only_by_its_kind_and_place():
     assert not hump.is_named([("Gauss–Markov", 41.0)], 100_000)
 
 
-def test_limit_of_a_hump_falls_as_the_record_grows_and_scales_with_the_noise():
-    theta = np.array([0.0, 1e-4, 0.0, 0.0])
-    short, long = (detection.gauss_markov_limit(theta, 10.0, n, 10.0) for n in (20_000, 200_000))
-    assert long < short / 1.5
-    louder = detection.gauss_markov_limit(9 * theta, 10.0, 20_000, 10.0)
-    assert louder == pytest.approx(3 * short, rel=0.01)
-
-
 def test_every_table_is_made(monkeypatch):
     length, cases = 3000, detection.CASES[1:6:4]
     monkeypatch.setattr(accuracy, "LENGTH", length)
     outcomes = {
         "accuracy": accuracy.run(1, map, length),
         "coverage": coverage.run(1, map, length),
-        "curve": curve.run(1, map, length),
         "detection": detection.run(1, map, 20_000, cases, detection.CONTROLS[:1]),
     }
     text = document(outcomes, "abc")
     assert "nan" not in text
-    for part in ("K from white noise", "Allan points", "Gauss–Markov of 20 s", *RIVALS):
+    for part in ("K from white noise", "Gauss–Markov of 20 s", *RIVALS):
         assert part in text
-    assert text.count("\n## ") == 5
+    assert text.count("\n## ") == 4

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from imuloop.noise.allan import allan_variance, averaging_factors
-from imuloop.noise.curve import TERMS, CurveVariance, design, fit_curve
+from imuloop.noise.curve import CurveVariance, design, fit_curve
 from imuloop.noise.settings import NoiseSettings
-from imuloop.simulate.noise import quantisation, walk, white
 
 FACTORS = averaging_factors(20_000, NoiseSettings())
 SPREAD = CurveVariance.of(FACTORS, [20_000], 10.0)
@@ -18,17 +17,6 @@ LENGTH = 10_000
 def test_the_model_curve_itself_gives_the_model_back(term):
     tau, theta = FACTORS / 10.0, np.eye(5)[term] * 4.0
     assert fit_curve(tau, design(tau) @ theta, SPREAD) == pytest.approx(np.sqrt(theta), abs=1e-4)
-
-
-def test_coefficients_of_a_record():
-    rng = np.random.default_rng(1)
-    x = white(20_000, 0.1, 0.01, rng) + walk(20_000, 0.1, 1e-3, rng)
-    x += quantisation(20_000, 0.1, 0.01, rng)
-    fitted = fit_curve(FACTORS / 10, allan_variance([x], FACTORS), SPREAD)
-    found = dict(zip(TERMS, fitted, strict=True))
-    assert found["Q"] == pytest.approx(0.01, rel=0.05)
-    assert found["N"] == pytest.approx(0.01, rel=0.2)
-    assert found["K"] == pytest.approx(1e-3, rel=0.4)
 
 
 @pytest.mark.parametrize("curve", [np.zeros(20), np.r_[np.ones(19), 0.0], np.ones(5)])
@@ -50,9 +38,7 @@ def test_degrees_of_freedom_agree_with_greenhall_and_riley(term, alpha):
     assert edf == pytest.approx(expected, rel=0.025)
 
 
-@pytest.mark.parametrize(
-    "theta", [[0.2, 1, 0, 0, 0], [0, 1, 0, 3e-3, 0], [0, 1, 0, 0, 4e-5]], ids=["QN", "NK", "NR"]
-)
+@pytest.mark.parametrize("theta", [[0.2, 1, 0, 3e-3, 0], [0, 1, 0, 0, 4e-5]], ids=["QNK", "NR"])
 def test_variance_of_a_pooled_curve_agrees_with_simulation(theta):
     rng = np.random.default_rng(5)
     q, n, _, k, r = np.sqrt(theta)
@@ -64,6 +50,6 @@ def test_variance_of_a_pooled_curve_agrees_with_simulation(theta):
         x += k / np.sqrt(rate) * np.cumsum(rng.standard_normal(length))
         return x + r * np.arange(length) / rate
 
-    curves = [allan_variance([record(length) for length in lengths], factors) for _ in range(2000)]
+    curves = [allan_variance([record(length) for length in lengths], factors) for _ in range(1000)]
     expected = CurveVariance.of(factors, lengths, rate).variance(np.array(theta))
     assert np.std(curves, axis=0) == pytest.approx(np.sqrt(expected), rel=0.06)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from imuloop.noise.allan import CHUNK, allan_variance
 from imuloop.noise.deviations import (
     DEVIATIONS,
     deviation_interval,
@@ -90,10 +89,3 @@ def test_m_sample_variance_by_definition(samples):
         groups = [means[i : i + samples * m : m] for i in range(len(x) + 1 - samples * m)]
         expected = np.var(groups, axis=1, ddof=1).mean()
         assert m_sample_variance([x], [m], samples)[0] == pytest.approx(expected)
-
-
-def test_two_samples_are_the_allan_variance():
-    rng = np.random.default_rng(4)
-    stretches, factors = [walk(rng, CHUNK + 7), white(rng, 900)], [1, 10, 300, 9000]
-    found = m_sample_variance(stretches, factors, 2)
-    np.testing.assert_allclose(found, allan_variance(stretches, factors), rtol=1e-9)

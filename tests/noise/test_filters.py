@@ -100,18 +100,3 @@ def test_a_line_raises_nothing():
     line, flicker = Sinusoid(known(1e-2), known(0.05)), RAISED["flicker"]
     assert bounding(replace(WHITE, sinusoid=(line,))) == (8e-5, 1e-7)
     assert bounding(replace(flicker, sinusoid=(line,))) == bounding(flicker)
-
-
-@pytest.mark.parametrize("scale", [1e-12, 1e6])
-@each_raised
-def test_another_unit_gives_the_same(noise, scale):
-    def scaled(c):
-        value, upper = (None if v is None else v * scale for v in (c.value, c.upper95))
-        return replace(c, value=value, upper95=upper)
-
-    other = replace(
-        noise,
-        **{term: scaled(getattr(noise, term)) for term in "QNBKR"},
-        gauss_markov=tuple(replace(p, q=scaled(p.q)) for p in noise.gauss_markov),
-    )
-    assert bounding(other) == pytest.approx(np.multiply(bounding(noise), scale), rel=1e-6)

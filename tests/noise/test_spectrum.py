@@ -3,12 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter, welch
+from scipy.signal import welch
 
-from imuloop.core.noise_model import AxisNoise, Coefficient
-from imuloop.noise import spectrum as module
+from imuloop.core.noise_model import Coefficient
 from imuloop.noise.allan import allan_variance
-from imuloop.noise.representations import COLUMNS, WORDS, empty, label, representations
+from imuloop.noise.representations import COLUMNS, empty, representations
 from imuloop.noise.sampling import Sampling
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.spectrum import (
@@ -37,12 +36,6 @@ def coefficient(value):
     return Coefficient(value, (value, value), value, True)
 
 
-def test_segments_span_both_ends_of_the_spectrum():
-    assert segment_lengths(15) == []
-    assert segment_lengths(1000) == [256]
-    assert segment_lengths(17_280_000) == [1 << 23, 1 << 17, 1 << 11]
-
-
 @pytest.mark.parametrize("length", [300, 400_000])
 def test_each_point_is_a_mean_over_what_scipy_gives(length):
     rng = np.random.default_rng(0)
@@ -59,22 +52,6 @@ def test_each_point_is_a_mean_over_what_scipy_gives(length):
         inside = (grid >= edges[k]) & (grid < edges[k + 1]) & (grid < RATE / 2)
         assert point == pytest.approx(grid[inside].mean())
         assert value == pytest.approx(expected[inside].mean(), rel=1e-9)
-
-
-def test_low_end_of_a_long_record_is_that_of_the_whole_transform(monkeypatch):
-    """Quantisation is the worst case for the means that stand in: all its power lies above."""
-    rng = np.random.default_rng(1)
-    length = 1_000_000
-    x = 30 * np.diff(rng.standard_normal(length + 1)) + 0.1 * rng.standard_normal(length)
-    f, density, _ = power_spectrum([x], RATE)
-    assert segment_lengths(length)[0] > module.TRANSFORM
-    monkeypatch.setattr(module, "TRANSFORM", 1 << 30)
-    _, whole, _ = power_spectrum([x], RATE)
-    # the ends of a segment hold different samples
-    first = f < 17 * RATE / segment_lengths(length)[1]
-    ratio = density[first] / whole[first]
-    assert ratio.mean() == pytest.approx(1, abs=0.01) and ratio.std() < 0.1
-    np.testing.assert_allclose(density[~first], whole[~first])
 
 
 def test_cuts_and_levels_do_not_enter():
@@ -104,31 +81,12 @@ def test_intervals_of_white_noise_cover(seeds):
     assert np.mean(inside["autocorrelation"]) == pytest.approx(0.95, abs=0.12 / np.sqrt(seeds))
 
 
-def test_spectrum_of_simulated_noise_is_the_models():
-    """White noise, a Gauss-Markov process and a walk against `AxisNoise.density`."""
-    rng = np.random.default_rng(4)
-    n_samples, n, k, q, tc = 400_000, 0.02, 2e-3, 0.05, 3.0
-    x = n * np.sqrt(RATE) * rng.standard_normal(n_samples)
-    x += k / np.sqrt(RATE) * np.cumsum(rng.standard_normal(n_samples))
-    decay = np.exp(-1 / (RATE * tc))
-    step = q * np.sqrt(tc / 2 * (1 - decay**2))
-    x += lfilter([1], [1, -decay], step * rng.standard_normal(n_samples))
-    f, density, edf = power_spectrum([x], RATE)
-    model = AxisNoise(N=coefficient(n), K=coefficient(k)).density(f, RATE)
-    model = model + 2 * q**2 / (tc**-2 + (2 * np.pi * f) ** 2)
-    score = (density / model - 1) / np.sqrt(2 / edf)
-    # a sampled process folds what lies above half the rate: not there
-    score = score[f < RATE / 8]
-    assert np.abs(score.mean()) < 4 / np.sqrt(len(score))
-    assert score.std() == pytest.approx(1, abs=0.15)
-
-
 def test_autocorrelation_is_its_definition():
     rng = np.random.default_rng(5)
-    # several blocks of the transform, lags longer than the short stretches
-    stretches = [np.cumsum(rng.standard_normal(n)) for n in (150_000, 37, 1, 70_001)]
+    # lags longer than the short stretches
+    stretches = [np.cumsum(rng.standard_normal(n)) for n in (15_000, 37, 1, 7_001)]
     lags, value, pairs = autocorrelation(stretches)
-    assert lags[0] == 1 and lags[-1] == 15_000 and len(lags) <= LAGS
+    assert lags[0] == 1 and lags[-1] == 1_500 and len(lags) <= LAGS
     centred = [x - x.mean() for x in stretches]
     power = sum(y @ y for y in centred) / sum(map(len, centred))
     for k in range(0, len(lags), 9):
@@ -161,9 +119,3 @@ def test_short_or_constant_output_gives_what_there_is(length, level):
         table = tabulated([np.full(length, level)], EVERY)
     assert not (table["view"] == "autocorrelation").any()
     assert table["value"].to_numpy() == pytest.approx(0, abs=1e-12)
-
-
-def test_each_view_has_words_of_its_own():
-    assert label("m_sample_3").startswith("3-sample deviation: of 3 consecutive averages")
-    words = [label(view) for view in WORDS if view != "m_sample"]
-    assert len(set(words)) == len(words)

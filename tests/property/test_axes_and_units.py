@@ -86,32 +86,6 @@ def test_the_norm_does_not_depend_on_how_axes_are_named_or_turned(method, device
     np.testing.assert_allclose(turned, plain, atol=1e-6)
 
 
-@method
-@settings(max_examples=15)
-@given(devices, st.sampled_from([(1, 1, -1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)]), seeds)
-def test_axes_turned_round_turn_bias_and_misalignment(method, device, signs, seed):
-    fit, attitudes = METHODS[method]
-    f, D = means(device, attitudes(seed), seed), np.array(signs, dtype=float)
-    T, K, b = fit(f)
-    other_T, other_K, other_b = fit(f * D)
-    np.testing.assert_allclose(other_T, T * D * D[:, None], atol=1e-7)
-    np.testing.assert_allclose(other_K, K, atol=1e-7)
-    np.testing.assert_allclose(other_b, b * D, atol=1e-6)
-
-
-@method
-@settings(max_examples=15)
-@given(devices, st.floats(1e-3, 1e3), seeds)
-def test_scaled_output_scales_k_and_leaves_t(method, device, scale, seed):
-    fit, attitudes = METHODS[method]
-    f = means(device, attitudes(seed), seed)
-    T, K, b = fit(f)
-    other_T, other_K, other_b = fit(f * scale, ERROR * scale)
-    np.testing.assert_allclose(other_T, T, atol=1e-7)
-    np.testing.assert_allclose(other_K * scale, K, rtol=1e-7)
-    np.testing.assert_allclose(other_b / scale, b, atol=1e-6)
-
-
 @pytest.fixture(scope="module")
 def made():
     """A simulated session, and the calibration of its accelerometer that is the truth."""

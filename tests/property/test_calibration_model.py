@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import imuloop.effects  # noqa: F401  the library of effects
@@ -32,6 +32,7 @@ def logged(sensor, x, e=0.0):
     return (raw - sensor.raw_unit.offset) * sensor.raw_unit.scale
 
 
+@settings(max_examples=40)
 @given(sensors(True), sensors(False), gains, seeds)
 def test_applying_undoes_the_inverted_model(accelerometer, gyroscope, gain, seed):
     values = dict(zip(EFFECT.parameters, gain, strict=True))

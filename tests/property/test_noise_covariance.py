@@ -35,7 +35,7 @@ def model(noise):
     return NoiseModel("d", dict.fromkeys(CHANNELS, noise))
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(noises, windows())
 def test_it_is_symmetric_and_never_negative(noise, spans):
     c = model(noise).pose_mean_covariance(spans)[0]

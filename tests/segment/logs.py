@@ -1,6 +1,7 @@
 """Logs for the tests of the segment stage: a small generator with known truth, and recordings."""
 
 import json
+from itertools import accumulate
 
 import numpy as np
 import pandas as pd
@@ -43,12 +44,9 @@ def pose_log(turns, rests, seed=0, rate=100.0, turn_s=2.0, noise=PHONE, bias=(0.
             rates.append(profile[:, None] * np.asarray(turns[k]))
             now += m
     w = np.concatenate(rates)
-    steps = Rotation.from_rotvec(w / rate)
-    attitude, up = Rotation.identity(), np.empty_like(w)
-    for k, step in enumerate(steps):
-        up[k] = attitude.inv().apply([0.0, 0.0, G])
-        attitude = attitude * step
-    noisy = np.hstack([up, w + bias]) + rng.normal(size=(len(w), 6)) * noise
+    steps = Rotation.from_rotvec(w / rate).as_matrix()
+    attitudes = np.array(list(accumulate(steps[:-1], np.matmul, initial=np.eye(3))))
+    noisy = np.hstack([G * attitudes[:, 2], w + bias]) + rng.normal(size=(len(w), 6)) * noise
     return frame(np.arange(len(w)) / rate, noisy[:, :3], noisy[:, 3:]), np.array(truth)
 
 

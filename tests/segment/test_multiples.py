@@ -42,18 +42,12 @@ def test_figure_bounds_the_error_found_in_other_attitudes(n):
     assert 1.0 < np.median(ratio) < 3.0
 
 
-def test_figure_grows_as_poses_are_lost_and_with_their_error_in_any_frame():
-    figure = {}
-    for n in (5, 11, 14, 40):
-        sets = [measured(directions(n, 100 + seed), 1e-3, seed) for seed in range(40)]
-        figure[n] = np.median([expected_error(f) for f in sets])
-    assert figure[5] > figure[11] > figure[14] > figure[40]
-    six = measured(np.vstack([np.eye(3), -np.eye(3)]))
-    assert np.all(np.diff([expected_error(six[:n]) for n in range(1, 7)]) < 0)
-    f, worse = (measured(directions(25, 3), error) for error in (1e-3, 3e-3))
-    assert expected_error(worse) > 2 * expected_error(f)
+def test_figure_grows_as_poses_are_lost_and_is_the_same_in_any_frame():
+    f = measured(directions(40, 3), 1e-3)
+    few = [expected_error(f[:n]) for n in (5, 14, 40)]
+    assert few[0] > few[1] > few[2]
     q, _ = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))
-    assert expected_error(f @ q) == pytest.approx(expected_error(f), rel=1e-6)
+    assert expected_error(f @ q) == pytest.approx(few[2], rel=1e-6)
 
 
 def test_a_pair_that_loses_poses_and_one_that_blurs_them_lose():

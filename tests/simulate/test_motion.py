@@ -30,9 +30,8 @@ def moves(motion):
     ]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_integrated_rate_gives_the_next_pose(seed):
-    motion = motion_of(SessionTruth("multi_position", poses=12, turns_about_vertical=3), seed)
+def test_integrated_rate_gives_the_next_pose():
+    motion = motion_of(SessionTruth("multi_position", poses=5, turns_about_vertical=1))
     errors = []
     for first, last in moves(motion):
         t, rate = motion.t[first : last + 1], motion.angular_rate[first : last + 1]
@@ -48,7 +47,7 @@ def test_integrated_rate_gives_the_next_pose(seed):
             atol=1e-12,
         )
         errors.append(np.linalg.norm(solution.y[:, -1] - motion.specific_force[last] / GRAVITY))
-    assert len(errors) == 15
+    assert len(errors) == 6
     assert max(errors) < 1e-5
     assert np.max(np.abs(motion.angular_rate)) > 1.0
 

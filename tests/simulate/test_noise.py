@@ -96,9 +96,6 @@ def axis(coefficients, number=0, seed=5):
     "more",
     [
         Noise(Q=(1.0, 0, 0)),
-        Noise(B=(1.0, 0, 0)),
-        Noise(K=(1.0, 0, 0)),
-        Noise(R=(1.0, 0, 0)),
         Noise(gauss_markov=(GaussMarkovProcess((1.0, 0, 0), 2.0),)),
         Noise(sinusoid=(SpectralLine((1.0, 0, 0), 2.0),)),
         Noise(steps=(Popcorn((1.0, 0, 0), (3.0, 7.0)),)),

@@ -59,30 +59,6 @@ def test_gyroscope_is_rounded(phone):
     assert log["gx"].nunique() < 20 and log["ax"].nunique() > 100_000
 
 
-def test_noise_is_the_published_in_si(phone):
-    name, truth, _, published = phone
-    B = [*truth.accelerometer.noise.B, *truth.gyroscope.noise.B]
-    np.testing.assert_allclose(B, published["B"])
-    # white density, rounding and quantisation add up to the published value at one sample
-    for sensor, N, step in (
-        (truth.accelerometer, published["N"][:3], 0.0),
-        (truth.gyroscope, published["N"][3:], 0.00106),
-    ):
-        white, Q = np.array(sensor.noise.N) / 0.1, np.array(sensor.noise.Q) / 0.01
-        total = white**2 + 3 * Q**2 + step**2 / 12
-        np.testing.assert_allclose(np.sqrt(total), N, rtol=1e-4)
-    if name == "iphone_6":
-        a, g = truth.accelerometer.noise, truth.gyroscope.noise
-        np.testing.assert_allclose(np.array(a.Q), [2.0366e-3 * 0.01, 0, 0])
-        np.testing.assert_allclose(np.array(g.Q), [2.5916e-4 * 0.01, 0, 0])
-        np.testing.assert_allclose(a.K, np.array([1.4347e-6, 1.1727e-5, 4.4226e-6]) * 10)
-        np.testing.assert_allclose(g.K, np.array([5.0468e-7, 1.9715e-7, 1.7728e-7]) * 10)
-        np.testing.assert_allclose(a.R, np.array([2.9201e-9, 2.0825e-8, 8.6142e-9]) * 100)
-        np.testing.assert_allclose(g.R, np.array([5.2632e-10, 4.1766e-10, 0]) * 100)
-    else:
-        assert not np.any([truth.accelerometer.noise.K, truth.gyroscope.noise.R])
-
-
 def test_disturbance_lies_where_published(phone):
     name, truth, log, _ = phone
     second = log[CHANNELS].groupby((log["t"] // 1).astype(int)).mean()

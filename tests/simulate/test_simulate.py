@@ -62,24 +62,6 @@ def test_effects_are_functions_of_the_output_and_the_other_sensor():
     np.testing.assert_allclose(w, motion.angular_rate, atol=1e-12)
 
 
-def test_counts_are_whole_numbers_within_half_a_step():
-    scale, offset = np.array([2.4e-3, 2.5e-3, 2.6e-3]), np.array([32768.0, 33000, 32500])
-    counts = {"raw_unit": "count", "K": scale, "b": offset}
-    exact = simulate_session(device(counts), "one")[F].to_numpy()
-    rounded = simulate_session(device({**counts, "step": 1.0}), "one")[F].to_numpy()
-    assert np.array_equal(rounded, np.rint(rounded)) and rounded.min() > 20_000
-    assert 0.4 < np.max(np.abs(rounded - exact)) <= 0.5
-
-
-def test_power_cycle_changes_the_bias_of_its_session_only():
-    shifted = replace(SHORT, turn_on={"gyroscope": (1e-3, 0, -2e-3)})
-    difference = simulate_session(device(session=shifted), "one") - simulate_session(
-        device(), "one"
-    )
-    np.testing.assert_allclose(difference[W], np.tile([1e-3, 0, -2e-3], (len(difference), 1)))
-    assert not np.any(difference[F])
-
-
 def test_same_seed_same_log_and_other_seed_another():
     truth = example_truth(sessions={"one": SHORT, "two": SHORT})
     first = simulate_session(truth, "one", 7)

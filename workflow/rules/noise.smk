@@ -15,7 +15,7 @@ rule noise:
         GROUP
     conda:
         "../envs/imuloop.yaml"
-    threads: threads_by_size
+    threads: 1
     resources:
         mem_mb=by_size(500, 700),
         runtime=by_size(5, 10),

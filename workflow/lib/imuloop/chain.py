@@ -147,7 +147,7 @@ def noise(device):
             for name, each in device.sessions.items()
         ]
         settings = NoiseSettings(**device.noise)
-        write(estimate_noise(device.name, sessions, settings, threads=device.threads))
+        write(estimate_noise(device.name, sessions, settings))
 
     def instead(reason, failed):
         write(no_noise(device.name, device.kinds, reason), failed)

@@ -12,17 +12,7 @@ def normal_gravity(latitude, height):
     ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), and above it
     ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``.
 
-    Parameters
-    ----------
-    latitude : float
-        Degrees, geodetic latitude φ.
-    height : float
-        Metres above the ellipsoid.
-
-    Returns
-    -------
-    float
-        Gravity, m/s^2.
+    In m/s^2, of the geodetic latitude φ, degrees, and the height above the ellipsoid, m.
 
     References
     ----------

@@ -58,17 +58,8 @@ def first_order_lag(t, values, tau, past=None):
     ``y₁ = a y₀ + (g - a) x₀ + (1 - g) x₁``. Summed as ``y = e⁻ˢ Σ eˢ (…)``, s the time in units
     of τ, part after part.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Time, s, increasing.
-    values : ndarray, shape (n,) or (n, m)
-        x.
-    tau : float
-        Time constant τ, s.
-    past : dict, optional
-        Of a log in pieces: empty at the first, then as this function leaves it. A piece may begin
-        with samples of the one before.
+    Takes increasing time, s, values, (n,) or (n, m), and τ, s. Of a log in pieces, each of which
+    may begin with samples of the one before, `past` is empty at the first, then as this leaves it.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
     rest, state = x[:1], 0.0
@@ -103,18 +94,8 @@ def play(values, half_width, t=None, past=None):
     """Return the play operator: what is dragged along by walls `half_width` to either side.
 
     ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Each step is a clamp between two
-    walls, and clamps after clamps are a clamp again, so that all are found by doubling.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        x.
-    half_width : float
-        w, in the unit of x.
-    t : ndarray, shape (n,), optional
-        Time, s, increasing; with `past`.
-    past : dict, optional
-        As of `first_order_lag`.
+    walls, and clamps after clamps are a clamp again, so that all are found by doubling. Time and
+    `past` are as of `first_order_lag`.
 
     References
     ----------
@@ -141,18 +122,8 @@ def fast_part(t, values, period, step=None):
     """Return what is faster than a moving mean that is taken twice.
 
     At a frequency f, ``1 - sinc²(f period)`` of it is left: half at 0.44/period, within 5 % all
-    above 1/period; of what moves evenly, nothing.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Time, s, increasing.
-    values : ndarray, shape (n, m)
-        Channels.
-    period : float
-        Length of the mean, s; at least `_FEWEST` samples.
-    step : float, optional
-        Median step of the whole log, s, of which this is a piece.
+    above 1/period; of what moves evenly, nothing. Takes increasing time, s, values, (n, m), the
+    length of the mean, s, and the median step of the whole log, s, of which this is a piece.
     """
     if step is None:
         step = usual_step(t) if len(t) > 1 else period

@@ -215,21 +215,8 @@ class Calibration:
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the angular rate before the gyroscope's own effects; the
-        gyroscope's see the calibrated specific force.
-
-        Parameters
-        ----------
-        f, w : ndarray, shape (n, 3)
-            SI, as logged.
-        t, temperature : ndarray, shape (n,); None without temperature
-            Seconds from the start of the log; degC.
-        pasts, step, held
-            Of accelerometer and gyroscope: see `Channels`.
-
-        Raises
-        ------
-        ImuloopError
-            If a value is not finite, and all that were logged are.
+        gyroscope's see the calibrated specific force. Arguments are as of `Channels`, `pasts` and
+        `held` one per sensor; an ImuloopError if a value is not finite, and all as logged are.
         """
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below

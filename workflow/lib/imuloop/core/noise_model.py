@@ -206,14 +206,8 @@ class AxisNoise:
 
         The ramp is deterministic and adds nothing.
 
-        Parameters
-        ----------
-        t : array_like, shape (m,)
-            Times in s from the start of the walk.
-        span : float
-            Length in s that holds all times; the flicker's level refers to it.
-        shared : tuple of ndarray, optional
-            `lags` of the same times and span, where several axes have them.
+        Takes m times, s, from the start of the walk, a length, s, that holds them all and that the
+        flicker's level refers to, and `lags` of both, where several axes have them.
         """
         d, d2, logarithm, early2, late = shared or lags(t, span)
         total = (
@@ -235,13 +229,8 @@ class AxisNoise:
 
         The levels of flicker and walk, common to all windows, are the smallest natural ones (see
         `kernel`, walk from the first window on): they are what a fitted bias absorbs.
-
-        Parameters
-        ----------
-        windows : ndarray, shape (n, 2)
-            Start and end of each window in s, in any order; they may touch or overlap.
-        shared : tuple, optional
-            `edges` of the same windows, where several axes have them.
+        Takes start and end of each window, s, (n, 2), in any order; they may touch or overlap; and
+        `edges` of the same windows, where several axes have them.
         """
         times, start, end, common = shared or edges(windows)
         k = self.kernel(times, times[-1], common)

@@ -1,4 +1,4 @@
-"""A calibration applied to a file of samples piece by piece: how long the log is does not matter.
+"""A calibration applied to a file of samples piece by piece.
 
 Effects that remember go on from piece to piece (`Channels.past`).
 """
@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
-from imuloop.core.memory import STEPS, usual_step
+from imuloop.core.memory import STEPS, filled, usual_step
 from imuloop.core.samples import (
     CHANNELS,
     METADATA_KEY,
@@ -35,24 +35,13 @@ FEWEST = 16
 
 
 def apply_file(calibration, source, target, rows=ROWS):
-    """Write the calibrated samples of a samples file, in memory that does not grow with it.
+    """Write the calibrated samples of a file, of which time and temperature alone are read whole.
 
     Gives what `Calibration.apply` gives of the whole, whatever the rows of a piece. Columns that
     are no samples are kept. Returned is by (sensor, effect) the number of samples at which the
-    effect was held to the range of its data.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        To apply.
-    source, target : path-like
-        Samples, Parquet, as ingest writes them; ``.csv`` or ``.parquet``, written in one step.
-
-    Raises
-    ------
-    ImuloopError
-        If the source lacks a column or is calibrated already, or the target is the source or has
-        another ending.
+    effect was held to the range of its data. The source is Parquet as ingest writes it, the target
+    ``.csv`` or ``.parquet``; an ImuloopError if the source lacks a column or is calibrated already,
+    or the target is the source or has another ending.
     """
     source, target = Path(source), Path(target)
     if target.suffix not in (".csv", ".parquet"):
@@ -107,38 +96,18 @@ def _pieces(path, rows):
 
 def _with_surroundings(samples, rows, more):
     """Yield the own rows of each piece and its arrays, with so many samples more on each side."""
-    warm = TEMPERATURE in samples
-    names = (TIME, *CHANNELS, *[TEMPERATURE] * warm)
-    count, before, after = len(samples), [], (0, [])
+    warm, count = None, len(samples)
+    if TEMPERATURE in samples:
+        # neighbours of a missing temperature may lie far away
+        warm = filled(samples[TIME], samples[TEMPERATURE])
     for first in range(0, max(count, 1), rows):
         begin, last = max(first - more, 0), min(first + rows, count)
         end = min(last + more, count)
-        t, *values = samples.read(names, begin, end)
-        temperature = values.pop() if warm else None
-        if warm:
-            known = np.flatnonzero(np.isfinite(temperature))
-            if after[0] < end:
-                after = _next_known(samples, end, rows)
-            points = np.array([*before, *zip(t[known], temperature[known], strict=True), *after[1]])
-            # the last one before the rows of the next piece
-            passed = known[known < max(last - more, 0) - begin]
-            if len(passed):
-                before = [(t[passed[-1]], temperature[passed[-1]])]
-            if len(known) < len(t) and len(points):
-                temperature = np.interp(t, *points.T)
+        t, *values = samples.read((TIME, *CHANNELS), begin, end)
+        temperature = None if warm is None else warm[begin:end]
         f, w = np.array(values[:3]).T, np.array(values[3:]).T
         own = slice(first - begin, last - begin)
         yield own, {"f": f, "w": w, "t": t, "temperature": temperature}
-
-
-def _next_known(samples, row, rows):
-    """Return the next row with a known temperature, and [(t, temperature)] there."""
-    for first in range(row, len(samples), rows):
-        t, values = samples.read((TIME, TEMPERATURE), first, min(first + rows, len(samples)))
-        known = np.flatnonzero(np.isfinite(values))
-        if len(known):
-            return first + known[0], [(t[known[0]], values[known[0]])]
-    return len(samples), []
 
 
 @contextmanager

@@ -16,16 +16,9 @@ PART = 1 << 18
 
 @dataclass(frozen=True)
 class RestLog:
-    """The log of a session at rest; of the outputs only a part is read at a time.
+    """The log of a session at rest, SI as logged; of the outputs only a part is read at a time.
 
-    Attributes
-    ----------
-    samples : Samples
-        SI, as logged.
-    t : ndarray, shape (n,)
-        Time, s.
-    temperature : ndarray, shape (n,), or None
-        degC, missing values filled.
+    Time and, where logged, temperature with missing values filled are of the whole log.
     """
 
     samples: Samples
@@ -63,14 +56,9 @@ class RestLog:
         return values.T
 
     def means(self, at):
-        """Return the mean output of each sensor over rows `at`, shape (m, 2), as logged.
+        """Return the mean outputs over rows `at`, (m, 2), as logged, by sensor, (m, 3).
 
-        Returns
-        -------
-        dict of str to ndarray, shape (m, 3)
-            By sensor.
-        ndarray of bool, shape (m,)
-            Whether no sample of the rows lacks a value.
+        And whether no sample of the rows lacks a value, (m,).
         """
         key = at.tobytes()
         if key not in self._cache:

@@ -52,14 +52,8 @@ def step_vectors(rates, steps, uneven=None):
     with an error of fifth order a step, fourth over the whole: the order of a Runge–Kutta
     scheme of four stages, while the exponential of φ keeps the quaternion's norm exactly. The
     first and the last step, in a rest by their choice, take the rate as linear. Over a gap the
-    cubic is that through the four samples as they lie.
-
-    Parameters
-    ----------
-    rates, steps : array_like, shape (..., n, 3) and (..., n - 1)
-        Angular rate in rad/s, on body axes; time steps in s.
-    uneven : ndarray of bool, shape (..., n - 1), optional
-        Steps over which samples are missing.
+    cubic is that through the four samples as they lie. Takes angular rate on body axes, rad/s,
+    (..., n, 3), time steps, s, and over which of these samples are missing, (..., n - 1).
 
     References
     ----------

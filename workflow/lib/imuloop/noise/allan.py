@@ -62,12 +62,8 @@ def allan_variance(stretches, factors):
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
 
-    Parameters
-    ----------
-    stretches : sequence of array_like, shape (n_s,)
-        Evenly sampled output, any unit; no term reaches over the end of a stretch.
-    factors : array_like of int, shape (k,)
-        Averaging factors m; not-a-number where no stretch is long enough.
+    Takes evenly sampled stretches of any unit, over whose ends no term reaches, and averaging
+    factors m; not-a-number where no stretch is long enough.
 
     References
     ----------

@@ -50,16 +50,8 @@ def estimate_axis(samplings, basis, values, settings, start=None):
     are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
     chance, frequencies that hold many values count less, and the terms are chosen once more.
 
-    Parameters
-    ----------
-    samplings, basis : sequence of Sampling, Modes
-        One a session, and the modes of these.
-    values : list of list of ndarray
-        Samples of each stretch of each session, SI.
-    settings : NoiseSettings
-        Levels of the tests.
-    start : ndarray, shape (4,), optional
-        Squares of Q, N, B, K to begin with, as the Allan curve gives them.
+    Takes a Sampling per session, the Modes of these, the samples of each stretch of each session,
+    SI, NoiseSettings and, to begin with, squares of Q, N, B, K, shape (4,).
     """
     if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)

@@ -72,15 +72,7 @@ def with_found_noise(model, found, processes, lines=True):
     """Return a NoiseModel with the processes, and lines if wanted, that were found.
 
     A line that was taken out of the record is noise elsewhere: there its phase is not known.
-
-    Parameters
-    ----------
-    model : NoiseModel
-        Noise without them.
-    found, processes : dict
-        By sensor its FittedEffects, and its Coloured noise with a correlation time if it has any.
-    lines : bool
-        Whether lines are wanted.
+    `found` are the FittedEffects of each sensor, `processes` its Coloured noise if it has any.
     """
     axes = dict(model.axes)
     for sensor, names in SENSORS.items():

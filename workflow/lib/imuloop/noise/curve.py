@@ -122,12 +122,7 @@ def fit_curve(tau, variance, spread):
     data, which would favour points that came out low. All are 0 where the curve has under eight
     points or is zero somewhere.
 
-    Parameters
-    ----------
-    tau, variance : array_like, shape (k,)
-        Averaging times, s, and overlapping Allan variance, unit of the axis squared.
-    spread : CurveVariance
-        Of the same points.
+    Takes averaging times, s, overlapping Allan variance, shape (k,), and its CurveVariance.
 
     References
     ----------

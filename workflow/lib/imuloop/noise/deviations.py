@@ -67,12 +67,8 @@ def deviation_variance(name, stretches, factors):
     The total one is without the correction for its bias at long averages under flicker and walk
     (-24 % and -38 % of the variance at half the record).
 
-    Parameters
-    ----------
-    name : {'allan', 'total', 'modified', 'hadamard'}
-        Which; all but the total one overlap.
-    stretches, factors
-        As `imuloop.noise.allan.allan_variance` takes them; the same unit comes out, shape (k,).
+    Takes one of `DEVIATIONS`, of which all but the total one overlap, then what
+    `imuloop.noise.allan.allan_variance` takes; shape (k,).
 
     References
     ----------

@@ -30,15 +30,7 @@ def bounding(noise):
     deterministic, but a filter has no state for it and sees a bias that moves. Lines are not: they
     average out beyond their period, and a walk as large would take a vibration for a bias.
 
-    Parameters
-    ----------
-    noise : AxisNoise
-        N and K known, or limited.
-
-    Returns
-    -------
-    N, K : float
-        m/s^2/sqrt(Hz) or rad/s/sqrt(Hz), and m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
+    Takes an AxisNoise with N and K known, or limited; N and K are in its units.
 
     References
     ----------

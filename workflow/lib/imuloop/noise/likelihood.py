@@ -91,16 +91,8 @@ class Likelihood:
 
         and so is free of the ramp; it compares models with a ramp, not one with and one without.
 
-        Parameters
-        ----------
-        ramp : bool or float
-            Whether a ramp is fitted; a number holds it there.
-        fixed : ndarray, shape (r,), or 0
-            Part of the spectrum that is held.
-        start : ndarray, shape (p,), optional
-            Where to begin, near the maximum.
-        restricted : bool
-            Whether a fitted ramp counts in the restricted likelihood.
+        A number for `ramp` holds it there; `fixed`, shape (r,), is a part of the spectrum that is
+        held; `start`, (p,), is where to begin, near the maximum.
 
         References
         ----------

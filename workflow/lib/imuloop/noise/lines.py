@@ -80,21 +80,9 @@ def find_line(samplings, values, spectrum, level):
     one and their independent frequencies W add: the clocks of two sessions differ by more than the
     width 1/T of a line, so that powers at one frequency do not.
 
-    Parameters
-    ----------
-    samplings : sequence of Sampling
-        One a session.
-    values : sequence of sequences of ndarray
-        Samples of each clean stretch of each session, SI.
-    spectrum : callable
-        One-sided density of the noise, SI^2/Hz, at frequencies in Hz: 2 N^2 for white noise.
-    level : float
-        Chance, 1, of finding a line in noise that has none.
-
-    Returns
-    -------
-    Line or None
-        None also where no session is long enough, or all are constant.
+    Takes a Sampling per session, the samples of each stretch of each, SI, the one-sided density of
+    the noise, SI^2/Hz, as a function of frequency in Hz, and the chance of finding a line in noise
+    that has none. None also where no session is long enough.
 
     References
     ----------

@@ -33,14 +33,8 @@ def misfit(ratio, count, number, terms, level):
     square in the groups around (half a decade to each side) beyond that variance is
     :math:`\epsilon^2`, where that is no chance, shape (g,).
 
-    Parameters
-    ----------
-    ratio, count : ndarray, shape (r,)
-        Mean square over the expected one, 1, and values behind each row; 0 where it was left out.
-    number : ndarray of int, shape (r,)
-        Group of each row.
-    terms, level : int and float
-        Terms that were fitted, and level of the test of the whole spectrum.
+    Takes, of each row, r, the values behind it (0 where it was left out) and its group, shape (r,),
+    then how many terms were fitted and the level of the test of the whole spectrum.
     """
     n = np.bincount(number, count)
     used = n > 0
@@ -74,8 +68,7 @@ def band(frequency, count, power, predict):
 
     An octave at the top is predicted from all that lies below it. Where it lacks more than a
     quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
-    Frequency, values and mean square of each row, shape (r,); `predict` takes a mask of rows and
-    returns the spectrum fitted to these, shape (r,).
+    `predict` takes a mask of rows and returns the spectrum fitted to these, shape (r,).
     """
     highest = frequency.max()
     for _ in range(OCTAVES):

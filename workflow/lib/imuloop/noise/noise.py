@@ -1,6 +1,5 @@
 """Noise of a device: coefficients, Allan curves, spectra and summary figures."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 
@@ -76,24 +75,15 @@ def no_noise(device, sessions, *notes):
     )
 
 
-def estimate_noise(device, sessions, settings, uncut=True, threads=1):
+def estimate_noise(device, sessions, settings, uncut=True):
     """Return the NoiseResult of a device's static sessions, else of all its rests.
 
     One estimate from all clean stretches of all sessions used; no term is identifiable where there
     is nothing to fit.
 
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    sessions : sequence of Session
-        All; the static ones count or, where none of them holds a rest, the rests of all others.
-    settings : NoiseSettings
-        Averaging times, levels of the tests, other views.
-    uncut : bool
-        Whether the coefficients are also estimated with the disturbed stretches left in.
-    threads : int
-        What is worked on at once, of one axis; results do not depend on it.
+    Takes the device's name, all its Sessions, of which the static ones count or, where none of them
+    holds a rest, the rests of all others, NoiseSettings, and whether the coefficients are also
+    estimated with the disturbed stretches left in.
     """
     notes = []
     static = static_records(sessions, notes)
@@ -117,25 +107,23 @@ def estimate_noise(device, sessions, settings, uncut=True, threads=1):
         values = [record.cut(record.column(axis)) for record in records]
         # curves and spectra take a few missing samples for none
         closed = [record.close_up(x) for record, x in zip(records, values, strict=True)]
-        with ThreadPoolExecutor(threads) as pool:
-            described = pool.submit(_described, axis, records, closed, settings)
-            variance, fitted = pooled.curve(closed)
-            start = np.square(fitted[:4]) if any(fitted[:4]) else None
-            found = pooled.estimate(axis, values, start, notes)
-            if pooled_whole:
-                every = [record.cut(record.column(axis)) for record in whole]
-                uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, start, []).noise)
-            described = described.result()
+        fitted = pooled.curve(closed)
+        start = np.square(fitted[:4]) if any(fitted[:4]) else None
+        found = pooled.estimate(axis, values, start, notes)
+        if pooled_whole:
+            every = [record.cut(record.column(axis)) for record in whole]
+            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, start, []).noise)
         curves[axis] = dict(zip(TERMS, fitted, strict=True))
         axes[axis] = found.noise
         spectra[axis] = {"misfit": found.misfit, "band_hz": found.band_hz}
-        for i, record in enumerate(records):
+        for record, alone, x in zip(records, own, closed, strict=True):
             name = record.session.name
-            statistics[name][axis], rows = described[i]
-            views[name] += rows
-            if own[i] is not pooled:
-                variance = allan_variance(closed[i], own[i].factors)
-            allan[name].append(own[i].table(axis, variance, found.noise))
+            allan[name].append(alone.table(axis, x, found.noise))
+            # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
+            still = x if record.session.kind == "static" else [max(x, key=len)]
+            statistics[name][axis] = summary(still, record.rate)
+            if np.isfinite(statistics[name][axis]["mean"]):
+                views[name].append(representations.representations(record, x, axis, settings))
         # or two axes would be in memory at once
         values = closed = every = None
     _note_walk(axes, pooled.longest / pooled.rate, notes)
@@ -177,12 +165,13 @@ class _Pooled:
         return modes(self.samplings)
 
     def curve(self, values):
-        """Return the Allan variance and the coefficients of the plain fit to it."""
+        """Return the coefficients of the plain fit to the Allan curve."""
         variance = allan_variance([x for each in values for x in each], self.factors)
-        return variance, fit_curve(self.tau, variance, self.spread)
+        return fit_curve(self.tau, variance, self.spread)
 
-    def table(self, axis, variance, noise):
-        """Return the curve of one axis with its intervals."""
+    def table(self, axis, stretches, noise):
+        """Return the Allan curve of one axis with its intervals."""
+        variance = allan_variance(stretches, self.factors)
         edf = self.spread.degrees_of_freedom(noise, self.tau)
         return allan_table(axis, self.tau, variance, edf)
 
@@ -214,19 +203,6 @@ class _Pooled:
                 "that was resampled): the coefficients are those of the noise below"
             )
         return estimate
-
-
-def _described(axis, records, values, settings):
-    """Return the summary of one axis and the rows of views.parquet, of each record."""
-    described = []
-    for record, stretches in zip(records, values, strict=True):
-        # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
-        still = stretches if record.session.kind == "static" else [max(stretches, key=len)]
-        figures, rows = summary(still, record.rate), []
-        if np.isfinite(figures["mean"]):
-            rows = [representations.representations(record, stretches, axis, settings)]
-        described.append((figures, rows))
-    return described
 
 
 def _seconds(records):

@@ -10,8 +10,6 @@ import numpy as np
 from scipy import fft
 from scipy.special import betainc
 
-from imuloop.noise.sampling import CHUNK
-
 # periods in a session below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
 # independent values in a block of the background: at least, and a quarter of those below it up to
@@ -20,8 +18,6 @@ SHORTEST = 3
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
 NODES = 33
-# frequencies are transformed by their remainder after this, see `_squares`
-REMAINDERS = 16
 # a session of which a smaller share was recorded is not searched: zeros in its gaps would be most
 # of the work, and each line many of equal height
 SPARSEST = 16
@@ -71,7 +67,7 @@ class Band:
             k += size
         if not sizes:
             return None
-        padded = REMAINDERS * fft.next_fast_len(-(-2 * samples // REMAINDERS))
+        padded = 16 * fft.next_fast_len(-(-samples // 8))
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
         middle = starts + (lengths - 1) / 2
@@ -146,7 +142,8 @@ class Periodogram:
         size = 2.0 ** np.rint(np.log2(density.max()) / 2)
         density = np.split(density / size**2, np.cumsum([len(each) for each in nodes])[:-1])
         # single precision: its rounding lies 14 decades below the variance
-        power = _squares(_filled(sampling, values, band.padded // 2, size))
+        transform = fft.rfft(_filled(sampling, values, size), band.padded)
+        power = transform.real**2 + transform.imag**2
         medians = np.empty(band.sizes.size)
         for b, (i, j) in enumerate(pairwise(band.edges)):
             power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
@@ -203,51 +200,18 @@ def chance_over_band(chance, independent):
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
-def _squares(x):
-    r"""Return the squares of the Fourier transform of x and as many zeros behind, shape (n + 1,).
-
-    One remainder r of the frequency k = P l + r after the other, P = `REMAINDERS`, so that little
-    more than x and the result is in memory. With M = 2 n/P
-
-    .. math:: X_{Pl+r} = \sum_{j<M} e^{-2\pi i jl/M} e^{-\pi i jr/n}
-        \sum_{p<P/2} x_{j+pM} e^{-2\pi i pr/P}
-
-    and those above n are the conjugates of the remainder P - r.
-    """
-    n, folded = len(x), x.reshape(REMAINDERS // 2, -1)
-    size = folded.shape[1]
-    squares = np.empty(n + 1, np.float32)
-    for r in range(REMAINDERS // 2 + 1):
-        phase = np.exp(-2j * np.pi * r / REMAINDERS * np.arange(len(folded))).astype(np.complex64)
-        y = np.empty(size, np.complex64)
-        y.real, y.imag = phase.real.copy() @ folded, phase.imag.copy() @ folded
-        turn = np.exp(-1j * np.pi * r / n * np.arange(min(CHUNK, size)))
-        for i in range(0, size, CHUNK):
-            y[i : i + CHUNK] *= turn[: size - i] * np.exp(-1j * np.pi * i * r / n)
-        y = fft.fft(y, overwrite_x=True)
-        power = y.real**2
-        power += y.imag**2
-        for place, each in ((r, power), (REMAINDERS - r, power[::-1])):
-            count = len(squares[place::REMAINDERS])
-            squares[place::REMAINDERS] = each[:count]
-    return squares
-
-
-def _filled(sampling, values, padded, size):
-    """Return a session over `size`, levels and slope removed, zeros in the gaps and behind."""
-    starts, lengths, level = np.array(sampling.starts), np.array(sampling.lengths), sampling.level
-    middles, x_mean = starts + (lengths - 1) / 2, sampling.level_means(values)[level]
-    t_mean = (np.bincount(level, lengths * middles) / np.bincount(level, lengths))[level]
-    # chunk by chunk: the times of a record of days need not be there at once
-    parts = [(i, part, starts[i] - t_mean[i]) for i, part in sampling.parts]
-    upper = sum(
-        (np.arange(part.start, part.stop) + t) @ (values[i][part] - x_mean[i])
-        for i, part, t in parts
-    )
-    slope = upper / (lengths @ ((lengths**2 - 1) / 12 + (middles - t_mean) ** 2))
-    filled = np.zeros(padded, np.float32)
-    for i, part, t in parts:
-        line = slope * (np.arange(part.start, part.stop) + t)
-        at = starts[i] - starts.min()
-        filled[at + part.start : at + part.stop] = (values[i][part] - x_mean[i] - line) / size
+def _filled(sampling, values, size):
+    """Return a session over `size`, levels and slope removed, zeros in the gaps."""
+    starts, lengths = np.array(sampling.starts), np.array(sampling.lengths)
+    middles, level = starts + (lengths - 1) / 2, sampling.level
+    middle = (np.bincount(level, lengths * middles) / np.bincount(level, lengths))[level]
+    times = [start + np.arange(n) - t for start, n, t in zip(starts, lengths, middle, strict=True)]
+    means = sampling.level_means(values)[level]
+    xs = [x - mean for x, mean in zip(values, means, strict=True)]
+    pairs = list(zip(times, xs, strict=True))
+    slope = sum(t @ x for t, x in pairs) / sum(t @ t for t in times)
+    first, last = sampling.extent
+    filled = np.zeros(last + 1 - first, np.float32)
+    for start, (t, x) in zip(starts - first, pairs, strict=True):
+        filled[start : start + len(x)] = (x - slope * t) / size
     return filled

@@ -21,21 +21,10 @@ def record_seconds(name, value, theta, processes, dt, level):
     of log-likelihood is normal about its expectation, so that it has to reach
     :math:`z_{1-\alpha} + z_{0.9}`.
 
-    Parameters
-    ----------
-    name, value : str and float
-        Q, N, B, K or R, and its size, SI.
-    theta : ndarray, shape (4,)
-        Squares of Q, N, B, K of the record; that of the term itself counts as 0.
-    processes : sequence of (float, float)
-        Variance, SI squared, and correlation time, s, of Gauss-Markov processes.
-    dt, level : float
-        Interval of the samples, s, and level of the test.
-
-    Returns
-    -------
-    float or None
-        To a tenth; None where no record that can be made would show it.
+    Takes name and size, SI, of the term (Q, N, B, K or R), the squares of Q, N, B, K of the record,
+    shape (4,), of which that of the term itself counts as 0, variance and correlation time, s, of
+    Gauss-Markov processes, the interval of the samples, s, and the level of the test. Gives the
+    length to a tenth; None where no record that can be made would show it.
     """
     wanted = ndtri(POWER) - ndtri(level / 2 if name == "R" else level)
 

@@ -45,17 +45,7 @@ def representations(record, stretches, axis, settings):
     x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a deviation in SI. 95 %
     interval of the value; for the autocorrelation, which has none that holds under any noise, the
     band in which white noise would lie; not-a-number for the M-sample deviation.
-
-    Parameters
-    ----------
-    record : Record or Sampling
-        Rate and lengths of the clean stretches.
-    stretches : sequence of array_like, shape (n_s,)
-        Output of each, finite, SI.
-    axis : str
-        Name of the axis.
-    settings : NoiseSettings
-        Which views, and the averaging times of the deviations.
+    Takes a Record or Sampling and the output of its stretches, finite, SI.
     """
     asked = dict.fromkeys([*settings.views, *(f"m_sample_{m}" for m in settings.m_samples)])
     rows = ((view, _columns(view, record, stretches, settings)) for view in asked)

@@ -8,9 +8,6 @@ import numpy as np
 
 from imuloop.core.samples import LONG_GAP_STEPS
 
-# samples that are worked on at a time
-CHUNK = 8192
-
 
 @dataclass(frozen=True)
 class Sampling:
@@ -40,24 +37,13 @@ class Sampling:
         sums = [np.sum(x) for x in values]
         return np.bincount(self.level, sums) / np.bincount(self.level, self.lengths)
 
-    @property
-    def parts(self):
-        """Stretch and slice of at most `CHUNK` samples, one after the other."""
-        for i, length in enumerate(self.lengths):
-            for a in range(0, length, CHUNK):
-                yield i, slice(a, min(a + CHUNK, length))
-
-    @cached_property
-    def groups(self):
-        """Lists of such parts, as many as have `CHUNK` samples together."""
-        groups, filled = [], CHUNK
-        for i, part in self.parts:
-            filled += part.stop - part.start
-            if filled > CHUNK:
-                groups.append([])
-                filled = part.stop - part.start
-            groups[-1].append((i, part))
-        return groups
+    def joined(self, values):
+        """Return the values of all stretches less their levels' means, and each one's number."""
+        x = np.concatenate(
+            [x - mean for x, mean in zip(values, self.level_means(values)[self.level], strict=True)]
+        )
+        stretch = zip(self.starts, self.lengths, strict=True)
+        return x, np.concatenate([np.arange(start, start + n) for start, n in stretch])
 
     def cut(self, values, begin, end):
         """Return the sampling and the values, as views, from sample `begin` to before `end`."""

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.noise.sampling import CHUNK
-
-# parts of a record in which a sinusoid is summed
-BINS = 8192
+# parts of a record in which a sinusoid is summed, and samples that are worked on at a time
+BINS, CHUNK = 8192, 8192
 # the fit of a frequency ends at this share of 1/T
 ROUNDS, CLOSE = 8, 1e-3
 # a sinusoid is followed through halves of a record of that many periods at least, where they
@@ -37,11 +35,10 @@ class FittedSinusoid:
     def subtract(self, sampling, values):
         """Take the sinusoid out of the values of the session, in place."""
         part, x = sampling.cut(values, self.begin, self.end)
-        for group, _, _, waves in _chunks(part, self.frequency):
-            sizes = [s.stop - s.start for _, s in group]
-            line = np.split(np.array([self.cosine, self.sine]) @ waves, np.cumsum(sizes)[:-1])
-            for (i, s), each in zip(group, line, strict=True):
-                x[i][s] -= each
+        size = np.array([self.cosine, self.sine])
+        line = np.concatenate([size @ waves for *_, waves in _chunks(part, x, self.frequency)])
+        for stretch, each in zip(x, np.split(line, np.cumsum(part.lengths)[:-1]), strict=True):
+            stretch -= each
 
 
 def fit_sinusoid(sampling, values, start, session):
@@ -152,11 +149,9 @@ def _baseband(sampling, values, frequency):
     first, last = sampling.extent
     width = -(-(last - first + 1) // BINS)
     size = -(-(last - first + 1) // width)
-    means = sampling.level_means(values)
     sums, number = np.zeros(size, complex), np.zeros(size)
-    for group, sample, _, (cosine, sine) in _chunks(sampling, frequency):
-        x, level = _values(sampling, values, group)
-        x, bins = x - means[level], (sample - first) // width
+    for _, x, sample, _, (cosine, sine) in _chunks(sampling, values, frequency):
+        bins = (sample - first) // width
         sums += np.bincount(bins, x * cosine, size) - 1j * np.bincount(bins, x * sine, size)
         number += np.bincount(bins, minlength=size)
     return sums, number, width / sampling.rate
@@ -164,38 +159,27 @@ def _baseband(sampling, values, frequency):
 
 def _products(sampling, values, frequency):
     """Return the products of x, u, cosine, sine, u cosine, u sine without the levels' means."""
-    means = sampling.level_means(values)
-    gram, sums = np.zeros((6, 6)), np.zeros((6, means.size))
-    for group, _, u, waves in _chunks(sampling, frequency):
-        x, level = _values(sampling, values, group)
-        columns = np.vstack([x - means[level], u, waves, u * waves])
+    number = np.bincount(sampling.level, sampling.lengths)
+    gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))
+    for level, x, _, u, waves in _chunks(sampling, values, frequency):
+        columns = np.vstack([x, u, waves, u * waves])
         gram += columns @ columns.T
-        sums += [np.bincount(level, c, means.size) for c in columns]
-    return gram - (sums / np.bincount(sampling.level, sampling.lengths)) @ sums.T
+        sums += [np.bincount(level, c, len(number)) for c in columns]
+    return gram - (sums / number) @ sums.T
 
 
-def _values(sampling, values, group):
-    """Return the values of a group of parts, and the level of each."""
-    x = np.concatenate([values[i][part] for i, part in group])
-    sizes = [part.stop - part.start for _, part in group]
-    return x, np.repeat(sampling.level[[i for i, _ in group]], sizes)
-
-
-def _chunks(sampling, frequency):
-    """Yield of each group of parts: it, the number of each sample, u and (cosine, sine).
+def _chunks(sampling, values, frequency):
+    """Yield level, value less its level's mean, number of each sample, u and (cosine, sine).
 
     u goes from -1 to 1 over the session, the phase counts from its middle.
     """
     first, last = sampling.extent
     middle, half = (first + last) / 2, (last - first) / 2
-    turns = frequency / sampling.rate
-    # within a part the phase grows as in all others
-    within = np.exp(2j * np.pi * turns * np.arange(min(CHUNK, max(sampling.lengths))))
-    for group in sampling.groups:
-        start = np.array([sampling.starts[i] + part.start for i, part in group])
-        length = np.array([part.stop - part.start for _, part in group])
-        place = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
-        sample = np.repeat(start, length) + place
-        wave = np.repeat(np.exp(2j * np.pi * (turns * (start - middle) % 1)), length)
-        wave *= within[place]
-        yield group, sample, (sample - middle) / half, np.array([wave.real, wave.imag])
+    x, sample = sampling.joined(values)
+    level = np.repeat(sampling.level, sampling.lengths)
+    for i in range(0, len(x), CHUNK):
+        at = slice(i, i + CHUNK)
+        from_middle = sample[at] - middle
+        angle = 2 * np.pi * (frequency / sampling.rate * from_middle % 1)
+        waves = np.array([np.cos(angle), np.sin(angle)])
+        yield level[at], x[at], sample[at], from_middle / half, waves

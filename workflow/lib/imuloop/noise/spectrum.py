@@ -1,7 +1,7 @@
 """Power spectral density and autocorrelation of records that may be cut into stretches."""
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import rfft
 from scipy.signal import welch
 from scipy.signal.windows import hann
 
@@ -14,8 +14,8 @@ LAG_SHARE = 0.1
 SHORTER, SHORTEST = 64, 64
 # periods a segment that a frequency has at least where a longer segment is at hand
 PERIODS = 16
-# longest transform of a segment; samples that are transformed at a time; shortest block of lags
-TRANSFORM, PIECE, BLOCK = 1 << 17, 1 << 16, 1 << 15
+# samples that are transformed at a time, or one segment
+PIECE = 1 << 16
 
 
 def power_spectrum(stretches, rate):
@@ -72,35 +72,17 @@ def segment_lengths(longest):
 
 
 def _pooled_welch(stretches, rate, length):
-    """Return the density pooled over stretches, the segments, and the pairs that overlap.
-
-    Of segments beyond `TRANSFORM` samples only the lowest share 1 / (2 * 128) of the frequencies
-    is asked for: triangular means leave an alias of 1e-8 there, and their own response is undone.
-    """
-    divisor = max(1, length // TRANSFORM)
-    length //= divisor
+    """Return the density pooled over stretches, the segments, and the pairs that overlap."""
     step, total, segments, overlaps = length // 2, 0.0, 0, 0
-    for stretch in stretches:
-        x = np.asarray(stretch) if divisor == 1 else _triangular_means(stretch, divisor)
+    at_once = max(1, PIECE // length)
+    for x in stretches:
         count = max(0, (len(x) - length) // step + 1)
-        at_once = max(1, PIECE // length)
         for i in range(0, count, at_once):
             j = min(i + at_once, count)
-            some = x[i * step : (j + 1) * step]
-            total += (j - i) * welch(some, rate / divisor, nperseg=length)[1]
+            total += (j - i) * welch(x[i * step : (j + 1) * step], rate, nperseg=length)[1]
         segments += count
         overlaps += max(0, count - 1)
-    density = total / segments
-    phase = np.pi * np.arange(1, step + 1) / length
-    density[1:] /= (np.sin(phase) / (divisor * np.sin(phase / divisor))) ** 4
-    return density, segments, overlaps
-
-
-def _triangular_means(x, divisor):
-    """Return means of 2 * divisor samples weighted by a triangle, one each divisor samples."""
-    blocks = np.asarray(x)[: len(x) // divisor * divisor].reshape(-1, divisor)
-    rising = (np.arange(divisor) + 0.5) / divisor**2
-    return blocks[:-1] @ rising + blocks[1:] @ rising[::-1]
+    return total / segments, segments, overlaps
 
 
 def _squared_correlation(shift, length=64):
@@ -143,27 +125,10 @@ def autocorrelation(stretches):
     products, power = np.zeros(len(lags)), 0.0
     for x in stretches:
         if len(lags) and np.ptp(x):
-            at_zero, at_lags = _lagged_products(np.asarray(x), lags)
-            power += at_zero
-            products += at_lags
+            y = x - np.mean(x)
+            power += y @ y
+            products += [y[k:] @ y[:-k] for k in lags]
     if not power:
         lags, products = lags[:0], products[:0]
     pairs = np.maximum(lengths[:, None] - lags, 0).sum(axis=0)
     return lags, products / pairs / (power / lengths.sum() if power else 1.0), pairs
-
-
-def _lagged_products(x, lags):
-    """Return the sums of y_t y_{t+k} at k = 0 and at the lags, y = x without its mean."""
-    mean, reach = x.mean(), min(lags[-1], len(x) - 1)
-    # each block against itself and the next, which stands half a transform on: exp(-i pi k)
-    block = next_fast_len(max(int(reach), BLOCK), real=True)
-    sign = (-1.0) ** np.arange(block + 1)
-    spectrum, before = np.zeros((2, block + 1), dtype=complex)
-    for i in range(0, len(x), block):
-        here = rfft(x[i : i + block] - mean, 2 * block)
-        spectrum += here.real**2 + here.imag**2
-        before *= here
-        spectrum += before
-        before = np.conj(here) * sign
-    products = irfft(spectrum, 2 * block)
-    return products[0], np.where(lags <= reach, products[np.minimum(lags, reach)], 0.0)

@@ -55,16 +55,9 @@ def repeatability(means):
     same way within 1 degree; what is left of that, g times the difference in angle, is part of
     the figure. Earth's rate enters the gyroscope's mean likewise, with 7.3e-5 rad/s at most.
 
-    Parameters
-    ----------
-    means : dict of str to dict
-        For each static session the mean of each axis, m/s^2 or rad/s.
-
-    Returns
-    -------
-    dict or None
-        For each axis `std` and the number of `sessions`; None for the axes of the accelerometer
-        where the attitudes differ. None as a whole with fewer than two sessions.
+    Takes for each static session the mean of each axis, SI. Gives for each axis `std` and the
+    number of `sessions`, None for the accelerometer's where attitudes differ; None as a whole with
+    fewer than two sessions.
     """
     if len(means) < 2:
         return None

@@ -270,21 +270,10 @@ def steepest(rows, found, width, covariance):
         low, high = found[n], found[end - 1] + length
         total = np.zeros((K, high - low + 1))
         np.cumsum(rows.read(CHANNELS, low, high), axis=1, out=total[:, 1:])
-        places = high - low - width + 1
-        change = np.empty(places)
-        for a in range(0, places, TOGETHER):
-            b = min(a + TOGETHER, places)
-            second = total[:, a + half : b + half]
-            difference = total[:, a + width : b + width] - 2 * second + total[:, a:b]
-            change[a:b] = squared_distance(difference.T, covariance)
-        place = reached = -1
+        difference = total[:, width:] - 2 * total[:, half : half - width] + total[:, :-width]
+        change = squared_distance(difference.T, covariance)
         for k in range(n, end):
-            a, b = found[k] - low, found[k] - low + length - width + 1
-            # what was the largest still is, but for what came in
-            new = a if place < a else reached
-            top = new + int(np.argmax(change[new:b])) if new < b else place
-            if place < a or change[top] > change[place]:
-                place = top
-            best[k], reached = low + place, b
+            a = found[k] - low
+            best[k] = found[k] + np.argmax(change[a : a + length - width + 1])
         n = end
     return best

@@ -35,23 +35,10 @@ def segment_session(samples, kind, settings, threads=1):
     step after the last sample before it to the next sample. Of a file few row groups are held at
     once where the session is static, else six columns.
 
-    Parameters
-    ----------
-    samples : Samples or DataFrame
-        SI.
-    kind : {'static', 'six_position', 'multi_position'}
-        What was done with the device.
-    settings, threads : SegmentSettings, int
-        What is asked of a rest; how many may work at once, which changes nothing in the result.
-
-    Returns
-    -------
-    segments : DataFrame
-        As `imuloop.core.segments.segment_table` gives it.
-    metadata : dict
-        Level of rest and how it was found, the multiples and the table they were chosen from,
-        number of rests dropped as too short, what `shorter` settings would bring, gaps and, of a
-        static session, the number of slow tilts.
+    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, and how many threads may
+    work at once. Gives a `segment_table` and a dict of metadata: level of rest and how it was
+    found, the multiples and the table they were chosen from, number of rests dropped as too short,
+    what `shorter` settings would bring, gaps and, of a static session, slow tilts.
     """
     rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)

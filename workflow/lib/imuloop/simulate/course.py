@@ -27,23 +27,9 @@ def tilted(directions, degrees, rng):
 
 
 def poses(session, rate, rng):
-    """Return the pieces of a six- or multi-position session and the direction it starts with.
+    """Return the pieces of a six- or multi-position session, and the upward body axis at its start.
 
-    Parameters
-    ----------
-    session : SessionTruth
-        Number and length of rests and moves.
-    rate : float
-        Hz.
-    rng : Generator
-        Source of random numbers.
-
-    Returns
-    -------
-    pieces : list of Piece
-        Rests and moves.
-    up : ndarray, shape (3,)
-        Upward direction on body axes at the start.
+    Takes a SessionTruth, the rate in Hz and a source of random numbers.
     """
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
@@ -86,14 +72,8 @@ def at_rest(session, rate, rng):
     """Return the pieces of a static session with its disturbances, and its upward direction.
 
     A knock is a short burst; a tilt a turn about a horizontal axis that lasts; handling is a
-    stretch of wobble, tremor and acceleration that ends in the attitude it began in.
-
-    Parameters and what is returned are as of `poses`.
-
-    Raises
-    ------
-    ImuloopError
-        If disturbances overlap, are not in order of time or do not fit in the session.
+    stretch of wobble, tremor and acceleration that ends in the attitude it began in. As of `poses`;
+    an ImuloopError if disturbances overlap, are not in order of time or do not fit in the session.
     """
     up = start = np.divide(session.up, np.linalg.norm(session.up))
     events = [(d.time_s, d.time_s + d.duration_s) for d in session.disturbances]

@@ -8,16 +8,8 @@ from imuloop.core.samples import TIME
 def lose(log, share, rng, lengths=(1,)):
     """Return a log without some of its samples, lost anywhere; the first and last one stay.
 
-    Parameters
-    ----------
-    log : DataFrame
-        Samples.
-    share : float
-        Of the samples that are lost, 1; less where losses fall together.
-    rng : Generator
-        Source of chance.
-    lengths : sequence of int
-        Samples lost in a row, one or the other.
+    `share` is that of the samples that are lost, less where losses fall together, in runs of one or
+    the other of the `lengths`.
     """
     keep = np.ones(len(log), dtype=bool)
     for at in rng.integers(0, len(log), round(share * len(log) / np.mean(lengths))):

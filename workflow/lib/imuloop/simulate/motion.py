@@ -19,27 +19,17 @@ TREMOR = (8.0, 12.0)
 
 @dataclass(frozen=True)
 class Motion:
-    """True motion of a session.
+    """True motion of a session at n samples."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,)
-        Time, s.
-    attitude : ndarray, shape (n, 4)
-        Quaternions, scalar first, that take body axes to level axes.
-    specific_force : ndarray, shape (n, 3)
-        On body axes, m/s^2.
-    angular_rate : ndarray, shape (n, 3)
-        On body axes, rad/s.
-    rests : DataFrame
-        `start_s`, `end_s` (half-open) and `pose` of each rest; rests that differ only by a turn
-        about the vertical share the number.
-    """
-
+    # s
     t: np.ndarray
+    # quaternions, scalar first, that take body axes to level axes, (n, 4)
     attitude: np.ndarray
+    # on body axes, (n, 3), m/s^2 and rad/s
     specific_force: np.ndarray
     angular_rate: np.ndarray
+    # `start_s`, `end_s` (half-open) and `pose` of each; those that differ only by a turn about the
+    # vertical share the number
     rests: pd.DataFrame
 
 
@@ -70,21 +60,9 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
     second axis and a tremor ψ about a third. With each factor ``R = exp(a θ)`` the rate becomes
     ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out as ``64 τ³(1-τ)³``.
 
-    Parameters
-    ----------
-    n, dt : int, float
-        Number of samples, and their distance in s.
-    turn : array_like, shape (3,)
-        Rotation vector v of the whole move, rad, on body axes at its start.
-    wobble, tremor, shake : float
-        Largest angles φ and ψ, rad, and size of the linear acceleration, m/s^2.
-    rng : Generator, optional
-        Source of the axes, phases and frequencies of wobble, tremor and shake.
-
-    Returns
-    -------
-    Piece
-        The move; the sample after its last one is at rest again.
+    Takes v, rad, on body axes at its start, the largest φ and ψ, rad, the size of the linear
+    acceleration, m/s^2, and the source of axes, phases and frequencies of all three. The sample
+    after the last one is at rest again.
     """
     tau, duration = np.arange(n) / n, n * dt
     fade, fade_rate = 64 * (tau - tau**2) ** 3, 192 * (tau - tau**2) ** 2 * (1 - 2 * tau) / duration
@@ -137,22 +115,7 @@ def hum(n, dt, rms, frequency, rng):
 
 
 def chain(pieces, up, gravity, rate):
-    """Return the motion of pieces one after the other.
-
-    Parameters
-    ----------
-    pieces : list of Piece
-        Rests and moves.
-    up : array_like, shape (3,)
-        Upward direction on body axes at the start.
-    gravity, rate : float
-        m/s^2 and Hz.
-
-    Returns
-    -------
-    Motion
-        The whole session.
-    """
+    """Return the Motion of pieces one after the other; `up` is that on body axes at the start."""
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0
     for piece in pieces:

@@ -10,16 +10,8 @@ def output(truth, x, channels):
     """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, (n, 3), SI.
 
     e depends on the output itself: solved by repeated substitution, whose error falls by the
-    size of de/du, a few per cent at most, in each of four rounds.
-
-    Parameters
-    ----------
-    truth : SensorTruth
-        The sensor.
-    x : ndarray, shape (n, 3)
-        True specific force (m/s^2) or angular rate (rad/s) on body axes.
-    channels : callable
-        Gives `Channels` of an output.
+    size of de/du, a few per cent at most, in each of four rounds. Takes a SensorTruth, the true
+    vectors on body axes, and what gives `Channels` of an output.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -35,18 +27,7 @@ def output(truth, x, channels):
 def logged(truth, u, bias, dt, seed):
     """Return what is logged: ``raw = (u + noise)/K + b``, rounded to the step, (n, 3).
 
-    Parameters
-    ----------
-    truth : SensorTruth
-        The sensor.
-    u : ndarray, shape (n, 3)
-        Output before noise, SI.
-    bias : array_like, shape (3,)
-        Bias of this power cycle, raw units.
-    dt : float
-        Distance of samples, s.
-    seed : SeedSequence
-        One child per axis.
+    Takes the output before noise, SI, and the bias of this power cycle, raw units.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):

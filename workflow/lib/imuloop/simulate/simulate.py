@@ -87,14 +87,7 @@ def simulate_session(truth, session, seed=None):
 def write_log(path, log, metadata):
     """Write a raw log as CSV or, for any other ending, as Parquet that says it is simulated.
 
-    Parameters
-    ----------
-    path : path-like
-        File to write; ``.csv`` has a header of the columns' names and nothing else.
-    log : DataFrame
-        From `simulate_session`.
-    metadata : dict
-        Kept in the Parquet file beside ``"simulated": true``.
+    The Parquet file keeps the metadata beside ``"simulated": true``.
     """
     with replaced(path) as temporary:
         if Path(path).suffix == ".csv":

@@ -41,16 +41,9 @@ class Popcorn:
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise coefficients of a sensor's three axes, at its output in SI units.
+    """Noise coefficients of a sensor's three axes, at its output in SI units."""
 
-    Attributes
-    ----------
-    Q, N, B, K, R : sequence of 3 floats
-        Quantisation (SI·s), white (SI/√Hz), flicker (SI), walk (SI/√s), ramp (SI/s).
-    gauss_markov, sinusoid, steps : tuple
-        Further processes.
-    """
-
+    # quantisation (SI·s), white (SI/√Hz), flicker (SI), walk (SI/√s), ramp (SI/s)
     Q: tuple = ZERO
     N: tuple = ZERO
     B: tuple = ZERO
@@ -63,145 +56,92 @@ class Noise:
 
 @dataclass(frozen=True)
 class SensorTruth:
-    """One sensor: ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
+    """One sensor: ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``."""
 
-    Attributes
-    ----------
-    raw_unit : str
-        Unit that is logged: m/s^2, rad/s, count, …
-    T : ndarray, shape (3, 3)
-        Misalignment, unit diagonal.
-    K, b : ndarray, shape (3,)
-        Scale factor, SI per raw unit, and bias, raw units.
-    noise : Noise
-        SI, added to the sensor's output.
-    step : float
-        Step to which the logged value is rounded, raw units; 0 for none.
-    effects : tuple of FittedEffect
-        Effects of the library that the base model lacks.
-    extra : callable, optional
-        An effect outside the library: takes `Channels`, returns (n, 3), SI.
-    """
-
+    # unit that is logged: m/s^2, rad/s, count, …
     raw_unit: str
+    # misalignment, (3, 3), unit diagonal; scale factor, SI per raw unit, and bias, raw units, (3,)
     T: np.ndarray
     K: np.ndarray
     b: np.ndarray
     noise: Noise = Noise()
+    # step to which the logged value is rounded, raw units; 0 for none
     step: float = 0.0
+    # effects of the library that the base model lacks
     effects: tuple[FittedEffect, ...] = ()
+    # an effect outside the library: takes `Channels`, returns (n, 3), SI
     extra: Callable | None = None
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Something that happens to a static session.
+    """Something that happens to a static session."""
 
-    Attributes
-    ----------
-    kind : {'knock', 'tilt', 'handling'}
-        Burst of acceleration, lasting turn, or seconds of motion that end where they began.
-    time_s, duration_s : float
-        Start and length, s.
-    size : float
-        m/s^2 of a knock, degrees of a tilt or of handling.
-    axis : tuple of 3 floats, optional
-        Body axis of a tilt (its level part counts); at random if not given.
-    """
-
+    # 'knock', a burst of acceleration; 'tilt', a lasting turn; 'handling', some seconds of motion
+    # that ends where it began
     kind: str
     time_s: float
+    # m/s^2 of a knock, degrees of the others
     size: float
     duration_s: float = 1.0
+    # body axis of a tilt (its level part counts); at random if not given
     axis: tuple | None = None
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """A motor under the table that runs during some of the poses, along another axis in each.
+    """A motor under the table that runs during some of the poses, along another axis in each."""
 
-    Attributes
-    ----------
-    share : float
-        Part of the poses during which it runs; never the first.
-    rms, frequency : tuple of 2 floats
-        Smallest and largest acceleration, root mean square, m/s^2, and frequency, Hz.
-    """
-
+    # part of the poses during which it runs; never the first
     share: float
+    # smallest and largest acceleration, root mean square, m/s^2, and frequency, Hz
     rms: tuple
     frequency: tuple
 
 
 @dataclass(frozen=True)
 class Thermometer:
-    """What the logged temperature lacks.
+    """What the logged temperature lacks."""
 
-    Attributes
-    ----------
-    lag_s : float
-        Time constant with which it follows the temperature of the device, s.
-    noise, step : float
-        Standard deviation of a sample, and step to which it is rounded, K; 0 for none.
-    """
-
+    # time constant with which it follows the temperature of the device, s
     lag_s: float = 0.0
+    # standard deviation of a sample, and step to which it is rounded, K; 0 for none
     noise: float = 0.0
     step: float = 0.0
 
 
 @dataclass(frozen=True)
 class SessionTruth:
-    """One log to be made.
+    """One log to be made."""
 
-    Attributes
-    ----------
-    kind : {'static', 'six_position', 'multi_position'}
-        What is done with the device.
-    seed : int
-        Number from which all of the session's random numbers follow.
-    up : tuple of 3 floats
-        Upward direction on body axes, static or before the first pose; six faces begin with z up.
-    duration_s, disturbances : float, tuple of Disturbance
-        Of a static session: length, s, and what happens, in order of time.
-    initial_rest_s : float
-        First rest of the other kinds, s.
-    poses : int
-        Poses after the first rest (multi_position).
-    repeats : int
-        Rounds over the six faces (six_position).
-    placement_deg : float
-        Placement error of a face, standard deviation about each level axis, degrees.
-    rest_s, move_s : tuple of 2 floats
-        Shortest and longest rest and move, s.
-    turns_about_vertical : int
-        Poses that are turned slowly about the vertical, unseen by the accelerometer, held again.
-    vibration : Vibration, optional
-        Of the poses (multi_position).
-    temperature : tuple of (float, float)
-        Knots (s, degC) of the surroundings, linear between them; the log has no temperature
-        without.
-    thermal_s : float
-        Time constant with which the device follows its surroundings, s.
-    turn_on : dict
-        Change of the bias in this power cycle per sensor, raw units.
-    """
-
+    # 'static', 'six_position' or 'multi_position'
     kind: str
+    # number from which all of the session's random numbers follow
     seed: int = 0
+    # upward direction on body axes, static or before the first pose; six faces begin with z up
     up: tuple = (0.0, 0.0, 1.0)
+    # of a static session: length, s, and what happens, in order of time
     duration_s: float = 7200.0
     disturbances: tuple[Disturbance, ...] = ()
+    # first rest of the other kinds, s
     initial_rest_s: float = 50.0
+    # poses after the first rest (multi_position), rounds over the six faces (six_position)
     poses: int = 40
     repeats: int = 1
+    # placement error of a face, standard deviation about each level axis, degrees
     placement_deg: float = 0.2
+    # shortest and longest rest and move, s
     rest_s: tuple = (3.0, 6.0)
     move_s: tuple = (1.0, 2.5)
+    # poses that are turned slowly about the vertical, unseen by the accelerometer, held again
     turns_about_vertical: int = 0
+    # of the poses (multi_position)
     vibration: Vibration | None = None
+    # knots (s, degC) of the surroundings, linear between them; the log has no temperature without
     temperature: tuple = ()
+    # time constant with which the device follows its surroundings, s
     thermal_s: float = 0.0
+    # change of the bias in this power cycle per sensor, raw units
     turn_on: dict | None = None
 
 
