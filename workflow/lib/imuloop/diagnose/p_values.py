@@ -1,7 +1,5 @@
 """P-values of the parameters that one fit has beyond another, whatever the noise is."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import betainc, betaln, log_softmax, logsumexp
 
@@ -47,20 +45,7 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     return logsumexp(weight + tail, axis=0)
 
 
-def log_p_values(pairs, points=slice(None)):
-    """Return `averaged_log_p` of several pairs of fits, (without, with), as a list."""
-    found = [0.0] * len(pairs)
-    sizes = [fit.theta.shape[1] - without.theta.shape[1] for without, fit in pairs]
-    for key in {(q, fit.dof) for q, (_, fit) in zip(sizes, pairs, strict=True)}:
-        at = [k for k, q in enumerate(sizes) if (q, pairs[k][1].dof) == key]
-        beside = [
-            replace(
-                fits[0],
-                square=np.stack([f.square for f in fits], axis=1),
-                log_weight=np.stack([f.log_weight for f in fits], axis=1),
-            )
-            for fits in zip(*(pairs[k] for k in at), strict=True)
-        ]
-        for k, value in zip(at, averaged_log_p(*beside, key[0], points).tolist(), strict=True):
-            found[k] = value
-    return found
+def log_p_value(without, fit, points=slice(None)):
+    """Return `averaged_log_p` of the parameters that a fit of one record has beyond another."""
+    q = fit.theta.shape[1] - without.theta.shape[1]
+    return float(averaged_log_p(without, fit, q, points))
