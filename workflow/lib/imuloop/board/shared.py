@@ -10,13 +10,7 @@ from scipy.signal import correlate
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    TIME,
-    read_columns,
-    read_samples,
-)
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_columns, read_samples
 from imuloop.core.segments import MOTION, STATIC
 from imuloop.ingest.quality import CLIPPED_SHARE
 

@@ -79,18 +79,9 @@ def unpack(x):
 
 
 def accelerometer_model(recording, gravity, x=None, effects=(), known=()):
-    """Return the model of a recording's poses, its effects seen with the parameters x.
+    """Return the model of a recording's poses, with effects to estimate and known FittedEffects.
 
-    Parameters
-    ----------
-    recording : Recording
-        Poses, n of them.
-    gravity : float
-        Local gravity, m/s^2.
-    x : array_like, optional
-        Parameters whose K and b give the output that the effects depend on; as logged without.
-    effects, known : sequence of Effect, sequence of FittedEffect
-        Effects to estimate, and known ones.
+    They see the output with K and b of the parameters x; as logged without. Gravity is in m/s^2.
     """
     _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
     values = () if x is None else x[len(NAMES) :]

@@ -63,20 +63,10 @@ class Poses:
     def mean_covariance(self, noise):
         """Return the covariance of the pose means that a NoiseModel predicts, (6, n, n).
 
-        SI units squared, in the order ax … gz; read-only. Runs are independent. An axis whose noise
-        is not known gets the white part alone, the variance within the pose over its samples. What
+        SI units squared, in the order ax … gz. Runs are independent. An axis whose noise is not
+        known gets the white part alone, the variance within the pose over its samples. What
         rounding adds is independent from pose to pose.
         """
-        # both sensors, their checks and their weights ask for the same one
-        if self._means.get("noise") is not noise:
-            self._means.update(noise=noise, covariance=self._mean_covariance(noise))
-        return self._means["covariance"]
-
-    @cached_property
-    def _means(self):
-        return {}
-
-    def _mean_covariance(self, noise):
         windows = self.windows
         whole = np.zeros((6, len(self), len(self)))
         for run in np.unique(self.run):
@@ -87,7 +77,6 @@ class Poses:
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
             elif self.rounded is not None:
                 whole[axis] += np.diag(self.rounded[:, axis])
-        whole.flags.writeable = False
         return whole
 
     def unknown_noise(self, noise, channels):
@@ -227,25 +216,11 @@ def rounded_means(samples, variance):
 
 
 def gather_rotations(poses, samples, segments, longest_s):
-    """Return the rotations between consecutive poses of the same session.
+    """Return the Rotations between consecutive poses of the same session, and the Lost.
 
     A rotation runs from the last sample of a pose to the first of the next. It is left out where
     it lasts longer than asked, where a gap interrupts it, and where it lost too much elsewhere
-    (`gaps.errors_of_time`).
-
-    Parameters
-    ----------
-    poses : Poses
-        Poses of the sessions.
-    samples, segments : sequence of DataFrame or dict of arrays
-        Samples and segments of each session.
-    longest_s : float
-        Seconds.
-
-    Returns
-    -------
-    Rotations, Lost
-        In the order of the poses; what gaps took.
+    (`gaps.errors_of_time`). Takes samples and segments of each session.
     """
     first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
     for session in np.unique(poses.session):

@@ -80,18 +80,9 @@ def candidates_in_motion(known):
 def diagnose_motion(force, turn, recording, settings, tests, shown):
     """Return the MotionResult of a device.
 
-    Parameters
-    ----------
-    force, turn : tuple
-        AccelerometerPoses or GyroscopePoses, and its Solution at the poses, effects included.
-    recording : Recording
-        Poses and moves.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int
-        Number of tests of the other records, which share the significance.
-    shown : dict
-        By sensor what static records show, `found` and `information` of PoseProblem.
+    `force` and `turn` are AccelerometerPoses or GyroscopePoses and its Solution at the poses,
+    effects included; `tests` the number of tests of the other records, which share the
+    significance; `shown` by sensor what static records show, as of PoseProblem.
     """
     if not all(solution for _, solution in (force, turn)):
         return untestable("the poses do not determine both sensors")

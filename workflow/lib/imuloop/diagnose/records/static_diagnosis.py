@@ -98,20 +98,9 @@ def static_candidates(sensor, records):
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
     """Return the StaticResult of both sensors of a device.
 
-    Parameters
-    ----------
-    data : StaticData
-        The logs at rest.
-    records : dict of str to sequence of StaticRecord
-        Means of each sensor.
-    calibration : Calibration
-        Base calibration: effects add to its ``K (raw - b)``.
-    noise : NoiseModel
-        Noise of the device.
-    settings, noise_settings
-        Of the diagnosis, and of the noise stage, by which the noise is estimated again.
-    tests : int
-        Number of tests that share the significance.
+    Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
+    ``K (raw - b)`` effects add, and the device's noise, which is estimated again by the settings of
+    its stage; `tests` is the number of tests that share the significance.
     """
     findings, content, shared = {}, {}, None
     for sensor, axes in SENSORS.items():
