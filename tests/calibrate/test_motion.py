@@ -109,22 +109,6 @@ def of_first_order(effect, channels):
     return channels.remembered(lambda c: np.gradient(c.output, c.t, axis=0))[:, :, None]
 
 
-@LATE
-def test_a_delay_comes_back_and_leaves_other_moves_at_their_floor(name):
-    truth, effect, true = late(name, short(100.0, poses=40))
-    one, other = (recording(truth, seed) for seed in (22, 1022))
-    fit = motion(truth, one)[0].fit(one, (effect,)).fit
-    std = np.sqrt(np.diag(fit.scaled_covariance))[-len(true) :]
-    assert np.all(np.abs(fit.x[-len(true) :] - true) < 3 * std) and np.all(std < 1e-4)
-    made, _ = motion(truth, other)
-    model = made.model_at(fit.x, other, (effect,))
-    r, covariance = model.residuals(fit.x)[0], made.covariance_at(fit.x, model, other, made.noise)
-    for kind in (3, 4):
-        rows = made.rows(other)[1] == kind
-        share = (r[rows] ** 2 / np.diag(covariance)[rows]).mean()
-        assert abs(share - 1) < 3 * np.sqrt(2 / rows.sum())
-
-
 def test_a_move_ends_without_velocity_but_for_the_noise_that_is_expected():
     squares, vertical, count = [], [], 8
     for seed in range(count):

@@ -72,23 +72,6 @@ def test_turns_that_lose_more_are_foreseen_to_and_along_what_they_lose():
     assert 2 * np.mean(gain) > 0.5
 
 
-def test_means_over_each_step_lose_a_tenth_as_much():
-    rate, ratio = 50, []
-    for seed in range(3):
-        whole, logged, _ = drawn(seed, rate)
-        step = hand.RATE // rate
-        for w, own in zip(whole, logged, strict=True):
-            n = len(w) // step
-            # a sample more at rest, for the mean of a step to be at its middle
-            means = w[: n * step].reshape(n, step, 3).mean(axis=1)
-            lacks = (
-                (turned(x, rate) * turned(w, hand.RATE).inv()).magnitude() for x in (means, own)
-            )
-            ratio.append(list(lacks))
-    of_means, of_instants = np.mean(np.square(ratio), axis=0)
-    assert of_means < of_instants / 100
-
-
 @pytest.mark.parametrize("share", [0.0, 0.03])
 def test_turns_that_are_followed_lose_nothing_even_where_samples_are_lost(share):
     log = simulate_session(example_truth(), "multi_position", 3)
