@@ -33,7 +33,7 @@ LIBRARY = {
     if effect.__module__.startswith(imuloop.effects.__name__)
     and {"poses", "motion"} & set(effect.records)
 }
-SEEN = list(LIBRARY)
+OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
 def log(n=400, seed=0, dt=0.05):
@@ -52,7 +52,7 @@ def shapes(name, channels=None):
     return find_effect(name).shapes(channels or log())
 
 
-SHAPES = [pytest.param(shape, id=str(shape)) for name in SEEN for shape in shapes(name)]
+SHAPES = [pytest.param(shape, id=str(shape)) for name in LIBRARY for shape in shapes(name)]
 
 
 def fitted(effect, seed=0, size=1.0):
@@ -69,12 +69,13 @@ def test_every_name_of_the_contract_is_an_effect_of_its_sensor(sensor):
 
 @pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 def test_an_effect_says_what_a_report_tells(effect):
-    assert effect.__doc__ and effect.equation and effect.reference
-    assert "Leaves" in effect.__doc__
+    assert "Leaves" in effect.__doc__ and effect.equation and effect.reference
     assert set(effect.records) <= {"poses", "static_record", "motion"} and effect.records
     for sensor in effect.sensors:
         units = effect().units(sensor)
         assert list(units) == list(effect().parameters)
+        if effect().parameters[next(iter(units))] == "output per K":
+            assert next(iter(units.values())) == f"{OUTPUT[sensor]} per K"
         assert not any("output" in unit for unit in units.values())
 
 
@@ -188,9 +189,7 @@ def test_a_calibration_undoes_what_the_simulator_adds(shape):
     np.testing.assert_allclose(found, np.hstack([f, w]), atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in SEEN if "temperature" in find_effect(name).needs]
-)
+@pytest.mark.parametrize("name", [n for n, e in LIBRARY.items() if "temperature" in e.needs])
 def test_temperatures_that_lack_are_filled(name):
     channels = log(241)
     # one reading in 20 samples, on a straight line: nothing is lost

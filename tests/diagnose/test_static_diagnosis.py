@@ -144,8 +144,9 @@ def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits):
 
 def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits):
     content = diagnosed(data(a=log(4, warm=True))).content["accelerometer"]
-    pairs = {(p["effect"], p["with"]) for p in content["confounded"]}
-    assert ("scale_temperature", "bias_temperature") in pairs
+    assert ("scale_temperature", "bias_temperature") in {
+        (p["effect"], p["with"]) for p in content["confounded"]
+    }
     (found,) = (c for c in content["candidates"] if c["name"] == "scale_temperature")
     assert (found["status"], found["confounded_with"]) == ("confounded", "bias_temperature")
 
