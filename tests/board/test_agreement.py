@@ -42,10 +42,7 @@ def wrong(devices):
 
 @pytest.mark.parametrize(
     ("sensor", "factor", "kind", "other"),
-    [
-        ("gyroscope", 1.01, "turn", "gravity_norm"),
-        ("accelerometer", 1.002, "gravity_norm", "turn"),
-    ],
+    [("gyroscope", 1.01, "turn", "gravity_norm"), ("accelerometer", 1.002, "gravity_norm", "turn")],
 )
 def test_a_wrong_scale_is_that_devices_own(devices, wrong, sensor, factor, kind, other):
     content = wrong(devices, sensor, factor)

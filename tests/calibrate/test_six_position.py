@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imuloop.calibrate.six_position import (
-    decompose,
-    find_faces,
-    fit_six_position,
-    untestable_faces,
-)
+from imuloop.calibrate.six_position import decompose, find_faces, fit_six_position, untestable_faces
 
 G = 9.80665
 T = np.array([[1, 0.01, -0.02], [0, 1, 0.015], [0, 0, 1]])
