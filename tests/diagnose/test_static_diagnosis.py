@@ -178,15 +178,3 @@ def test_too_short_and_silent_records_say_why(no_limits):
     assert silent["accelerometer"]["verdict"] == "consistent"
 
 
-def test_a_part_that_is_lost_to_a_move_leaves_the_other_sensor_its_own_windows(no_limits):
-    """The last five means, tilted and too few for a record, are the gyroscope's alone."""
-    moved = SECONDS - 330
-    # the output (-0.4, -0.7, 9.3) m/s^2 and what is as long
-    lower = np.sqrt(0.4**2 + 9.3**2 - 0.6**2) - 9.3
-    made = data(a=log(5, extra=lambda t: np.outer(t > moved, [1.0, 0, lower, 0, 0, 0])))
-    ends = {"start_s": [0.0, moved + 20], "end_s": [moved - 20, SECONDS], "kind": ["static"] * 2}
-    made.segments["a"] = pd.DataFrame(ends)
-    content = diagnosed(made).content
-    n = {sensor: own["residuals"]["bias"]["n"] for sensor, own in content.items()}
-    assert n["gyroscope"] - n["accelerometer"] == 5
-    assert content["gyroscope"]["verdict"] == "consistent"

@@ -16,14 +16,10 @@ UPPER = ((0, 0, 1), (1, 2, 2))
 class AccelerometerModel:
     """``x = T (K (y - b) - e)`` with T upper triangular, from the mean y of n poses."""
 
-    # m/s^2 as logged, (n, 3)
-    y: np.ndarray
-    # derivative of e with respect to the parameters of the effects, (n, 3, p)
-    design: np.ndarray
-    # m/s^2
-    gravity: float
-    # part of e that is known, m/s^2, (n, 3)
-    known: np.ndarray | float = 0.0
+    y: np.ndarray  # m/s^2 as logged, (n, 3)
+    design: np.ndarray  # derivative of e with respect to the parameters of the effects, (n, 3, p)
+    gravity: float  # m/s^2
+    known: np.ndarray | float = 0.0  # part of e that is known, m/s^2, (n, 3)
 
     def start(self):
         """Return parameters to start from: no misalignment, no bias, the mean norm as it is."""

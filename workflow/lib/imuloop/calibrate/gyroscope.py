@@ -29,19 +29,13 @@ class AttitudePath:
     C takes body axes to those at the start of the rotation.
     """
 
-    # C at the end, (m, 3, 3)
-    last: np.ndarray
-    # ∫ C (dw/dx) dt, the rotation at the start that a change of each parameter makes, rad
-    turn: np.ndarray
-    # ∫ C dt, s, (m, 3, 3)
-    mean: np.ndarray
-    # C at the middle of each step, (m, k - 1, 3, 3), and the steps, s
-    middle: np.ndarray
-    steps: np.ndarray
-    # quaternions of C after each step, (m, k - 1, 4)
-    after: np.ndarray
-    # covariance that the time stamps add, on axes at the start, rad², (m, 3, 3)
-    added: np.ndarray | None
+    last: np.ndarray  # C at the end, (m, 3, 3)
+    turn: np.ndarray  # ∫ C (dw/dx) dt, the rotation at the start that a change of x makes, rad
+    mean: np.ndarray  # ∫ C dt, s, (m, 3, 3)
+    middle: np.ndarray  # C at the middle of each step, (m, k - 1, 3, 3)
+    steps: np.ndarray  # s
+    after: np.ndarray  # quaternions of C after each step, (m, k - 1, 4)
+    added: np.ndarray | None  # covariance of time stamps, on axes at the start, rad², (m, 3, 3)
 
     @cached_property
     def spread(self):
@@ -57,11 +51,9 @@ class GyroscopeModel:
     # mean angular rate of each pose, rad/s as logged, (n, 3), and the derivative of e, (n, 3, p)
     rate: np.ndarray
     rate_design: np.ndarray
-    # m rotations of k samples, and the derivative of e along them, (m, k, 3, p)
-    rotations: Rotations
-    rotation_design: np.ndarray
-    # unit vector of calibrated specific force at each pose, (n, 3)
-    directions: np.ndarray
+    rotations: Rotations  # m of k samples
+    rotation_design: np.ndarray  # the derivative of e along them, (m, k, 3, p)
+    directions: np.ndarray  # unit vector of calibrated specific force at each pose, (n, 3)
     # part of e that is known, rad/s, (n, 3) and (m, k, 3)
     rate_known: np.ndarray | float = 0.0
     rotation_known: np.ndarray | float = 0.0

@@ -26,19 +26,14 @@ class Poses:
     # different runs is independent
     session: np.ndarray
     run: np.ndarray
-    # first and last instant, s on the session's clock
-    start_s: np.ndarray
+    start_s: np.ndarray  # first and last instant, s on the session's clock
     end_s: np.ndarray
-    # seconds at rest, less than end - start where a rest was interrupted, and samples
-    duration_s: np.ndarray
-    n: np.ndarray
-    # mean specific force, m/s^2, and angular rate, rad/s, (n, 3), SI as logged
-    f: np.ndarray
+    duration_s: np.ndarray  # s at rest, less than end - start where a rest was interrupted
+    n: np.ndarray  # samples
+    f: np.ndarray  # mean specific force, m/s^2, and angular rate, rad/s, (n, 3), SI as logged
     w: np.ndarray
-    # sample variance of the six channels within the pose, (n, 6)
-    variance: np.ndarray
-    # mean, degC; None unless every session logs one
-    temperature: np.ndarray | None
+    variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
+    temperature: np.ndarray | None  # mean, degC; None unless every session logs one
     # variance that rounding adds to the six means (`rounded_means`), (n, 6)
     rounded: np.ndarray | None = None
 
@@ -97,17 +92,13 @@ class Poses:
 class Rotations:
     """Angular rate between consecutive poses, m of k samples, padded with steps of zero."""
 
-    # pose that each starts from, (m,); it ends at the next
-    first: np.ndarray
-    # first and last sample, s
-    start_s: np.ndarray
+    first: np.ndarray  # pose that each starts from, (m,); it ends at the next
+    start_s: np.ndarray  # first and last sample, s
     end_s: np.ndarray
-    # time of the samples, s, (m, k), angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
-    t: np.ndarray
-    w: np.ndarray
+    t: np.ndarray  # time of the samples, s, (m, k)
+    w: np.ndarray  # angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
     f: np.ndarray
-    # degC, (m, k)
-    temperature: np.ndarray | None
+    temperature: np.ndarray | None  # degC, (m, k)
     # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
     # scatter
     uneven: np.ndarray | None = None

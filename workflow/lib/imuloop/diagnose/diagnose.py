@@ -204,11 +204,9 @@ def as_seen(calibration, solutions, recording, static, noise):
     too; `static` are by sensor the static records, and the effects that they show.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
-    poses = {sensor: [] for sensor in SENSORS}
+    poses, rate = {sensor: [] for sensor in SENSORS}, recording.poses.w
     if solutions["accelerometer"] and force.effects:
-        poses["accelerometer"] = [
-            recording.pose_channels("accelerometer", force.output, recording.poses.w)
-        ]
+        poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
     if solutions["gyroscope"] and turn.effects:
         f = calibrated_force(force, recording, noise)
         poses["gyroscope"] = [

@@ -32,7 +32,7 @@ class StaticProblem:
     shapes: dict  # tuple of the shapes of each effect to try, by type, where they can be listed
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
-    noise: tuple | None = None  # Hypotheses, where the other sensor's problem has the same windows
+    noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
     _derivatives: dict = field(default_factory=dict, repr=False)
     residual = "bias"
     # both as of PoseProblem
