@@ -176,5 +176,3 @@ def test_too_short_and_silent_records_say_why(no_limits):
     silent = diagnosed(data(a=made.samples["a"].assign(gy=0.25)), noise).content
     assert silent["gyroscope"]["why"] == "an axis never changes"
     assert silent["accelerometer"]["verdict"] == "consistent"
-
-

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from diagnose.rows import Column, N, Other, T, search
+from diagnose.rows import Column, N, Other, T, rows, search
+from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.poses import PoseProblem
+from seeds import seeds
 
 LINE = np.column_stack([np.ones(N), T])
 WAVE = {Column(): np.sin(9 * T)}
@@ -27,6 +29,25 @@ def test_p_values_are_uniform_without_an_effect():
     drawn = [search(rng.normal(size=N), LINE, WAVE).trial((), Column).p_value for _ in range(200)]
     # conservative by a little: the scale is never below the noise model's
     assert kstest(drawn, "uniform").pvalue > 1e-3
+
+
+@seeds(100, 300)
+def test_an_effect_of_its_detection_limit_is_found_with_the_stated_power(seeds):
+    rng, power, threshold = np.random.default_rng(3), 0.8, 0.005
+    wave = WAVE[Column()]
+
+    def choices(size):
+        return Choices(rows(rng.normal(size=N) + size * wave, LINE, WAVE, threshold=threshold))
+
+    quiet = []
+    for _ in range(10):
+        made = choices(0.0).search()
+        quiet.append(detection_limits(made, (), made.trial((), Column), power)["p"])
+    limit = np.median(quiet)
+    # it passes the test, and parts that are held out keep it
+    found = [choices(limit).choice().base == (Column(),) for _ in range(seeds)]
+    # three standard errors; a little less: the scale of the test is never below the noise model's
+    assert np.mean(found) == pytest.approx(power, abs=1.2 / np.sqrt(seeds))
 
 
 @pytest.mark.parametrize("elsewhere, shown", [(0.05, False), (0.5, True)])

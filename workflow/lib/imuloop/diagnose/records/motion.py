@@ -230,12 +230,8 @@ def _probes(problem, columns):
         "previous_pose": recording.poses.f[rotations.first],
         "knock": columns["knock_m_s"][:, None],
     }
-    found = []
-    for kind in VELOCITY:
-        k = problem.components(kind)
-        for name, each in values.items():
-            each = each[quiet] - each[quiet].mean(axis=0)
-            own = np.zeros((len(problem.fold), 1, k * each.shape[1]))
-            own[problem.of_kind(kind), 0] = np.kron(each, np.eye(k))
-            found.append((name, kind, own))
-    return found
+    return [
+        (name, kind, problem.probe(kind, each[quiet]))
+        for kind in VELOCITY
+        for name, each in values.items()
+    ]
