@@ -1,7 +1,7 @@
 """P-values of the parameters that one fit has beyond another, whatever the noise is."""
 
 import numpy as np
-from scipy.special import betainc, betaln, log_softmax, logsumexp
+from scipy.special import betainc, betaln
 
 
 def log_f_tail(statistic, q, dof):
@@ -36,13 +36,14 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     """
     drop = np.maximum(without.square - fit.square, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]
-    weight = log_softmax(fit.log_weight[points], axis=0)
+    total = np.logaddexp.reduce
+    weight = fit.log_weight[points] - total(fit.log_weight[points])
     if fit.least.any():
-        known = log_softmax(without.log_weight[points], axis=0)
-        gain = logsumexp(known + (without.spent - fit.spent)[points], axis=0)
+        known = without.log_weight[points] - total(without.log_weight[points])
+        gain = total(known + (without.spent - fit.spent)[points])
         share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
         weight = np.logaddexp(weight + np.log1p(-np.exp(share)), known + share)
-    return logsumexp(weight + tail, axis=0)
+    return total(weight + tail)
 
 
 def log_p_value(without, fit, points=slice(None)):
