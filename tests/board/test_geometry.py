@@ -8,7 +8,7 @@ from board.boards import ARMS, NAMES, TURNS, calibrated, logs
 from imuloop.board.board import relate
 from seeds import least
 
-SEEDS = range(5)
+SEEDS = range(3)
 
 
 @pytest.fixture(scope="module")
@@ -33,32 +33,22 @@ def scores(found):
 
 def test_arms_and_turns_come_back_within_their_errors(found):
     z = scores(found)
-    # 30 of each, those of a seed not independent
+    # 18 of each, those of a seed not independent
     assert np.abs(z).max() < 4
     for each in z:
-        assert (np.abs(each) < 3).mean() >= 0.95
         assert np.sum(np.abs(each) < 1) >= least(each.size, 0.683, 1e-3)
+    # σ that says nothing would pass
+    assert np.all((z**2).mean(axis=(1, 2, 3)) > 0.4)
+    for device in (content["devices"][name] for content in found for name in NAMES[1:]):
+        assert np.all(device["arm_std"] < 0.15e-3) and np.all(device["rotation_std"] < 0.1e-3)
 
 
-def test_errors_are_no_larger_than_they_are_said_to_be(found):
-    # σ that says nothing would pass the test above
-    assert np.all((scores(found) ** 2).mean(axis=(1, 2, 3)) > 0.4)
-    for content in found:
-        for name in NAMES[1:]:
-            assert np.all(content["devices"][name]["arm_std"] < 0.15e-3)
-            assert np.all(content["devices"][name]["rotation_std"] < 0.1e-3)
-
-
-def test_the_first_device_is_the_reference(found):
+def test_the_first_is_the_reference_and_where_nothing_differs_nothing_is_said_to(found):
     for content in found:
         first = content["devices"][content["reference"]]
         assert content["reference"] == NAMES[0]
         np.testing.assert_array_equal(first["rotation"], np.eye(3))
         assert not np.any(first["arm"]) and not np.any(first["arm_std"])
-
-
-def test_where_nothing_differs_nothing_is_said_to(found):
-    for content in found:
         tests = [d[kind] for d in content["devices"].values() for kind in ("turn", "gravity_norm")]
         verdicts = {test["verdict"] for test in (*tests, *content["common"].values())}
         # noise that the rests do not bound leaves doubt

@@ -34,7 +34,6 @@ def in_order(log):
 HARMS = {
     "none": lambda log, rng: log,
     "3 % lost, 2 to 5 in a row": lambda log, rng: lose(log, 0.03, rng, range(2, 6)),
-    "stamps off by 0.5 ms": lambda log, rng: stamp_late(log, 0.0005, rng),
     "1 % lost, stamps off by 2 ms": lambda log, rng: in_order(
         stamp_late(lose(log, 0.01, rng), 0.002, rng)
     ),

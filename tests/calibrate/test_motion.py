@@ -67,33 +67,26 @@ def test_the_derivative_is_that_of_the_residuals():
 @pytest.mark.parametrize("name", NAMES)
 def test_what_was_put_in_comes_back(name):
     effect, true = values(name)
-    extra = lambda now: physics.EFFECTS[name](now, true, {})  # noqa: E731
-    truth = with_effects(
-        noiseless(short(poses=30)), [Injected(effect.sensors[0], name, true, extra=extra)]
-    )
+    truth = injected(name, true, noiseless(short(poses=30)))
     one = recording(truth, 2)
     found = motion(truth, one)[0].fit(one, (effect,)).fit.x[-len(true) :]
     np.testing.assert_allclose(found, [*true.values()], rtol=0.02, atol=0.01 * SIZE[name])
 
 
-def late(name, truth):
-    """Return a device with delays of nearly a step of 10 ms, the effect and its parameters."""
-    effect = find_effect(name)()
-    true = dict(zip(effect.parameters, (-9e-3, 9e-3), strict=False))
+def injected(name, true, truth):
+    """Return a device with an effect."""
     extra = lambda now: physics.EFFECTS[name](now, true, {})  # noqa: E731
-    truth = with_effects(truth, [Injected(effect.sensors[0], name, true, extra=extra)])
-    return truth, effect, np.array([*true.values()])
+    return with_effects(truth, [Injected(find_effect(name).sensors[0], name, true, extra=extra)])
 
 
-LATE = pytest.mark.parametrize("name", ["time_offset", "gyro_axis_delay"])
-
-
-@LATE
+@pytest.mark.parametrize("name", ["time_offset", "gyro_axis_delay"])
 def test_a_delay_is_taken_out_to_all_orders(name, monkeypatch):
-    truth, effect, true = late(name, noiseless(short(100.0)))
-    one = recording(truth, 21)
-    made, x = motion(truth, one)
-    x = np.append(x, true)
+    effect = find_effect(name)()
+    # nearly a step of 10 ms
+    true = dict(zip(effect.parameters, (-9e-3, 9e-3), strict=False))
+    one = recording(injected(name, true, noiseless(short(100.0))), 21)
+    made, x = motion(short(100.0), one)
+    x = np.append(x, [*true.values()])
     # what the delay adds to an angle is a velocity of 15 mm/s per rad and ms
     velocity = np.flatnonzero(made.rows(one)[1] >= 3)
     left = made.model_at(x, one, (effect,)).residuals(x)[0][velocity]
@@ -109,24 +102,8 @@ def of_first_order(effect, channels):
     return channels.remembered(lambda c: np.gradient(c.output, c.t, axis=0))[:, :, None]
 
 
-@LATE
-def test_a_delay_comes_back_and_leaves_other_moves_at_their_floor(name):
-    truth, effect, true = late(name, short(100.0, poses=40))
-    one, other = (recording(truth, seed) for seed in (22, 1022))
-    fit = motion(truth, one)[0].fit(one, (effect,)).fit
-    std = np.sqrt(np.diag(fit.scaled_covariance))[-len(true) :]
-    assert np.all(np.abs(fit.x[-len(true) :] - true) < 3 * std) and np.all(std < 1e-4)
-    made, _ = motion(truth, other)
-    model = made.model_at(fit.x, other, (effect,))
-    r, covariance = model.residuals(fit.x)[0], made.covariance_at(fit.x, model, other, made.noise)
-    for kind in (3, 4):
-        rows = made.rows(other)[1] == kind
-        share = (r[rows] ** 2 / np.diag(covariance)[rows]).mean()
-        assert abs(share - 1) < 3 * np.sqrt(2 / rows.sum())
-
-
 def test_a_move_ends_without_velocity_but_for_the_noise_that_is_expected():
-    squares, vertical, count = [], [], 8
+    squares, vertical, count = [], [], 4
     for seed in range(count):
         truth = short(100.0)
         one = recording(truth, 100 + seed)

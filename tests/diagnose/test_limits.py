@@ -26,7 +26,11 @@ DRIFT = BiasDrift()
 @seeds(10, 30)
 @pytest.mark.parametrize(
     "effect, name, slow",
-    [(Ramp(), "dz", 10), (BiasTemperature(1, 20.0), "c1y", 0), (WarmUp(1200.0), "Ax", 10)],
+    [
+        (Ramp(), "dz", 10),
+        pytest.param(BiasTemperature(1, 20.0), "c1y", 0, marks=pytest.mark.study),
+        pytest.param(WarmUp(1200.0), "Ax", 10, marks=pytest.mark.study),
+    ],
 )
 def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, seeds):
     rng, n = np.random.default_rng(8), 120
@@ -36,15 +40,13 @@ def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, s
         one = search([rec], [effect])
         limits.append(detection_limits(one, (), one.trial((), type(effect)), 0.9)[name])
         add = effect.design(rec.channels)[:, :, list(effect.parameters).index(name)]
-    passed, kept = 0, 0
+    kept = 0
     for _ in range(seeds):
         values = made @ rng.standard_normal((n, 3)) + np.median(limits) * add
         one = search([record(values)], [effect])
-        passed += one.trial((), type(effect)).log_p < one.threshold(0)
         kept += type(effect) in map(type, Choices(one.problem).choice().base)
     # each record knows its noise only so well
-    assert passed >= kept >= least(seeds, 0.9, 1e-5)
-    # and half the limit is found far less often than always
+    assert kept >= least(seeds, 0.9, 1e-5)
     assert 0.3 < np.min(limits) / np.max(limits)
 
 

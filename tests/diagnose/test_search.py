@@ -29,16 +29,14 @@ MATRIX = np.radians(0.1) / 9.80665 * Rotation.from_rotvec([0.3, -0.5, 0.8]).as_m
 TRUTH = example_truth()
 
 
-def with_effect(sensor, effect, values):
+def with_effect(sensor, effect, values, truth=TRUTH):
     """Return a device one of whose sensors has an effect."""
     fitted = FittedEffect(effect, dict(zip(effect.parameters, values, strict=True)), {})
-    return replace(TRUTH, **{sensor: replace(getattr(TRUTH, sensor), effects=(fitted,))})
+    return replace(truth, **{sensor: replace(getattr(truth, sensor), effects=(fitted,))})
 
 
 def with_g_sensitivity(truth, matrix):
-    values = dict(zip(G_SENSITIVITY.parameters, np.ravel(matrix).tolist(), strict=True))
-    effect = FittedEffect(G_SENSITIVITY, values, {})
-    return replace(truth, gyroscope=replace(truth.gyroscope, effects=(effect,)))
+    return with_effect("gyroscope", G_SENSITIVITY, np.ravel(matrix).tolist(), truth)
 
 
 def problem_of(sensor, made, shapes=SHAPES, parts=10, **more):
@@ -83,7 +81,7 @@ def test_an_undeclared_effect_is_found_with_its_size(sensitive, no_limits):
 
 def test_controls_are_consistent(no_limits):
     verdicts = []
-    for seed in range(20, 24):
+    for seed in range(20, 22):
         made = recording(TRUTH, seed)
         for sensor in ("accelerometer", "gyroscope"):
             content = diagnosed(TRUTH, made, sensor, folds=5).content
@@ -151,8 +149,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
 
 
 @pytest.mark.parametrize(
-    ("sensor", "effects"),
-    [("accelerometer", ()), ("gyroscope", ()), ("gyroscope", (G_SENSITIVITY,))],
+    ("sensor", "effects"), [("accelerometer", ()), ("gyroscope", (G_SENSITIVITY,))]
 )
 def test_a_fit_of_a_part_is_that_of_the_poses_that_are_kept(sensor, effects, monkeypatch):
     # by the same noise: that which the noise stage estimated
@@ -232,6 +229,7 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)
 
 
+@pytest.mark.study
 def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
     size, pulls = np.array([0.02, -0.02, 0.02]), []
     truth = with_effect("accelerometer", WarmUp(260.0), size)

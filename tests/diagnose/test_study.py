@@ -83,10 +83,7 @@ CONFOUNDED = [candidate("bias_drift", status="confounded", confounded_with="warm
         # found at rest, known at the poses
         ({"candidates": FOUND}, ["bias_drift"], {}, [], 0),
         # a twin that was not added explains nothing
-        (
-            {"effects": ["g_sensitivity"], "confounded": LIKE_WARM_UP},
-            *([], {}, ["bias_drift"], 1),
-        ),
+        ({"effects": ["g_sensitivity"], "confounded": LIKE_WARM_UP}, *([], {}, ["bias_drift"], 1)),
         ({"effects": ["bias_drift"], "sensor": "accelerometer"}, [], {}, ["bias_drift"], 1),
     ],
 )

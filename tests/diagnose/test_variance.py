@@ -50,14 +50,3 @@ def test_the_likelihood_is_the_one_that_is_written():
     # the top is flat: as much either way
     assert changes[0] == pytest.approx(changes[1], rel=0.1)
     assert changes[2] == pytest.approx(changes[3], rel=0.1)
-
-
-def test_sizes_of_simulated_noise_are_found_on_average():
-    rng, truth, few = np.random.default_rng(4), (2.0, 1.5), T % 3 == 0
-    parts = [Part(WALK), Part(np.diag(few).astype(float))]
-    root = np.linalg.cholesky(total(np.eye(N), parts, truth))
-    found = [likely_sizes(root @ rng.normal(size=N), LINE, np.eye(N), parts) for _ in range(200)]
-    squares = np.square(found)
-    off = squares.mean(axis=0) - np.square(truth)
-    # none is negative, which adds a little
-    assert np.all(np.abs(off) < 3.5 * squares.std(axis=0) / np.sqrt(200))

@@ -16,43 +16,23 @@ from imuloop.core.failure import attempt
 
 @dataclass(frozen=True)
 class Device:
-    """A device as the stages take it.
-
-    Attributes
-    ----------
-    name : str
-        Name of the device.
-    folder : Path
-        Its results.
-    kinds : Mapping of str to str
-        Kind of each session by its name.
-    label : str
-        Name in the report.
-    gravity : float
-        Local gravity, m/s^2.
-    nominal, full_scale : Mapping
-        As in the config.
-    segment, noise, calibrate, diagnose : Mapping
-        Settings of the stages that are not their defaults.
-    log : Path, optional
-        Where a traceback goes; None where the caller logs none.
-    threads : int
-        How many may work at once; changes nothing in a result.
-    """
+    """A device as the stages take it."""
 
     name: str
-    folder: Path
-    kinds: Mapping
-    label: str = ""
-    gravity: float = 9.80665
+    folder: Path  # its results
+    kinds: Mapping  # kind of each session by its name
+    label: str = ""  # name in the report
+    gravity: float = 9.80665  # local, m/s^2
+    # as in the config
     nominal: Mapping = field(default_factory=dict)
     full_scale: Mapping = field(default_factory=dict)
+    # settings of the stages that are not their defaults
     segment: Mapping = field(default_factory=dict)
     noise: Mapping = field(default_factory=dict)
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
-    log: Path | None = None
-    threads: int = 1
+    log: Path | None = None  # where a traceback goes
+    threads: int = 1  # how many may work at once; changes nothing in a result
 
     def file(self, name):
         """Return the path of one of the device's results."""

@@ -57,15 +57,9 @@ def mean(readings):
 def own_parts(readings, level):
     """Return what each device shows beside the others, and the names of those that agree.
 
-    The device that differs most is left out of the others' mean, until none in it differs: what one
-    does wrong is not put down to the others.
-
-    Parameters
-    ----------
-    readings : dict of str to Reading
-        Of at least two devices by name.
-    level : float
-        A device differs where its p-value is below.
+    The device that differs most is left out of the others' mean, until none in it differs, that is
+    has a p-value below `level`: what one does wrong is not put down to the others. Takes the
+    Reading of at least two devices by name.
     """
     agreeing = list(readings)
 
@@ -90,14 +84,7 @@ def readings(shared, turns, i, gravity, calibration, noise):
       two axes square to it, rad. What all devices miss alike shows here alone.
     - ``gravity_norm``: ``|f| − g`` of each rest, m/s².
 
-    Parameters
-    ----------
-    shared : Shared
-        The motion of k devices.
-    turns : sequence of ndarray, shape (3, 3)
-        Rotation of each to the first one.
-    i, gravity, calibration, noise
-        Number of the device, local gravity, m/s^2, its Calibration and its NoiseModel.
+    `turns`, (3, 3) each, are the rotations of all devices to the first one.
     """
     turn, f, bias = turns[i], shared.at_rest(shared.f), shared.at_rest(shared.w)
     # of all devices together

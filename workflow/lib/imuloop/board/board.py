@@ -27,15 +27,9 @@ def no_board(name, why):
 
 
 def relate(name, devices):
-    """Return the content of board.json.
+    """Return the content of board.json, from devices (`chain.Device`) that were diagnosed.
 
-    Parameters
-    ----------
-    name : str
-        Name of the board.
-    devices : sequence of imuloop.chain.Device
-        That name it, with results up to the diagnosis. Of their sessions of one name, recorded at
-        the same time, the one with the most motion is used.
+    Of their sessions of one name, recorded at the same time, the one with the most motion is used.
     """
     content, found = no_board(name, "no session that its devices share"), {}
     used = []

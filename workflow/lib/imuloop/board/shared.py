@@ -10,13 +10,7 @@ from scipy.signal import correlate
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    TIME,
-    read_columns,
-    read_samples,
-)
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_columns, read_samples
 from imuloop.core.segments import MOTION, STATIC
 from imuloop.ingest.quality import CLIPPED_SHARE
 
@@ -102,10 +96,9 @@ def _offset(first, other):
     By the dates at which both start, where they have one, and by the magnitude of the angular rate,
     which is the same on all axes: a counter does not say when it began.
     """
-    starts = [log[3] for log in (first, other)]
-    apart = (
-        pd.to_datetime(starts).to_series().diff().iloc[1].total_seconds() if all(starts) else 0.0
-    )
+    apart = 0.0
+    if first[3] and other[3]:
+        apart = (pd.Timestamp(other[3]) - pd.Timestamp(first[3])).total_seconds()
     t, late, step = first[0], other[0] + apart, np.median(np.diff(first[0]))
     grid = np.arange(max(t[0], late[0]), min(t[-1], late[-1]), step)
     if len(grid) < 2:

@@ -16,14 +16,10 @@ UPPER = ((0, 0, 1), (1, 2, 2))
 class AccelerometerModel:
     """``x = T (K (y - b) - e)`` with T upper triangular, from the mean y of n poses."""
 
-    # m/s^2 as logged, (n, 3)
-    y: np.ndarray
-    # derivative of e with respect to the parameters of the effects, (n, 3, p)
-    design: np.ndarray
-    # m/s^2
-    gravity: float
-    # part of e that is known, m/s^2, (n, 3)
-    known: np.ndarray | float = 0.0
+    y: np.ndarray  # m/s^2 as logged, (n, 3)
+    design: np.ndarray  # derivative of e with respect to the parameters of the effects, (n, 3, p)
+    gravity: float  # m/s^2
+    known: np.ndarray | float = 0.0  # part of e that is known, m/s^2, (n, 3)
 
     def start(self):
         """Return parameters to start from: no misalignment, no bias, the mean norm as it is."""
@@ -79,18 +75,9 @@ def unpack(x):
 
 
 def accelerometer_model(recording, gravity, x=None, effects=(), known=()):
-    """Return the model of a recording's poses, its effects seen with the parameters x.
+    """Return the model of a recording's poses, with effects to estimate and known FittedEffects.
 
-    Parameters
-    ----------
-    recording : Recording
-        Poses, n of them.
-    gravity : float
-        Local gravity, m/s^2.
-    x : array_like, optional
-        Parameters whose K and b give the output that the effects depend on; as logged without.
-    effects, known : sequence of Effect, sequence of FittedEffect
-        Effects to estimate, and known ones.
+    They see the output with K and b of the parameters x; as logged without. Gravity is in m/s^2.
     """
     _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
     values = () if x is None else x[len(NAMES) :]

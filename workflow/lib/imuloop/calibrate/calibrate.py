@@ -188,18 +188,9 @@ def best(*candidates):
 
 
 def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, multi_path):
-    """Calibrate a device from its sessions, as of `usable`, and its noise.json; write both results.
+    """Calibrate a device from its sessions, as of `usable`, and its noise.json.
 
-    Parameters
-    ----------
-    device, gravity : str, float
-        Name of the device, and local gravity, m/s^2.
-    sessions, noise : dict, path-like
-        What it is calibrated from.
-    settings : CalibrateSettings
-        Settings.
-    six_path, multi_path : path-like
-        Where to write the six-position and the multi-position calibration.
+    Writes the six-position and the multi-position calibration; gravity is local, m/s^2.
     """
     model, units = NoiseModel.from_json(noise), raw_units(sessions, KINDS)
     multi = read_recording(sessions, settings.longest_rotation)

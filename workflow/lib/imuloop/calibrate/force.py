@@ -66,11 +66,10 @@ class Force:
     @cached_property
     def rotations(self):
         """m/s^2, along each rotation, shape (m, k, 3)."""
-        calibration, rotations = self.calibration, self.recording.rotations
-        channels = self.recording.rotation_channels(
-            "accelerometer", calibration.output, rotations.w
-        )
-        return calibration.apply(rotations.f.reshape(-1, 3), channels).reshape(rotations.f.shape)
+        calibration, recording = self.calibration, self.recording
+        f, w = recording.rotations.f, recording.rotations.w
+        channels = recording.rotation_channels("accelerometer", calibration.output, w)
+        return calibration.apply(f.reshape(-1, 3), channels).reshape(f.shape)
 
 
 def calibrated_force(calibration, recording, noise):

@@ -56,14 +56,8 @@ def errors_of_time(log, begin, last, bias, variance):
     not known, or where the root of its trace is above that of the noise and above `TELLING` of the
     angle. Then the samples lost in a row, at most, in each, (m,).
 
-    Parameters
-    ----------
-    log : DataFrame or dict of arrays
-        Samples.
-    begin, last : ndarray of int, shape (m,)
-        First and last sample of each rotation.
-    bias, variance : ndarray, shape (m, 3)
-        Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
+    Takes the first and the last sample of each rotation, (m,), the mean of the angular rate at
+    rest, rad/s, and the variance of a sample, (rad/s)², (m, 3) each.
     """
     t = np.asarray(log[TIME])
     steps = np.diff(t)

@@ -8,7 +8,7 @@ import numpy as np
 from imuloop.calibrate.poses import Rotations
 from imuloop.core.effect import effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
-from imuloop.core.samples import ANGULAR_RATE
+from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1", "b2")
@@ -29,19 +29,13 @@ class AttitudePath:
     C takes body axes to those at the start of the rotation.
     """
 
-    # C at the end, (m, 3, 3)
-    last: np.ndarray
-    # ∫ C (dw/dx) dt, the rotation at the start that a change of each parameter makes, rad
-    turn: np.ndarray
-    # ∫ C dt, s, (m, 3, 3)
-    mean: np.ndarray
-    # C at the middle of each step, (m, k - 1, 3, 3), and the steps, s
-    middle: np.ndarray
-    steps: np.ndarray
-    # quaternions of C after each step, (m, k - 1, 4)
-    after: np.ndarray
-    # covariance that the time stamps add, on axes at the start, rad², (m, 3, 3)
-    added: np.ndarray | None
+    last: np.ndarray  # C at the end, (m, 3, 3)
+    turn: np.ndarray  # ∫ C (dw/dx) dt, the rotation at the start that a change of x makes, rad
+    mean: np.ndarray  # ∫ C dt, s, (m, 3, 3)
+    middle: np.ndarray  # C at the middle of each step, (m, k - 1, 3, 3)
+    steps: np.ndarray  # s
+    after: np.ndarray  # quaternions of C after each step, (m, k - 1, 4)
+    added: np.ndarray | None  # covariance of time stamps, on axes at the start, rad², (m, 3, 3)
 
     @cached_property
     def spread(self):
@@ -57,11 +51,9 @@ class GyroscopeModel:
     # mean angular rate of each pose, rad/s as logged, (n, 3), and the derivative of e, (n, 3, p)
     rate: np.ndarray
     rate_design: np.ndarray
-    # m rotations of k samples, and the derivative of e along them, (m, k, 3, p)
-    rotations: Rotations
-    rotation_design: np.ndarray
-    # unit vector of calibrated specific force at each pose, (n, 3)
-    directions: np.ndarray
+    rotations: Rotations  # m of k samples
+    rotation_design: np.ndarray  # the derivative of e along them, (m, k, 3, p)
+    directions: np.ndarray  # unit vector of calibrated specific force at each pose, (n, 3)
     # part of e that is known, rad/s, (n, 3) and (m, k, 3)
     rate_known: np.ndarray | float = 0.0
     rotation_known: np.ndarray | float = 0.0
@@ -176,50 +168,24 @@ class GyroscopeModel:
         """Return the covariance of all residuals that the noise model predicts: rates, rotations.
 
         Angular rate: white noise is turned by the attitude while it is summed; slow noise acts like
-        a bias of each rotation, so it goes through the derivative with respect to the bias, and
-        what a rotation has of it the mean rates at the poses beside it have too; noise of different
-        runs is independent. Time stamps: what lost samples and scatter add. Gravity: the error of a
-        pose's direction enters the rotation before and the one after it; `directions`, (3 n, 3 n),
-        is their covariance. Ordered pose by pose, the three axes of each together, then rotation by
-        rotation; (rad/s)² and rad², shape (3 n + 2 m, 3 n + 2 m).
+        a bias of each rotation (`slow_covariance`). Time stamps: what lost samples and scatter add.
+        Gravity: the error of a pose's direction enters the rotation before and the one after it;
+        `directions`, (3 n, 3 n), is their covariance. Ordered pose by pose, the three axes of each
+        together, then rotation by rotation; (rad/s)² and rad², shape (3 n + 2 m, 3 n + 2 m).
         """
         rotations, path, n, m = self.rotations, self.path(x), len(poses), len(self.rotations)
-        plane, length = self.plane, rotations.end_s - rotations.start_s
+        plane = self.plane
         # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
         carried = plane @ path.last.swapaxes(1, 2)
         to_error = carried @ cross_matrix(self.directions[rotations.first])
-        per_angle = to_error @ (path.mean / length[:, None, None])
-        covariance = np.zeros((3 * n + 2 * m, 3 * n + 2 * m))
-        means, of_run = poses.mean_covariance(noise)[3:], poses.run[rotations.first]
-        ends = np.column_stack([rotations.start_s, rotations.end_s])
         # the two components of each rotation's error
         pairs = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
-        for run in np.unique(poses.run):
-            at, turns = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
-            seconds = np.concatenate([np.ones(len(at)), length[turns]])
-            together = noise.pose_mean_covariance(np.concatenate([poses.windows[at], ends[turns]]))[
-                3:
-            ]
-            turned = len(at) + np.arange(len(turns))
-            for axis, name in enumerate(ANGULAR_RATE):
-                # means at the poses, angles of the rotations
-                slow = together[axis] * (seconds[:, None] * seconds)
-                slow[turned, turned] -= noise.axes[name].N.square * length[turns]
-                # what each of them makes of a residual
-                gain = np.zeros((len(seconds), len(at) + 2 * len(turns)))
-                gain[: len(at), : len(at)] = np.eye(len(at))
-                for k in range(2):
-                    gain[turned, len(at) + 2 * np.arange(len(turns)) + k] = per_angle[
-                        turns, k, axis
-                    ]
-                own = 3 * at + axis
-                rows = np.concatenate([own, pairs[turns].ravel()])
-                covariance[np.ix_(rows, rows)] += gain.T @ slow @ gain
-                if not together[axis].any():
-                    # of an axis without noise the poses' own variance is known
-                    covariance[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
-                elif poses.rounded is not None:
-                    covariance[own, own] += poses.rounded[at, 3 + axis]
+        # what the means at the poses and over the rotations make of a residual
+        gains, at, turns = np.zeros((3, 3 * n + 2 * m, n + m)), np.arange(n), n + np.arange(m)
+        for axis, gain in enumerate(gains):
+            gain[3 * at + axis, at] = 1.0
+            gain[pairs, turns[:, None]] = (to_error @ path.mean)[..., axis]
+        covariance = slow_covariance(poses, rotations, noise, gains, ANGULAR_RATE)
         within = sum(
             noise.axes[name].N.square * (to_error @ path.spread[:, axis] @ to_error.swapaxes(1, 2))
             for axis, name in enumerate(ANGULAR_RATE)
@@ -234,6 +200,34 @@ class GyroscopeModel:
         whole = sum(np.einsum("xmk,mjk->xmj", half[:, pose], of_end) for pose, of_end in of_ends)
         covariance[3 * n :, 3 * n :] += whole.reshape(2 * m, 2 * m)
         return covariance
+
+
+def slow_covariance(poses, rotations, noise, gains, channels):
+    """Return the covariance of N residuals by noise of means at n poses and over m rotations.
+
+    `gains`, (c, N, n + m), are what the means of each channel make of a residual. What a rotation
+    has of slow noise the poses beside it have too; noise of different runs is independent. White
+    noise within a rotation is left out: it does not act as its mean does.
+    """
+    covariance, means = np.zeros((gains.shape[1],) * 2), poses.mean_covariance(noise)
+    ends, of_run = np.column_stack([rotations.start_s, rotations.end_s]), poses.run[rotations.first]
+    for run in np.unique(poses.run):
+        at, turns = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
+        together = noise.pose_mean_covariance(np.concatenate([poses.windows[at], ends[turns]]))
+        own, turned = np.arange(len(at)), len(at) + np.arange(len(turns))
+        for gain, name in zip(gains, channels, strict=True):
+            axis = CHANNELS.index(name)
+            slow = np.array(together[axis])
+            if slow.any():
+                slow[turned, turned] -= noise.axes[name].N.square / np.ptp(ends[turns], axis=1)
+                if poses.rounded is not None:
+                    slow[own, own] += poses.rounded[at, axis]
+            else:
+                # of an axis without noise the poses' own variance is known
+                slow[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
+            seen = gain[:, np.concatenate([at, len(poses) + turns])]
+            covariance += seen @ slow @ seen.T
+    return covariance
 
 
 def midpoints(values):

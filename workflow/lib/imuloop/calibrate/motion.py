@@ -9,7 +9,7 @@ import numpy as np
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.force import calibrated_force
-from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix, tangents
+from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix, slow_covariance, tangents
 from imuloop.calibrate.pose_fits import SensorPoses
 from imuloop.core.effect import Effect, effect_design
 from imuloop.core.model import SensorCalibration
@@ -302,11 +302,6 @@ class MotionPoses(SensorPoses):
         """Return the Solution for a recording, from the calibrations if not from a start."""
         return super().fit(recording, effects, self.x if start is None else start, prior)
 
-    def covariances(self, solution, recording):
-        """Return what gives the covariance of the residuals by a noise model."""
-        model = self.model(solution, recording)
-        return MotionCovariance(solution.fit.x, model, recording).by
-
     def covariance_at(self, x, model, recording, noise):
         """Return the covariance of a model's residuals, by a noise model."""
         return MotionCovariance(x, model, recording).by(noise)
@@ -315,9 +310,9 @@ class MotionPoses(SensorPoses):
 class MotionCovariance:
     """The covariance of all residuals of a MotionModel that the noise predicts.
 
-    Every channel has means at the poses and a mean over each move, whose noise is common: slow
-    noise acts like a bias of each. What each makes of a residual is the gain. White noise within a
-    move, and errors of its time stamps, enter its rotation and its velocity alike.
+    Every channel has means at the poses and a mean over each move (`slow_covariance`); what each
+    makes of a residual is the gain. White noise within a move, and errors of its time stamps, enter
+    its rotation and its velocity alike.
     """
 
     def __init__(self, x, model, recording):
@@ -340,26 +335,8 @@ class MotionCovariance:
 
     def all(self, noise):
         """Return that of all, velocities as they are."""
-        covariance = np.zeros((self.gains.shape[1],) * 2)
         poses, rotations = self.recording.poses, self.turn.rotations
-        means, length = poses.mean_covariance(noise), rotations.end_s - rotations.start_s
-        ends = np.column_stack([rotations.start_s, rotations.end_s])
-        of_run = poses.run[rotations.first]
-        for run in np.unique(poses.run):
-            at, moves = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
-            together = noise.pose_mean_covariance(np.concatenate([poses.windows[at], ends[moves]]))
-            own, inside = np.arange(len(at)), len(at) + np.arange(len(moves))
-            for axis, name in enumerate(CHANNELS):
-                slow = np.array(together[axis])
-                if slow.any():
-                    slow[inside, inside] -= noise.axes[name].N.square / length[moves]
-                    if poses.rounded is not None:
-                        slow[own, own] += poses.rounded[at, axis]
-                else:
-                    # of an axis without noise the poses' own variance is known
-                    slow[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
-                gain = self.gains[axis][:, np.concatenate([at, len(poses) + moves])]
-                covariance += gain @ slow @ gain.T
+        covariance = slow_covariance(poses, rotations, noise, self.gains, CHANNELS)
         white = [noise.axes[name].N.square for name in CHANNELS]
         move = self.model.moves
         within = np.tensordot(white, self.within, 1) + self.added

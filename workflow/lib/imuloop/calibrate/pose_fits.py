@@ -310,12 +310,12 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
     for name, value in zip(base[:-6], x[: count - 6], strict=True):
         T[int(name[1]), int(name[2])] = value
     names = [f"{effect.name}.{p}" for effect in effects for p in effect.parameters]
-    std, fitted, at = np.sqrt(np.diag(covariance)), [], count
+    # in the order of the effects' parameters
+    values, fitted = zip(x[count:], np.sqrt(np.diag(covariance))[count:], strict=True), []
     for effect in effects:
-        own = slice(at, at + len(effect.parameters))
-        both = (dict(zip(effect.parameters, v[own].tolist(), strict=True)) for v in (x, std))
+        own = {p: tuple(map(float, next(values))) for p in effect.parameters}
+        both = ({p: pair[k] for p, pair in own.items()} for k in (0, 1))
         fitted.append(FittedEffect(effect, *both))
-        at = own.stop
     return SensorCalibration(
         raw_unit=unit,
         T=T,

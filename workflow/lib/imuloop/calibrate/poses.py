@@ -26,19 +26,14 @@ class Poses:
     # different runs is independent
     session: np.ndarray
     run: np.ndarray
-    # first and last instant, s on the session's clock
-    start_s: np.ndarray
+    start_s: np.ndarray  # first and last instant, s on the session's clock
     end_s: np.ndarray
-    # seconds at rest, less than end - start where a rest was interrupted, and samples
-    duration_s: np.ndarray
-    n: np.ndarray
-    # mean specific force, m/s^2, and angular rate, rad/s, (n, 3), SI as logged
-    f: np.ndarray
+    duration_s: np.ndarray  # s at rest, less than end - start where a rest was interrupted
+    n: np.ndarray  # samples
+    f: np.ndarray  # mean specific force, m/s^2, and angular rate, rad/s, (n, 3), SI as logged
     w: np.ndarray
-    # sample variance of the six channels within the pose, (n, 6)
-    variance: np.ndarray
-    # mean, degC; None unless every session logs one
-    temperature: np.ndarray | None
+    variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
+    temperature: np.ndarray | None  # mean, degC; None unless every session logs one
     # variance that rounding adds to the six means (`rounded_means`), (n, 6)
     rounded: np.ndarray | None = None
 
@@ -63,20 +58,10 @@ class Poses:
     def mean_covariance(self, noise):
         """Return the covariance of the pose means that a NoiseModel predicts, (6, n, n).
 
-        SI units squared, in the order ax … gz; read-only. Runs are independent. An axis whose noise
-        is not known gets the white part alone, the variance within the pose over its samples. What
+        SI units squared, in the order ax … gz. Runs are independent. An axis whose noise is not
+        known gets the white part alone, the variance within the pose over its samples. What
         rounding adds is independent from pose to pose.
         """
-        # both sensors, their checks and their weights ask for the same one
-        if self._means.get("noise") is not noise:
-            self._means.update(noise=noise, covariance=self._mean_covariance(noise))
-        return self._means["covariance"]
-
-    @cached_property
-    def _means(self):
-        return {}
-
-    def _mean_covariance(self, noise):
         windows = self.windows
         whole = np.zeros((6, len(self), len(self)))
         for run in np.unique(self.run):
@@ -87,7 +72,6 @@ class Poses:
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
             elif self.rounded is not None:
                 whole[axis] += np.diag(self.rounded[:, axis])
-        whole.flags.writeable = False
         return whole
 
     def unknown_noise(self, noise, channels):
@@ -108,17 +92,13 @@ class Poses:
 class Rotations:
     """Angular rate between consecutive poses, m of k samples, padded with steps of zero."""
 
-    # pose that each starts from, (m,); it ends at the next
-    first: np.ndarray
-    # first and last sample, s
-    start_s: np.ndarray
+    first: np.ndarray  # pose that each starts from, (m,); it ends at the next
+    start_s: np.ndarray  # first and last sample, s
     end_s: np.ndarray
-    # time of the samples, s, (m, k), angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
-    t: np.ndarray
-    w: np.ndarray
+    t: np.ndarray  # time of the samples, s, (m, k)
+    w: np.ndarray  # angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
     f: np.ndarray
-    # degC, (m, k)
-    temperature: np.ndarray | None
+    temperature: np.ndarray | None  # degC, (m, k)
     # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
     # scatter
     uneven: np.ndarray | None = None
@@ -227,25 +207,11 @@ def rounded_means(samples, variance):
 
 
 def gather_rotations(poses, samples, segments, longest_s):
-    """Return the rotations between consecutive poses of the same session.
+    """Return the Rotations between consecutive poses of the same session, and the Lost.
 
     A rotation runs from the last sample of a pose to the first of the next. It is left out where
     it lasts longer than asked, where a gap interrupts it, and where it lost too much elsewhere
-    (`gaps.errors_of_time`).
-
-    Parameters
-    ----------
-    poses : Poses
-        Poses of the sessions.
-    samples, segments : sequence of DataFrame or dict of arrays
-        Samples and segments of each session.
-    longest_s : float
-        Seconds.
-
-    Returns
-    -------
-    Rotations, Lost
-        In the order of the poses; what gaps took.
+    (`gaps.errors_of_time`). Takes samples and segments of each session.
     """
     first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
     for session in np.unique(poses.session):

@@ -71,16 +71,8 @@ class Recording:
     def pose_channels(self, sensor, output, other, see=lambda values: values):
         """Return what an effect of a sensor sees at the poses.
 
-        Parameters
-        ----------
-        sensor : {'accelerometer', 'gyroscope'}
-            Whose effect.
-        output : callable
-            Takes values of the sensor in SI as logged, (n, 3), to ``K (raw - b)``.
-        other : ndarray, shape (n, 3)
-            The other sensor at the poses, SI.
-        see : callable
-            Takes values of the other sensor in a log, SI as logged, to what an effect sees.
+        `output` takes values of the sensor, SI as logged, (n, 3), to ``K (raw - b)``, `see` those
+        of the other in a log to what an effect sees; `other`, (n, 3), is what it sees at the poses.
         """
         poses = self.poses
 

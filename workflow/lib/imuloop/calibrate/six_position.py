@@ -63,12 +63,8 @@ def fit_six_position(f, faces, gravity, noise=0.0):
     leaves; the one along d is expected at ``g - s²/g`` and has the variance of the noise and
     ``(s²/g)²``.
 
-    Parameters
-    ----------
-    f, faces : array_like, shape (n, 3), and of int, shape (n,)
-        Mean specific force of each pose, m/s^2, and its face as `find_faces` has it, none 0.
-    gravity, noise : float
-        Local gravity, m/s^2, and variance of a pose's mean, (m/s^2)^2.
+    Takes mean specific force of each pose, m/s^2, (n, 3), its face as `find_faces` has it, none 0,
+    local gravity, m/s^2, and the variance of a pose's mean, (m/s^2)^2.
 
     References
     ----------

@@ -40,16 +40,8 @@ def aliased_turns(log, begin, last, bias, variance):
 
     ζ Hurwitz' function. The likeliest p of all turns (Whittle), and a of each, give the variance
     2 a f_s⁻ᵖ ζ(p) of each axis. That is of samples at instants; means over each step would be free
-    of it, and a filter within the sensor is seen as a faster fall.
-
-    Parameters
-    ----------
-    log : DataFrame or dict of arrays
-        Angular rate, rad/s.
-    begin, last : ndarray of int, shape (m,)
-        First and last sample of each turn.
-    bias, variance : ndarray, shape (m, 3)
-        Mean of the angular rate at rest, rad/s, and the variance of a sample, (rad/s)².
+    of it, and a filter within the sensor is seen as a faster fall. Arguments as of
+    `gaps.errors_of_time`.
 
     Returns
     -------

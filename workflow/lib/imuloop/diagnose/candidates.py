@@ -5,23 +5,10 @@ from imuloop.effects.thermometer import LEAST_SPAN, span
 
 
 def candidates(sensor, record, channels):
-    """Return the effects to try on a sensor, each with its shapes, and why others are not.
+    """Return the shapes of each effect to try on a sensor, by type, and why others are not.
 
-    Parameters
-    ----------
-    sensor : {'accelerometer', 'gyroscope'}
-        Sensor.
-    record : {'poses', 'static_record'}
-        Kind of data.
-    channels : Channels
-        What the effects see in them.
-
-    Returns
-    -------
-    dict of type to tuple of Effect
-        The shapes of each effect that can be tried.
-    dict of type to (str, str)
-        Status and reason of those that cannot.
+    Of the others status and reason by type; `record` is 'poses' or 'static_record', `channels` what
+    effects see in it.
     """
     available, others = {}, {}
     for cls in Effect.library.values():

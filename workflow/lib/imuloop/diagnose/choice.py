@@ -186,14 +186,7 @@ class Choices:
 def ratio_interval(fold, before, after, settings):
     """Return the 95 % interval of held-out error after over before, whole parts drawn again.
 
-    Parameters
-    ----------
-    fold : ndarray, shape (n,)
-        Which part each error was held out with.
-    before, after : ndarray, shape (n, k)
-        Errors.
-    settings : DiagnoseSettings
-        Draws and seed.
+    `fold`, (n,), is the part that each of the errors, (n, k), was held out with.
     """
     parts = np.unique(fold)
     sums = np.array([[(e[fold == k] ** 2).sum() for e in (before, after)] for k in parts])

@@ -42,13 +42,11 @@ def correlates(search, base, probes):
 
 def _independent(columns):
     """Return columns that span the same on each axis, none of them by others: (N, a, q)."""
-    found = np.zeros((*columns.shape[:2], 0))
-    for axis in range(columns.shape[1]):
+    found = [np.zeros((*columns.shape[:2], 0))]
+    for axis, unit in enumerate(np.eye(columns.shape[1])):
         own = columns[:, axis]
         size = np.linalg.norm(own, axis=0)
         if size.any():
             u = orth(own[:, size > 0] / size[size > 0], rcond=LEAST)
-            more = np.zeros((len(u), columns.shape[1], u.shape[1]))
-            more[:, axis] = u
-            found = np.concatenate([found, more], axis=2)
-    return found
+            found.append(u[:, None] * unit[:, None])
+    return np.concatenate(found, axis=2)

@@ -6,13 +6,7 @@ import numpy as np
 
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.calibrate import (
-    best,
-    read_poses,
-    read_recording,
-    usable,
-    with_sessions,
-)
+from imuloop.calibrate.calibrate import best, read_poses, read_recording, usable, with_sessions
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
@@ -71,21 +65,11 @@ def diagnose_device(
     settings,
     noise_settings,
 ):
-    """Return the Diagnosed of a device.
+    """Return the Diagnosed of a device, by its name.
 
-    Parameters
-    ----------
-    device : str
-        Name of the device.
-    gravity : float
-        Local gravity, m/s^2.
-    sessions : dict of str to dict
-        ``kind``, ``samples`` and ``segments`` (paths) of each session.
-    noise, six_position, multi_position : path-like
-        Results of the stages before.
-    calibrate_settings, settings, noise_settings
-        Of the calibration that is repeated with effects, of the diagnosis, and of the noise stage,
-        whose Allan curves are made again without the effects.
+    Takes local gravity, m/s^2, ``kind``, ``samples`` and ``segments`` (paths) of each session by
+    name, paths of the results of the stages before, and settings: of the calibration, repeated with
+    effects, of the diagnosis, and of the noise stage, repeated without them.
     """
     model = NoiseModel.from_json(noise)
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
@@ -113,12 +97,8 @@ def diagnose_device(
         """Return gravity's direction at the poses by an accelerometer that lacks some parts."""
         return directions_without(force.choices, out, force.effects)
 
-    turn_model = GyroscopePoses(
-        noise,
-        force.solution.calibration if force.solution else base.accelerometer,
-        units[1],
-        calibrate_settings,
-    )
+    gravity_by = force.solution.calibration if force.solution else base.accelerometer
+    turn_model = GyroscopePoses(noise, gravity_by, units[1], calibrate_settings)
     seen = directions if force.choices else None
     turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen)
     found = dict(zip(SENSORS, (force, turn), strict=True))
@@ -156,11 +136,9 @@ def diagnose_device(
     seen_force = calibrated_force(turn_model.accelerometer, recording, noise)
     # the six faces are not diagnosed
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
+    blocks = {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS}
     return Diagnosed(
-        _content(
-            device,
-            {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS},
-        ),
+        _content(device, blocks),
         final,
         still.allan,
         dict(zip(SENSORS, (force_model, turn_model), strict=True)),
@@ -185,9 +163,7 @@ def undiagnosed(device, why):
 
 def _content(device, blocks):
     """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`."""
-    sensors = {
-        sensor: dict(zip(RECORDS, contents, strict=True)) for sensor, contents in blocks.items()
-    }
+    sensors = {sensor: dict(zip(RECORDS, own, strict=True)) for sensor, own in blocks.items()}
     return {"format": FORMAT, "device": device, "sensors": sensors}
 
 
@@ -228,11 +204,9 @@ def as_seen(calibration, solutions, recording, static, noise):
     too; `static` are by sensor the static records, and the effects that they show.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
-    poses = {sensor: [] for sensor in SENSORS}
+    poses, rate = {sensor: [] for sensor in SENSORS}, recording.poses.w
     if solutions["accelerometer"] and force.effects:
-        poses["accelerometer"] = [
-            recording.pose_channels("accelerometer", force.output, recording.poses.w)
-        ]
+        poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
     if solutions["gyroscope"] and turn.effects:
         f = calibrated_force(force, recording, noise)
         poses["gyroscope"] = [

@@ -52,8 +52,13 @@ class Pattern:
     effect: object
     design: np.ndarray
     columns: tuple[tuple[int, ...], ...]
-    parameters: tuple[tuple[int, ...], ...]
+    parameters: tuple[list[int], ...]
     scale: tuple[np.ndarray, ...]
+
+    @property
+    def on_axes(self):
+        """Columns, parameters and scale, axis by axis."""
+        return zip(self.columns, self.parameters, self.scale, strict=True)
 
 
 class Evidence:
@@ -69,13 +74,11 @@ class Evidence:
         Gives the derivative of all rows with respect to an effect's parameters, (N, a, q).
     least : float or ndarray, shape (h,)
         Least share of a hypothesis' variance that noise can have: 1 where its size is known.
-    still : ndarray of bool, shape (h,)
-        Hypotheses at which parameters are estimated; all by default.
-    plain : ndarray of bool, shape (h,)
-        Those of the noise as it was seen, no slower; those of `still` by default.
+    still, plain : ndarray of bool, shape (h,)
+        Hypotheses at which parameters are estimated, all by default; and those of the noise as it
+        was seen, no slower, those of `still` by default.
     even : int, optional
-        Hypothesis at which nuisances are estimated beside given parameters; that of the parameters
-        by default.
+        Hypothesis at which nuisances are estimated; that of the parameters by default.
     """
 
     def __init__(self, blocks, prior, design, least=0.0, still=None, plain=None, even=None):
@@ -87,7 +90,7 @@ class Evidence:
         self.axes = self.blocks[0].values.shape[1]
         # of each block: columns, and their products with the precision, (h, n)
         self.columns, self.weighted = [[] for _ in self.blocks], [[] for _ in self.blocks]
-        self._known, self._patterns, self._trainings, self._made = {}, {}, {}, {}
+        self._known, self._patterns, self._trainings = {}, {}, {}
         self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
         self.sides = [b.noise.precision @ b.nuisance for b in self.blocks]
         self.values = self.enter(np.concatenate([b.values for b in self.blocks]).T)
@@ -110,21 +113,19 @@ class Evidence:
 
     def patterns(self, effects):
         """Return the patterns of effects, their columns entered."""
-        new = [e for e in dict.fromkeys(effects) if e not in self._patterns]
-        designs = [self._made[e] if e in self._made else self.design(e) for e in new]
-        vectors, places = [], []
-        for design in designs:
-            for axis in range(self.axes):
-                used = np.flatnonzero(np.any(design[:, axis] != 0, axis=0))
-                scale = np.linalg.norm(design[:, axis, used], axis=0)
-                places.append((tuple(used.tolist()), scale, len(vectors)))
-                vectors += list((design[:, axis, used] / scale).T)
-        numbers = self.enter(vectors)
-        for k, (effect, design) in enumerate(zip(new, designs, strict=True)):
-            used, scale, at = zip(*places[k * self.axes : (k + 1) * self.axes], strict=True)
-            columns = tuple(numbers[i : i + len(u)] for u, i in zip(used, at, strict=True))
-            self._patterns[effect] = Pattern(effect, design, columns, used, scale)
+        for effect in effects:
+            if effect not in self._patterns:
+                self.know(effect, self.design(effect))
         return tuple(self._patterns[effect] for effect in effects)
+
+    def know(self, key, design):
+        """Enter a pattern of any kind, (N, a, q), under a key that is, or stands for, an effect."""
+        found = []
+        for own in design.swapaxes(0, 1):
+            used = np.flatnonzero(np.any(own != 0, axis=0))
+            scale = np.linalg.norm(own[:, used], axis=0)
+            found.append((self.enter((own[:, used] / scale).T), used.tolist(), scale))
+        self._patterns[key] = Pattern(key, design, *zip(*found, strict=True))
 
     def columns_of(self, effects, axis):
         """Return the columns of effects on an axis."""
@@ -138,10 +139,6 @@ class Evidence:
         blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
         prior = self.prior + sum(n.fitted for n in noise)
         return Evidence(blocks, prior, self.design, self.least, self.still, self.plain, self.even)
-
-    def know(self, key, design):
-        """Enter a pattern of any kind, (N, a, q), under a key that stands for an effect."""
-        self._made[key] = design
 
     def training(self, out=frozenset(), only=None):
         """Return the Training rows: those that touch no part of `out`, of some blocks or of all."""

@@ -39,23 +39,9 @@ def detection_limits(search, base, trial, power, kept=True):
     more, the hypotheses are those of such data. Time constants and widths that are added lie
     between those of the shapes.
 
-    Parameters
-    ----------
-    search : Search
-        The search of all data.
-    base : tuple of Effect
-        The effects beside it.
-    trial : Trial
-        The trial of one effect beside `base`.
-    power : float
-        Probability of finding the effect.
-    kept : bool
-        Whether held-out parts have to confirm it.
-
-    Returns
-    -------
-    dict of str to float
-        By parameter; parameters that no axis shows, or at no size, are left out.
+    `search` is that of all data, `base` the effects beside that of the trial, `power` the
+    probability of finding it, `kept` whether held-out parts have to confirm it. The sizes are by
+    parameter; those that no axis shows, or at no size, are left out.
     """
     training, limits, names = search.training(base), {}, list(trial.effect.parameters)
     effects = base, trial.effects, (trial.effect.moved(BETWEEN),)

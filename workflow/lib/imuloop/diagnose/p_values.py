@@ -1,9 +1,7 @@
 """P-values of the parameters that one fit has beyond another, whatever the noise is."""
 
-from dataclasses import replace
-
 import numpy as np
-from scipy.special import betainc, betaln, log_softmax, logsumexp
+from scipy.special import betainc, betaln
 
 
 def log_f_tail(statistic, q, dof):
@@ -38,29 +36,17 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     """
     drop = np.maximum(without.square - fit.square, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]
-    weight = log_softmax(fit.log_weight[points], axis=0)
+    total = np.logaddexp.reduce
+    weight = fit.log_weight[points] - total(fit.log_weight[points])
     if fit.least.any():
-        known = log_softmax(without.log_weight[points], axis=0)
-        gain = logsumexp(known + (without.spent - fit.spent)[points], axis=0)
+        known = without.log_weight[points] - total(without.log_weight[points])
+        gain = total(known + (without.spent - fit.spent)[points])
         share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
         weight = np.logaddexp(weight + np.log1p(-np.exp(share)), known + share)
-    return logsumexp(weight + tail, axis=0)
+    return total(weight + tail)
 
 
-def log_p_values(pairs, points=slice(None)):
-    """Return `averaged_log_p` of several pairs of fits, (without, with), as a list."""
-    found = [0.0] * len(pairs)
-    sizes = [fit.theta.shape[1] - without.theta.shape[1] for without, fit in pairs]
-    for key in {(q, fit.dof) for q, (_, fit) in zip(sizes, pairs, strict=True)}:
-        at = [k for k, q in enumerate(sizes) if (q, pairs[k][1].dof) == key]
-        beside = [
-            replace(
-                fits[0],
-                square=np.stack([f.square for f in fits], axis=1),
-                log_weight=np.stack([f.log_weight for f in fits], axis=1),
-            )
-            for fits in zip(*(pairs[k] for k in at), strict=True)
-        ]
-        for k, value in zip(at, averaged_log_p(*beside, key[0], points).tolist(), strict=True):
-            found[k] = value
-    return found
+def log_p_value(without, fit, points=slice(None)):
+    """Return `averaged_log_p` of the parameters that a fit of one record has beyond another."""
+    q = fit.theta.shape[1] - without.theta.shape[1]
+    return float(averaged_log_p(without, fit, q, points))

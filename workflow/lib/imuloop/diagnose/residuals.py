@@ -13,27 +13,12 @@ SINGULAR = 1e-12
 
 
 def chi_square(values, covariance, jacobian, groups):
-    """Return χ² and degrees of freedom of each group of residuals, all of them fitted together.
+    """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
-    The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Residuals.
-    covariance : ndarray, shape (n, n)
-        Their covariance Σ.
-    jacobian : ndarray, shape (n, p)
-        Derivative J with respect to the parameters, which are fitted anew.
-    groups : sequence of ndarray of bool, shape (n,)
-        Groups.
-
-    Returns
-    -------
-    list of (float, float)
-        Group by group.
-    float
-        Logarithm of the restricted likelihood of all.
+    The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry. Takes
+    residuals, (n,), their covariance Σ, (n, n), and derivative J with respect to the parameters,
+    (n, p), which are fitted anew to all together, and masks of the groups; the likelihood is
+    restricted.
     """
     root = cholesky(covariance, lower=True)
     size = np.linalg.norm(jacobian, axis=0)
@@ -62,14 +47,8 @@ def held_out_operator(weights, jacobian, folds):
     held out is ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up,
     does not count in its covariance ``E Σ Eᵀ``. E is zero in the rows of no part.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (n, n)
-        Inverse of the covariance of all residuals by which a fit weighs them.
-    jacobian : ndarray, shape (n, p)
-        Derivative J with respect to the parameters.
-    folds : ndarray of int, shape (n, 2)
-        The part that each row is held out with, and the other that it touches; -1 for none.
+    `weights`, (n, n), are the inverse of the covariance of all residuals, J is `jacobian`, (n, p);
+    `folds`, (n, 2), the part that a row is held out with, and the other that it touches, or -1.
     """
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
@@ -100,14 +79,8 @@ def held_out_covariance(covariance, jacobian, folds, weights=None):
 def chance(square, covariances):
     """Return the probability that independent groups of normal errors have a larger square.
 
-    By the mean, variance and skewness of ``Σ eᵀe``, which a scaled and shifted χ² shares with it.
-
-    Parameters
-    ----------
-    square : float
-        Sum of the squares of all errors.
-    covariances : sequence of ndarray, shape (n, n)
-        Covariance of each group.
+    By the mean, variance and skewness of ``Σ eᵀe``, which a scaled and shifted χ² shares with it;
+    takes the square and the covariance of each group.
 
     References
     ----------

@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
-from imuloop.diagnose.p_values import log_p_values
+from imuloop.diagnose.p_values import log_p_value
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
@@ -81,12 +81,11 @@ class Search:
             columns = self.columns(base, axis)
             without = training.fit(columns, axis)
             fits = training.fits(columns, [patterns[k].columns[axis] for k in own], axis)
-            shown = [(k, f) for k, f in zip(own, fits, strict=True) if f and without]
-            for k in set(own) - {k for k, _ in shown}:
-                log_p[k] = None
-            values = log_p_values([(without, f) for _, f in shown], points)
-            for (k, _), value in zip(shown, values, strict=True):
-                log_p[k][axis] = value
+            for k, fit in zip(own, fits, strict=True):
+                if fit and without:
+                    log_p[k][axis] = log_p_value(without, fit, points)
+                else:
+                    log_p[k] = None
         return [
             Trial((effect,), float(fisher(found.values())), min(found, key=found.get), len(found))
             if found
@@ -146,10 +145,9 @@ class Search:
         training, count = self.training(base), len(effect.parameters)
         (pattern,) = training.evidence.patterns((effect,))
         values, covariance = np.zeros(count), np.zeros((count, count))
-        for axis, own in enumerate(pattern.columns):
+        for axis, (own, at, scale) in enumerate(pattern.on_axes):
             fit = training.fit((*self.columns(base, axis), *own), axis) if own else None
             if fit is not None:
-                at, scale = list(pattern.parameters[axis]), pattern.scale[axis]
                 found, spread = fit.averaged(fit.weight)
                 values[at] = found[-len(own) :] / scale
                 spread = spread[-len(own) :, -len(own) :]
@@ -196,33 +194,23 @@ class Search:
         training, used = self.training(base), {type(e) for e in base}
         if training.evidence.axes > 1 or not self._above(base):
             return []
-        shapes = [
-            s
-            for cls, all_ in self.problem.shapes.items()
-            if cls not in used and np.isinf(cls.limit)
-            for s in all_
-        ]
+        kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
+        shapes = [s for cls in kinds for s in self.problem.shapes[cls]]
         columns = self.columns(base, 0)
         own = [p.columns[0] for p in training.evidence.patterns(shapes)]
-        without = training.fit(columns, 0)
         alone = training.fits(columns, own, 0)
-        pairs = [
-            (i, j)
-            for i, j in combinations([k for k, f in enumerate(alone) if f], 2)
-            if type(shapes[i]) is not type(shapes[j])
-        ]
+        seen = [k for k, fit in enumerate(alone) if fit]
+        pairs = [(i, j) for i, j in combinations(seen, 2) if type(shapes[i]) is not type(shapes[j])]
         both = training.fits(columns, [(*own[i], *own[j]) for i, j in pairs], 0)
-        known = [(*ij, f) for ij, f in zip(pairs, both, strict=True) if f]
-        tests = [
-            log_p_values([(before(i, j), f) for i, j, f in known])
-            for before in (lambda i, j: without, lambda i, j: alone[i], lambda i, j: alone[j])
-        ]
         tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
-        for (i, j, _), joint, *each in zip(known, *tests, strict=True):
-            if max(joint + tries, *each) >= threshold:
+        for (i, j), fit in zip(pairs, both, strict=True):
+            if not fit:
+                continue
+            joint = log_p_value(training.fit(columns, 0), fit) + tries
+            if max(joint, *(log_p_value(alone[k], fit) for k in (i, j))) >= threshold:
                 continue
             if max(imitated_share(training, columns, own[i], own[j])) < SHARE:
-                found.append(Trial((shapes[i], shapes[j]), joint + tries, 0, 1, tries))
+                found.append(Trial((shapes[i], shapes[j]), joint, 0, 1, tries))
         return found
 
     def _above(self, base):
@@ -262,8 +250,10 @@ class Search:
     def _beside_on_axes(self, base, effect):
         """Return the fit of each axis with an effect beside others, about a fit without it."""
         training, both = self.training(base), (*base, effect)
-        axes = range(training.evidence.axes)
-        return [training.fit(training.evidence.columns_of(both, axis), axis) for axis in axes]
+        evidence = training.evidence
+        return [
+            training.fit(evidence.columns_of(both, axis), axis) for axis in range(evidence.axes)
+        ]
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""

@@ -62,7 +62,7 @@ class Training:
     _sides: dict = field(default_factory=dict)
     _ahead: dict = field(default_factory=dict)
     _gram: np.ndarray | None = None
-    _whole: np.ndarray | None = None
+    _whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _fits: dict = field(default_factory=dict)
 
     @cached_property
@@ -129,13 +129,9 @@ class Training:
         first, points = len(self._place), len(self.evidence.prior)
         self._place |= {c: first + k for k, c in enumerate(new)}
         known, total = list(self._place), len(self._place)
-        if self._gram is None or self._gram.shape[1] < total:
-            old, old_whole, size = self._gram, self._whole, total + total // 3
-            self._gram, self._whole = np.zeros((points, size, size)), np.zeros((points, size))
-            if first:
-                self._gram[:, :first, :first] = old[:, :first, :first]
-                self._whole[:, :first] = old_whole[:, :first]
-        added, whole = 0.0, 0.0
+        grown, added, whole = np.zeros((points, total, total)), 0.0, 0.0
+        if first:
+            grown[:, :first, :first] = self._gram
         for i, covariance in self._seen.items():
             held, columns = self.held[i], self.evidence.columns[i]
             z = np.column_stack([columns[c] for c in known])
@@ -154,18 +150,15 @@ class Training:
             if first:
                 side = np.concatenate([self._sides[i], side], axis=1)
             self._sides[i] = side
-            whole = whole + np.einsum("hkk->hk", cross[:, :, first:])
+            # of the first hypothesis alone
+            whole = whole + np.einsum("kk->k", cross[0, :, first:])
             added = added + cross - side[:, first:] @ np.swapaxes(side, 1, 2)
-        self._gram[:, first:total, :total] = added
-        self._gram[:, :total, first:total] = np.swapaxes(added, 1, 2)
-        self._whole[:, first:total] = whole
+        grown[:, first:], grown[:, :, first:] = added, np.swapaxes(added, 1, 2)
+        self._gram, self._whole = grown, np.append(self._whole, whole)
 
     def release(self):
-        """Let go of all products; what is asked for again is made again.
-
-        Those of a hundred columns under every hypothesis are 40 MB for each part of the data.
-        """
-        self._gram = self._whole = None
+        """Let go of all products, 40 MB for each part of the data; they are made again if asked."""
+        self._gram, self._whole = None, np.zeros(0)
         for kept in (self._place, self._sides, self._ahead, self._fits):
             kept.clear()
 
@@ -215,8 +208,7 @@ class Training:
         independent = np.ones(count, dtype=bool)
         if k:
             size = np.sqrt(np.maximum(np.einsum("hskk->hsk", own), 0.0))
-            whole = self._whole[0][place]
-            independent = np.all(size[0] ** 2 > ABSORBED * whole, axis=1)
+            independent = np.all(size[0] ** 2 > ABSORBED * self._whole[place], axis=1)
             size = np.where(size > 0, size, 1.0)
             own = own / size[..., :, None] / size[..., None, :]
             independent &= np.linalg.eigvalsh(own[0])[:, 0] > ABSORBED
@@ -267,9 +259,9 @@ class Training:
         nuisances, theta = self.solved(self.evidence.columns_of(effects, axis), axis)
         found = {}
         for pattern in self.evidence.patterns(effects):
-            used, scale = list(pattern.parameters[axis]), pattern.scale[axis]
+            used = pattern.parameters[axis]
             found[pattern.effect] = np.zeros(pattern.design.shape[2])
-            found[pattern.effect][used] = theta[: len(used)] / scale
+            found[pattern.effect][used] = theta[: len(used)] / pattern.scale[axis]
             theta = theta[len(used) :]
         return nuisances, found
 
@@ -290,21 +282,28 @@ class Training:
         """Return coefficients of columns, (k,), and their covariance; None, None without a fit.
 
         At the likeliest still hypothesis. The noise that is there is not known better than the
-        restricted likelihood tells: with the information A and the precision P̃ of what is seen,
-        ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹`` is averaged over the noise Σ.
+        restricted likelihood tells: with the information A, ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``.
         """
         fit = self.fit(columns, axis)
         if fit is None:
             return None, None
-        point, information, spread = self.point(fit), 0.0, 0.0
-        for i in self._seen:
-            precision = self.precision(i, point)
-            seen = np.delete(np.arange(len(self.evidence.columns[i][0])), self.held[i])
-            z = np.column_stack([self.evidence.columns[i][c][seen] for c in columns])
-            weighted = precision @ z
-            noise = self.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
-            information = information + z.T @ weighted
-            spread = spread + weighted.T @ noise[np.ix_(seen, seen)] @ weighted
+        rows = [np.column_stack([own[c] for c in columns]) for own in self.evidence.columns]
+        information, spread = self.moments(fit, rows)
         size = np.sqrt(np.diag(information))
         inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
-        return fit.theta[point], inverse @ spread @ inverse
+        return fit.theta[self.point(fit)], inverse @ spread @ inverse
+
+    def moments(self, fit, rows):
+        """Return ``A = Zᵀ P̃ Z`` and ``Zᵀ P̃ Σ P̃ Z`` of columns Z, given by block, (n, k).
+
+        By the precision P̃ of what is seen at the likeliest still hypothesis of a fit, and the noise
+        Σ, averaged over all.
+        """
+        point, information, spread = self.point(fit), 0.0, 0.0
+        for i in self._seen:
+            seen = np.delete(np.arange(len(rows[i])), self.held[i])
+            weighted = self.precision(i, point) @ rows[i][seen]
+            noise = self.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
+            information = information + rows[i][seen].T @ weighted
+            spread = spread + weighted.T @ noise[np.ix_(seen, seen)] @ weighted
+        return information, spread

@@ -30,26 +30,17 @@ class Judged:
 def judge(alternatives, squares, fitted=0):
     """Return the probability of each alternative of the noise, and the Judged of each kind.
 
-    Parameters
-    ----------
-    alternatives : sequence of (float, sequence)
-        Of each the logarithm of its probability beforehand, and of independent blocks of residuals
-        the values, covariance, derivative, folds and the rows of each kind of residual, as of
-        `chi_square` and `held_out_covariance`.
-    squares : sequence of float
-        Sum of the squares of the held-out errors of each kind.
-    fitted : int
-        Parameters beside those of the derivative that the residuals were fitted with.
+    Of an alternative it takes the logarithm of its probability beforehand, and of independent
+    blocks of residuals values, covariance, derivative, folds and the rows of each kind, as of
+    `chi_square` and `held_out_covariance`; further the sum of the squares of the held-out errors of
+    each kind, and how many parameters beside those of the derivative were fitted.
     """
     found, heldout, logs = [], [], []
     for prior, blocks in alternatives:
         each = [chi_square(values, c, jacobian, kinds) for values, c, jacobian, _, kinds in blocks]
         found.append(np.sum([left for left, _ in each], axis=0) - [0, fitted])
         logs.append(prior + sum(likelihood for _, likelihood in each))
-        spreads = [
-            (held_out_covariance(c, jacobian, folds), kinds)
-            for _, c, jacobian, folds, kinds in blocks
-        ]
+        spreads = [(held_out_covariance(*b[1:4]), b[4]) for b in blocks]
         heldout.append(
             [
                 chance(square, [spread[np.ix_(g[k], g[k])] for spread, g in spreads])

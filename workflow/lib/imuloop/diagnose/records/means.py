@@ -34,6 +34,10 @@ class StaticRecord:
         """Length of each window, s."""
         return np.diff(self.windows, axis=1)[:, 0]
 
+    def derivative(self, effect):
+        """Return the derivative of an effect, shape (n, 3, p)."""
+        return effect.in_session(self.channels, self.session, self.windows)
+
     def part(self, rows):
         """Return some windows of the record, rows of them as a mask."""
         return self._changed(self.windows[rows], self.stretch[rows], lambda v: v[rows])
@@ -89,18 +93,8 @@ def _temperature(channels):
 def static_record(session, samples, segments, calibration, sensor, mean_time):
     """Return the StaticRecord of windows that lie whole in undisturbed stretches of a session.
 
-    Parameters
-    ----------
-    session : str
-        Its name.
-    samples, segments : RestLog, DataFrame or dict
-        Of the session.
-    calibration : Calibration
-        Gives ``K (raw - b)`` of both sensors.
-    sensor : {'accelerometer', 'gyroscope'}
-        The sensor.
-    mean_time : float
-        Length of a window, s, as in `window_length`.
+    `samples` (RestLog, DataFrame or dict) and `segments` are those of the session; the calibration
+    gives ``K (raw - b)`` of both sensors; `mean_time`, s, as of `window_length`.
     """
     log = samples if isinstance(samples, RestLog) else RestLog.of(samples)
     static = np.asarray(segments["kind"]) == STATIC

@@ -80,18 +80,9 @@ def candidates_in_motion(known):
 def diagnose_motion(force, turn, recording, settings, tests, shown):
     """Return the MotionResult of a device.
 
-    Parameters
-    ----------
-    force, turn : tuple
-        AccelerometerPoses or GyroscopePoses, and its Solution at the poses, effects included.
-    recording : Recording
-        Poses and moves.
-    settings : DiagnoseSettings
-        Settings.
-    tests : int
-        Number of tests of the other records, which share the significance.
-    shown : dict
-        By sensor what static records show, `found` and `information` of PoseProblem.
+    `force` and `turn` are AccelerometerPoses or GyroscopePoses and its Solution at the poses,
+    effects included; `tests` the number of tests of the other records, which share the
+    significance; `shown` by sensor what static records show, as of PoseProblem.
     """
     if not all(solution for _, solution in (force, turn)):
         return untestable("the poses do not determine both sensors")
@@ -239,12 +230,8 @@ def _probes(problem, columns):
         "previous_pose": recording.poses.f[rotations.first],
         "knock": columns["knock_m_s"][:, None],
     }
-    found = []
-    for kind in VELOCITY:
-        k = problem.components(kind)
-        for name, each in values.items():
-            each = each[quiet] - each[quiet].mean(axis=0)
-            own = np.zeros((len(problem.fold), 1, k * each.shape[1]))
-            own[problem.of_kind(kind), 0] = np.kron(each, np.eye(k))
-            found.append((name, kind, own))
-    return found
+    return [
+        (name, kind, problem.probe(kind, each[quiet]))
+        for kind in VELOCITY
+        for name, each in values.items()
+    ]

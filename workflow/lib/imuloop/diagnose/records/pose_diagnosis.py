@@ -227,9 +227,7 @@ def _probes(problem):
         for name, values in (("temperature", poses.temperature), ("temperature_rate", rate)):
             at_pose[name] = values[:, None]
             in_turn[name] = values[rotations.first, None]
-    for kind, (_, k) in problem.sensor.kinds.items():
-        for name, values in (in_turn if kind == "rotation" else at_pose).items():
-            columns = np.zeros((len(problem.fold), 1, k * values.shape[1]))
-            columns[problem.of_kind(kind), 0] = np.kron(values - values.mean(axis=0), np.eye(k))
-            found.append((name, kind, columns))
+    for kind in problem.sensor.kinds:
+        probes = in_turn if kind == "rotation" else at_pose
+        found += [(name, kind, problem.probe(kind, values)) for name, values in probes.items()]
     return found

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.static import derivative, fold_of
+from imuloop.diagnose.records.static import fold_of
 from imuloop.diagnose.residuals import size
 from imuloop.effects.gauss_markov import GaussMarkov
 from imuloop.noise.coloured import (
@@ -55,7 +55,7 @@ def find_process(fine, choices):
             values = record.values.copy()
             for e in base:
                 if (i, e) not in derivatives:
-                    derivatives[i, e] = derivative(e, record)
+                    derivatives[i, e] = record.derivative(e)
                 for axis, own in enumerate(each):
                     values[:, axis] -= derivatives[i, e][:, axis] @ own[e]
             fold = fold_of(record, problem)

@@ -1,7 +1,5 @@
 """Scans of a static record for a line of any frequency and a step at any time."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from imuloop.diagnose.p_values import log_f_tail
@@ -14,29 +12,20 @@ LEAST_PERIODS, FINENESS = 2, 4
 BESIDE, WITHIN = 3, 4
 
 
-@dataclass(frozen=True)
-class Whitened:
-    """The residual of one axis in the windows seen of one record, and how to weigh it."""
-
-    seen: np.ndarray  # (m,): the windows
-    # (m, m): of the windows, the level taken out, for the likeliest noise without the pattern
-    precision: np.ndarray
-    residual: np.ndarray  # (m,): in units of the noise's N
-
-
 def whitened(search, base, axis):
-    """Return the Whitened of each record for a scan of one axis, and degrees of freedom."""
+    """Return what is seen of one axis in each record, for a scan, and degrees of freedom.
+
+    Of each record the windows that are seen, (m,), their precision for the likeliest noise without
+    the pattern, the level taken out, (m, m), and the residual in units of the noise's N, (m,).
+    """
     training, columns = search.training(base), search.columns(base, axis)
     fit = training.fit(columns, axis)
-    point = int(np.argmax(fit.log_weight))
-    noise = np.sqrt(fit.scale[point])
-    found = []
-    for i, held in enumerate(training.held):
-        own = training.evidence.columns[i]
-        left = own[training.values[axis]]
-        left = left - sum(t * own[c] for t, c in zip(fit.theta[point], columns, strict=True))
+    point, found = int(np.argmax(fit.log_weight)), []
+    for i, (held, own) in enumerate(zip(training.held, training.evidence.columns, strict=True)):
+        taken = sum(t * own[c] for t, c in zip(fit.theta[point], columns, strict=True))
+        left = (own[training.values[axis]] - taken) / np.sqrt(fit.scale[point])
         seen = np.delete(np.arange(len(left)), held)
-        found.append(Whitened(seen, training.precision(i, point), left[seen] / noise))
+        found.append((seen, training.precision(i, point), left[seen]))
     return found, fit.dof
 
 
@@ -61,9 +50,9 @@ def line_scan(search, base):
     for axis in range(3):
         parts, dof = whitened(search, base, axis)
         total, q = np.zeros(len(tried)), 2 * len(parts)
-        for part, wave in zip(parts, waves, strict=True):
-            weighted = part.precision @ wave
-            score = np.einsum("kmf,m->fk", weighted, part.residual)
+        for (_, precision, left), wave in zip(parts, waves, strict=True):
+            weighted = precision @ wave
+            score = np.einsum("kmf,m->fk", weighted, left)
             information = np.einsum("kmf,lmf->fkl", wave, weighted)
             total += np.einsum("fk,fk->f", score, _solved(information, score))
         log_p = log_f_tail(total / q, q, dof - q)
@@ -81,10 +70,10 @@ def step_scan(search, base, taken=()):
     for axis in range(3):
         parts, dof = whitened(search, base, axis)
         count, found = 0, []
-        for part, record in zip(parts, records, strict=True):
-            if len(part.seen) <= 2 * BESIDE:
+        for (seen, *part), record in zip(parts, records, strict=True):
+            if len(seen) <= 2 * BESIDE:
                 continue
-            windows, length = record.windows[part.seen], np.median(record.length)
+            windows, length = record.windows[seen], np.median(record.length)
             starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
             for one in taken:
                 if one.sessions == (record.session,):
@@ -92,10 +81,10 @@ def step_scan(search, base, taken=()):
                     starts = starts[apart > (BESIDE - 0.5) * length]
             if not len(starts):
                 continue
-            gain = _gain(part, windows, starts)
+            gain = _gain(*part, windows, starts)
             # within the windows beside the best start a step may lie anywhere
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
-            gains = _gain(part, windows, within)
+            gains = _gain(*part, windows, within)
             count += WITHIN * len(starts)
             time, span = unseen(within[np.argmax(gains)], windows)
             step = Steps((time,), (record.session,), (span,))
@@ -117,13 +106,13 @@ def unseen(time, windows):
     return float(time), 0.0
 
 
-def _gain(part, windows, times):
+def _gain(precision, left, windows, times):
     """Return by how much χ² falls with a step at each time."""
     after = share_after(windows, times)
-    weighted = part.precision @ after
+    weighted = precision @ after
     information = np.einsum("mk,mk->k", after, weighted)
     known = information > 1e-9 * information.max()
-    score = weighted.T @ part.residual
+    score = weighted.T @ left
     return np.where(known, score**2 / np.where(known, information, 1.0), 0.0)
 
 

@@ -12,18 +12,12 @@ ABSENT = (1 / 2, 1 / 10)
 
 
 def ratios(span, length):
-    """Return the grid of flicker and walk, relative to white noise, with its prior.
+    """Return the grid of ``B²/N²``, Hz, and ``K²/N²``, Hz², (g, 2), and its log prior, (g,).
 
     Over a record of `span` S in windows of `length` τ, s, the slow noise of mode k (half waves) has
     the variance ``B² S/(π k τ)`` and ``K² S²/(π² k² τ)`` where the white noise has ``N²/τ``. The
-    grid goes from half the white noise in the slowest mode to thirty times it in the middle one.
-
-    Returns
-    -------
-    ndarray, shape (g, 2)
-        ``B²/N²`` in Hz and ``K²/N²`` in Hz².
-    ndarray, shape (g,)
-        Logarithm of the prior, even in the logarithm of each ratio.
+    grid goes from half the white noise in the slowest mode to thirty times it in the middle one;
+    the prior is even in the logarithm of each ratio.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):

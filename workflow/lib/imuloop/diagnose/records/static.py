@@ -20,11 +20,6 @@ MERGED = 200
 MOST_STEPS, HOPELESS = 6, 6.0
 
 
-def derivative(effect, record):
-    """Return the derivative of an effect in a record, shape (n, 3, p)."""
-    return effect.in_session(record.channels, record.session, record.windows)
-
-
 @dataclass(frozen=True)
 class StaticProblem:
     """The static records of one sensor: each a block of rows with a level of its own.
@@ -37,13 +32,11 @@ class StaticProblem:
     shapes: dict  # tuple of the shapes of each effect to try, by type, where they can be listed
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
-    noise: tuple | None = None  # Hypotheses, where the other sensor's problem has the same windows
+    noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
     _derivatives: dict = field(default_factory=dict, repr=False)
     residual = "bias"
-    # in what held-out errors are compared: they are all alike
-    measure = 1.0
-    # as of PoseProblem
-    enough = 0.95
+    # both as of PoseProblem
+    measure, enough = 1.0, 0.95
 
     @property
     def parts(self):
@@ -101,7 +94,7 @@ class StaticProblem:
 
     def design(self, effect):
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
-        return np.concatenate([derivative(effect, r) for r in self.merged])
+        return np.concatenate([r.derivative(effect) for r in self.merged])
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
@@ -121,7 +114,7 @@ class StaticProblem:
     def derivatives(self, effect):
         """Return the derivative at all means of each record, (n, 3, p)."""
         if effect not in self._derivatives:
-            self._derivatives[effect] = [derivative(effect, r) for r in self.records]
+            self._derivatives[effect] = [r.derivative(effect) for r in self.records]
         return self._derivatives[effect]
 
     def training(self, base, out, only=None):
@@ -194,11 +187,10 @@ def fitted_effects(search, base, only=None):
         if found is None:
             return None
         errors = np.sqrt(np.diag(covariance))
-        ends = np.cumsum([0, *(len(p.columns[axis]) for p in patterns)])
         for k, pattern in enumerate(patterns):
-            own, at = slice(*ends[k : k + 2]), list(pattern.parameters[axis])
-            values[k][at] = found[own] / pattern.scale[axis]
-            std[k][at] = errors[own] / pattern.scale[axis]
+            at, scale = pattern.parameters[axis], pattern.scale[axis]
+            values[k][at], std[k][at] = found[: len(at)] / scale, errors[: len(at)] / scale
+            found, errors = found[len(at) :], errors[len(at) :]
     return tuple(
         FittedEffect(e, *(dict(zip(e.parameters, x.tolist(), strict=True)) for x in (v, s)))
         for e, v, s in zip(base, values, std, strict=True)
@@ -208,16 +200,11 @@ def fitted_effects(search, base, only=None):
 def information(search, base, effects):
     """Return what static records say of the parameters θ of effects, whichever they are.
 
-    As far as it is known there, the logarithm of the likelihood is ``-θᵀ A θ/2 + bᵀ θ``. With the
-    precision P̃ that leaves out the levels, ``A₀ = Dᵀ P̃ D`` and the noise Σ, averaged over the
-    hypotheses, ``A = A₀/κ``, κ on each axis the most by which the variance of a pattern,
-    ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``: so that errors are those of `fitted_effects`. What else
-    was found, `base`, is estimated beside them.
-
-    Returns
-    -------
-    ndarray, ndarray, shape (q, q) and (q,)
-        A and b, SI; zero for what these records do not show.
+    A, (q, q), and b, (q,), SI, zero for what these records do not show: as far as it is known
+    there, the logarithm of the likelihood is ``-θᵀ A θ/2 + bᵀ θ``. With the precision P̃ that leaves
+    out the levels, ``A₀ = Dᵀ P̃ D`` and the noise Σ, averaged over the hypotheses, ``A = A₀/κ``, κ
+    on each axis the most by which the variance of a pattern, ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``:
+    so that errors are those of `fitted_effects`. What else was found, `base`, is estimated beside.
     """
     others = tuple(e for e in base if e not in effects)
     training, count = search.training(base), sum(len(e.parameters) for e in effects)
@@ -226,21 +213,16 @@ def information(search, base, effects):
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
+    values = np.concatenate([b.values for b in evidence.blocks])
     for axis in range(evidence.axes):
         fit = training.fit(search.columns(base, axis), axis)
-        point = training.point(fit)
-        plain, spread, product = 0.0, 0.0, 0.0
-        for i, own in enumerate(evidence.split(design[:, axis] / size)):
-            weighted = training.precision(i, point) @ own
-            noise = evidence.blocks[i].noise.mean(fit.weight * fit.scale)
-            plain = plain + own.T @ weighted
-            spread = spread + weighted.T @ noise @ weighted
-            product = product + weighted.T @ evidence.blocks[i].values[:, axis]
-        own, seen = np.diag(plain), np.diag(plain) > ABSORBED * np.diag(plain).max()
+        rows = np.column_stack([design[:, axis] / size, values[:, axis]])
+        plain, spread = training.moments(fit, evidence.split(rows))
+        own, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
+        seen = own > ABSORBED * own.max()
         if seen.any():
-            beyond = np.max(np.diag(spread)[seen] / own[seen])
-            precision += plain / beyond
-            moment += product / beyond
+            plain = plain / np.max(spread[seen] / own[seen])
+            precision, moment = precision + plain[:-1, :-1], moment + plain[:-1, -1]
     beside = np.linalg.pinv(precision[count:, count:], rcond=ABSORBED, hermitian=True)
     beside = precision[:count, count:] @ beside
     own = precision[:count, :count] - beside @ precision[count:, :count]

@@ -98,24 +98,13 @@ def static_candidates(sensor, records):
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
     """Return the StaticResult of both sensors of a device.
 
-    Parameters
-    ----------
-    data : StaticData
-        The logs at rest.
-    records : dict of str to sequence of StaticRecord
-        Means of each sensor.
-    calibration : Calibration
-        Base calibration: effects add to its ``K (raw - b)``.
-    noise : NoiseModel
-        Noise of the device.
-    settings, noise_settings
-        Of the diagnosis, and of the noise stage, by which the noise is estimated again.
-    tests : int
-        Number of tests that share the significance.
+    Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
+    ``K (raw - b)`` effects add, and the device's noise, which is estimated again by the settings of
+    its stage; `tests` is the number of tests that share the significance.
     """
-    findings, content, shared = {}, {}, None
+    findings, content = {}, {}
     for sensor, axes in SENSORS.items():
-        own = whole = usable(records[sensor], settings)
+        own = usable(records[sensor], settings)
         if sensor == "accelerometer" and own:
             own = separated(own, 2 * settings.blocks)
         reason = untestable(own, [noise.axes[name] for name in axes], settings)
@@ -124,17 +113,9 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
             continue
         fine = data.records(sensor, calibration, 0.0)
         try:
-            findings[sensor] = find(sensor, own, fine, settings, tests, shared)
+            findings[sensor] = find(sensor, own, fine, settings, tests)
         except LinAlgError:
             content[sensor] = not_testable(SINGULAR)
-            continue
-        # both sensors have the same windows, unless the accelerometer was moved: a part of a record
-        # that is too short is left out, so as many records may be left
-        alike = len(own) == len(whole) and all(
-            np.array_equal(a.windows, b.windows) for a, b in zip(own, whole, strict=True)
-        )
-        blocks = findings[sensor].choices.problem.evidence.blocks
-        shared = tuple(b.noise for b in blocks) if alike else None
     found = {sensor: finding.effects for sensor, finding in findings.items()}
     processes = {s: f.process.test for s, f in findings.items() if f.has_process}
     allan, floor = {}, noise
@@ -185,14 +166,11 @@ def untestable(records, axes, settings):
     return None
 
 
-def find(sensor, records, fine, settings, tests, noise=None):
-    """Return the Finding of a sensor in its means, and those over the shortest windows, `fine`.
-
-    `noise`, of Hypotheses, is that of the other sensor's problem where it has the same windows.
-    """
+def find(sensor, records, fine, settings, tests):
+    """Return the Finding of a sensor in its means, and those over the shortest windows, `fine`."""
     available, others = static_candidates(sensor, records)
     shapes = {cls: s for cls, s in available.items() if s}
-    choices = Choices(StaticProblem(tuple(records), shapes, settings, tests, noise))
+    choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
     before, after = choices.following(()), choices.errors(choices.nested)
     process = find_process(fine, choices)
