@@ -287,6 +287,9 @@ class Training:
         fit = self.fit(columns, axis)
         if fit is None:
             return None, None
+        if not fit.scale.any():
+            # a silent axis shows nothing, and that for certain
+            return np.zeros(len(columns)), np.zeros((len(columns), len(columns)))
         rows = [np.column_stack([own[c] for c in columns]) for own in self.evidence.columns]
         information, spread = self.moments(fit, rows)
         size = np.sqrt(np.diag(information))
