@@ -103,13 +103,10 @@ class Result:
             raise ImuloopError(f"{self.device.name}: {failure}")
 
     def __str__(self):
-        from imuloop.report.verdict import blocks, sentence
+        from imuloop.report.verdict import diagnosis_lines
 
-        lines = [f"{self.device.label or self.device.name}:", *self.failures]
-        for sensor, part, block in blocks(self.diagnosis):
-            if block["verdict"] != "not_testable":
-                lines.append(f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}")
-        return "\n".join(lines)
+        head = f"{self.device.label or self.device.name}:"
+        return "\n".join([head, *self.failures, *diagnosis_lines(self.diagnosis)])
 
     def __repr__(self):
         found = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]

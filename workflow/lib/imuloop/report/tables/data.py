@@ -20,7 +20,14 @@ MENDED = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
 
 def data_table(device):
     """Return the table of sessions, a column per session: rows, rate, every fault counted."""
-    columns = [_quality(session) for session in device.sessions]
+    columns = [
+        {
+            "Kind": s.kind,
+            "Status": "rejected" if s.rejected else "used",
+            **quality_figures(s.quality),
+        }
+        for s in device.sessions
+    ]
     treatment = [t for s in device.sessions if (t := s.quality["treatment"])]
     return Table(
         "Sessions and the quality of their logs",
@@ -30,16 +37,13 @@ def data_table(device):
     )
 
 
-def _quality(session):
-    """Return the figures of one session as text by their name and unit."""
-    q = session.quality
+def quality_figures(q):
+    """Return the figures of quality.json as text by their name and unit."""
     jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
     mended = text_of({name: clock.get(key) for name, key in MENDED.items()})
     # without a full scale nobody can tell
     clipped = {k: v for k, v in q["clipped"].items() if v is not None}
     return {
-        "Kind": session.kind,
-        "Status": "rejected" if session.rejected else "used",
         "Rows used": text_of(q["rows"]),
         "Duration": duration(q["duration_s"]),
         "Rate, Hz": number(q["rate_hz"], 5),
