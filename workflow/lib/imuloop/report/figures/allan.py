@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.noise.representations import label
-from imuloop.report.figures.drawing import AXES, INK, PALETTE, fill, picture, write_csv
+from imuloop.report.figures.drawing import AXES, INK, PALETTE, Picture, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
@@ -81,7 +81,7 @@ def allan_pictures(device, session):
             areas[0].set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
         found.append(
-            picture(
+            Picture(
                 f"{device.name}.{session.name}.allan_{sensor}",
                 "Allan deviation",
                 f"{session.name}, {sensor}: {_finding(device, sensor)}{_fit(device, curves)}",
@@ -151,7 +151,7 @@ def corrected_pictures(device, sensor):
             f"{axis} {text}" for axis, pair in curves.items() if (text := _fall(sensor, *pair))
         ]
         pictures.append(
-            picture(
+            Picture(
                 f"{device.name}.{session.name}.allan_{sensor}_corrected",
                 "Allan deviation",
                 f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}.",
@@ -216,7 +216,7 @@ def deviation_pictures(device, session):
         )
         name = f"{device.name}.{session.name}.deviations_{sensor}"
         kind = "Deviations of several definitions"
-        return picture(name, kind, caption, plot, (1000, 300), csv, columns=(1, 1, 1))
+        return Picture(name, kind, caption, plot, (1000, 300), csv, columns=(1, 1, 1))
 
     return [one(*each) for each in SENSORS.items()]
 

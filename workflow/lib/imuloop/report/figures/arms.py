@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import AXES, PAGE, picture, write_csv
+from imuloop.report.figures.drawing import AXES, PAGE, Picture, write_csv
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
 
@@ -44,7 +44,7 @@ def arm_pictures(device, block):
     columns |= {f"{a}_std_mm": std[:, k] for k, a in enumerate(XYZ)}
     path = write_csv(device.figures, NAME, {"axis": XYZ} | columns)
     kind, size = "Where the accelerometer's axes sit", (1000, 330)
-    return [picture(f"{device.name}.{NAME}", kind, caption, plot, size, path, columns=(1, 1, 1))]
+    return [Picture(f"{device.name}.{NAME}", kind, caption, plot, size, path, columns=(1, 1, 1))]
 
 
 def ellipse(covariance):

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from imuloop.core.files import read_json
-from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, Picture, write_csv
 from imuloop.report.numbers import duration, interval_text, number, plural, with_unit
 from imuloop.report.tables.table import Table
 
@@ -106,4 +106,4 @@ def _picture(device, content, series, method):
     )
     csv = write_csv(device.figures, f"attitude_{method}", shown)
     name = f"{device.name}.attitude_{method}"
-    return picture(name, "Error of the vertical", caption, plot, (440, 270), csv)
+    return Picture(name, "Error of the vertical", caption, plot, (440, 270), csv)

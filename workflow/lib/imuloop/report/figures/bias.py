@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, picture, write_csv
+from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, Picture, write_csv
 from imuloop.report.figures.time_series import clock, extremes
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
@@ -84,7 +84,7 @@ def _picture(device, sensor, session, points, block):
             areas[-1].set_ylabel("°C")
         areas[-1].set_xlabel(f"time, {unit}")
 
-    return picture(
+    return Picture(
         f"{device.name}.{session}.bias_{sensor}",
         "Means at rest",
         _finding(session, sensor, before, after, floor, logged, display),

@@ -10,9 +10,9 @@ from imuloop.report.figures.drawing import (
     PALETTE,
     PURPLE,
     VERMILLION,
+    Picture,
     entitle,
     fill,
-    picture,
 )
 from imuloop.report.numbers import number
 from imuloop.report.results import SENSORS, UNITS, XYZ
@@ -102,7 +102,7 @@ def _allan_lines(name, sensor, axis, curves):
             if len(levels) > 1
             else least
         )
-    return picture(name, "Allan deviation", f"{caption}.", plot, (380, 270))
+    return Picture(name, "Allan deviation", f"{caption}.", plot, (380, 270))
 
 
 def _allan_band(name, sensor, axis, curves):
@@ -134,7 +134,7 @@ def _allan_band(name, sensor, axis, curves):
         f"median is {number(middle[at])} {UNITS[sensor]}, nine of ten lie between "
         f"{number(low[at])} and {number(high[at])}; {_named(distances, named)}"
     )
-    return picture(name, "Allan deviation", f"{caption}.", plot, (470, 270))
+    return Picture(name, "Allan deviation", f"{caption}.", plot, (470, 270))
 
 
 def far_out(values):
@@ -210,7 +210,7 @@ def _intervals(name, words, unit, names, labels, value, std, csv):
     listed = ", ".join(f"{label} {number(v)} {unit}" for v, label in size)
     caption = f"{words.capitalize()}, {largest}: {listed}."
     height = 90 + (34 if len(shown) <= 3 else 52) * count
-    return picture(name, "Intervals", caption, plot, (380, height), csv)
+    return Picture(name, "Intervals", caption, plot, (380, height), csv)
 
 
 def _spread(name, words, unit, names, labels, value, _, csv):
@@ -251,4 +251,4 @@ def _spread(name, words, unit, names, labels, value, _, csv):
         f"of ten: {spans}; {_named(distances.max(axis=1), named)}."
     )
     size = (440, 60 + 100 * len(shown))
-    return picture(name, "Spread", caption, plot, size, csv)
+    return Picture(name, "Spread", caption, plot, size, csv)

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from imuloop.report.figures.drawing import BLUE, GRID, WIDE, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, GRID, WIDE, Picture, write_csv
 from imuloop.report.numbers import missing, p_text, percent
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, beyond_chance, correlate_words
 
@@ -43,7 +43,7 @@ def _picture(device, sensor, part, residual, probes, count):
         f"{words[-1]}, {said[-1]}"
     )
     stem = f"{sensor}_{part}_{residual}_correlates"
-    return picture(
+    return Picture(
         f"{device.name}.{stem}",
         "What a residual goes with",
         f"{sensor.capitalize()}, {PARTS[part]}, what is left of the {RESIDUAL_WORDS[residual]}: "

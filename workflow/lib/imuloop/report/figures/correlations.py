@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, entitle, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, Picture, entitle, write_csv
 from imuloop.report.numbers import number
 from imuloop.report.results import SENSORS, XYZ
 
@@ -79,7 +79,7 @@ def _picture(device, sensor, names, r):
         area.set(xlim=(-0.5, count - 0.5), ylim=(count - 0.5, -0.5), box_aspect=1, anchor="W")
         area.set_axis_off()
 
-    return picture(
+    return Picture(
         f"{device.name}.{sensor}_correlations",
         "Correlation of parameters",
         caption,

@@ -9,8 +9,8 @@ from imuloop.report.figures.drawing import (
     GRID,
     ORANGE,
     VERMILLION,
+    Picture,
     entitle,
-    picture,
     write_csv,
 )
 from imuloop.report.numbers import joined, number
@@ -87,7 +87,7 @@ def pose_picture(device):
         f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
-    return picture(
+    return Picture(
         f"{device.name}.poses",
         "Attitudes covered",
         caption,

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from imuloop.core.samples import ACCELERATION, TEMPERATURE
-from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, entitle, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, Picture, entitle, write_csv
 from imuloop.report.figures.time_series import clock
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
@@ -164,7 +164,7 @@ def _picture(device, sensor, name, table, block):
         f"{display.text(abs(errors['after'][worst]))}, {things[worst]}; "
         f"{goes_with(panels, after)}."
     )
-    return picture(
+    return Picture(
         f"{device.name}.{sensor}_{name}",
         f"Residuals of the {sensor}",
         caption,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import AXES, GRID, INK, fill, picture, write_csv
+from imuloop.report.figures.drawing import AXES, GRID, INK, Picture, fill, write_csv
 from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
@@ -96,7 +96,7 @@ def _density(device, session, sensor, curves, csv):
         f"{_departure(curves, band or np.inf)}."
     )
     name = f"{device.name}.{session.name}.psd_{sensor}"
-    return picture(name, "Power spectral density", caption, plot, csv=csv)
+    return Picture(name, "Power spectral density", caption, plot, csv=csv)
 
 
 def _departure(curves, highest):
@@ -164,7 +164,7 @@ def _correlation(device, session, sensor, curves, csv):
         f"({', '.join(known)}); {reach}."
     )
     name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
-    return picture(name, "Autocorrelation", caption, plot, csv=csv)
+    return Picture(name, "Autocorrelation", caption, plot, csv=csv)
 
 
 def _farthest(curve):

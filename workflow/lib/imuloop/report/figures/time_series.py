@@ -8,7 +8,7 @@ import pywt
 
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
-from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, picture, write_csv
+from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, Picture, write_csv
 from imuloop.report.numbers import NO_NUMBER, duration, plural
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
@@ -169,7 +169,7 @@ def _picture(device, session, sensor, t):
             f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
             f"{levels} {display.unit}."
         )
-    return picture(
+    return Picture(
         f"{device.name}.{session.name}.{sensor}",
         "Samples over time",
         caption,
