@@ -3,7 +3,7 @@
 import pytest
 
 from imuloop.core.noise_model import Coefficient
-from imuloop.report.numbers import coefficient_text, duration, number, with_sigma
+from imuloop.report.numbers import coefficient_text, duration, interval_text, number, with_sigma
 from imuloop.report.tables.table import Sized, sized
 from imuloop.report.units import MILLI_G, quantities
 
@@ -44,14 +44,6 @@ def test_number_keeps_significant_digits(value, digits, text):
     assert number(value, digits).replace(THIN, " ") == text
 
 
-def test_duration_is_given_in_the_unit_that_people_use():
-    assert [duration(s).replace(THIN, " ") for s in (12, 512, 7200)] == [
-        "12.0 s",
-        "8.53 min",
-        "2.00 h",
-    ]
-
-
 @pytest.mark.parametrize(
     ("sensor", "key", "unit", "si", "shown"),
     [
@@ -77,6 +69,9 @@ def test_noise_units_of_data_sheets(sensor, key, unit, si, shown):
 def test_coefficient_without_value_is_an_upper_limit():
     known = Coefficient(upper95=2.5e-6), Coefficient(1.0, (0.9, 1.1), 1.09, True), Coefficient()
     found = [coefficient_text(c).replace(THIN, " ") for c in known]
+    ends = [(84.161, 84.742), (0.0, 12.0), (1.0, None)]
+    assert [interval_text(e) for e in ends] == ["84.16 to 84.74", "0 to 12", "—"]
+    assert [duration(s).replace(THIN, " ") for s in (12, 7200)] == ["12.0 s", "2.00 h"]
     assert found == ["< 2.5 × 10⁻⁶", "1.000 ± 0.051", "—"]
 
 
