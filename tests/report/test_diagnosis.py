@@ -9,13 +9,13 @@ import pytest
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.figures.bias import temperatures
-from imuloop.report.section import diagnosis_parts
+from imuloop.report.section import diagnosis_part
 from imuloop.report.tables.candidates import (
     ranked,
 )
-from imuloop.report.tables.diagnosis import effect_tables, largest_difference
+from imuloop.report.tables.diagnosis import effect_table, largest_difference
 from imuloop.report.units import data_sheet
-from imuloop.report.verdict import UNTESTED, answers, leading, sentence, too_quiet
+from imuloop.report.verdict import UNTESTED, answers, blocks, leading, sentence, too_quiet
 
 G = STANDARD_GRAVITY
 
@@ -96,7 +96,7 @@ def test_parameters_are_named_by_time_and_session_and_runs_have_their_scatter():
     def table_of(name, values, unit, **constants):
         effect = {"name": name, "constants": constants, "parameters": values, "std": {}}
         effect |= {"units": dict.fromkeys(values, unit)}
-        (table,) = effect_tables("gyroscope", "poses", {"effects": [effect]})
+        table = effect_table("gyroscope", "poses", effect)
         return [[cell.replace("\u202f", " ") for cell in row] for row in table.rows]
 
     steps = {f"h{k}{axis}": 1e-2 * k for k in (1, 2) for axis in "xyz"}
@@ -116,7 +116,9 @@ def test_thelargest_difference_is_in_its_own_standard_error():
 
 
 def test_a_static_record_shows_what_the_correction_changed(devices):
-    parts = {p["title"]: p for p in diagnosis_parts(devices["still"])}
+    device = devices["still"]
+    parts = [diagnosis_part(device, *each) for each in blocks(device.diagnosis)]
+    parts = {p["title"]: p for p in parts}
     part = parts["Accelerometer, static record"]
     captions = [t.caption for t in part["effects"]]
     assert [c.split(":")[0] for c in captions][:2] == [

@@ -12,12 +12,18 @@ from imuloop.export.per_axis import scale_and_offset
 from imuloop.noise.filters import RANGE
 
 NAMES = {"N": "N, white noise", "K": "K, random walk of the bias"}
-WHICH = [(sensor, term) for sensor in SENSORS for term in "NK"]
 # keys of Kalibr's imu.yaml, which others have taken over, with sensor and coefficient
-KALIBR_NAMES = "{}_noise_density", "{}_random_walk"
-KALIBR_KEYS = {KALIBR_NAMES["NK".index(term)].format(s): (s, term) for s, term in WHICH}
-ORB_NAMES = "IMU.NoiseAcc", "IMU.AccWalk", "IMU.NoiseGyro", "IMU.GyroWalk"
-ORB_KEYS = dict(zip(ORB_NAMES, WHICH, strict=True))
+KALIBR_KEYS = {
+    f"{sensor}_{name}": (sensor, term)
+    for sensor in SENSORS
+    for name, term in (("noise_density", "N"), ("random_walk", "K"))
+}
+ORB_KEYS = {
+    "IMU.NoiseGyro": ("gyroscope", "N"),
+    "IMU.NoiseAcc": ("accelerometer", "N"),
+    "IMU.GyroWalk": ("gyroscope", "K"),
+    "IMU.AccWalk": ("accelerometer", "K"),
+}
 VINS_KEYS = {
     "acc_n": ("accelerometer", "N", "m/s^2"),
     "gyr_n": ("gyroscope", "N", "rad/s"),

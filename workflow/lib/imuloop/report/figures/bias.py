@@ -35,13 +35,9 @@ def temperatures(session, start):
     edges = np.column_stack([start, start + np.median(np.diff(start))])
     edges = np.searchsorted(session.samples[TIME], edges)
     value = session.samples[TEMPERATURE]
-    known = np.isfinite(value)
-    value[~known] = 0.0
-    total, count = (np.add.reduceat(np.append(v, 0.0), edges.ravel())[::2] for v in (value, known))
-    count[edges[:, 0] == edges[:, 1]] = 0
-    if not count.any():
-        return None
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    inside = (value[i:j][np.isfinite(value[i:j])] for i, j in edges)
+    found = np.array([x.mean() if len(x) else np.nan for x in inside])
+    return found if np.isfinite(found).any() else None
 
 
 def _picture(device, sensor, session, points, block):

@@ -20,12 +20,12 @@ def _view(session, name):
 
 
 def _by_sensor(found):
-    """Return the rows of each axis of the sensors that have any."""
-    by = {
-        s: {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[s], strict=True)}
+    """Return sensor and rows by axis, of the sensors that have any."""
+    by = [
+        (s, {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[s], strict=True)})
         for s in SENSORS
-    }
-    return {sensor: curves for sensor, curves in by.items() if any(map(len, curves.values()))}
+    ]
+    return [(sensor, curves) for sensor, curves in by if any(map(len, curves.values()))]
 
 
 def density_pictures(device, session):
@@ -42,7 +42,7 @@ def density_pictures(device, session):
             found.loc[at, "model"] = noise.density(f, rate) + noise.R.square * _ramp(f)
     table = found.rename(columns={"x": "frequency_hz", "value": "psd"})
     csv = write_csv(device.figures, f"{session.name}_psd", table)
-    return [_density(device, session, *each, csv) for each in _by_sensor(found).items()]
+    return [_density(device, session, *each, csv) for each in _by_sensor(found)]
 
 
 def _ramp(frequency):
@@ -134,7 +134,7 @@ def correlation_pictures(device, session):
     found = found[found["x"] > 0]
     table = found.rename(columns={"x": "lag_s", "value": "autocorrelation"})
     csv = write_csv(device.figures, f"{session.name}_autocorrelation", table)
-    return [_correlation(device, session, *each, csv) for each in _by_sensor(found).items()]
+    return [_correlation(device, session, *each, csv) for each in _by_sensor(found)]
 
 
 def _correlation(device, session, sensor, curves, csv):

@@ -60,11 +60,10 @@ def smoothed(x):
         return x
     rough, *details = pywt.wavedec(x, WAVELET, mode="symmetric", level=levels)
     bound = np.sqrt(2 * np.log(len(x))) / 0.6745
-    # pywt's own has no value for zeros at a threshold of zero
-    shrunk = [
-        np.sign(d) * np.maximum(np.abs(d) - bound * np.median(np.abs(d)), 0.0) for d in details
-    ]
-    return pywt.waverec([rough, *shrunk], WAVELET, mode="symmetric")[: len(x)]
+    for d in details:
+        size = np.abs(d)
+        d[:] = np.sign(d) * np.maximum(size - bound * np.median(size), 0.0)
+    return pywt.waverec([rough, *details], WAVELET, mode="symmetric")[: len(x)]
 
 
 def trend(t, x, stretches):
@@ -97,14 +96,9 @@ def shade(area, segments, size=1.0):
     for kind, (colour, alpha, width) in looks.items():
         found = segments[segments["kind"] == kind]
         spans = np.column_stack([found["start_s"], found["end_s"] - found["start_s"]]) / size
-        area.broken_barh(
-            spans,
-            (0, 1),
-            transform=area.get_xaxis_transform(),
-            color=colour,
-            alpha=alpha,
-            lw=width,
-        )
+        on_top = area.get_xaxis_transform()
+        looks = {"color": colour, "alpha": alpha, "lw": width}
+        area.broken_barh(spans, (0, 1), transform=on_top, **looks)
 
 
 def session_pictures(device, session):

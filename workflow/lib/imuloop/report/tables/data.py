@@ -98,15 +98,11 @@ def _faults(found):
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
 
 
-def warnings(device):
-    """Return what ingest wants a user to look at: (session, text)."""
-    return [(s.name, text) for s in device.sessions for text in s.quality["warnings"]]
-
-
 def source_table(device):
     """Return the table of log files: where each came from and its hash."""
     rows = [
-        (session.name, file, _origin(source), digest)
+        # an address, a path, or a member of a package's wheel
+        (session.name, file, ", ".join(str(v) for k, v in source.items() if k != "sha256"), digest)
         for session in device.sessions
         for source, (file, digest) in zip(
             # a folder is one source of several files
@@ -117,11 +113,6 @@ def source_table(device):
     ]
     columns = ("Session", "File", "Source", "SHA-256")
     return Table("Log files", columns, rows, sortable=True)
-
-
-def _origin(source):
-    """Return where a log came from: an address, a path, or a member of a package's wheel."""
-    return ", ".join(str(v) for k, v in source.items() if k != "sha256")
 
 
 def segment_table(device):

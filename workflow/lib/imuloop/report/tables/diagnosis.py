@@ -82,11 +82,6 @@ def steps_table(sensor, part, block):
     )
 
 
-def effect_tables(sensor, part, block):
-    """Return a table for each effect that was added: its parameters ± σ."""
-    return [_effect_table(sensor, part, e) for e in block["effects"]]
-
-
 def parameter_rows(effect):
     """Return the parameters of an effect: name, value ± σ and unit of data sheets, both in SI."""
     rows = []
@@ -99,7 +94,8 @@ def parameter_rows(effect):
     return rows
 
 
-def _effect_table(sensor, part, effect):
+def effect_table(sensor, part, effect):
+    """Return the table of an effect that was added: its parameters ± σ."""
     known, units, rows = Effect.library.get(effect["name"]), effect["units"], parameter_rows(effect)
     if effect["name"] == TurnOnBias.name:
         si = next(iter(units.values()))
