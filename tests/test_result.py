@@ -49,6 +49,7 @@ def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
     assert result.noise["gx"].N.value > 0 and not result.failures
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
     page = result.report(tmp_path / "report.html").read_text()
     assert page.lower().startswith("<!doctype html>") and "in memory" in page
@@ -72,11 +73,13 @@ def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):
         )
 
 
-def test_logs_of_every_kind_are_sessions_of_one_device(log, path, monkeypatch):
+def test_logs_of_every_kind_are_sessions_of_one_device(log, path, tmp_path, monkeypatch):
     monkeypatch.setattr("imuloop.result.STAGES", ())
     rest = log[log["t"] < 15]
     at_rest = (rest["t"], rest[FORCE], rest[TURN])
-    result = imuloop.calibrate([path, log], static=at_rest, six_position=path, progress=False)
+    how = {"static": at_rest, "six_position": path, "folder": tmp_path, "progress": False}
+    result = imuloop.calibrate([path, log], **how)
+    assert (tmp_path / "multi_position_1/samples.parquet").is_file()
     assert dict(result.device.kinds) == {
         "multi_position_1": "multi_position",
         "multi_position_2": "multi_position",
@@ -97,12 +100,6 @@ def test_what_cannot_be_used_is_said(log, tmp_path):
         short = imuloop.calibrate(log.iloc[:20], progress=False)
     assert set(short.verdict["gyroscope"].values()) == {"not_testable"}
     assert "rejected" in short.failures[0]
-
-
-def test_results_stay_in_the_folder_that_is_given(path, tmp_path, monkeypatch):
-    monkeypatch.setattr("imuloop.result.STAGES", ())
-    imuloop.calibrate(path, folder=tmp_path / "kept", progress=False)
-    assert (tmp_path / "kept/multi_position_1/samples.parquet").is_file()
 
 
 def test_the_allan_deviation_of_white_noise_falls_as_its_square_root():

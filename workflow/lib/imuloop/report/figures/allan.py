@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.noise.representations import label
-from imuloop.report.figures.drawing import AXES, INK, PALETTE, Picture, fill, write_csv
+from imuloop.report.figures.drawing import AXES, INK, PALETTE, Picture, drawn, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
@@ -137,20 +137,11 @@ def corrected_pictures(device, sensor):
             area.set_xlabel("averaging time τ, s")
             area.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
-        stem = f"{session.name}_allan_{sensor}_corrected"
         of_sensor = session.allan[session.allan["axis"].isin(SENSORS[sensor])]
-        parts = [
-            f"{axis} {text}" for axis, pair in curves.items() if (text := _fall(sensor, *pair))
-        ]
-        pictures.append(
-            Picture(
-                f"{device.name}.{session.name}.allan_{sensor}_corrected",
-                "Allan deviation",
-                f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}.",
-                plot,
-                csv=write_csv(device.figures, stem, of_sensor),
-            )
-        )
+        parts = [f"{axis} {text}" for axis, p in curves.items() if (text := _fall(sensor, *p))]
+        caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
+        stem = f"{session.name}.allan_{sensor}_corrected"
+        pictures.append(drawn(device, stem, "Allan deviation", caption, plot, of_sensor))
     return pictures
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, Picture, write_csv
+from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, drawn
 from imuloop.report.figures.time_series import clock, extremes
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
@@ -80,13 +80,14 @@ def _picture(device, sensor, session, points, block):
             areas[-1].set_ylabel("°C")
         areas[-1].set_xlabel(f"time, {unit}")
 
-    return Picture(
-        f"{device.name}.{session}.bias_{sensor}",
+    return drawn(
+        device,
+        f"{session}.bias_{sensor}",
         "Means at rest",
         _finding(session, sensor, before, after, floor, logged, display),
         plot,
-        (440, 270 + 70 * warm + 130 * (count == 3)),
-        write_csv(device.figures, f"{session}_bias_{sensor}", columns),
+        columns,
+        size=(440, 270 + 70 * warm + 130 * (count == 3)),
         rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
     )
 

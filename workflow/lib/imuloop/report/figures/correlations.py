@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, Picture, entitle, write_csv
+from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, drawn, entitle
 from imuloop.report.numbers import number
 from imuloop.report.results import SENSORS
 
@@ -64,11 +64,5 @@ def _picture(device, sensor, names, r):
         area.set(xlim=(-0.5, count - 0.5), ylim=(count - 0.5, -0.5), box_aspect=1, anchor="W")
         area.set_axis_off()
 
-    return Picture(
-        f"{device.name}.{sensor}_correlations",
-        "Correlation of parameters",
-        caption,
-        plot,
-        (440, side + 8),
-        write_csv(device.figures, f"{sensor}_correlations", table),
-    )
+    kind, size, stem = "Correlation of parameters", (440, side + 8), f"{sensor}_correlations"
+    return drawn(device, stem, kind, caption, plot, table, size=size)

@@ -150,6 +150,12 @@ class Picture:
         return Markup(svg.replace("xlink:href", "href"))
 
 
+def drawn(device, stem, kind, caption, plot, numbers, **looks):
+    """Return a `Picture` of a device; the numbers behind it are written under its name."""
+    csv = write_csv(device.figures, stem.replace(".", "_"), numbers)
+    return Picture(f"{device.name}.{stem}", kind, caption, plot, csv=csv, **looks)
+
+
 def fill(area, x, low, high, colour, alpha=0.2):
     """Fill the area between two curves."""
     area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)

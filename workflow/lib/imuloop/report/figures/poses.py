@@ -9,9 +9,8 @@ from imuloop.report.figures.drawing import (
     GRID,
     ORANGE,
     VERMILLION,
-    Picture,
+    drawn,
     entitle,
-    write_csv,
 )
 from imuloop.report.numbers import joined, number
 from imuloop.report.results import XYZ
@@ -87,15 +86,8 @@ def pose_picture(device):
         f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
-    return Picture(
-        f"{device.name}.poses",
-        "Attitudes covered",
-        caption,
-        plot,
-        (440, 240),
-        write_csv(device.figures, "poses", columns),
-        columns=(1, 1),
-    )
+    looks = {"size": (440, 240), "columns": (1, 1)}
+    return drawn(device, "poses", "Attitudes covered", caption, plot, columns, **looks)
 
 
 def _components(u):

@@ -8,7 +8,7 @@ import pywt
 
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
-from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, Picture, write_csv
+from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, drawn
 from imuloop.report.numbers import NO_NUMBER, duration, plural
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
@@ -131,7 +131,6 @@ def _picture(device, session, sensor, t):
         # last, as it puts x in another order instead of a copy
         middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
     lines = {"raw": raw, "smoothed": smooth}
-    csv = write_csv(device.figures, f"{session.name}_{sensor}", _numbers(sensor, lines))
     unit, size = clock(t[-1])
 
     def plot(areas):
@@ -163,15 +162,9 @@ def _picture(device, session, sensor, t):
             f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
             f"{levels} {display.unit}."
         )
-    return Picture(
-        f"{device.name}.{session.name}.{sensor}",
-        "Samples over time",
-        caption,
-        plot,
-        (900, 310 if resting else 250),
-        csv,
-        rows=(1, 1, 1) if resting else (1,),
-    )
+    looks = {"size": (900, 310 if resting else 250), "rows": (1, 1, 1) if resting else (1,)}
+    stem, kind = f"{session.name}.{sensor}", "Samples over time"
+    return drawn(device, stem, kind, caption, plot, _numbers(sensor, lines), **looks)
 
 
 def _numbers(sensor, lines):
