@@ -74,30 +74,24 @@ def gravity(text):
 
 def run(arguments):
     """Write the report of one device."""
-    for _, path in arguments.logs:
+    keep, logs = arguments.keep, [path for _, path in arguments.logs]
+    for path in logs:
         if not path.exists():
             raise ImuloopError(f"{path}: there is no such file")
-    keep, logs = arguments.keep, [path for _, path in arguments.logs]
-    refuse_overwriting([arguments.output, log_of(arguments), *([keep] if keep else [])], logs)
-    if keep:
-        for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
-            if (keep / name).exists() and not (keep / mark).exists():
-                raise ImuloopError(
-                    f"--keep {keep}: {keep / name} would be emptied, and is not of an earlier "
-                    "report: give another folder"
-                )
-        make(arguments, keep)
-        return
+    # where tracebacks go
+    log = arguments.output.with_name(f"{arguments.output.name}.log")
+    refuse_overwriting([arguments.output, log, *([keep] if keep else [])], logs)
+    for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
+        if keep and (keep / name).exists() and not (keep / mark).exists():
+            raise ImuloopError(
+                f"--keep {keep}: {keep / name} would be emptied, and is not of an earlier "
+                "report: give another folder"
+            )
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        make(arguments, Path(folder))
+        make(arguments, keep or Path(folder), log)
 
 
-def log_of(arguments):
-    """Return where tracebacks go."""
-    return arguments.output.with_name(f"{arguments.output.name}.log")
-
-
-def make(arguments, folder):
+def make(arguments, folder, log):
     """Run all stages and write the report; results go to a folder as ``results/<device>``."""
     logs = {kind: [] for kind in KINDS}
     for kind, path in arguments.logs:
@@ -105,7 +99,6 @@ def make(arguments, folder):
             raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
         logs[kind or arguments.kind].append(path)
     what, nominal = declared(arguments)
-    log = log_of(arguments)
     # made only where there is a traceback to keep
     handler = logging.FileHandler(log, mode="w", delay=True)
     handler.setLevel(logging.ERROR)

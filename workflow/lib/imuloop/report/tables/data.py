@@ -70,11 +70,12 @@ def _faults(found):
     def rows(key):
         return text_of({k: v["rows"] for k, v in found.get(key, {}).items()})
 
-    def part(key):
-        return found.get(key) or {}
+    def size(key, within):
+        return number((found.get(key) or {}).get(within))
 
-    held = {sensor: n for sensor, n in part("rows_a_value").items() if n > 1}
-    shares = [share for share in part("noise_near_nyquist").values() if share is not None]
+    held = {sensor: n for sensor, n in (found.get("rows_a_value") or {}).items() if n > 1}
+    shares = (found.get("noise_near_nyquist") or {}).values()
+    rests = found.get("rests") or {}
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
         "Stuck at one value, rows": rows("stuck"),
@@ -83,16 +84,16 @@ def _faults(found):
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
         "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
-        "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
-        "Mean angular rate at rest, power as a share of its noise's": number(
-            part("mean_at_rest").get("noise_share")
+        "Noise near Nyquist, least share of that below": number(
+            min((share for share in shares if share is not None), default=None)
         ),
-        "Specific force at rest, m/s²": number((part("rests").get("force") or [None] * 2)[1], 4),
-        "Turns by angular rate and by gravity alike, 1 at best": number(
-            part("axes").get("agreement")
+        "Mean angular rate at rest, power as a share of its noise's": size(
+            "mean_at_rest", "noise_share"
         ),
+        "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
+        "Turns by angular rate and by gravity alike, 1 at best": size("axes", "agreement"),
         "Turns by angular rate per turns of gravity, rest to rest": number(
-            (part("rests").get("turn_ratio") or {}).get("value")
+            (rests.get("turn_ratio") or {}).get("value")
         ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
