@@ -276,19 +276,15 @@ def static_record(device):
     rates = [rate for s in device.used if (rate := s.quality["rate_hz"])]
     wanted, limited = [], []
     for channel, axis in device.axes.items() if rates else ():
-        white = axis.N.value
-        if white is None:
+        if (white := axis.N.value) is None:
             continue
-        usual = {
-            "B": white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S)),
-            "K": white * np.sqrt(3) / WALK_S,
-        }
-        for name, size in usual.items():
+        flicker = white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S))
+        for name, usual in (("B", flicker), ("K", white * np.sqrt(3) / WALK_S)):
             term = getattr(axis, name)
             if term.value is not None or not term.upper95:
                 continue
             limited.append(f"{name} of {channel}")
-            target = min(term.upper95, size)
+            target = min(term.upper95, usual)
             if target < (1 - WORTH) * term.upper95:
                 squares = [getattr(axis, k).square for k in "QNBK"]
                 processes = [(p.q.square * p.tc.value / 2, p.tc.value) for p in axis.gauss_markov]
