@@ -28,14 +28,8 @@ from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 def write_section(name, label, folder, sessions):
     """Write a device's section, its page, its row of the comparison and its figures.
 
-    Parameters
-    ----------
-    name, label : str
-        As in the config; the label is shown as it is, never as markup.
-    folder : path-like
-        ``results/<device>``, to read and to write.
-    sessions : dict of str to str
-        Kind of each session by its name.
+    Takes name and label as in the config, the folder ``results/<device>``, and the kind of each
+    session by its name. The label is shown as it is, never as markup.
     """
     device = read_device(name, label, folder, sessions)
     _empty(device.figures)

@@ -72,23 +72,11 @@ PLAIN = range(-2, 4)
 class Picture:
     """A picture of the report, drawn when it is asked for.
 
-    Attributes
-    ----------
-    name : str
-        Unique in the report; the drawing's ids are made from it.
-    kind : str
-        What is drawn; with the caption it is what readers get who cannot see it.
-    caption : str
-        What it says, in a sentence made from the data.
-    plot : callable
-        Draws on the `Axes`, or on the list of them, row by row, that it is given. What it labels
-        is in the key.
-    size : tuple of float
-        Width and height, px.
-    csv : str
-        Path of the numbers behind it, from the report's folder; empty without any.
-    columns, rows : tuple of float
-        Relative widths and heights of the areas, which share their limits.
+    Its name is unique in the report, and the drawing's ids are made from it; kind and caption, a
+    sentence made from the data, are what readers get who cannot see it. `plot` draws on the `Axes`,
+    or on the list of them, row by row, that it is given; what it labels is in the key. Size, px;
+    path of the numbers behind it, from the report's folder; relative widths and heights of the
+    areas, which share their limits.
     """
 
     name: str
