@@ -16,6 +16,7 @@ from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.ingest.ingest import ingest
 from imuloop.simulate.truth import example_truth
+from quick import hurried
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
 T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
@@ -198,7 +199,8 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
 @pytest.mark.usefixtures("undrawn")
 def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
     page, kept = tmp_path / "report.html", tmp_path / "kept"
-    assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0
+    with hurried("device"):
+        assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0
     assert capsys.readouterr().out == f"wrote {page}\n"
     text = page.read_text()
     assert text.startswith("<!DOCTYPE html>") or text.startswith("<!doctype html>")
