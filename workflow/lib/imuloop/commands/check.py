@@ -142,16 +142,14 @@ def lines(drift):
         word = "DRIFTED" if sensor.drifted else "no drift"
         together = f"χ² {number(sensor.chi2)} of {sensor.dof}, {p_text(sensor.p_holm)}"
         found.append(f"{name}: {word} ({plural(sensor.dof, 'parameter')} together: {together})")
-        rows = [
-            (
-                change.name,
-                f"moved by {_moved(change)}",
-                f"{number(abs(change.sigmas), 2)} σ",
-                p_text(change.p_holm),
-                _comment(change, sensor),
+        rows = []
+        for change in sensor.changes:
+            display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
+            moved = (
+                f"moved by {with_sigma(change.change, change.std, display.factor)} {display.unit}"
             )
-            for change in sensor.changes
-        ]
+            sigmas = f"{number(abs(change.sigmas), 2)} σ", p_text(change.p_holm)
+            rows.append((change.name, moved, *sigmas, _comment(change, sensor)))
         found += aligned(rows)
         for key, r in sensor.residuals.items():
             display = RESIDUAL[r["unit"]]
@@ -169,12 +167,6 @@ def lines(drift):
             "how much is allowed. Estimate the bias anew at rest."
         )
     return found
-
-
-def _moved(change):
-    display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
-    text = with_sigma(change.change * display.factor, change.std * display.factor)
-    return f"{text} {display.unit}"
 
 
 def _comment(change, sensor):

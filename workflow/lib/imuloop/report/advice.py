@@ -89,7 +89,6 @@ def next_steps(device):
         first_session,
         _clipped,
         _unexplained,
-        _undersampled,
         _short_rests,
         best_recording,
         hole,
@@ -151,6 +150,9 @@ def _short_rests(device):
 
 
 def _unexplained(device):
+    found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
+    if found:
+        yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
     for sensor, part, block in blocks(device.diagnosis):
         if block["verdict"] not in ABOVE:
             continue
@@ -174,12 +176,6 @@ def _unexplained(device):
             if sensor == "gyroscope" and residual["unit"] == "rad/s":
                 earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
         yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
-
-
-def _undersampled(device):
-    found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
-    if found:
-        yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
 
 
 def _clipped(device):

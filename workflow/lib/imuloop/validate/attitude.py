@@ -82,7 +82,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
     u = np.array([_directions(each, recording) for each in models])
     errors = _errors(recording, block, models, u[:, MODELS.index("final")], diagnosed.names)
     # how far the base model's directions are from the final one's, held out
-    apart = angle(u[block, MODELS.index("base"), np.arange(len(block))], _own(u, block))
+    apart = angle(*(u[block, MODELS.index(m), np.arange(len(block))] for m in ("base", "final")))
     content = {
         **_head(device),
         "status": "ok",
@@ -120,11 +120,6 @@ def _directions(calibrations, recording):
         channels = recording.pose_channels("accelerometer", force.output, poses.w)
         found.append(force.apply(poses.f, channels))
     return np.array(found) / np.linalg.norm(found, axis=-1, keepdims=True)
-
-
-def _own(directions, block):
-    """Return the final model's direction at each pose, by the model that did not see it, (n, 3)."""
-    return directions[block, MODELS.index("final"), np.arange(len(block))]
 
 
 def _errors(recording, block, models, directions, names):
@@ -198,7 +193,6 @@ def _rotation_floor(turn, whole, recording, block):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
     ends, kind = turn.rows(recording)
-    covariance = held_out_covariance(
-        turn.covariances(whole, recording)(turn.noise), jacobian, block[ends]
-    )
+    noise = turn.covariances(whole, recording)(turn.noise)
+    covariance = held_out_covariance(noise, jacobian, block[ends])
     return np.sqrt(2 * np.diag(covariance)[kind == 1].mean())

@@ -152,7 +152,12 @@ def _correlation(device, session, sensor, curves, csv):
 
     first = ", ".join(number(r["value"].iloc[0], 2) for r in known.values())
     lag = with_unit(number(band["x"].iloc[0]), "s")
-    farthest = {axis: _farthest(r) for axis, r in known.items()}
+    farthest = {}
+    for axis, r in known.items():
+        # up to where every value leaves the band of white noise
+        inside = r["value"].between(r["ci_low"], r["ci_high"]).to_numpy()
+        count = int(inside.argmax()) if inside.any() else len(inside)
+        farthest[axis] = r["x"].iloc[count - 1] if count else 0.0
     axis = max(farthest, key=farthest.get)
     reach = (
         f"beyond chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
@@ -165,10 +170,3 @@ def _correlation(device, session, sensor, curves, csv):
     )
     name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
     return Picture(name, "Autocorrelation", caption, plot, csv=csv)
-
-
-def _farthest(curve):
-    """Return the lag up to which every value leaves the band of white noise, 0 without any."""
-    inside = curve["value"].between(curve["ci_low"], curve["ci_high"]).to_numpy()
-    count = int(inside.argmax()) if inside.any() else len(inside)
-    return curve["x"].iloc[count - 1] if count else 0.0
