@@ -136,6 +136,12 @@ def test_the_error_falls_to_that_of_the_truth(sensitive):
     assert rotation["n"] == len(made.rotations)
     assert all("g_sensitivity" in e["gyroscope"] for e in content["effects"])
     assert set(table["method"]) == {"rotation", "stretch", "mahony"}
+    # through a stretch the error counts at its end
+    drawn = table[(table["method"] == "stretch") & (table["model"] == "final")]
+    ends = drawn[drawn["at"] == "arrival"].groupby("stretch")["error_deg"].last()
+    stretch = content["methods"]["stretch"]
+    assert stretch["n"] == len(ends) < rotation["n"]
+    assert stretch["models"]["final"]["rms_deg"] == pytest.approx(np.sqrt((ends**2).mean()))
 
 
 def test_models_do_not_see_what_they_are_judged_by(sensitive):

@@ -97,8 +97,8 @@ def shade(area, segments, size=1.0):
         found = segments[segments["kind"] == kind]
         spans = np.column_stack([found["start_s"], found["end_s"] - found["start_s"]]) / size
         on_top = area.get_xaxis_transform()
-        looks = {"color": colour, "alpha": alpha, "lw": width}
-        area.broken_barh(spans, (0, 1), transform=on_top, **looks)
+        style = {"color": colour, "alpha": alpha, "lw": width}
+        area.broken_barh(spans, (0, 1), transform=on_top, **style)
 
 
 def session_pictures(device, session):
