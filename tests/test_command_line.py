@@ -176,7 +176,7 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     assert re.search(r"N, white noise .* 153 +143 +194 +µg/√Hz", lines)
     lines = info(device / "1.csv")
     assert "1.csv: log, format csv" in lines and "Rate, Hz  " in lines
-    assert "acceleration m/s^2" in lines and "Gaps" not in lines
+    assert "acceleration m/s^2" in lines and "ax, ay, az" in lines and "Gaps" not in lines
     command = ["apply", device / "calibration.json", device / "1.csv", "-o", tmp_path / "c.parquet"]
     main([str(each) for each in command])
     assert info(tmp_path / "c.parquet").startswith("calibrated samples of d: ")

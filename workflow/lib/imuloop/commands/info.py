@@ -10,7 +10,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
-from imuloop.report.numbers import coefficient_text, number, plural
+from imuloop.report.numbers import coefficient_text, number, plural, text_of
 from imuloop.report.results import XYZ, Device
 from imuloop.report.tables.calibration import parameter_table
 from imuloop.report.tables.candidates import constants_text
@@ -115,7 +115,8 @@ def verdict_lines(content):
 
 def quality_lines(content):
     """Return rate, duration, ranges and faults of a log."""
-    rows = [row for row in quality_figures(content).items() if row[1] not in ("0", "none", "—")]
+    figures = quality_figures(content) | {"Columns": text_of(content.get("columns"))}
+    rows = [row for row in figures.items() if row[1] not in ("0", "none", "—")]
     lines = [f"{content['status']}: {plural(content['rows'], 'sample')}", *aligned(rows)]
     # a rejected log has none
     known = {name: span for name, span in (content.get("range") or {}).items() if span}
