@@ -1,6 +1,7 @@
 """``imuloop info``: what a file is, in a few lines with units."""
 
 import tempfile
+from itertools import product
 from pathlib import Path
 
 from imuloop import Calibration
@@ -10,14 +11,14 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
-from imuloop.report.numbers import coefficient_text, number, plural, text_of
+from imuloop.report.numbers import coefficient_text, number, p_text, plural, text_of, with_unit
 from imuloop.report.results import XYZ, Device
 from imuloop.report.tables.calibration import parameter_table
 from imuloop.report.tables.candidates import constants_text
 from imuloop.report.tables.data import quality_figures
-from imuloop.report.tables.diagnosis import heldout_table, parameter_rows
-from imuloop.report.units import COEFFICIENTS, quantities
-from imuloop.report.verdict import diagnosis_lines
+from imuloop.report.tables.diagnosis import parameter_rows
+from imuloop.report.units import COEFFICIENTS, RESIDUAL, quantities
+from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 
 EXAMPLE = """examples:
   imuloop info results/my_imu/calibration.json
@@ -107,10 +108,22 @@ def noise_lines(content):
 
 
 def verdict_lines(content):
-    """Return verdicts, with the effects that were added, and residuals beside their floors."""
-    table = heldout_table(Device("", "", Path(), diagnosis=content))
-    head = f"diagnosis of {content['device']}; errors are held out, root mean square"
-    return [head, *diagnosis_lines(content), *aligned([table.columns, *table.rows])]
+    """Return verdicts, effects that were added, and residuals beside their floors."""
+    lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
+    for sensor, (part, words) in product(SENSORS, PARTS.items()):
+        block = content["sensors"].get(sensor, {}).get(part)
+        if not block:
+            continue
+        why = f": {block['why']}" if block.get("why") else ""
+        lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+        for effect in block["effects"]:
+            lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
+        for name, r in block["residuals"].items():
+            display = RESIDUAL[r["unit"]]
+            before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
+            error = f"{RESIDUAL_WORDS[name]}: {before} -> {after}, floor {floor}"
+            lines.append(f"  {with_unit(error, display.unit)}")
+    return lines
 
 
 def quality_lines(content):
