@@ -103,10 +103,13 @@ class Result:
             raise ImuloopError(f"{self.device.name}: {failure}")
 
     def __str__(self):
-        from imuloop.report.verdict import diagnosis_lines
+        from imuloop.report.verdict import blocks, sentence
 
-        head = f"{self.device.label or self.device.name}:"
-        return "\n".join([head, *self.failures, *diagnosis_lines(self.diagnosis)])
+        lines = [f"{self.device.label or self.device.name}:", *self.failures]
+        for sensor, part, block in blocks(self.diagnosis):
+            if block["verdict"] != "not_testable":
+                lines.append(f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}")
+        return "\n".join(lines)
 
     def __repr__(self):
         found = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]

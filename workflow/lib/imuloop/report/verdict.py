@@ -247,14 +247,6 @@ def sentence(sensor, block):
     return text
 
 
-def diagnosis_lines(diagnosis):
-    """Return what a diagnosis says, a line per sensor and kind of record."""
-    return [
-        f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}"
-        for sensor, part, block in blocks(diagnosis)
-    ]
-
-
 def rank(verdict):
     """Return the place of a verdict from the best news to none."""
     return VERDICTS.index(verdict)
