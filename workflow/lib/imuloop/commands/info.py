@@ -70,7 +70,8 @@ def result_lines(path):
 
 def calibration_lines(calibration):
     """Return parameters ± σ and effects of a calibration."""
-    lines = [f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"]
+    head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
+    lines = [f"{head}: x = T (K (raw - b) - e)"]
     device = Device("", "", Path(), calibrations={"final": calibration})
     for sensor in SENSORS:
         own, table = getattr(calibration, sensor), parameter_table(device, sensor)
