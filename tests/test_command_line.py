@@ -12,10 +12,11 @@ from calibrated import calibrated_device
 from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.core.model import SensorCalibration
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.ingest.ingest import ingest
 from imuloop.simulate.truth import example_truth
+from quick import hurried
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
 T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
@@ -78,9 +79,10 @@ def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
         command = ["apply", calibration, tmp_path / name, "-o", out]
         assert line in one_line_error(command, capsys)
         assert not out.exists()
-    calibration.write_text("{")
     command = ["apply", calibration, "log.csv", "-o", out]
-    assert "calibration.json: no JSON" in one_line_error(command, capsys)
+    for content, words in (("{", "no JSON"), ("[1]", "calibration.json")):
+        calibration.write_text(content)
+        assert words in one_line_error(command, capsys)
 
 
 @pytest.fixture(scope="module")
@@ -153,34 +155,11 @@ def test_bad_usage_ends_with_status_2(arguments, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["apply", "check", "coach", "info", "report"])
-def test_help_has_an_example(command, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main([command, "-h"])
-    assert stopped.value.code == 0
-    assert f"  imuloop {command} " in capsys.readouterr().out
-
-
 def one_line_error(arguments, capsys):
     assert main([str(a) for a in arguments]) == 1
     message = capsys.readouterr().err
     assert message.startswith("imuloop: ") and message.count("\n") == 1
     return message
-
-
-def test_what_is_no_calibration_is_one_line(device, tmp_path, capsys):
-    for name, content in (
-        ("noise.json", (device / "noise.json").read_text()),
-        ("list.json", "[1]"),
-        ("empty.json", "{}"),
-    ):
-        (tmp_path / name).write_text(content)
-        arguments = ["apply", tmp_path / name, device / "1.csv", "-o", tmp_path / "out.csv"]
-        assert name in one_line_error(arguments, capsys)
-    (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
-    (tmp_path / "noise.json").write_text("{}")
-    found = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)
-    assert "not a noise model" in found
 
 
 def test_info_says_what_a_file_is(device, tmp_path, capsys):
@@ -191,13 +170,13 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     lines = info(device / "calibration.json")
     assert lines.startswith("calibration of d, gravity 9.80665 m/s²")
     # the truth: 0.12 m/s^2, -4 mrad
-    assert re.search(r"bias +12\.\d+ ± 0\.\d+ .* mg", lines)
-    assert re.search(r"misalignment x +0 +-[34]\.\d+ ± .* mrad", lines)
+    assert re.search(r"Bias x +mg +12\.\d+ ± 0\.\d+", lines)
+    assert re.search(r"Misalignment xy +mrad +-[34]\.\d+ ± ", lines)
     lines = info(device / "noise.json")
     assert re.search(r"N, white noise .* 153 +143 +194 +µg/√Hz", lines)
     lines = info(device / "1.csv")
-    assert "1.csv: log, format csv" in lines and " 50.000 Hz" in lines
-    assert "acceleration ax/ay/az (m/s^2)" in lines and "faults: none" in lines
+    assert "1.csv: log, format csv" in lines and "Rate, Hz  " in lines
+    assert "acceleration m/s^2" in lines and "ax, ay, az" in lines and "Gaps" not in lines
     command = ["apply", device / "calibration.json", device / "1.csv", "-o", tmp_path / "c.parquet"]
     main([str(each) for each in command])
     assert info(tmp_path / "c.parquet").startswith("calibrated samples of d: ")
@@ -220,7 +199,8 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
 @pytest.mark.usefixtures("undrawn")
 def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
     page, kept = tmp_path / "report.html", tmp_path / "kept"
-    assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0
+    with hurried("device"):
+        assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0
     assert capsys.readouterr().out == f"wrote {page}\n"
     text = page.read_text()
     assert text.startswith("<!DOCTYPE html>") or text.startswith("<!doctype html>")
@@ -276,13 +256,10 @@ def test_no_command_writes_onto_what_it_reads(log, capsys, another_name):
         refused([*command, target], log.parent, capsys)
 
 
-def test_report_never_writes_its_tracebacks_onto_its_log(log, capsys):
-    log = log.rename(log.with_name("a.log"))
-    refused(["report", log, "-o", log.with_name("a")], log.parent, capsys)
-
-
-@pytest.mark.parametrize("place", ["", "multi_position_1"])
-@pytest.mark.parametrize("way", ["same", "hard link", "linked folder"])
+@pytest.mark.parametrize(
+    ("place", "way"),
+    [("", "same"), ("multi_position_1", "hard link"), ("multi_position_1", "linked folder")],
+)
 def test_report_keeps_nothing_where_its_log_lies(log, tmp_path, capsys, place, way):
     keep = tmp_path / "keep"
     inside = keep / place / "comparison.csv"
@@ -318,16 +295,10 @@ def test_what_a_terminal_would_obey_is_not_printed(log, tmp_path, capsys):
     assert "a?[31m" in out and all(line.isprintable() for line in out.splitlines())
 
 
-@pytest.mark.parametrize(
-    ("columns", "factor", "cause"),
-    [
-        (ACCELERATION, 1 / 9.80665, "taken as m/s^2, it looks like g"),
-        (ANGULAR_RATE, 180 / np.pi, "taken as rad/s, it looks like deg/s"),
-    ],
-)
-def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys, columns, factor, cause):
+def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
+    cause = "taken as m/s^2, it looks like g"
     log = pd.read_csv(device / "1.csv")
-    log[list(columns)] *= factor
+    log[list(ACCELERATION)] /= 9.80665
     log.to_csv(tmp_path / "log.csv", index=False)
     page = tmp_path / "report.html"
     assert main(["report", str(tmp_path / "log.csv"), "-o", str(page)]) == 0

@@ -110,13 +110,6 @@ def test_it_computes_what_the_calibration_does(board, calibrated):
     assert (np.abs(calibrated(board, table) - expected) <= 1e-14 * size).all()
 
 
-def test_the_range_of_an_effect_is_not_taken_for_that_of_the_logs():
-    text = C_HEADER.text(narrow_device())
-    assert "Temperatures of the logs: -5 to 45 degC" in text
-    assert "bias_temperature was seen from 10 to 30 degC; held to that" in text
-    assert "was seen" not in C_HEADER.text(warm_device())
-
-
 def test_effects_with_a_memory_are_left_out_and_said(calibrated):
     shape = find_effect("bias_temperature_rate")(tau=30.0)
     lag = FittedEffect(shape, dict.fromkeys(shape.parameters, 0.1), {})

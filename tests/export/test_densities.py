@@ -25,7 +25,6 @@ from export.devices import (
 )
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
-from imuloop.export.autopilots import ARDUPILOT, PX4
 from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
 from imuloop.export.openvins import OPENVINS
 
@@ -138,11 +137,6 @@ def test_kalibr_expects_what_our_model_logs(misaligned):
     assert "accelerometers" not in KALIBR.text(device())
 
 
-@pytest.mark.parametrize("form", [PX4, ARDUPILOT, OPENVINS, VINS_FUSION])
-def test_what_has_no_place_for_arms_says_so(form):
-    assert "Not carried of the accelerometer: lever_arm" in form.text(turning_device())
-
-
 def test_vins_fusion_expects_the_variance_of_our_noise():
     content, _ = read(VINS_FUSION, without_flicker(device()))
     steps, dt = RATE, 1 / RATE
@@ -196,15 +190,6 @@ def test_a_bias_that_moves_from_run_to_run_says_where_a_filter_begins(form):
         line = f"# {sensor}: turn-on bias, run to run {sizes} (1 sigma of x, y, z; {begin}\n"
         assert text.count(line) == 1
     assert "turn-on bias" not in form.text(device())
-
-
-def test_a_walk_that_was_not_seen_is_said_to_be_a_limit():
-    for form, key in ((KALIBR, "gyroscope_random_walk"), (ORB_SLAM3, "IMU.GyroWalk")):
-        line = next(x for x in form.text(device()).splitlines() if x.startswith(key))
-        assert line.endswith("worst axis: gz, not seen: its 95 % upper limit")
-    text = ALLAN_VARIANCE_ROS.text(device())
-    assert f"# gx: N, white noise, {N['gx']!r} rad/s/sqrt(Hz)\n" in text
-    assert "# ay: K, random walk of the bias, 3.0e-05 m/s^3/sqrt(Hz) (95 % upper limit)\n" in text
 
 
 @FORMATS

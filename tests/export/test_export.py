@@ -8,8 +8,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from export.devices import HOSTILE, device, g_sensitivity, unknown, warm_bias, without_flicker
-from imuloop.core.errors import ImuloopError
+from export.devices import HOSTILE, device, unknown
 from imuloop.core.files import read_json, write_json
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.export.export import (
@@ -86,13 +85,6 @@ def test_results_are_read_back(tmp_path, of_noise, expected):
     assert export_files(found).keys() == export_files(board).keys()
 
 
-def test_a_calibration_of_another_version_is_an_error(tmp_path):
-    results = _results(tmp_path, device(), None)
-    write_json(results[0], {"format": 99})
-    with pytest.raises(ImuloopError, match="format 99"):
-        read_exported("board", "Board", *results)
-
-
 def test_the_report_links_what_is_there(tmp_path):
     write_exports(tmp_path / "exports", {})
     assert listed(tmp_path / "exports.json") == []
@@ -120,22 +112,6 @@ def test_a_comment_stays_a_comment(text):
     assert yaml.safe_load(f"{comment(text)}a: 1\n") == {"a": 1}
 
 
-@pytest.mark.parametrize(
-    ("sensor", "term", "axis", "limit"),
-    [
-        ("accelerometer", "N", "az", False),
-        ("accelerometer", "K", "ax", False),
-        ("gyroscope", "N", "gy", False),
-        ("gyroscope", "K", "gz", True),
-    ],
-)
-def test_white_noise_and_walk_alone_are_those_of_the_worst_axis(sensor, term, axis, limit):
-    board = without_flicker(device())
-    worst = board.worst(sensor, term)
-    assert worst == board.density(axis, term)
-    assert (worst.axis, worst.limit, worst.raised_from) == (axis, limit, None)
-
-
 def test_the_worst_axis_is_that_of_the_largest_raised_value():
     # more white noise on gy, more flicker on gx
     board = device()
@@ -157,14 +133,3 @@ def test_a_limit_that_was_raised_is_said_to_be_both():
     )
     assert walk.times(10.0).value == 10 * walk.value
     assert walk.times(10.0).raised_from == pytest.approx(2e-8)
-
-
-def test_effects_are_named_with_their_largest_parameter():
-    lines = device(effects=(g_sensitivity(), warm_bias())).left_out("gyroscope", aligned=True)
-    largest = max(map(abs, g_sensitivity().values.values()))
-    equation = "Not carried of the gyroscope: g_sensitivity: e = G f"
-    assert lines[0] == f"{equation}; largest parameter {largest:.2g} rad/s per m/s^2"
-    assert lines[1].endswith(
-        "largest parameter 0.01 rad/s per K; order = 1; reference_temperature = 25"
-    )
-    assert device().left_out("accelerometer", aligned=True) == []

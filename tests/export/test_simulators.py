@@ -13,11 +13,9 @@ from export.devices import (
     RATE,
     K,
     N,
-    carried,
     device,
     fitted,
     g_sensitivity,
-    narrow_device,
     warm_device,
     warm_samples,
 )
@@ -136,25 +134,6 @@ def test_imu_sensor_measures_what_the_calibration_takes_back(warm):
     truth = warm_samples()
     back = board.calibration.apply(imu_sensor(board, truth))
     np.testing.assert_allclose(back, truth, rtol=0, atol=1e-12)
-
-
-def test_imu_sensor_has_the_tangent_of_a_curve_at_the_reference():
-    board, truth = warm_device(gyroscope=()), warm_samples()
-    truth["temperature"] = 18.0 + np.linspace(-1e-3, 1e-3, len(truth))
-    back = carried(board, ("bias_temperature",)).apply(imu_sensor(board, truth))
-    # the curvature over a thousandth of a kelvin
-    np.testing.assert_allclose(back, truth, rtol=0, atol=2e-4 * 1e-6)
-    text = MATLAB_IMU_SENSOR.text(board)
-    assert "Not carried of bias_temperature: its curvature" in text
-    assert "Not carried of the accelerometer: scale_temperature" in text
-
-
-def test_the_range_that_imu_sensor_cannot_hold_is_said():
-    text = MATLAB_IMU_SENSOR.text(narrow_device(gyroscope=(5.0, 25.0)))
-    comments = [line.partition("% ")[2] for line in text.splitlines() if "was seen" in line]
-    bias = "bias_temperature was seen from {} to {} degC; imuSensor holds it to no range"
-    assert comments[:2] == [bias.format(10, 30), bias.format(5, 25)]
-    assert comments[2].startswith("g_sensitivity was seen with f_x from -4.8")
 
 
 def test_imu_sensors_noise_has_the_allan_deviation_of_our_model():

@@ -1,6 +1,5 @@
 """Readers in processes of their own: limits, deaths, and files made to break a library."""
 
-import os
 import re
 import struct
 import time

@@ -145,19 +145,6 @@ def test_heating_and_cooling_shows_what_a_temperature_does():
     assert heated < 0.3 * not_heated < found["parameters"][name]["std"]
 
 
-def test_the_same_again_lasts_as_long_as_its_sessions_together():
-    # the clock of each session begins anew: the last one may end before the first
-    short = {"multi_position": replace(SESSION, poses=12, initial_rest_s=5.0)}
-    logs = [
-        simulate_session(t, "multi_position", 3) for t in (TRUTH, replace(TRUTH, sessions=short))
-    ]
-    recording = recorded(*logs)
-    content = next_recording(*fitted(recording), recording)
-    again = content["sensors"]["accelerometer"]["candidates"][-1]
-    assert again["name"] == "again"
-    assert again["duration_s"] == pytest.approx(sum(log.t.iloc[-1] for log in logs), rel=0.02)
-
-
 def test_nothing_is_expected_where_the_noise_is_unknown(first):
     recording = recorded(first[0])
     line = AxisNoise(sinusoid=(Sinusoid(Coefficient(1e-3), Coefficient(4.613)),))

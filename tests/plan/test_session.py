@@ -70,10 +70,3 @@ def test_a_full_turn_turns_by_360_degrees_about_its_level_axis():
     force = calibration().accelerometer.apply(made.poses.f[5:])
     np.testing.assert_allclose(force, [force[0]] * 3, atol=1e-9)
     np.testing.assert_allclose(force[:, 2], 0, atol=1e-9)
-
-
-def test_planned_turns_lose_between_two_samples_what_they_are_said_to():
-    plan = Plan(np.array([0, 0, 1.0]), turns_between(holes(NONE, 5)))
-    assert not planned(plan).rotations.added.any()
-    added = planned(plan, 1e-6).rotations.added
-    np.testing.assert_allclose(added.sum(axis=1), np.tile(1e-6 * np.eye(3), (4, 1, 1)))

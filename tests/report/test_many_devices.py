@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from imuloop.report.figures.comparison import FAR, NAMED, far_out, standing_out
+from imuloop.report.figures.comparison import FAR, far_out, standing_out
 from imuloop.report.report import TOGETHER
 from report.build import joined_report
 from report.test_report import Page
@@ -113,13 +113,6 @@ def test_normal_scatter_stands_out_never_and_a_stray_always():
     distances = far_out(values)
     assert distances[17, 2] > 10 and distances[40, 1] == 0
     assert standing_out(distances.max(axis=1)) == [17]
-
-
-def test_of_those_that_stand_out_the_farthest_are_named():
-    distances = np.array([0.1, 9.0, 6.0, 7.0, 20.0, 8.0, 30.0])
-    assert standing_out(distances) == [6, 4, 1, 5, 3] and len(standing_out(distances)) == NAMED
-    # all alike: nobody stands out
-    assert not far_out(np.ones((5, 3))).any()
 
 
 def test_devices_are_searched_by_label_and_verdict(opened, many):

@@ -1,10 +1,8 @@
 """What the report says of the motion between the rests."""
 
 import csv
-import re
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401  loads the library
@@ -12,8 +10,7 @@ from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.report.advice import what_next
-from imuloop.report.figures.arms import arm_pictures, ellipse
-from imuloop.report.figures.residuals import against
+from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.recording import turns_in_motion
 from imuloop.report.results import Device
 from imuloop.report.verdict import BOTH, UNTESTED, answers, motion_of, sentence
@@ -60,9 +57,7 @@ def test_effects_of_both_sensors_are_one_answer():
     ]
     # what is given to one sensor is none of the other's
     assert [c["status"] for c in motion_of(found)["candidates"]] == ["added"]
-
-
-def test_motion_at_its_floor_or_without_a_test_is_no_answer():
+    # at its floor, or without a test, motion is no answer
     assert len(answers(diagnosis("consistent"))) == len(answers({})) == 2
 
 
@@ -71,9 +66,7 @@ def test_moves_that_a_knock_spoiled_are_counted_and_what_to_do_is_said():
     assert "Left out, for a knock between two samples: 17 of 37 moves." in sentence(BOTH, block)
     assert "Low-pass the accelerometer" in what_next(block)
     # one knock in 37 moves is none of the others
-    block = motion_of(diagnosis("unexplained", left_out=1))
-    assert "Low-pass" not in what_next(block)
-    assert "Left out" not in sentence(BOTH, motion_of(diagnosis("unexplained")))
+    assert "Low-pass" not in what_next(motion_of(diagnosis("unexplained", left_out=1)))
 
 
 @pytest.fixture
@@ -102,37 +95,11 @@ def test_the_arms_are_drawn_with_their_sigma(with_arms):
     [drawn] = arm_pictures(with_arms, block)
     words = drawn.caption.replace("\u202f", " ")
     assert ": x at (6.0, 0, −2.0) mm, σ" in words and "y at (1.0, −4.0, 0) mm, σ" in words
-    labels = re.findall(r">([^<]+)</text>", drawn.svg)
-    assert {"x, mm", "y, mm", "z, mm", "1 σ"} <= set(labels)
-    # once in each of three views
-    assert all(labels.count(axis) == 3 for axis in "xyz")
     rows = list(csv.DictReader((with_arms.figures / "lever_arm.csv").open()))
     std = np.sqrt(np.diag(with_arms.calibrations["final"].accelerometer.covariance)[1:]) * 1e3
     found = [[float(row[f"{axis}_std_mm"]) for axis in "xyz"] for row in rows[:2]]
     np.testing.assert_allclose(found, std.reshape(2, 3))
     assert arm_pictures(with_arms, motion_of(diagnosis("explained"))) == []
-
-
-def test_an_ellipse_is_where_a_deviation_is_one_sigma():
-    root = np.random.default_rng(1).normal(size=(2, 2))
-    covariance = root @ root.T
-    outline = ellipse(covariance)
-    square = np.einsum("in,ij,jn->n", outline, np.linalg.inv(covariance), outline)
-    np.testing.assert_allclose(square, 1)
-    # as far along each axis as its standard error
-    np.testing.assert_allclose(outline.max(axis=1), np.sqrt(np.diag(covariance)), rtol=2e-3)
-    assert not ellipse(np.zeros((2, 2))).any()
-
-
-def test_the_velocity_of_a_move_is_shown_against_its_knock():
-    n = 5
-    columns = {"axis_x": 1.0, "axis_y": 0.0, "axis_z": 0.0, "speed_rad_s": 1.0, "angle_rad": 1.0}
-    table = pd.DataFrame({k: np.full(n, v) for k, v in columns.items()})
-    table = table.assign(session="a", start_s=np.arange(n), end_s=1.0 + np.arange(n))
-    panels = against("velocity_vertical", table.assign(knock_m_s=1e-3 * np.arange(n)))
-    words, values = panels["knock_mm_s"]
-    assert words == "knock between two samples, mm/s"
-    np.testing.assert_allclose(values, np.arange(n))
 
 
 def advice(undersampled=None, **turns):

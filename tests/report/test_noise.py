@@ -13,17 +13,15 @@ from imuloop.core.noise_model import AxisNoise
 from imuloop.noise.representations import COLUMNS, label, power_spectrum
 from imuloop.report.figures.allan import definitions, deviation_pictures
 from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
-from imuloop.report.numbers import interval_text
 from imuloop.report.results import SENSORS
 from imuloop.report.tables.noise import (
     coefficient_table,
     stability_table,
-    statistics_tables,
     uncut_table,
 )
 from imuloop.report.units import COEFFICIENTS, quantities
-from report.plausible_noise import DISTURBED, HUMP, LINE, known
-from report.plausible_results import RATE, N
+from report.plausible_noise import DISTURBED, known
+from report.plausible_results import RATE
 
 THIN = "\u202f"
 
@@ -49,9 +47,8 @@ def with_noise(device, **changes):
     return replace(device, noise={**copy.deepcopy(device.noise), **changes})
 
 
-@pytest.mark.parametrize("rate", [50.0, 400.0])
-def test_units_per_sample_are_those_of_simulated_samples(rate):
-    rng = np.random.default_rng(5)
+def test_units_per_sample_are_those_of_simulated_samples():
+    rng, rate = np.random.default_rng(5), 50.0
     count, factor = 200_000, {k: q.sample.factor for k, q in quantities("gyroscope", rate).items()}
     quantised = np.diff(0.3 * rng.standard_normal(count)) * rate
     assert quantised.std() == pytest.approx(0.3 * factor["Q"], rel=0.01)
@@ -71,27 +68,21 @@ def test_units_per_sample_are_those_of_simulated_samples(rate):
 
 def test_every_coefficient_stands_in_three_systems_with_their_units(board):
     table = coefficient_table(board, "accelerometer")
-    sample = "Per sample at 20 Hz, discrete"
-    si = "SI, continuous time"
-    assert table.columns[:4] == ("Coefficient, axis", si, "Data sheet", sample)
-    units = row_of(table, "N, white")
+    si, sample = "SI, continuous time", "Per sample at 20 Hz, discrete"
+    units, found = row_of(table, "N, white"), row_of(table, "N, x")
     assert (units[si], units["Data sheet"]) == ("m/s²/√Hz", "µg/√Hz\nm/s/√h")
     assert units[sample] == "m/s², σ of a sample"
-    found = row_of(table, "N, x")
-    white = N["a"]
-    for text, value in (
-        (found["SI, continuous time"], white * 1e4),
-        (found["Data sheet"].split("\n")[0], white / 9.80665e-6),
-        (found["Data sheet"].split("\n")[1], white * 60),
-        (found[sample], white * RATE**0.5 * 1e3),
-        (found["95 % interval"], 0.95 * white / 9.80665e-6),
-    ):
-        number = float(re.search(r"[\d.]+", text)[0])
-        # shown as 0.00358 or as 3.58 × 10⁻³
-        assert value / number == pytest.approx(10 ** round(np.log10(value / number)), rel=2e-2)
-    heads = [table.rows[i][0] for i in table.heads]
-    assert [h[0] for h in heads] == [*COEFFICIENTS, "Ω", "f"]
-    assert all(cell for i in table.heads[:5] for cell in table.rows[i][:6])
+    # N of 8e-4 m/s²/√Hz, ± 2 %, at 20 Hz
+    assert found[si].startswith("(8.00 ±") and found["Data sheet"].startswith("81.6 ±")
+    assert found[sample].startswith("0.003578")
+    assert [table.rows[i][0][0] for i in table.heads] == [*COEFFICIENTS, "Ω", "f"]
+    # the plain fit stands beside as a check; what leaves it is named
+    assert row_of(table, "K, x")["Allan-curve fit, a check only"] == "not in the fit"
+    assert table.note.endswith("it leaves their interval or limit at N of y.")
+    assert row_of(table, "Ω, z")["Remark"] == "50 Hz mains, alias of its 2nd harmonic"
+    # q sqrt(T/2) = 2e-5 sqrt(15) rad/s = 16.0 deg/h
+    hump = row_of(coefficient_table(board, "gyroscope"), "q, x")
+    assert hump["Remark"].endswith("16.0 °/h")
 
 
 def test_what_the_record_does_not_show_has_a_limit_and_the_record_it_would_take(board):
@@ -102,49 +93,6 @@ def test_what_the_record_does_not_show_has_a_limit_and_the_record_it_would_take(
         assert found["95 % interval"] == "—"
         assert found["Remark"] == "needs a record of about 40 h"
     assert row_of(coefficient_table(board, "gyroscope"), "N, z")["Remark"] == ""
-
-
-def test_an_interval_from_zero_names_what_could_be_there_instead(board):
-    axes = copy.deepcopy(board.noise["axes"])
-    axes["ax"]["K"] = asdict(known(1e-5)) | {"ci95": [0.0, 2e-5]}
-    axes["ay"]["K"] = asdict(known(1e-5))
-    axes["gx"]["gauss_markov"][0]["q"]["ci95"] = [0.0, 1e-5]
-    device = with_noise(board, axes=axes)
-    table = coefficient_table(device, "accelerometer")
-    doubts = {r[0]: r[-1] for r in table.rows if "cannot tell" in r[-1]}
-    assert doubts == {"K, x": "may be B or R instead: the record cannot tell which"}
-    assert row_of(table, "K, x")["95 % interval"].startswith("0 to ")
-    hump = row_of(coefficient_table(device, "gyroscope"), "q, x")["Remark"]
-    assert hump.endswith("°/h; may be another term instead: the record cannot tell which")
-
-
-def test_the_curve_fit_stands_beside_as_a_check_and_its_departure_is_named(board):
-    table = coefficient_table(board, "accelerometer")
-    column = "Allan-curve fit, a check only"
-    assert row_of(table, "K, x")[column] == "not in the fit"
-    assert float(row_of(table, "N, y")[column]) == pytest.approx(
-        1.3 * N["a"] / 9.80665e-6, rel=5e-3
-    )
-    assert "Use the estimates by likelihood" in table.note
-    assert table.note.endswith("it leaves their interval or limit at N of y.")
-    assert coefficient_table(board, "gyroscope").note.endswith(
-        "keeps within their intervals and limits."
-    )
-
-
-def test_humps_and_lines_have_intervals_and_the_lines_their_origin(board):
-    table = coefficient_table(board, "accelerometer")
-    amplitude, frequency = row_of(table, "Ω, z"), row_of(table, "f, z")
-    assert amplitude["Remark"] == "50 Hz mains, alias of its 2nd harmonic"
-    assert amplitude["Data sheet"].startswith("0.204 ±")
-    assert LINE[1] / 9.80665e-3 == pytest.approx(0.204, abs=5e-4)
-    assert frequency["95 % interval"] == "0.072 to 0.096"
-    assert frequency[table.columns[3]].startswith("0.00400")
-    hump = coefficient_table(board, "gyroscope")
-    assert row_of(hump, "T, x")["95 % interval"] == "27.0 to 36.0"
-    # q sqrt(T/2) = 2e-5 sqrt(15) rad/s = 16.0 deg/h
-    assert row_of(hump, "q, x")["Remark"].endswith("16.0 °/h")
-    assert HUMP[1] * 15**0.5 * 206264.8 == pytest.approx(16.0, abs=0.05)
 
 
 def test_what_a_disturbance_would_have_done_is_said(board):
@@ -170,25 +118,6 @@ def test_four_definitions_of_bias_stability_are_told_apart(board):
     # no accelerometer figure: the attitudes differ
     run = row_of(stability_table(board, "accelerometer"), "3. Run")
     assert run["x"] == "—" and "same attitude" in run["Definition"]
-    heads = statistics_tables(board)[0].columns
-    assert [c for c in heads if "10 s" in c or "100 s" in c] == [
-        "Bias stability 2: std of 10 s means, m/s²",
-        "Bias stability 2: std of 100 s means, m/s²",
-    ]
-
-
-def test_density_carries_the_model_and_says_where_the_record_leaves_it(board, record):
-    pictures = density_pictures(board, record)
-    assert len(pictures) == 2
-    rows = pd.read_csv(board.figures / "long_psd.csv")
-    rows = rows[rows["axis"] == "gy"]
-    model = AxisNoise.from_dict(board.noise["axes"]["gy"])
-    assert rows["model"].to_numpy() == pytest.approx(model.density(rows["frequency_hz"], RATE))
-    accelerometer = pictures[0]
-    assert "lines at 0.0800 Hz (z: 50 Hz mains, alias of its 2nd harmonic)" in (
-        accelerometer.caption.replace(THIN, " ")
-    )
-    assert "leaves the model most at" in accelerometer.caption
 
 
 def test_a_ramp_is_drawn_as_the_spectrum_shows_it(board, record):
@@ -205,9 +134,8 @@ def test_a_ramp_is_drawn_as_the_spectrum_shows_it(board, record):
     assert rows[["model", "psd"]][40:].max().max() < 1e-7 * rows["psd"][0]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_chance_is_no_finding_and_a_true_departure_is(board, record, seed):
-    rng, edf = np.random.default_rng(seed), 8
+def test_chance_is_no_finding_and_a_true_departure_is(board, record):
+    rng, edf = np.random.default_rng(0), 8
     model = AxisNoise.from_dict(board.noise["axes"]["gz"])
     f = np.geomspace(0.01, RATE / 4, 300)
     tables = []
@@ -231,45 +159,21 @@ def test_chance_is_no_finding_and_a_true_departure_is(board, record, seed):
     assert 0.15 < low < high < 0.6 and ratio == pytest.approx(3, rel=0.4)
 
 
-def test_autocorrelation_begins_after_lag_zero_and_ends_where_chance_does(board, record):
-    pictures = correlation_pictures(board, record)
-    rows = pd.read_csv(board.figures / "long_autocorrelation.csv")
-    assert rows["lag_s"].min() == pytest.approx(1 / RATE)
-    # 0.5**lag stays above 0.03 for five lags
-    assert "0.50, 0.50, 0.50 from a sample" in pictures[0].caption
-    assert "beyond chance up to 0.250 s" in pictures[0].caption.replace(THIN, " ")
-
-
-def test_each_deviation_has_its_own_name(board, record):
-    pictures = deviation_pictures(board, record)
-    assert len(pictures) == 2
+def test_each_deviation_has_its_own_name_and_autocorrelation_ends_where_chance_does(board, record):
+    caption = deviation_pictures(board, record)[0].caption
     for words in ("Allan", "Total", "Modified Allan", "Hadamard", "3-sample"):
-        assert words in pictures[0].caption and words in pictures[0].svg
+        assert words in caption
     assert definitions(board) == [label(n) for n in ("total", "modified", "hadamard", "m_sample_3")]
-    written = pd.read_csv(board.figures / "long_deviations.csv")["definition"].unique()
-    assert list(written) == ["total", "modified", "hadamard", "m_sample_3"]
+    # 0.5**lag stays above 0.03 for five lags
+    caption = correlation_pictures(board, record)[0].caption.replace(THIN, " ")
+    assert "0.50, 0.50, 0.50 from a sample" in caption and "up to 0.250 s" in caption
 
 
-@pytest.mark.parametrize("name", ["still", "partly"])
-def test_what_a_noise_stage_did_not_do_is_left_out(devices, name):
-    device = devices[name]
+def test_what_a_noise_stage_did_not_do_is_left_out(devices):
+    device = devices["partly"]
     table = coefficient_table(device, "accelerometer")
     assert "Per sample, rate not known" in table.columns
     assert not [c for c in table.columns if "fit" in c]
     assert uncut_table(device, "accelerometer") is None
     assert not density_pictures(device, device.sessions[0])
     assert not deviation_pictures(device, device.sessions[0])
-
-
-@pytest.mark.parametrize(
-    ("interval", "text"),
-    [
-        ((84.161, 84.742), "84.16 to 84.74"),
-        ((3.5, 6.21), "3.5 to 6.2"),
-        ((0.0, 12.0), "0 to 12"),
-        (None, "—"),
-        ((1.0, None), "—"),
-    ],
-)
-def test_interval_has_digits_enough_for_its_width(interval, text):
-    assert interval_text(interval).replace(THIN, " ") == text

@@ -237,7 +237,8 @@ def allan(device):
 
 def export(device):
     """Write the folder of other tools' files and exports.json, the list of them."""
-    from imuloop.export.export import export_files, no_files, read_exported, write_exports
+    from imuloop.core.errors import one_line
+    from imuloop.export.export import README, export_files, read_exported, write_exports
 
     given = [device.file(f"{name}.json") for name in ("noise", "multi_position", "diagnosis")]
     folder = device.file("exports")
@@ -252,7 +253,8 @@ def export(device):
         )
 
     def instead(reason, failed):
-        write_exports(folder, no_files(device.name, reason), failed)
+        line = one_line(f"No file for other tools of {device.name}: {reason}")
+        write_exports(folder, {README: f"{line}\n"}, failed)
 
     return attempt(device, "export", work, instead, given)
 

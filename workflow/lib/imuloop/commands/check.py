@@ -1,6 +1,5 @@
 """``imuloop check``: whether a sensor has drifted since it was calibrated."""
 
-import argparse
 import tempfile
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import (
     add_arguments,
+    between,
     local_gravity,
     log_samples,
     refuse_rejected,
@@ -63,33 +63,20 @@ def add(commands, **how):
     )
     command.add_argument(
         "--turn-on",
-        type=two,
+        type=between(0, 1e3, 2),
         metavar="M/S^2,RAD/S",
         help="standard deviation of the bias from one switching on to the next; default: the "
         "calibration's turn_on_bias, or the bias instability of the noise",
     )
     command.add_argument(
-        "--level", type=share, default=0.05, help="probability of a false alarm, default 0.05"
+        "--level",
+        type=between(1e-9, 1),
+        default=0.05,
+        help="probability of a false alarm, default 0.05",
     )
     command.add_argument("--json", type=Path, metavar="OUT", help="write the result, for programs")
     add_arguments(command)
     command.set_defaults(run=run)
-
-
-def two(text):
-    """Return two numbers of an argument, none below zero."""
-    values = tuple(float(value) for value in text.split(","))
-    if len(values) != 2 or not all(0 <= value <= 1e3 for value in values):
-        raise argparse.ArgumentTypeError(f"{text} is not ACCELERATION,ANGULAR_RATE")
-    return values
-
-
-def share(text):
-    """Return a probability of an argument."""
-    value = float(text)
-    if not 0 < value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")
-    return value
 
 
 def run(arguments):
@@ -155,16 +142,14 @@ def lines(drift):
         word = "DRIFTED" if sensor.drifted else "no drift"
         together = f"χ² {number(sensor.chi2)} of {sensor.dof}, {p_text(sensor.p_holm)}"
         found.append(f"{name}: {word} ({plural(sensor.dof, 'parameter')} together: {together})")
-        rows = [
-            (
-                change.name,
-                f"moved by {_moved(change)}",
-                f"{number(abs(change.sigmas), 2)} σ",
-                p_text(change.p_holm),
-                _comment(change, sensor),
+        rows = []
+        for change in sensor.changes:
+            display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
+            moved = (
+                f"moved by {with_sigma(change.change, change.std, display.factor)} {display.unit}"
             )
-            for change in sensor.changes
-        ]
+            sigmas = f"{number(abs(change.sigmas), 2)} σ", p_text(change.p_holm)
+            rows.append((change.name, moved, *sigmas, _comment(change, sensor)))
         found += aligned(rows)
         for key, r in sensor.residuals.items():
             display = RESIDUAL[r["unit"]]
@@ -182,12 +167,6 @@ def lines(drift):
             "how much is allowed. Estimate the bias anew at rest."
         )
     return found
-
-
-def _moved(change):
-    display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
-    text = with_sigma(change.change * display.factor, change.std * display.factor)
-    return f"{text} {display.unit}"
 
 
 def _comment(change, sensor):

@@ -1,9 +1,8 @@
 """``imuloop info``: what a file is, in a few lines with units."""
 
 import tempfile
+from itertools import product
 from pathlib import Path
-
-import numpy as np
 
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
@@ -11,20 +10,14 @@ from imuloop.commands.raw_log import add_arguments, log_samples
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import Samples, read_metadata
-from imuloop.report.numbers import (
-    coefficient_text,
-    duration,
-    number,
-    p_text,
-    plural,
-    typeset,
-    with_sigma,
-    with_unit,
-)
-from imuloop.report.results import SENSORS, XYZ, base_parameters
-from imuloop.report.tables.calibration import BIAS, METHOD_WORDS
-from imuloop.report.units import COEFFICIENTS, RESIDUAL, data_sheet, quantities
+from imuloop.core.samples import SENSORS, Samples, read_metadata
+from imuloop.report.numbers import coefficient_text, number, p_text, plural, text_of, with_unit
+from imuloop.report.results import XYZ, Device
+from imuloop.report.tables.calibration import parameter_table
+from imuloop.report.tables.candidates import constants_text
+from imuloop.report.tables.data import quality_figures
+from imuloop.report.tables.diagnosis import parameter_rows
+from imuloop.report.units import COEFFICIENTS, RESIDUAL, quantities
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 
 EXAMPLE = """examples:
@@ -67,7 +60,7 @@ def result_lines(path):
         if "axes" in keys:
             return noise_lines(content)
         if "sensors" in keys:
-            return diagnosis_lines(content)
+            return verdict_lines(content)
         if {"status", "rows"} <= keys:
             return quality_lines(content)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
@@ -77,40 +70,19 @@ def result_lines(path):
 
 def calibration_lines(calibration):
     """Return parameters ± σ and effects of a calibration."""
-    lines = [
-        f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²",
-        "x = T (K (raw - b) - e); value ± 1 σ, without σ not estimated",
-    ]
+    head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
+    lines = [f"{head}: x = T (K (raw - b) - e)"]
+    device = Device("", "", Path(), calibrations={"final": calibration})
     for sensor in SENSORS:
-        own = getattr(calibration, sensor)
-        lines.append(f"{sensor}: {METHOD_WORDS[own.method]}; raw unit {typeset(own.raw_unit.name)}")
-        if own.not_testable:
-            lines.append(f"  not determined: {own.not_testable}")
-        base, unit = base_parameters(own), BIAS[sensor]
-        rows = [
-            (name, *(with_sigma(v * factor, s * factor) for v, s in zip(*pair, strict=True)), text)
-            for name, pair, factor, text in (
-                ("bias", base["bias"], unit.factor, unit.unit),
-                ("scale factor error", base["scale"], 100, "%"),
-            )
-        ]
-        rows = [("", *XYZ, ""), *rows]
-        for i, axis in enumerate(XYZ):
-            cells = [
-                "0" if i == j else with_sigma(*(1e3 * v for v in base["misalignment"][i, j]))
-                for j in range(3)
-            ]
-            rows.append((f"misalignment {axis}", *cells, "mrad"))
-        lines += aligned(rows)
+        own, table = getattr(calibration, sensor), parameter_table(device, sensor)
+        lines.append(f"{sensor}: value ± 1 σ; raw unit {own.raw_unit.name}")
+        lines += [f"  not determined: {own.not_testable}"] if own.not_testable else []
+        lines += aligned(table.rows) if table else []
         for effect in own.effects:
-            units = effect.effect.units(sensor)
-            shape = ", ".join(f"{k} {v:g}" for k, v in effect.to_dict()["constants"].items())
+            content = effect.to_dict()
+            shape = constants_text(content["constants"])
             lines.append(f"  effect {effect.name}{f' ({shape})' if shape else ''}")
-            rows = []
-            for name, value in effect.values.items():
-                display = data_sheet(units[name])
-                text = with_sigma(value, effect.std.get(name), display.factor)
-                rows.append((name, text, display.unit))
+            rows = parameter_rows(content | {"units": effect.effect.units(sensor)})
             lines += aligned(rows, indent=4)
     return lines
 
@@ -136,56 +108,35 @@ def noise_lines(content):
     return [*lines, *(f"note: {note}" for note in content.get("notes", ()))]
 
 
-def diagnosis_lines(content):
+def verdict_lines(content):
     """Return verdicts, effects that were added, and residuals beside their floors."""
     lines = [f"diagnosis of {content['device']}; errors are held out, root mean square"]
-    for sensor in SENSORS:
-        for part, words in PARTS.items():
-            block = content["sensors"].get(sensor, {}).get(part)
-            if not block:
-                continue
-            why = f": {block['why']}" if block.get("why") else ""
-            lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
-            for effect in block.get("effects", ()):
-                lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
-            for name, r in (block.get("residuals") or {}).items():
-                display = RESIDUAL[r["unit"]]
-                before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
-                error = f"{RESIDUAL_WORDS.get(name, name)}: {before} -> {after}, floor {floor}"
-                lines.append(f"  {with_unit(error, display.unit)}")
+    for sensor, (part, words) in product(SENSORS, PARTS.items()):
+        block = content["sensors"].get(sensor, {}).get(part)
+        if not block:
+            continue
+        why = f": {block['why']}" if block.get("why") else ""
+        lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+        for effect in block["effects"]:
+            lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
+        for name, r in block["residuals"].items():
+            display = RESIDUAL[r["unit"]]
+            before, after, floor = (display.size(r[k]) for k in ("before", "after", "floor"))
+            error = f"{RESIDUAL_WORDS[name]}: {before} -> {after}, floor {floor}"
+            lines.append(f"  {with_unit(error, display.unit)}")
     return lines
 
 
 def quality_lines(content):
-    """Return rate, duration and faults of a log."""
-    lines = [
-        f"{content['status']}: {plural(content['rows'], 'sample')}, "
-        f"{duration(content['duration_s'])}, {number(content['rate_hz'], 5)} Hz"
-    ]
-    units = content.get("units") or {}
-    columns = [
-        f"{quantity} {'/'.join(map(str, np.ravel(where)))} ({units.get(quantity, '')})"
-        for quantity, where in (content.get("columns") or {}).items()
-        if isinstance(where, (str, int, list, tuple))
-    ]
-    lines += [f"columns: {', '.join(columns)}"] if columns else []
-    lines += [f"start: {content['start']}"] if content.get("start") else []
-    gaps = content["gaps"]
-    counts = {
-        f"gaps ({duration(gaps['total_s'])})": gaps["count"],
-        "repeated stamps": content.get("duplicates"),
-        "out of order": content.get("out_of_order"),
-        "not finite": content.get("non_finite"),
-        "unreadable": content.get("bad_lines"),
-    }
-    faults = [f"{count} {name}" for name, count in counts.items() if count]
-    lines.append(f"faults: {', '.join(faults) or 'none'}")
-    ranges = {**(content.get("range") or {}), "temperature": content.get("temperature_range")}
+    """Return rate, duration, ranges and faults of a log."""
+    figures = quality_figures(content) | {"Columns": text_of(content.get("columns"))}
+    rows = [row for row in figures.items() if row[1] not in ("0", "none", "—")]
+    lines = [f"{content['status']}: {plural(content['rows'], 'sample')}", *aligned(rows)]
     # a rejected log has none
-    known = {name: span for name, span in ranges.items() if span}
+    known = {name: span for name, span in (content.get("range") or {}).items() if span}
     lines += [f"  {name}  {low:.6g} to {high:.6g}" for name, (low, high) in known.items()]
-    lines += [f"rejected: {reason}" for reason in content.get("reasons", ())]
-    return [*lines, *(f"warning: {warning}" for warning in content.get("warnings", ()))]
+    lines += [f"rejected: {reason}" for reason in content["reasons"]]
+    return [*lines, *(f"warning: {warning}" for warning in content["warnings"])]
 
 
 def log_lines(arguments):

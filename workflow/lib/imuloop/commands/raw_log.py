@@ -33,14 +33,15 @@ def counts(text):
     return quantity, {"scale": scale, "offset": offset}
 
 
-def between(low, high):
-    """Return what takes an argument that is a number in a range."""
+def between(low, high, count=1):
+    """Return what takes an argument that is a number in a range, or several."""
 
     def number(text):
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not from {low:g} to {high:g}")
-        return value
+        values = [float(value) for value in text.split(",")]
+        if len(values) != count or not all(low <= value <= high for value in values):
+            what = f"{count} numbers" if count > 1 else "a number"
+            raise argparse.ArgumentTypeError(f"{text} is not {what} from {low:g} to {high:g}")
+        return tuple(values) if count > 1 else values[0]
 
     return number
 

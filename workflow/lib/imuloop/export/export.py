@@ -73,11 +73,6 @@ def export_files(exported):
     return files
 
 
-def no_files(device, reason):
-    """Return the one file of a device without calibration and noise, README.txt that says why."""
-    return {README: f"No file for other tools of {device}: {one_line(reason)}\n"}
-
-
 def write_exports(folder, files, failed=None):
     """Write the files into `folder`, in the place of what it held before, and a list of them.
 

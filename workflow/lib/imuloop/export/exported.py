@@ -35,19 +35,10 @@ class Format(NamedTuple):
 
 @dataclass(frozen=True)
 class Density:
-    """A noise coefficient as a filter takes it: always a number.
+    """A noise coefficient as a filter takes it: always a number, SI, with its axis or channel.
 
-    Attributes
-    ----------
-    value : float
-        SI: the estimate, or the one-sided 95 % upper limit of a term that was not seen, or what
-        it was raised to.
-    axis : str
-        Its axis or channel.
-    limit : bool
-        Whether the term was not seen.
-    raised_from : float or None
-        SI: estimate or limit where the value is larger, so that N and K bound the Allan curve.
+    The estimate, or the one-sided 95 % upper `limit` of a term that was not seen; `raised_from`
+    that, where the value is larger so that N and K bound the Allan curve.
     """
 
     value: float
@@ -89,20 +80,8 @@ def for_filter(noise, axis, term):
 class Exported:
     """A device as every format takes it; what it does not have raises Lacking.
 
-    Attributes
-    ----------
-    device, label : str
-        As in the config; the label is untrusted text, see `comment`.
-    calibration : Calibration
-        The final one.
-    noise : NoiseModel
-        Of the samples as logged, in SI.
-    rate_hz : float or None
-        Of the logs; None where no session could be used.
-    notes : tuple of str
-        What a reader of the noise coefficients must know.
-    temperature_range : tuple of two floats, or None
-        Lowest and highest temperature of the logs, degC; None where it was not logged.
+    The label is untrusted text, see `comment`. The noise is that of the samples as logged, SI, with
+    notes for its readers; rate and range of temperatures, degC, are those of the logs, if known.
     """
 
     device: str
@@ -157,8 +136,7 @@ class Exported:
     def left_out(self, sensor, carried=(), aligned=False):
         """Return a line for each part of a sensor's calibration that a format does not carry.
 
-        Of an effect its name, equation, sizes and constants, but of those that are `carried`; the
-        misalignment unless the format, or what comes before it, is `aligned`.
+        The misalignment too unless the format, or what comes before it, is `aligned`.
         """
         lines = []
         angle = np.abs(self.sensor(sensor).T - np.eye(3)).max() / DEGREE

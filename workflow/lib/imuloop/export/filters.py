@@ -12,12 +12,11 @@ from imuloop.export.per_axis import scale_and_offset
 from imuloop.noise.filters import RANGE
 
 NAMES = {"N": "N, white noise", "K": "K, random walk of the bias"}
-# sensor and coefficient of each key of Kalibr's imu.yaml, which others have taken over
+# keys of Kalibr's imu.yaml, which others have taken over, with sensor and coefficient
 KALIBR_KEYS = {
-    "accelerometer_noise_density": ("accelerometer", "N"),
-    "accelerometer_random_walk": ("accelerometer", "K"),
-    "gyroscope_noise_density": ("gyroscope", "N"),
-    "gyroscope_random_walk": ("gyroscope", "K"),
+    f"{sensor}_{name}": (sensor, term)
+    for sensor in SENSORS
+    for name, term in (("noise_density", "N"), ("random_walk", "K"))
 }
 ORB_KEYS = {
     "IMU.NoiseGyro": ("gyroscope", "N"),
@@ -42,7 +41,7 @@ OPENCV = "%YAML:1.0\n"
 
 
 def heading(device, tool, *lines):
-    """Return the comments that a file begins with: whose it is and for whom."""
+    """Return the comments that a file begins with."""
     return comment(
         f"{device.label} ({device.device}) for {tool}; from imuloop's calibration.json, noise.json",
         *lines,
@@ -52,14 +51,7 @@ def heading(device, tool, *lines):
 def density_fields(device, keys, indent=""):
     """Return a line per key with the worst axis' continuous density, what it is in a comment.
 
-    Parameters
-    ----------
-    device : Exported
-        The device.
-    keys : dict of str to (str, str)
-        Key to sensor and coefficient, ``N`` or ``K``.
-    indent : str
-        Before each key.
+    Of keys the sensor and coefficient, ``N`` or ``K``.
     """
     lines = ""
     for key, (sensor, term) in keys.items():

@@ -26,14 +26,10 @@ def bias_reference(device, name):
 
 
 def bias_polynomial(device, name, reference):
-    """Return the bias that follows the temperature, about another temperature, degC.
+    """Return the bias that follows the temperature, about another temperature, degC, shape (4, 3).
 
-    ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3: the effect `bias_temperature`, exactly.
-
-    Returns
-    -------
-    ndarray, shape (4, 3)
-        c, SI of the output ``K (raw - b)`` per K^k; zeros where there is no such effect.
+    ``e_i = Σ_k c_ki (θ - reference)^k``, k = 0 … 3: the effect `bias_temperature`, exactly; SI of
+    the output ``K (raw - b)`` per K^k, zeros where there is no such effect.
     """
     total = np.zeros((TERMS, 3))
     for fitted in device.effects(name, BIAS):
@@ -51,16 +47,16 @@ def common(spans):
     return (low, high) if low <= high else None
 
 
-def input_range(fitted, names):
-    """Return the lowest and highest derivative by parameters that was seen, SI, None if unknown."""
+def seen_range(fitted, names, offset=0.0):
+    """Return the lowest and highest derivative by parameters that was seen, None if unknown."""
     known = [fitted.seen[name] for name in names if name in fitted.seen]
-    return common(known) if known else None
+    found = common(known) if known else None
+    return found and (offset + found[0], offset + found[1])
 
 
 def temperature_range(fitted):
     """Return between which temperatures `bias_temperature` was seen, degC; None if unknown."""
-    seen = input_range(fitted, [f"c1{axis}" for axis in AXES])
-    return seen and tuple(fitted.effect.reference_temperature + end for end in seen)
+    return seen_range(fitted, [f"c1{axis}" for axis in AXES], fitted.effect.reference_temperature)
 
 
 def common_temperatures(device, *sensors):
@@ -85,7 +81,7 @@ def range_lines(device, sensor, name, held):
             span = temperature_range(fitted)
             words = span and "from {:g} to {:g} degC".format(*span)
         else:
-            forces = [input_range(fitted, [f"G{i}{j}" for i in range(3)]) for j in range(3)]
+            forces = [seen_range(fitted, [f"G{i}{j}" for i in range(3)]) for j in range(3)]
             each = zip(AXES, forces, strict=True)
             known = [f"f_{axis} from {f[0]:g} to {f[1]:g}" for axis, f in each if f]
             words = known and f"with {', '.join(known)} m/s^2"

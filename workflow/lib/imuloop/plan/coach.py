@@ -23,24 +23,11 @@ from imuloop.segment.settings import SegmentSettings
 class Progress:
     """What a session shows so far.
 
-    Attributes
-    ----------
-    duration_s : float
-        Its length.
-    up : ndarray, shape (n, 3)
-        Upward direction in each pose, on body axes.
-    hole : ndarray, shape (3,), or None
-        The direction that is farthest from all of them; None once they cover the sphere.
-    std : dict of dict
-        Standard error of each parameter by sensor, in its own unit; empty while it has none.
-    worst : dict of float
-        By sensor, the largest standard error of scale factor, relative, and misalignment, rad;
-        infinite while it has none.
-    advice : str
-        What to do next; empty where nothing is left to do.
-    done : bool
-        Whether every standard error is as small as asked for; a wide hole may be left, in which
-        an effect could hide.
+    Its length, s; the upward direction in each pose, (n, 3), and the one that is farthest from all
+    of them, on body axes, None once they cover the sphere; the standard error of each parameter
+    by sensor, in its own unit, and the worst of scale factor, relative, and misalignment, rad,
+    infinite while there is none; what to do next, empty where nothing is left; whether all are as
+    good as asked for, though a wide hole, in which an effect could hide, may be left.
     """
 
     duration_s: float
@@ -55,18 +42,9 @@ class Progress:
 def progress(samples, gravity, units, noise=None, within=2e-3):
     """Return the Progress of a session.
 
-    Parameters
-    ----------
-    samples : DataFrame
-        The log so far, SI.
-    gravity : float
-        Local gravity, m/s^2.
-    units : tuple of RawUnit
-        Of accelerometer and gyroscope.
-    noise : NoiseModel, optional
-        Of the same session, of `rest_noise`; that of the samples of its rests, white, if None.
-    within : float
-        `Progress.worst` that each sensor shall reach.
+    Takes its samples so far, SI, a DataFrame; gravity, m/s^2; the RawUnit of both sensors; the
+    NoiseModel of `rest_noise`, by default that of the samples of its rests, white; the
+    `Progress.worst` that each sensor shall reach.
     """
     t = samples["t"].to_numpy()
     none = dict.fromkeys(SENSORS, np.inf)

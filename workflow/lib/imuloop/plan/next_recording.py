@@ -38,27 +38,19 @@ def next_recording(models, solutions, calibration, recording, motion=None):
     the residual exceeds its floor, it is taken to do so again. Planned poses last as long as those
     at hand, and so do turns.
 
-    Parameters
-    ----------
-    models, solutions : dict
-        AccelerometerPoses and GyroscopePoses, and a Solution or None, by sensor.
-    calibration : Calibration
-        The final one.
-    recording : Recording
-        Poses and rotations of the multi-position sessions, of which there may be none.
-    motion : (MotionPoses, Solution), optional
-        The moves between the poses and their fit.
+    Takes AccelerometerPoses and GyroscopePoses, and a Solution or None, by sensor; the final
+    Calibration; the Recording of the multi-position sessions, of which there may be none; and
+    MotionPoses with their Solution, of the moves between the poses.
 
     Returns
     -------
     dict
         ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``,
         ``excess``, the reduced chi square in all standard errors}}, ``turns``, and ``motion`` as of
-        `turns_in_motion`. A candidate
-        holds its ``name``, ``poses``, ``turns``, ``axis``, ``duration_s``, ``up`` of its first
-        pose and ``std`` {name: number or null} after it. ``weight`` is the error of a sensor's
-        output at 1 g or 100 deg/s that one standard error makes, over the noise of a mean of one
-        second. Empty where the noise is not known.
+        `turns_in_motion`. A candidate holds its ``name``, ``poses``, ``turns``, ``axis``,
+        ``duration_s``, ``up`` of its first pose and ``std`` {name: number or null} after it.
+        ``weight`` is the error of a sensor's output at 1 g or 100 deg/s that one standard error
+        makes, over the noise of a mean of one second. Empty where the noise is not known.
     """
     steps = [np.diff(log.t) for log in recording.logs]
     # counts only where the noise of an axis is known from the poses alone

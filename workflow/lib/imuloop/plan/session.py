@@ -94,20 +94,9 @@ def planned_recording(plan, calibration, variance, rate, aliased=0.0):
     """Return the Recording that a device would log of a plan, without noise, SI as logged.
 
     The effects of its calibration are left out: they are small, and what is asked of the
-    recording, derivatives and covariances, does not change by more than they do.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is done with the device.
-    calibration : Calibration
-        Of the device.
-    variance : array_like, shape (6,)
-        Sample variance at rest of the six channels, SI squared.
-    rate : float
-        Samples per second of the device, Hz.
-    aliased : float
-        Variance that this rate adds to each axis of a turn, rad².
+    recording, derivatives and covariances, does not change by more than they do. Takes the sample
+    variance at rest of the six channels, SI squared, the samples per second, Hz, and the variance
+    that this rate adds to each axis of a turn, rad².
     """
     moves = np.broadcast_to(plan.move_s, len(plan.turns))
     # rest, move, rest, …, rest: the number of each sample's part, even at rest

@@ -89,7 +89,6 @@ def next_steps(device):
         first_session,
         _clipped,
         _unexplained,
-        _undersampled,
         _short_rests,
         best_recording,
         hole,
@@ -111,7 +110,6 @@ def next_steps(device):
 
 
 def _failed(device):
-    """Yield what to do about stages that failed."""
     for _, failure in device.failures:
         where = f", with {failure.log}" if failure.log else ""
         yield (
@@ -122,22 +120,22 @@ def _failed(device):
 
 
 def _rejected(device):
-    """Yield what to do about rejected sessions."""
     for s in device.sessions:
         if s.rejected and not s.quality.get("failed") and not s.segmentation.get("failed"):
             reasons = "; ".join(s.reasons).rstrip(".")
-            yield (
-                1.0,
-                f"Correct what is declared of session {s.name} and run again, before anything "
-                f"else: {reasons}."
-                if s.quality["misdeclared"]
-                else f"Record session {s.name} again, or correct its entry in the config: it was "
-                f"rejected ({reasons}).",
+            text = (
+                f"Record session {s.name} again, or correct its entry in the config: it was "
+                f"rejected ({reasons})."
             )
+            if s.quality["misdeclared"]:
+                text = (
+                    f"Correct what is declared of session {s.name} and run again, before anything "
+                    f"else: {reasons}."
+                )
+            yield 1.0, text
 
 
 def _short_rests(device):
-    """Yield what would keep rests that are too short: settings, or longer rests."""
     for s in device.used:
         found = s.segmentation.get("shorter")
         if found:
@@ -152,7 +150,9 @@ def _short_rests(device):
 
 
 def _unexplained(device):
-    """Yield what to do about residuals above their floor."""
+    found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
+    if found:
+        yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
     for sensor, part, block in blocks(device.diagnosis):
         if block["verdict"] not in ABOVE:
             continue
@@ -178,15 +178,7 @@ def _unexplained(device):
         yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
 
 
-def _undersampled(device):
-    """Yield at which rate to record such turns."""
-    found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
-    if found:
-        yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
-
-
 def _clipped(device):
-    """Yield what to do about values that lie at the end of the range."""
     for s in device.used:
         counts = {k: v for k, v in s.quality["clipped"].items() if v}
         seen = s.quality["faults"].get("clipped_at", {})
@@ -201,7 +193,6 @@ def _clipped(device):
 
 
 def _heat_and_cool(device):
-    """Yield that temperature and time cannot be told apart, and how to heat and cool."""
     found = []
     for session in device.used:
         if TEMPERATURE not in session.samples:

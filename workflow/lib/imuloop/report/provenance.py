@@ -12,14 +12,7 @@ PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets", "
 def provenance(repository, command, config):
     """Return what is needed to make a report again: commit, command, versions and config.
 
-    Parameters
-    ----------
-    repository : path-like
-        Folder of the workflow.
-    command : str
-        Command that was run.
-    config : dict
-        Resolved config of all devices.
+    Takes the folder of the workflow, the command that was run, the resolved config of all devices.
     """
     found = {"python": platform.python_version()}
     for name in PACKAGES:

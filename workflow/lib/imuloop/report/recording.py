@@ -31,10 +31,9 @@ MISSED = 0.05
 
 
 def attitude_words(up):
-    """Return an attitude in words, from the upward unit vector on the sensor's axes.
+    """Return an attitude in words, from the upward unit vector: x axis down, tilted 30° towards +y.
 
-    As ``x axis down, tilted 30° towards +y``: the axis nearest to the vertical, and which other
-    axes rise by the tilt.
+    The axis nearest to the vertical, and which other axes rise by the tilt.
     """
     main = int(np.abs(up).argmax())
     text = f"{XYZ[main]} axis {'up' if up[main] > 0 else 'down'}"
@@ -64,24 +63,6 @@ def sigma_words(unit, *values):
     return " to ".join([*(display.size(v, 2) for v in first), display.text(last, 2)])
 
 
-def _candidate_words(entry):
-    """Return what a candidate for the next recording asks to do."""
-    length = duration(entry["duration_s"], 2)
-    if entry["name"] == "again":
-        return f"the same session once more ({length})"
-    if entry["name"] == "static":
-        return f"{length} at rest"
-    first = attitude_words(entry["up"])
-    text = f"{entry['poses']} more poses in the largest holes of the sphere, the first with {first}"
-    if entry["name"] == "turns":
-        axis = entry["axis"]
-        text += f", then {entry['turns']} turns of 360° about {axis}, both ways, with {axis} level"
-    if entry["name"] == "heat_and_cool":
-        span = number(entry["span_K"], 2)
-        text += f", while the device is heated by {span}\u202fK and cooled again"
-    return f"{text} ({length})"
-
-
 def _plans(device):
     """Return (sensor, parameters, candidates) of the next recording."""
     content = device.diagnosis.get("next_recording", {}).get("sensors", {})
@@ -89,7 +70,7 @@ def _plans(device):
 
 
 def _drops(device, name=None, least=MATTERS):
-    """Return (share lost, words on it, candidate) of what recordings lower, most first.
+    """Return what recordings lower most: (share lost, words on it, candidate), or no share.
 
     Of those of a name, or of all; of parameters whose weights are above the least.
     """
@@ -107,7 +88,7 @@ def _drops(device, name=None, least=MATTERS):
         if (now := parameters.get(parameter)) and (now["weight"] or 0.0) > least
         if after is not None
     ]
-    return sorted(found, key=lambda drop: -drop[0])
+    return max(found, key=lambda drop: drop[0], default=(0.0, "", {}))
 
 
 def first_session(device):
@@ -133,12 +114,25 @@ def first_session(device):
 
 def best_recording(device):
     """Yield the recording that would lower a standard error most, of those that matter."""
-    gain, words, entry = next(iter(_drops(device)), (0.0, "", {}))
+    gain, words, entry = _drops(device)
     # some have sentences of their own, which say why
     own = entry.get("name") in ("multi_position", "turns")
     if gain < NOTICEABLE or own or (entry["name"] == "poses" and any(hole(device))):
         return
-    asked = _candidate_words(entry)
+    asked = duration(entry["duration_s"], 2)
+    if entry["name"] == "again":
+        asked = f"the same session once more ({asked})"
+    elif entry["name"] == "static":
+        asked = f"{asked} at rest"
+    else:
+        heated = ""
+        if entry["name"] == "heat_and_cool":
+            span = number(entry["span_K"], 2)
+            heated = f", while the device is heated by {span}\u202fK and cooled again"
+        asked = (
+            f"{entry['poses']} more poses in the largest holes of the sphere, the first with "
+            f"{attitude_words(entry['up'])}{heated} ({asked})"
+        )
     yield gain, f"The next recording that helps most: {asked} would lower σ of {words}."
 
 
@@ -153,8 +147,9 @@ def hole(device):
         return
     text = f"Add poses with {attitude_words(up)}: the nearest is {degrees:.0f}° away."
     # where nothing matters the gain is that of any parameter: a hole hides what no model has, too
-    drops = _drops(device, "poses") or _drops(device, "poses", least=0.0)
-    gain, words, entry = next(iter(drops), (0.0, "", {}))
+    gain, words, entry = max(
+        (_drops(device, "poses", least) for least in (MATTERS, 0.0)), key=lambda drop: drop[0] > 0
+    )
     if gain < NOTICEABLE:
         yield 0.0, text
         return
@@ -234,7 +229,7 @@ def enough(device):
         if now["weight"] is not None
     ]
     scales = sum("scale factor" in known for _, known in weights)
-    gain, *_ = next(iter(_drops(device)), (0.0,))
+    gain, *_ = _drops(device)
     if scales < 2 * len(XYZ) or gain >= NOTICEABLE:
         return ""
     weight, known = max(weights)
@@ -281,19 +276,15 @@ def static_record(device):
     rates = [rate for s in device.used if (rate := s.quality["rate_hz"])]
     wanted, limited = [], []
     for channel, axis in device.axes.items() if rates else ():
-        white = axis.N.value
-        if white is None:
+        if (white := axis.N.value) is None:
             continue
-        usual = {
-            "B": white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S)),
-            "K": white * np.sqrt(3) / WALK_S,
-        }
-        for name, size in usual.items():
+        flicker = white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S))
+        for name, usual in (("B", flicker), ("K", white * np.sqrt(3) / WALK_S)):
             term = getattr(axis, name)
             if term.value is not None or not term.upper95:
                 continue
             limited.append(f"{name} of {channel}")
-            target = min(term.upper95, size)
+            target = min(term.upper95, usual)
             if target < (1 - WORTH) * term.upper95:
                 squares = [getattr(axis, k).square for k in "QNBK"]
                 processes = [(p.q.square * p.tc.value / 2, p.tc.value) for p in axis.gauss_markov]

@@ -8,23 +8,11 @@ from markupsafe import Markup
 
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
-from imuloop.report.figures.comparison import (
-    allan_comparison,
-    line_style,
-    parameter_comparison,
-)
+from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.loop import loop_picture
 from imuloop.report.page import write_page
+from imuloop.report.tables import comparison as tables
 from imuloop.report.tables.board import board_part
-from imuloop.report.tables.comparison import (
-    COLUMNS,
-    best_words,
-    cells,
-    filter_cells,
-    verdict_parts,
-    verdict_rank,
-    write_comparison,
-)
 from imuloop.report.verdict import WORDS, grouped
 
 # the most devices whose parts are in the report itself; of more each has a page of its own
@@ -37,8 +25,7 @@ def write_report(folders, provenance, report_path, comparison_path, boards=()):
     Parameters
     ----------
     folders : sequence of Path
-        Results of each device, in the order to show them; devices in which a stage failed come
-        first.
+        Results of each device, in the order to show them; those in which a stage failed come first.
     provenance : dict
         What made the report: `commit`, `command`, `versions`, `config` (resolved), …; single
         values become rows of a table, mappings are printed as YAML.
@@ -52,7 +39,7 @@ def write_report(folders, provenance, report_path, comparison_path, boards=()):
     devices, folders = zip(*given, strict=True)
     together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:
-        write_comparison(temporary, devices)
+        tables.write_comparison(temporary, devices)
     write_page(
         report_path,
         "report.html.j2",
@@ -64,19 +51,21 @@ def write_report(folders, provenance, report_path, comparison_path, boards=()):
         boards=[
             board_part(read_json(p), {d["device"]: d["label"] for d in devices}) for p in boards
         ],
-        rows=list(zip(devices, *(cells(devices, sensor) for sensor in COLUMNS), strict=True)),
-        columns=COLUMNS,
-        best=best_words(devices),
+        rows=list(
+            zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
+        ),
+        columns=tables.COLUMNS,
+        best=tables.best_words(devices),
         loops=[loop_picture(d["device"], d["loop"]) if together else None for d in devices],
-        rank=verdict_rank,
-        verdict_parts=verdict_parts,
-        filters=[filter_cells(d) for d in devices],
+        rank=tables.verdict_rank,
+        verdict_parts=tables.verdict_parts,
+        filters=[tables.filter_cells(d) for d in devices],
         bounded=RANGE,
         exports=[sorted(read_json(folder / "exports.json")["sha256"]) for folder in folders],
         verdict_words=WORDS,
-        allan=allan_comparison(devices, together),
-        intervals=parameter_comparison(devices, comparison, together),
-        styles=[line_style(i) for i in range(len(devices))],
+        allan=figures.allan_comparison(devices, together),
+        intervals=figures.parameter_comparison(devices, comparison, together),
+        styles=[figures.line_style(i) for i in range(len(devices))],
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
         texts={

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +27,7 @@ CALIBRATIONS = {
 
 @dataclass(frozen=True)
 class Session:
-    """One session of a device, its name and kind as in the config.
-
-    `quality`, content of quality.json; `source`, metadata of the samples; `segmentation`, what was
-    chosen for the segments.
-    """
+    """One session of a device; `source` is the metadata of its samples."""
 
     name: str
     kind: str
@@ -71,11 +68,9 @@ class Session:
 
 @dataclass(frozen=True)
 class Device:
-    """All results of one device, its name, label and order of sessions as in the config.
+    """All results of one device; where its part failed, there are only the failures.
 
-    `calibrations` by method, as in `CALIBRATIONS`; `noise` and `diagnosis`, content of noise.json
-    and diagnosis.json; `failures`, pairs of a session's name or None and a `Failure`. Where its
-    part of the report could not be made, there are only the failures.
+    `calibrations` by method, as in `CALIBRATIONS`; `failures`, a session's name or None, `Failure`.
     """
 
     name: str
@@ -104,6 +99,11 @@ class Device:
     def used(self):
         """The sessions that were not rejected."""
         return tuple(s for s in self.sessions if not s.rejected)
+
+    def record(self, name):
+        """Return in words of which record of a session figures of a rest are."""
+        kinds = {s.name: s.kind for s in self.sessions}
+        return f"{'' if kinds.get(name) == 'static' else 'longest rest of '}session {name}"
 
     @cached_property
     def axes(self):
@@ -170,8 +170,6 @@ def base_parameters(sensor):
         "scale": (sensor.K / unit.scale - 1, sigma["K"] / unit.scale),
         "misalignment": {
             (i, j): (sensor.T[i, j], std.get(f"T{i}{j}", np.nan))
-            for i in range(3)
-            for j in range(3)
-            if i != j
+            for i, j in permutations(range(3), 2)
         },
     }

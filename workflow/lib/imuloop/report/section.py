@@ -11,57 +11,25 @@ from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import write_json
 from imuloop.export.export import listed
 from imuloop.report.advice import next_steps, what_next
-from imuloop.report.figures.allan import (
-    allan_pictures,
-    corrected_pictures,
-    definitions,
-    deviation_pictures,
-)
+from imuloop.report.figures import allan, bias, residuals, spectrum, time_series
 from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.poses import pose_picture
-from imuloop.report.figures.residuals import residual_pictures
-from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
-from imuloop.report.figures.time_series import session_pictures
 from imuloop.report.page import write, write_page
 from imuloop.report.results import SENSORS, Device, read_device
 from imuloop.report.summary import summarise
-from imuloop.report.tables.calibration import METHOD_WORDS, model_table, parameter_table, reasons
-from imuloop.report.tables.candidates import ranking_table, twin_table
-from imuloop.report.tables.data import data_table, segment_table, source_table, warnings
-from imuloop.report.tables.diagnosis import (
-    effect_tables,
-    heldout_by_session,
-    heldout_table,
-    session_tables,
-    steps_table,
-)
-from imuloop.report.tables.noise import (
-    coefficient_note,
-    coefficient_table,
-    noise_change_table,
-    stability_table,
-    statistics_tables,
-    uncut_table,
-)
+from imuloop.report.tables import calibration, candidates, data, diagnosis, noise
 from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 
 
 def write_section(name, label, folder, sessions):
     """Write a device's section, its page, its row of the comparison and its figures.
 
-    Parameters
-    ----------
-    name, label : str
-        As in the config; the label is shown as it is, never as markup.
-    folder : path-like
-        ``results/<device>``, to read and to write.
-    sessions : dict of str to str
-        Kind of each session by its name.
+    Takes name and label as in the config, the folder ``results/<device>``, and the kind of each
+    session by its name. The label is shown as it is, never as markup.
     """
     device = read_device(name, label, folder, sessions)
     _empty(device.figures)
@@ -107,53 +75,49 @@ def content(device):
         return [picture for session in used for picture in make(device, session)]
 
     return {
-        "parts": diagnosis_parts(device),
+        "parts": [diagnosis_part(device, *each) for each in blocks(device.diagnosis)],
         "steps": next_steps(device),
         "exports": listed(device.folder / "exports.json"),
         "rejected": [s for s in device.sessions if s.rejected],
-        "data": [data_table(device), source_table(device)],
-        "warnings": warnings(device),
-        "series": pictures(session_pictures),
-        "segments": segment_table(device),
+        "data": [data.data_table(device), data.source_table(device)],
+        "warnings": [(s.name, text) for s in device.sessions for text in s.quality["warnings"]],
+        "series": pictures(time_series.session_pictures),
+        "segments": data.segment_table(device),
         "poses": pose_picture(device),
-        "basis": [(s, METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
-        "reasons": reasons(device),
-        "parameters": tables(parameter_table),
+        "basis": [(s, calibration.METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
+        "reasons": calibration.reasons(device),
+        "parameters": tables(calibration.parameter_table),
         "matrices": correlation_matrices(device),
-        "model": tables(model_table),
-        "allan": pictures(allan_pictures),
-        "spectra": pictures(density_pictures),
-        "autocorrelations": pictures(correlation_pictures),
-        "definitions": definitions(device),
-        "deviations": pictures(deviation_pictures),
-        "coefficients": tables(coefficient_table),
-        "coefficient_note": coefficient_note(device),
-        "uncut": tables(uncut_table),
-        "stability": tables(stability_table),
-        "statistics": statistics_tables(device),
-        "heldout": heldout_table(device),
+        "model": tables(calibration.model_table),
+        "allan": pictures(allan.allan_pictures),
+        "spectra": pictures(spectrum.density_pictures),
+        "autocorrelations": pictures(spectrum.correlation_pictures),
+        "definitions": allan.definitions(device),
+        "deviations": pictures(allan.deviation_pictures),
+        "coefficients": tables(noise.coefficient_table),
+        "coefficient_note": noise.coefficient_note(device),
+        "uncut": tables(noise.uncut_table),
+        "stability": tables(noise.stability_table),
+        "statistics": noise.statistics_tables(device),
+        "heldout": diagnosis.heldout_table(device),
         "attitude": attitude_part(device),
     }
 
 
-def diagnosis_parts(device):
-    """Return what is laid out of each sensor and kind of data, in the order of reading."""
-    return [_part(device, *each) for each in blocks(device.diagnosis)]
-
-
-def _part(device, sensor, part, block):
-    verdict = block["verdict"]
-    above = verdict in ABOVE
-    tables = [steps_table(sensor, part, block), *effect_tables(sensor, part, block)]
-    allan, drawn = [], []
+def diagnosis_part(device, sensor, part, block):
+    """Return what is laid out of a sensor and kind of data."""
+    verdict, above = block["verdict"], block["verdict"] in ABOVE
+    tables = [diagnosis.steps_table(sensor, part, block)]
+    tables += [diagnosis.effect_table(sensor, part, e) for e in block["effects"]]
+    corrected, drawn = [], []
     if part != "static_record":
-        drawn = residual_pictures(device, sensor, block) + arm_pictures(device, block)
+        drawn = residuals.residual_pictures(device, sensor, block) + arm_pictures(device, block)
     else:
-        allan = corrected_pictures(device, sensor) if block["effects"] else []
+        corrected = allan.corrected_pictures(device, sensor) if block["effects"] else []
         tables += [
-            heldout_by_session(device, sensor, block),
-            *session_tables(device, sensor, block),
-            noise_change_table(sensor, block),
+            diagnosis.heldout_by_session(device, sensor, block),
+            *diagnosis.session_tables(device, sensor, block),
+            noise.noise_change_table(sensor, block),
         ]
     return {
         # where links lead
@@ -164,11 +128,11 @@ def _part(device, sensor, part, block):
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block),
         "poses": drawn,
-        "bias": bias_pictures(device, sensor, block),
+        "bias": bias.bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
-        "allan": allan,
-        "ranking": ranking_table(sensor, part, block),
-        "twins": twin_table(sensor, part, block),
+        "allan": corrected,
+        "ranking": candidates.ranking_table(sensor, part, block),
+        "twins": candidates.twin_table(sensor, part, block),
         "left": correlate_pictures(device, sensor, part, block) if above else [],
         "next_step": what_next(block) if above else "",
     }

@@ -162,13 +162,13 @@ def _filter(device):
 def _largest_noise(axes, key):
     """Return the largest of three axes, and the limit of another if that is larger."""
     found = [(getattr(noise, key), axis) for axis, noise in axes]
-    values = [(c.value, sigma_of(c), a) for c, a in found if c.value is not None]
+    known = [(c.value, sigma_of(c), a) for c, a in found if c.value is not None]
     limits = [(c.upper95, a) for c, a in found if c.value is None and c.upper95 is not None]
-    value, std, axis = max(values, key=lambda v: v[0], default=(None, None, None))
-    upper, upper_axis = max(limits, default=(None, None))
-    if value is None and upper is None:
+    if not known and not limits:
         return None
+    value, std, axis = max(known, key=lambda v: v[0], default=(None, None, None))
+    upper, upper_axis = max(limits, default=(None, None))
     # an axis that is only limited may still be the worst
-    if value is not None and upper is not None and upper <= value:
+    if known and limits and upper <= value:
         upper = upper_axis = None
     return {"value": value, "std": std, "axis": axis, "upper95": upper, "upper95_axis": upper_axis}

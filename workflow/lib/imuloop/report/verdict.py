@@ -8,13 +8,8 @@ from imuloop.report.numbers import joined, missing, number, p_text, percent, plu
 from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none
-WORDS = {
-    "consistent": "consistent",
-    "explained": "explained",
-    "partly_explained": "partly explained",
-    "unexplained": "unexplained",
-    "not_testable": "not testable",
-}
+VERDICTS = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
+WORDS = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
 PARTS = {"poses": "poses", "static_record": "static record", "motion": "motion"}
 # whose velocity it is
 BOTH = "sensors"
@@ -27,10 +22,7 @@ RESIDUAL_WORDS = {
     "velocity_horizontal": "horizontal velocity at the end of a move",
 }
 # what a residual that is left is compared with
-CORRELATES = {
-    "harmonics_3": "attitude, a pattern of degree 3",
-    "harmonics_4": "attitude, a pattern of degree 4",
-    "harmonics_5": "attitude, a pattern of degree 5",
+CORRELATES = {f"harmonics_{k}": f"attitude, a pattern of degree {k}" for k in (3, 4, 5)} | {
     "time": "time",
     "temperature": "temperature",
     "temperature_rate": "rate of change of temperature",
@@ -188,20 +180,6 @@ def too_quiet(block):
     return None
 
 
-def _known_text(block):
-    """Return the effects that came from the other kind of data, as a sentence's end."""
-    added = {e["name"] for e in block["effects"]}
-    known = {
-        c["name"]: c["why"]
-        for c in block["candidates"]
-        if c["status"] == "added" and c["name"] not in added
-    }
-    if not known:
-        return ""
-    verb = "is" if len(known) == 1 else "are"
-    return f"; {joined(list(known))}, {next(iter(known.values()))}, {verb} part of the model"
-
-
 def _tried(sensor, block):
     """Return what the effects that were rejected do to the held-out error, in words."""
     residuals, found = block["residuals"], []
@@ -237,8 +215,14 @@ def sentence(sensor, block):
         + ("something is still missing" if lacking(block) else "not in every part of the data"),
         "unexplained": f"unexplained, {_tried(sensor, block)}",
     }[verdict]
-    moved = f"{RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
-    text = f"{words}: {moved}{_known_text(block)}."
+    text = f"{words}: {RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
+    # effects that came from the other kind of data
+    own = {e["name"] for e in block["effects"]}
+    added = [c for c in block["candidates"] if c["status"] == "added" and c["name"] not in own]
+    if added:
+        listed, verb = joined([c["name"] for c in added]), "is" if len(added) == 1 else "are"
+        text += f"; {listed}, {added[0]['why']}, {verb} part of the model"
+    text += "."
     if verdict in ABOVE:
         text += misfit(block)
         if probe := leading(block):
@@ -265,7 +249,7 @@ def sentence(sensor, block):
 
 def rank(verdict):
     """Return the place of a verdict from the best news to none."""
-    return list(WORDS).index(verdict)
+    return VERDICTS.index(verdict)
 
 
 def answers(diagnosis):

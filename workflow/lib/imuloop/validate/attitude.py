@@ -1,11 +1,11 @@
 """Validation: the error of gravity's direction on stretches that no model has seen."""
 
 import numpy as np
+import pandas as pd
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import residuals
-from imuloop.core.tables import joined, table
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.validate.attitude_errors import (
@@ -14,7 +14,6 @@ from imuloop.validate.attitude_errors import (
     angle,
     attitudes,
     filter_errors,
-    filter_steps,
     gyroscope_errors,
     stretches,
 )
@@ -60,8 +59,8 @@ def validate_attitude(device, gravity, diagnosed, settings):
     -------
     dict
         Content of attitude.json.
-    dict of str to ndarray
-        Columns of attitude.parquet, a row per stretch, method, model and time.
+    DataFrame
+        Content of attitude.parquet, a row per stretch, method, model and time.
     """
     recording, whole = diagnosed.recording, diagnosed.solutions["gyroscope"]
     force, turn = diagnosed.sensors["accelerometer"], diagnosed.sensors["gyroscope"]
@@ -83,7 +82,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
     u = np.array([_directions(each, recording) for each in models])
     errors = _errors(recording, block, models, u[:, MODELS.index("final")], diagnosed.names)
     # how far the base model's directions are from the final one's, held out
-    apart = angle(u[block, MODELS.index("base"), np.arange(len(block))], _own(u, block))
+    apart = angle(*(u[block, MODELS.index(m), np.arange(len(block))] for m in ("base", "final")))
     content = {
         **_head(device),
         "status": "ok",
@@ -94,8 +93,8 @@ def validate_attitude(device, gravity, diagnosed, settings):
         "reference_deg": float(np.degrees(np.sqrt((apart**2).mean()))),
         "methods": {m: _summary(errors, m, settings) for m in METHODS},
         "sessions": {
-            name: {m: _summary(chosen(errors, session=name), m, settings) for m in METHODS}
-            for name in dict.fromkeys(errors["session"])
+            name: {m: _summary(rows, m, settings) for m in METHODS}
+            for name, rows in errors.groupby("session", sort=False)
         },
     }
     floor = _rotation_floor(turn, whole, recording, block)
@@ -105,7 +104,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
 
 def no_attitude(device, why):
     """Return what `validate_attitude` does where nothing can be validated, with the reason."""
-    nothing = {name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()}
+    nothing = pd.DataFrame({name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()})
     return {**_head(device), "status": "not_testable", "why": why}, nothing
 
 
@@ -123,25 +122,14 @@ def _directions(calibrations, recording):
     return np.array(found) / np.linalg.norm(found, axis=-1, keepdims=True)
 
 
-def _own(directions, block):
-    """Return the final model's direction at each pose, by the model that did not see it, (n, 3)."""
-    return directions[block, MODELS.index("final"), np.arange(len(block))]
-
-
 def _errors(recording, block, models, directions, names):
     """Return the table of errors: of each stretch, those of all methods and models.
 
-    Parameters
-    ----------
-    models : list of dict
-        As of `held_out_models`, a block each.
-    directions : ndarray, shape (blocks, n, 3)
-        Gravity's direction at the poses by the final model of each block.
-    names : list of str
-        Of the sessions.
+    Takes the models of each block, gravity's direction at the poses by the final one, (blocks, n,
+    3), and the names of the sessions.
     """
-    found, fed, calibrated, last = [], [], None, None
-    for stretch in stretches(recording, block):
+    tables, last = [], None
+    for number, stretch in enumerate(stretches(recording, block)):
         k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
         if place != last:
             # of the whole log: effects may depend on what was before
@@ -151,55 +139,43 @@ def _errors(recording, block, models, directions, names):
         f, w = (values[:, stretch.piece] for values in calibrated)
         q, u = attitudes(w, stretch.t), directions[k, stretch.poses]
         rotation, through = gyroscope_errors(q, stretch, u)
-        found.append((names[session], k, stretch, {"rotation": rotation, "stretch": through}))
-        fed.append((*filter_steps(q, f, stretch), u))
-    for (*_, errors), mahony in zip(found, filter_errors(fed), strict=True):
-        errors["mahony"] = mahony
-    rows = joined(
-        [
-            _rows(method, values, number, *about)
-            for number, (*about, errors) in enumerate(found)
-            for method, values in errors.items()
-        ]
-    )
-    return {name: rows[name].astype(kind) for name, kind in COLUMNS.items()}
-
-
-def _rows(method, errors, number, session, block, stretch):
-    """Return the rows of one stretch and method; errors in rad, a first axis for the models."""
-    arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
-    if method == "rotation":
-        t, after, at = arrive[1:], arrive[1:] - leave[:-1], ["arrival"] * (len(arrive) - 1)
-    else:
-        t = np.column_stack([arrive, leave])[1:].ravel()
-        after, at = t - leave[0], ["arrival", "departure"] * (len(t) // 2)
-    per_model = [
-        table(COLUMNS, session, number, block, method, model, t, after, "", np.degrees(e).ravel())
-        | {"at": np.array(at, dtype=object)}
-        for model, e in zip(MODELS, errors, strict=True)
-    ]
-    return joined(per_model)
-
-
-def chosen(rows, **values):
-    """Return the rows of a table, a dict of columns, that have some values."""
-    keep = np.all([rows[name] == value for name, value in values.items()], axis=0)
-    return {name: column[keep] for name, column in rows.items()}
+        errors = {"rotation": rotation, "stretch": through}
+        errors["mahony"] = filter_errors(q, f, stretch, u)
+        arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
+        both = np.column_stack([arrive, leave])[1:].ravel()
+        for method, of_models in errors.items():
+            once = method == "rotation"
+            for model, error in zip(MODELS, of_models, strict=True):
+                columns = {
+                    "session": names[session],
+                    "stretch": number,
+                    "block": k,
+                    "method": method,
+                    "model": model,
+                    "t_s": arrive[1:] if once else both,
+                    "after_s": arrive[1:] - leave[:-1] if once else both - leave[0],
+                    "at": ["arrival"] * error.size
+                    if once
+                    else ["arrival", "departure"] * len(error),
+                    "error_deg": np.degrees(error).ravel(),
+                }
+                tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _summary(rows, method, settings):
     """Return what attitude.json holds of a method: errors of each model when a turn is over."""
-    by_model = {m: chosen(rows, method=method, at="arrival", model=m) for m in MODELS}
+    rows = rows[(rows["method"] == method) & (rows["at"] == "arrival")]
     if method == "stretch":
         # the last arrival of each
-        last = np.append(np.diff(by_model["base"]["stretch"]) != 0, True)
-        by_model = {m: {n: c[last] for n, c in each.items()} for m, each in by_model.items()}
-    errors = {model: each["error_deg"] for model, each in by_model.items()}
+        rows = rows.groupby(["model", "stretch"]).tail(1)
+    by_model = {model: rows[rows["model"] == model] for model in MODELS}
+    errors = {model: each["error_deg"].to_numpy() for model, each in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
-    low, high = ratio_interval(by_model["base"]["block"], base, final, settings)
+    low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final, settings)
     return {
         "n": len(base),
-        "duration_s": float(np.median(by_model["base"]["after_s"])),
+        "duration_s": float(by_model["base"]["after_s"].median()),
         "models": {
             model: {
                 "rms_deg": float(np.sqrt((e**2).mean())),
@@ -217,7 +193,6 @@ def _rotation_floor(turn, whole, recording, block):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
     ends, kind = turn.rows(recording)
-    covariance = held_out_covariance(
-        turn.covariances(whole, recording)(turn.noise), jacobian, block[ends]
-    )
+    noise = turn.covariances(whole, recording)(turn.noise)
+    covariance = held_out_covariance(noise, jacobian, block[ends])
     return np.sqrt(2 * np.diag(covariance)[kind == 1].mean())

@@ -18,16 +18,8 @@ FILTER_STEP = 0.01
 class Stretch:
     """A stretch of a log from a rest, through rotations and rests, to a rest.
 
-    Attributes
-    ----------
-    poses : ndarray of int, shape (p,)
-        Its poses.
-    t : ndarray, shape (k,)
-        Time of its samples, s.
-    piece : slice
-        Its samples in the log.
-    arrive, leave : ndarray of int, shape (p,)
-        First and last sample of each pose, counted from the first of the stretch.
+    Its poses, (p,); the time of its samples, s, (k,), which are that piece of the log; first and
+    last sample of each pose, (p,), counted from the first of the stretch.
     """
 
     poses: np.ndarray
@@ -63,12 +55,7 @@ def _stretch(recording, index):
 def attitudes(w, t):
     """Return the attitude at each sample, quaternions that take its axes to those at the start.
 
-    Parameters
-    ----------
-    w : array_like, shape (..., k, 3)
-        Angular rate, rad/s.
-    t : array_like, shape (k,)
-        Time, s.
+    Takes the angular rate, rad/s, shape (..., k, 3), and the time, s, (k,).
     """
     turned = prefix_product(exponential(step_vectors(w, np.diff(t))))
     start = np.broadcast_to([1.0, 0, 0, 0], (*turned.shape[:-2], 1, 4))
@@ -83,23 +70,10 @@ def angle(a, b):
 def gyroscope_errors(q, stretch, u):
     """Return the error of gravity's direction that the gyroscope alone carries along.
 
-    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C, against the direction at the rests.
-
-    Parameters
-    ----------
-    q : ndarray, shape (..., k, 4)
-        Attitude at each sample.
-    stretch : Stretch
-        With p poses.
-    u : ndarray, shape (p, 3)
-        Direction of gravity at them.
-
-    Returns
-    -------
-    ndarray, shape (..., p - 1)
-        From each rest to the first sample of the next, rad.
-    ndarray, shape (..., p - 1, 2)
-        From the first rest to the first and the last sample of each of the others, rad.
+    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C, quaternions q, shape (..., k, 4), against the
+    direction u at the p rests, (p, 3). Gives the errors from each rest to the first sample of the
+    next, rad, (..., p - 1), and from the first rest to the first and the last sample of each of the
+    others, (..., p - 1, 2).
     """
     arrive, leave = (matrix(q[..., at, :]) for at in (stretch.arrive, stretch.leave))
     fixed = np.einsum("...pij,pj->...pi", leave, u)
@@ -109,28 +83,12 @@ def gyroscope_errors(q, stretch, u):
     return angle(once, u[1:]), angle(through, u[1:, None])
 
 
-def filter_steps(q, f, stretch):
-    """Return what the filter is fed on a stretch.
+def filter_errors(q, f, stretch, u):
+    """Return the error of gravity's direction that a filter carries along, run by each of r models.
 
-    Parameters
-    ----------
-    q : ndarray, shape (r, k, 4)
-        Attitude at each sample, of r models.
-    f : ndarray, shape (r, k, 3)
-        Specific force, m/s^2.
-    stretch : Stretch
-        Its time, and the samples at which an error is wanted.
-
-    Returns
-    -------
-    ndarray, shape (s, r, 3, 3)
-        Matrix that takes a fixed direction from the axes before a step to those after it.
-    ndarray, shape (s, r, 3)
-        Direction of specific force, mean of the step.
-    ndarray, shape (s,)
-        Time steps, s.
-    ndarray of int, shape (p - 1, 2)
-        Step after which the filter is at the first and at the last sample of a pose.
+    Takes attitudes q, (r, k, 4), specific force f, m/s^2, (r, k, 3), and the direction u at the p
+    rests. Gives the errors at the first and the last sample of each rest but the first, rad,
+    (r, p - 1, 2).
     """
     t = stretch.t
     wanted = np.column_stack([stretch.arrive, stretch.leave])[1:]
@@ -141,79 +99,37 @@ def filter_steps(q, f, stretch):
     force = np.add.reduceat(f, at[:-1] + 1, axis=1)
     size = np.linalg.norm(force, axis=-1, keepdims=True)
     # without specific force, where the accelerometer was not read, nothing corrects
-    force = np.divide(force, size, out=np.zeros_like(force), where=size > 0)
-    marks = np.searchsorted(at, wanted) - 1
-    return turns.swapaxes(0, 1), force.swapaxes(0, 1), np.diff(t[at]), marks
+    force = np.divide(force, size, out=np.zeros_like(force), where=size > 0).swapaxes(0, 1)
+    found = mahony(turns.swapaxes(0, 1), force, np.diff(t[at]))
+    return angle(found[np.searchsorted(at, wanted) - 1], u[1:, None, None]).transpose(2, 0, 1)
 
 
-def filter_errors(fed):
-    """Return the error of gravity's direction by the filter on several stretches, run at once.
-
-    Parameters
-    ----------
-    fed : list of tuple
-        For each stretch what `filter_steps` returns, and the direction of gravity at its poses.
-
-    Returns
-    -------
-    list of ndarray, shape (r, p - 1, 2)
-        Of each model at the first and the last sample of each pose but the first, rad.
-    """
-    longest, models = max(len(dt) for _, _, dt, *_ in fed), fed[0][0].shape[1]
-    # a stretch that is over stands still
-    turns = np.tile(np.eye(3), (longest, len(fed), models, 1, 1))
-    force, steps = np.zeros((longest, len(fed), models, 3)), np.zeros((longest, len(fed), 1))
-    for column, (turn, direction, dt, *_) in enumerate(fed):
-        n = len(dt)
-        turns[:n, column], force[:n, column], steps[:n, column, 0] = turn, direction, dt
-    found = mahony(turns, force, steps, force[0])
-    return [
-        angle(found[marks, column], u[1:, None, None]).transpose(2, 0, 1)
-        for column, (*_, marks, u) in enumerate(fed)
-    ]
-
-
-def mahony(turns, force, steps, start):
-    """Return gravity's direction by the explicit complementary filter.
+def mahony(turns, force, steps):
+    """Return gravity's direction by the explicit complementary filter, shape (s, r, 3).
 
     With the direction v that is estimated and a that is measured, σ = a × v,
 
         v̇ = v × (w - β + k_P σ),   β̇ = -k_I σ
 
-    the turn by w - β is taken first, then the correction.
-
-    Parameters
-    ----------
-    turns : ndarray, shape (s, ..., 3, 3)
-        Turn of each step, of filters that run beside each other.
-    force : ndarray, shape (s, ..., 3)
-        Direction of specific force.
-    steps : ndarray, shape (s, ...)
-        Time steps, s.
-    start : ndarray, shape (..., 3)
-        Direction to start from.
-
-    Returns
-    -------
-    ndarray, shape (s, ..., 3)
-        Direction after each step.
+    the turn by w - β is taken first, then the correction. Takes the matrix of each of s steps of r
+    filters that run beside each other, (s, r, 3, 3), from the axes before to those after it; the
+    direction of specific force, (s, r, 3), which they start from; and the time steps, s, (s,).
 
     References
     ----------
     Mahony, Hamel, Pflimlin, "Nonlinear complementary filters on the special orthogonal group",
     IEEE Transactions on Automatic Control 53 (2008), section V, here for one direction.
     """
-    found, v = np.empty((*force.shape, 1)), start[..., None]
+    found, v = np.empty((*force.shape, 1)), force[0, ..., None]
     # -[β ×] holds the bias; with σ = a × v its change -k_I σ adds k_I (a vᵀ - v aᵀ)
-    slant = np.zeros((*start.shape, 3))
-    dt, a = steps[..., None, None], force[..., None]
-    pull, learn = K_P * dt * a, K_I * dt * a
-    for k, turn in enumerate(turns):
+    slant = np.zeros((*v.shape[:-1], 3))
+    for k, (turn, a, dt) in enumerate(zip(turns, force[..., None], steps, strict=True)):
         v = turn @ v
-        v = v + dt[k] * (slant @ v)
-        outer = learn[k] @ v.swapaxes(-1, -2)
+        v = v + dt * (slant @ v)
+        outer = K_I * dt * a @ v.swapaxes(-1, -2)
         slant = slant + outer - outer.swapaxes(-1, -2)
         # v × σ = a - v (v · a)
-        v = v * (1 - v.swapaxes(-1, -2) @ pull[k]) + pull[k]
+        pull = K_P * dt * a
+        v = v * (1 - v.swapaxes(-1, -2) @ pull) + pull
         v = found[k] = v / np.sqrt(v.swapaxes(-1, -2) @ v)
     return found[..., 0]

@@ -24,23 +24,9 @@ def held_out_models(diagnosed, block, gravity, settings):
     """Return the models of a device that do not see one block of poses, block by block.
 
     As in the diagnosis, effects are looked for only where all poses together show one. An
-    accelerometer that the poses cannot test is given.
-
-    Parameters
-    ----------
-    diagnosed : Diagnosed
-        The diagnosis of the device.
-    block : ndarray of int, shape (n,)
-        The block of each pose.
-    gravity : float
-        m/s^2.
-    settings : DiagnoseSettings
-        Settings.
-
-    Returns
-    -------
-    list of dict of str to Calibration
-        Per block, by name in `MODELS`; the final one is the base model where no effect was added.
+    accelerometer that the poses cannot test is given. Takes the Diagnosed, the block of each pose,
+    (n,), gravity, m/s^2, and DiagnoseSettings; gives a dict of Calibration by name in `MODELS` per
+    block, whose final one is the base model where no effect was added.
     """
     sensors = dict(diagnosed.sensors)
     if diagnosed.effects["accelerometer"] is None:

@@ -26,22 +26,13 @@ _FLICKER = np.sqrt(2 * np.log(2) / np.pi)
 
 @dataclass(frozen=True)
 class Change:
-    """What became of one parameter.
+    """What became of one parameter: new less old, in SI, relative for a scale factor.
 
-    Attributes
-    ----------
-    name, unit : str
-        As in the calibration's covariance; ``b along (x, y, z)``, on the sensor's axes, where the
-        log shows one direction of the bias alone. SI; ``1`` for scale factors, whose change is
-        relative.
-    change, std : float
-        New less old, and its standard error: that of the old calibration, of the new log, and of
-        what a bias may do from one switching on to the next.
-    sigmas, p_value, p_holm : float
-        ``change/std``, the probability of as much without a drift, and that for the largest of all
-        parameters tested, after Holm.
-    drifted : bool
-        Whether that is too little for chance.
+    Its name is that of the calibration's covariance, or ``b along (x, y, z)``, on the sensor axes,
+    where the log shows one direction of the bias alone. Its standard error is that of the old
+    calibration, of the new log, and of what a bias may do from one switching on to the next. The
+    p-value is that of as much without a drift, and that for the largest of all parameters tested,
+    after Holm.
     """
 
     name: str
@@ -61,25 +52,12 @@ class Change:
 
 @dataclass(frozen=True)
 class SensorDrift:
-    """The test of one sensor.
+    """The test of one sensor; `drifted` is None where nothing could be tested.
 
-    Attributes
-    ----------
-    drifted : bool or None
-        None where nothing could be tested.
-    changes : tuple of Change
-        What was tested, the strongest first.
-    untested : tuple of str, and why : str or None
-        Parameters that were not, and the reason.
-    chi2, dof, p_value, p_holm : float
-        Joint test of all changes, and its p-value among those of both sensors.
-    residuals : dict
-        ``gravity_norm`` or ``pose_rate`` and ``rotation``: `unit`, `n`, root mean square `rms` with
-        the old calibration, and the `floor` that noise and the calibration's errors predict.
-    misfit : float or None
-        Reduced chi square of the new log after all changes that were tested.
-    turn_on : tuple of float
-        Standard deviation of the bias from one switching on to the next that was allowed, SI.
+    What was tested, the strongest first, and which parameters were not, and why. The joint test of
+    all changes, with its p-value among those of both sensors. The root mean square of each kind of
+    residual with the old calibration, with the floor that noise and the calibration's errors
+    predict; the reduced chi square after all changes. What of the bias was allowed for, SI.
     """
 
     sensor: str

@@ -24,16 +24,15 @@ SCALES, BIASES = ("K0", "K1", "K2"), ("b0", "b1", "b2")
 class OldParameters:
     """A sensor's calibration as its fit had it: p parameters, SI as logged.
 
-    Misalignments, scale factors, biases, then the effects that were fitted with them.
+    Misalignments, scale factors, biases, then the effects that were fitted with them; a covariance,
+    (p, p), zero for what was not estimated; the SI unit of each parameter's change, 1 for a scale
+    factor, whose change is relative; those Effect, and every other FittedEffect.
     """
 
     names: tuple
     x: np.ndarray
-    # zero for what was not estimated, (p, p)
     covariance: np.ndarray
-    # SI unit of each parameter's change; 1 for a scale factor, whose change is relative
     units: tuple
-    # those that were fitted with the base parameters, Effect each, and the others, FittedEffect
     effects: list
     known: list
 
@@ -62,21 +61,21 @@ class OldParameters:
 
 @dataclass(frozen=True)
 class DriftResiduals:
-    """Residuals of a new log as a function of a sensor's parameters."""
+    """Residuals of a new log as a function of a sensor's parameters.
+
+    `estimated` are the names of what the old calibration estimated; the function takes parameters,
+    and gives residuals, (n,), and their derivative, (n, p), whose noise has a covariance, (n, n).
+    `parts` are unit and place of each kind of residual; `excess` is the reduced chi square that the
+    old calibration already had, at least 1; `data` is what the log holds, in words.
+    """
 
     sensor: str
     old: OldParameters
-    # names of what the old calibration estimated
     estimated: tuple
-    # takes parameters; gives residuals, (n,), and their derivative, (n, p)
     function: Callable
-    # covariance of the residuals that the noise predicts, (n, n)
     noise: np.ndarray
-    # unit and place of each kind of residual
     parts: dict
-    # reduced chi square that the old calibration already had, at least 1
     excess: float
-    # what the log holds, in words
     data: str
 
     def groups(self):

@@ -6,11 +6,13 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.noise.representations import label
-from imuloop.report.figures.drawing import AXES, INK, PALETTE, fill, picture, write_csv
+from imuloop.report.figures.drawing import AXES, INK, PALETTE, Picture, drawn, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
 
+# each term of a model and its letter
+TERMS = {k: k for k in "QNBKR"} | {"gauss_markov": "GM", "sinusoid": "line"}
 # views that have pictures of their own
 SPECTRA = ("psd", "autocorrelation")
 
@@ -35,7 +37,10 @@ def draw_allan(area, measured, noise, colour=INK, lowest=0.0):
     if not len(tau) or not (model > 0).all():
         return
     area.loglog(grid, np.sqrt(model), color=INK, ls="--", lw=1.2, label="model")
-    for letter, values in _terms(noise, grid).items():
+    for term, letter in TERMS.items():
+        values = np.sqrt(AxisNoise(**{term: getattr(noise, term)}).allan_variance(grid))
+        if not values.any():
+            continue
         area.loglog(grid, values, color=INK, ls=":", lw=1, label="its terms")
         shown = np.flatnonzero(values > lowest)
         if len(shown):
@@ -43,16 +48,6 @@ def draw_allan(area, measured, noise, colour=INK, lowest=0.0):
             at = shown[values[shown].argmax()]
             side = "left" if at < len(grid) / 2 else "right"
             area.text(grid[at], values[at], letter, ha=side, va="bottom", fontsize=10)
-
-
-def _terms(noise, tau):
-    """Return the Allan deviation of each term of a model alone, by its letter."""
-    letters = {k: k for k in "QNBKR"} | {"gauss_markov": "GM", "sinusoid": "line"}
-    variances = {
-        letter: AxisNoise(**{key: getattr(noise, key)}).allan_variance(tau)
-        for key, letter in letters.items()
-    }
-    return {letter: np.sqrt(v) for letter, v in variances.items() if (v > 0).any()}
 
 
 def allan_pictures(device, session):
@@ -66,6 +61,13 @@ def allan_pictures(device, session):
         # without noise there is no deviation above 0
         if not any(len(r) for r in curves.values()):
             continue
+
+        inside, count = 0, 0
+        for channel, r in curves.items():
+            variance = device.axes[channel].allan_variance(r["tau_s"].to_numpy())
+            inside += int(np.sum((r["ci_low"] ** 2 <= variance) & (variance <= r["ci_high"] ** 2)))
+            count += len(r) if (variance > 0).all() else 0
+        fit = f" The model lies in the band at {inside} of {count} averaging times." * (count > 0)
 
         def plot(areas, curves=curves, sensor=sensor):
             ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
@@ -81,10 +83,10 @@ def allan_pictures(device, session):
             areas[0].set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
         found.append(
-            picture(
+            Picture(
                 f"{device.name}.{session.name}.allan_{sensor}",
                 "Allan deviation",
-                f"{session.name}, {sensor}: {_finding(device, sensor)}{_fit(device, curves)}",
+                f"{session.name}, {sensor}: {_finding(device, sensor)}{fit}",
                 plot,
                 (1000, 280),
                 csv,
@@ -92,16 +94,6 @@ def allan_pictures(device, session):
             )
         )
     return found
-
-
-def _fit(device, curves):
-    """Return at how many averaging times the model lies within the band."""
-    inside, count = 0, 0
-    for channel, r in curves.items():
-        variance = device.axes[channel].allan_variance(r["tau_s"].to_numpy())
-        inside += int(((r["ci_low"] ** 2 <= variance) & (variance <= r["ci_high"] ** 2)).sum())
-        count += len(r) if (variance > 0).all() else 0
-    return f" The model lies in the band at {inside} of {count} averaging times." if count else ""
 
 
 def _finding(device, sensor):
@@ -145,20 +137,11 @@ def corrected_pictures(device, sensor):
             area.set_xlabel("averaging time τ, s")
             area.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
-        stem = f"{session.name}_allan_{sensor}_corrected"
         of_sensor = session.allan[session.allan["axis"].isin(SENSORS[sensor])]
-        parts = [
-            f"{axis} {text}" for axis, pair in curves.items() if (text := _fall(sensor, *pair))
-        ]
-        pictures.append(
-            picture(
-                f"{device.name}.{session.name}.allan_{sensor}_corrected",
-                "Allan deviation",
-                f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}.",
-                plot,
-                csv=write_csv(device.figures, stem, of_sensor),
-            )
-        )
+        parts = [f"{axis} {text}" for axis, p in curves.items() if (text := _fall(sensor, *p))]
+        caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
+        stem = f"{session.name}.allan_{sensor}_corrected"
+        pictures.append(drawn(device, stem, "Allan deviation", caption, plot, of_sensor))
     return pictures
 
 
@@ -190,7 +173,11 @@ def deviation_pictures(device, session):
         return []
     called = {"view": "definition", "x": "tau_s", "value": "deviation"}
     csv = write_csv(device.figures, f"{session.name}_deviations", table.rename(columns=called))
-    found = {_short(name): r for name, r in table.groupby("view", sort=False)}
+    found = {}
+    for name, r in table.groupby("view", sort=False):
+        # the part of its label before what it means
+        short = label(name).partition(" deviation")[0]
+        found[short.replace("M-", f"{name.rpartition('_')[2]}-")] = r
     allan = session.allan[session.allan["stage"] == "raw"]
     found = {"Allan": allan.rename(columns={"tau_s": "x", "adev": "value"}), **found}
 
@@ -216,11 +203,6 @@ def deviation_pictures(device, session):
         )
         name = f"{device.name}.{session.name}.deviations_{sensor}"
         kind = "Deviations of several definitions"
-        return picture(name, kind, caption, plot, (1000, 300), csv, columns=(1, 1, 1))
+        return Picture(name, kind, caption, plot, (1000, 300), csv, columns=(1, 1, 1))
 
     return [one(*each) for each in SENSORS.items()]
-
-
-def _short(name):
-    """Return how a deviation is called: the part of its label before what it means."""
-    return label(name).partition(" deviation")[0].replace("M-", f"{name.rpartition('_')[2]}-")

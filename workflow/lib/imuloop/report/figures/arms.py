@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import AXES, PAGE, picture, write_csv
+from imuloop.report.figures.drawing import AXES, PAGE, drawn
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
 
@@ -42,9 +42,8 @@ def arm_pictures(device, block):
     caption = f"Proof masses of the accelerometer, from that of z, on body axes: {x}, and {y}."
     columns = {f"{a}_mm": places[:, k] for k, a in enumerate(XYZ)}
     columns |= {f"{a}_std_mm": std[:, k] for k, a in enumerate(XYZ)}
-    path = write_csv(device.figures, NAME, {"axis": XYZ} | columns)
-    kind, size = "Where the accelerometer's axes sit", (1000, 330)
-    return [picture(f"{device.name}.{NAME}", kind, caption, plot, size, path, columns=(1, 1, 1))]
+    kind, looks = "Where the accelerometer's axes sit", {"size": (1000, 330), "columns": (1, 1, 1)}
+    return [drawn(device, NAME, kind, caption, plot, {"axis": XYZ} | columns, **looks)]
 
 
 def ellipse(covariance):

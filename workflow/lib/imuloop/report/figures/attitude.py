@@ -3,7 +3,7 @@
 import pandas as pd
 
 from imuloop.core.files import read_json
-from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, drawn
 from imuloop.report.numbers import duration, interval_text, number, plural, with_unit
 from imuloop.report.tables.table import Table
 
@@ -104,6 +104,5 @@ def _picture(device, content, series, method):
         f"{'at the end of a stretch' if method == 'stretch' else 'when a turn is over'} {errors} "
         f"({plural(content['methods'][method]['n'], 'case')})."
     )
-    csv = write_csv(device.figures, f"attitude_{method}", shown)
-    name = f"{device.name}.attitude_{method}"
-    return picture(name, "Error of the vertical", caption, plot, (440, 270), csv)
+    size, kind = (440, 270), "Error of the vertical"
+    return drawn(device, f"attitude_{method}", kind, caption, plot, shown, size=size)

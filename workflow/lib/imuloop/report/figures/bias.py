@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, picture, write_csv
+from imuloop.report.figures.drawing import AXES, BLUE, INK, ORANGE, PURPLE, drawn
 from imuloop.report.figures.time_series import clock, extremes
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
@@ -35,13 +35,9 @@ def temperatures(session, start):
     edges = np.column_stack([start, start + np.median(np.diff(start))])
     edges = np.searchsorted(session.samples[TIME], edges)
     value = session.samples[TEMPERATURE]
-    known = np.isfinite(value)
-    value[~known] = 0.0
-    total, count = (np.add.reduceat(np.append(v, 0.0), edges.ravel())[::2] for v in (value, known))
-    count[edges[:, 0] == edges[:, 1]] = 0
-    if not count.any():
-        return None
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    inside = (value[i:j][np.isfinite(value[i:j])] for i, j in edges)
+    found = np.array([x.mean() if len(x) else np.nan for x in inside])
+    return found if np.isfinite(found).any() else None
 
 
 def _picture(device, sensor, session, points, block):
@@ -84,13 +80,14 @@ def _picture(device, sensor, session, points, block):
             areas[-1].set_ylabel("°C")
         areas[-1].set_xlabel(f"time, {unit}")
 
-    return picture(
-        f"{device.name}.{session}.bias_{sensor}",
+    return drawn(
+        device,
+        f"{session}.bias_{sensor}",
         "Means at rest",
         _finding(session, sensor, before, after, floor, logged, display),
         plot,
-        (440, 270 + 70 * warm + 130 * (count == 3)),
-        write_csv(device.figures, f"{session}_bias_{sensor}", columns),
+        columns,
+        size=(440, 270 + 70 * warm + 130 * (count == 3)),
         rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
     )
 

@@ -10,9 +10,9 @@ from imuloop.report.figures.drawing import (
     PALETTE,
     PURPLE,
     VERMILLION,
+    Picture,
     entitle,
     fill,
-    picture,
 )
 from imuloop.report.numbers import number
 from imuloop.report.results import SENSORS, UNITS, XYZ
@@ -70,11 +70,6 @@ def allan_comparison(summaries, together):
     return pictures
 
 
-def _label_axes(area, sensor):
-    area.set_xlabel("averaging time τ, s")
-    area.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
-
-
 def _at(grid, tau, adev):
     """Return an Allan curve at other averaging times, its logarithm, NaN outside of it."""
     return np.interp(np.log(grid), np.log(tau), np.log(adev), left=np.nan, right=np.nan)
@@ -85,7 +80,7 @@ def _allan_lines(name, sensor, axis, curves):
         for i, _, tau, adev in curves:
             colour, dash = line_style(i)
             area.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
-        _label_axes(area, sensor)
+        area.set(**_labels(sensor))
 
     unit, caption = UNITS[sensor], f"{sensor.capitalize()} {axis}: "
     # the ends of the curves differ and are scarcely known: compared at a time that all have
@@ -95,14 +90,12 @@ def _allan_lines(name, sensor, axis, curves):
         caption += "; ".join(f"{w} down to {number(a.min())} {unit}" for _, w, _, a in curves)
     else:
         levels = sorted((np.exp(_at(common, tau, adev)), label) for _, label, tau, adev in curves)
-        least, most = (f"{number(level)} {unit}" for level, _ in (levels[0], levels[-1]))
+        (least, best), (most, worst) = levels[0], levels[-1]
         caption += f"over {number(common, 2)} s "
-        caption += (
-            f"{levels[0][1]} is steadiest, {least}; {levels[-1][1]} least, {most}"
-            if len(levels) > 1
-            else least
-        )
-    return picture(name, "Allan deviation", f"{caption}.", plot, (380, 270))
+        if len(levels) > 1:
+            caption += f"{best} is steadiest, {number(least)} {unit}; {worst} least, "
+        caption += f"{number(most)} {unit}"
+    return Picture(name, "Allan deviation", f"{caption}.", plot, (380, 270))
 
 
 def _allan_band(name, sensor, axis, curves):
@@ -115,15 +108,14 @@ def _allan_band(name, sensor, axis, curves):
     grid, levels = grid[seen], levels[:, seen]
     low, middle, high = np.exp(np.nanpercentile(levels, (5, 50, 95), axis=0))
     distances = far_out(levels)[:, grid <= max(KNOWN * grid[-1], common)].max(axis=1)
-    out = standing_out(distances)
-    at = int(np.abs(grid - common).argmin())
+    out, at = standing_out(distances), int(np.abs(grid - common).argmin())
 
     def plot(area):
         fill(area, grid, low, high, BLUE)
         handles = area.loglog(grid, middle, color=BLUE, lw=2)
         for colour, i in zip(COLOURS, out, strict=False):
             handles += area.loglog(*curves[i][2:], color=colour)
-        _label_axes(area, sensor)
+        area.set(**_labels(sensor))
         # labels of artists may not begin with "_", those of devices may
         labels = ["median, 5–95 %", *(shortened(curves[i][1], 14) for i in out)]
         area.figure.legend(handles, labels, loc="outside right upper")
@@ -134,7 +126,11 @@ def _allan_band(name, sensor, axis, curves):
         f"median is {number(middle[at])} {UNITS[sensor]}, nine of ten lie between "
         f"{number(low[at])} and {number(high[at])}; {_named(distances, named)}"
     )
-    return picture(name, "Allan deviation", f"{caption}.", plot, (470, 270))
+    return Picture(name, "Allan deviation", f"{caption}.", plot, (470, 270))
+
+
+def _labels(sensor):
+    return {"xlabel": "averaging time τ, s", "ylabel": f"Allan deviation, {UNITS[sensor]}"}
 
 
 def far_out(values):
@@ -210,7 +206,7 @@ def _intervals(name, words, unit, names, labels, value, std, csv):
     listed = ", ".join(f"{label} {number(v)} {unit}" for v, label in size)
     caption = f"{words.capitalize()}, {largest}: {listed}."
     height = 90 + (34 if len(shown) <= 3 else 52) * count
-    return picture(name, "Intervals", caption, plot, (380, height), csv)
+    return Picture(name, "Intervals", caption, plot, (380, height), csv)
 
 
 def _spread(name, words, unit, names, labels, value, _, csv):
@@ -251,4 +247,4 @@ def _spread(name, words, unit, names, labels, value, _, csv):
         f"of ten: {spans}; {_named(distances.max(axis=1), named)}."
     )
     size = (440, 60 + 100 * len(shown))
-    return picture(name, "Spread", caption, plot, size, csv)
+    return Picture(name, "Spread", caption, plot, size, csv)

@@ -2,32 +2,16 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, entitle, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, SHADE, VERMILLION, drawn, entitle
 from imuloop.report.numbers import number
-from imuloop.report.results import SENSORS, XYZ
+from imuloop.report.results import SENSORS
 
 # a correlation below which two parameters are told apart well
 TOLD_APART = 0.5
+QUANTITIES = {"T": "misalignment", "K": "scale factor", "b": "bias"}
 SYMBOLS = str.maketrans("012", "xyz")
 # side of a square of its place, and of the matrix, px
 SQUARE, SIDE, LARGEST = 0.92, 34, 400
-
-
-def correlations(sensor):
-    """Return the correlations of a `SensorCalibration`'s parameters, shape (p, p), or None."""
-    if sensor.covariance is None or len(sensor.names) < 2:
-        return None
-    std = np.sqrt(np.diag(sensor.covariance))
-    return sensor.covariance / np.outer(std, std) if (std > 0).all() else None
-
-
-def parameter_words(name):
-    """Return a parameter's name as the tables have it: K0 as scale factor x."""
-    letter, axes = name[0], name[1:]
-    if letter not in "TKb" or not set(axes) <= set("012"):
-        return name
-    quantity = {"T": "misalignment", "K": "scale factor", "b": "bias"}[letter]
-    return f"{quantity} {''.join(XYZ[int(axis)] for axis in axes)}"
 
 
 def correlation_matrices(device):
@@ -36,9 +20,10 @@ def correlation_matrices(device):
     # biases alone have nothing to be mixed up with
     found = {s: getattr(final, s) for s in SENSORS if final and "K0" in getattr(final, s).names}
     return [
-        _picture(device, name, sensor.names, r)
+        _picture(device, name, sensor.names, sensor.covariance / np.outer(std, std))
         for name, sensor in found.items()
-        if (r := correlations(sensor)) is not None
+        if sensor.covariance is not None
+        if (std := np.sqrt(np.diag(sensor.covariance))).all()
     ]
 
 
@@ -46,7 +31,7 @@ def _picture(device, sensor, names, r):
     # K0 as Kx; an effect's parameters without its name
     short = [n.rpartition(".")[2].translate(SYMBOLS) for n in names]
     words = [
-        f"{n.partition('.')[0]} {s}" if "." in n else parameter_words(n)
+        f"{n.partition('.')[0]} {s}" if "." in n else f"{QUANTITIES[n[0]]} {s[1:]}"
         for n, s in zip(names, short, strict=True)
     ]
     table = {"parameter": names, **dict(zip(names, r.T, strict=True))}
@@ -79,11 +64,5 @@ def _picture(device, sensor, names, r):
         area.set(xlim=(-0.5, count - 0.5), ylim=(count - 0.5, -0.5), box_aspect=1, anchor="W")
         area.set_axis_off()
 
-    return picture(
-        f"{device.name}.{sensor}_correlations",
-        "Correlation of parameters",
-        caption,
-        plot,
-        (440, side + 8),
-        write_csv(device.figures, f"{sensor}_correlations", table),
-    )
+    kind, size, stem = "Correlation of parameters", (440, side + 8), f"{sensor}_correlations"
+    return drawn(device, stem, kind, caption, plot, table, size=size)

@@ -3,7 +3,8 @@
 import io
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 
 import matplotlib
@@ -69,30 +70,64 @@ PLAIN = range(-2, 4)
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of the report.
+    """A picture of the report, drawn when it is asked for.
 
-    Attributes
-    ----------
-    name : str
-        Name of the picture, unique in the report.
-    svg : str
-        The drawing, in colours that need no page.
-    caption : str
-        What it says, in a sentence made from the data.
-    csv : str
-        Path of the numbers behind it, from the report's folder; empty without any.
-    wide : bool
-        Whether it takes the full width of the page.
-    figure : callable
-        Draws it once more, as a matplotlib figure.
+    Its name is unique in the report, and the drawing's ids are made from it; kind and caption, a
+    sentence made from the data, are what readers get who cannot see it. `plot` draws on the `Axes`,
+    or on the list of them, row by row, that it is given; what it labels is in the key. Size, px;
+    path of the numbers behind it, from the report's folder; relative widths and heights of the
+    areas, which share their limits.
     """
 
     name: str
-    svg: str
+    kind: str
     caption: str
+    plot: Callable
+    size: tuple = (440, 300)
     csv: str = ""
-    wide: bool = False
-    figure: Callable | None = field(default=None, repr=False, compare=False)
+    columns: tuple = (1,)
+    rows: tuple = (1,)
+
+    @property
+    def wide(self):
+        """Whether it takes the full width of the page."""
+        return self.size[0] > WIDE
+
+    def figure(self):
+        """Return it as a matplotlib figure."""
+        with matplotlib.rc_context(STYLE):
+            # 72 points an inch: a point is a pixel
+            inches = [side / 72 for side in self.size]
+            figure = Figure(figsize=inches, dpi=72, layout="constrained")
+            areas = figure.subplots(
+                len(self.rows),
+                len(self.columns),
+                sharex="col",
+                sharey="row",
+                squeeze=False,
+                width_ratios=self.columns,
+                height_ratios=self.rows,
+            )
+            areas, key = areas.ravel().tolist(), {}
+            self.plot(areas if len(areas) > 1 else areas[0])
+            for area in areas:
+                key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
+                for axis in (area.xaxis, area.yaxis):
+                    if axis.get_scale() == "log":
+                        _mark_decades(axis)
+            if key:
+                figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
+            figure.align_ylabels()
+            return figure
+
+    @cached_property
+    def svg(self):
+        """The drawing, in colours that need no page."""
+        drawn, file, salt = self.figure(), io.StringIO(), {"svg.hashsalt": self.name}
+        with matplotlib.rc_context(STYLE | salt):
+            drawn.savefig(file, format="svg", metadata={"Date": None})
+        titles = getattr(drawn, "titles", {})
+        return _clean(file.getvalue(), f"{self.kind}. {self.caption}", titles)
 
     @property
     def inline(self):
@@ -103,59 +138,10 @@ class Picture:
         return Markup(svg.replace("xlink:href", "href"))
 
 
-def picture(name, kind, caption, plot, size=(440, 300), csv="", columns=(1,), rows=(1,)):
-    """Return a picture.
-
-    Parameters
-    ----------
-    name, caption, csv
-        As in `Picture`; the drawing's ids are made from the name.
-    kind : str
-        What is drawn; with the caption it is what readers get who cannot see it.
-    plot : callable
-        Draws on the `Axes`, or on the list of them, row by row, that it is given. What it labels
-        is in the key.
-    size : tuple of float
-        Width and height, px.
-    columns, rows : tuple of float
-        Relative widths and heights of the areas, which share their limits.
-    """
-
-    def figure():
-        with matplotlib.rc_context(STYLE):
-            return _figure(plot, size, columns, rows)
-
-    with matplotlib.rc_context(STYLE | {"svg.hashsalt": name}):
-        drawn, file = _figure(plot, size, columns, rows), io.StringIO()
-        drawn.savefig(file, format="svg", metadata={"Date": None})
-    svg = _clean(file.getvalue(), f"{kind}. {caption}", getattr(drawn, "titles", {}))
-    return Picture(name, svg, caption, csv, size[0] > WIDE, figure)
-
-
-def _figure(plot, size, columns, rows):
-    # 72 points an inch: a point is a pixel
-    figure = Figure(figsize=(size[0] / 72, size[1] / 72), dpi=72, layout="constrained")
-    areas = figure.subplots(
-        len(rows),
-        len(columns),
-        sharex="col",
-        sharey="row",
-        squeeze=False,
-        width_ratios=columns,
-        height_ratios=rows,
-    )
-    areas = areas.ravel().tolist()
-    plot(areas if len(areas) > 1 else areas[0])
-    key = {}
-    for area in areas:
-        key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
-        for axis in (area.xaxis, area.yaxis):
-            if axis.get_scale() == "log":
-                _mark_decades(axis)
-    if key:
-        figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
-    figure.align_ylabels()
-    return figure
+def drawn(device, stem, kind, caption, plot, numbers, **looks):
+    """Return a `Picture` of a device; the numbers behind it are written under its name."""
+    csv = write_csv(device.figures, stem.replace(".", "_"), numbers)
+    return Picture(f"{device.name}.{stem}", kind, caption, plot, csv=csv, **looks)
 
 
 def fill(area, x, low, high, colour, alpha=0.2):
@@ -237,14 +223,7 @@ def write_svg(folder, name, picture):
 def write_csv(folder, name, columns):
     """Write the numbers behind a picture; return the file's path from the report's folder.
 
-    Parameters
-    ----------
-    folder : Path
-        Where to.
-    name : str
-        The file's, without its ending.
-    columns : dict of str to sequence, or DataFrame
-        A column each; what is None or not a number stays empty.
+    Of columns, a dict or a DataFrame, what is None or not a number stays empty.
     """
     table = pa.table({k: pa.array(np.asarray(v), from_pandas=True) for k, v in columns.items()})
     with replaced(folder / f"{name}.csv") as temporary:

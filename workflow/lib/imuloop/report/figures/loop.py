@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, SENSORS
 from imuloop.core.units import DEGREE
-from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, picture
+from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture
 from imuloop.report.numbers import joined, number
 from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import block_of, motion_of
@@ -117,7 +117,7 @@ def loop_picture(name, errors):
     """Return the picture of a device's errors by its name, or None without any."""
     if not errors:
         return None
-    return picture(
+    return Picture(
         f"{name}.loop",
         "Error as logged, calibrated and with the effects found",
         loop_words(errors),

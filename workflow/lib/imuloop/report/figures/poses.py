@@ -9,9 +9,8 @@ from imuloop.report.figures.drawing import (
     GRID,
     ORANGE,
     VERMILLION,
+    drawn,
     entitle,
-    picture,
-    write_csv,
 )
 from imuloop.report.numbers import joined, number
 from imuloop.report.results import XYZ
@@ -56,7 +55,8 @@ def draw_poses(area, directions, sign, hole):
         mark, colour = MARKS[kind]
         u = u[u[:, 2] * sign >= 0]
         (marks,) = area.plot(*_project(u, sign), mark, color=colour, ms=6)
-        entitle(area, marks, [f"{kind}, “up” {_components(v)}" for v in u])
+        said = [", ".join(f"{a} {c:.2f}" for a, c in zip(XYZ, v, strict=True)) for v in u]
+        entitle(area, marks, [f"{kind}, “up” {text}".replace("-", "−") for text in said])
     if hole[2] * sign >= 0:
         x, y = _project(hole[None], sign)
         area.plot(x + 0.12 * circle.real, y + 0.12 * circle.imag, color=VERMILLION, lw=2.5)
@@ -87,19 +87,8 @@ def pose_picture(device):
         f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
-    return picture(
-        f"{device.name}.poses",
-        "Attitudes covered",
-        caption,
-        plot,
-        (440, 240),
-        write_csv(device.figures, "poses", columns),
-        columns=(1, 1),
-    )
-
-
-def _components(u):
-    return ", ".join(f"{axis} {v:.2f}".replace("-", "−") for axis, v in zip(XYZ, u, strict=True))
+    looks = {"size": (440, 240), "columns": (1, 1)}
+    return drawn(device, "poses", "Attitudes covered", caption, plot, columns, **looks)
 
 
 def _project(u, sign):

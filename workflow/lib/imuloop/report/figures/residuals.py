@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from imuloop.core.samples import ACCELERATION, TEMPERATURE
-from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, entitle, picture, write_csv
+from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, drawn, entitle
 from imuloop.report.figures.time_series import clock
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
@@ -164,12 +164,6 @@ def _picture(device, sensor, name, table, block):
         f"{display.text(abs(errors['after'][worst]))}, {things[worst]}; "
         f"{goes_with(panels, after)}."
     )
-    return picture(
-        f"{device.name}.{sensor}_{name}",
-        f"Residuals of the {sensor}",
-        caption,
-        plot,
-        (1000, 270),
-        write_csv(device.figures, f"{sensor}_{name}", columns),
-        columns=(2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:])),
-    )
+    widths = (2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:]))
+    kind, looks = f"Residuals of the {sensor}", {"size": (1000, 270), "columns": widths}
+    return drawn(device, f"{sensor}_{name}", kind, caption, plot, columns, **looks)

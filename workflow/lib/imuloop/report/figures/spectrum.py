@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.report.figures.drawing import AXES, GRID, INK, fill, picture, write_csv
+from imuloop.report.figures.drawing import AXES, GRID, INK, Picture, fill, write_csv
 from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
@@ -20,12 +20,12 @@ def _view(session, name):
 
 
 def _by_sensor(found):
-    """Return the rows of each axis of the sensors that have any."""
-    by = {
-        s: {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[s], strict=True)}
+    """Return sensor and rows by axis, of the sensors that have any."""
+    by = [
+        (s, {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[s], strict=True)})
         for s in SENSORS
-    }
-    return {sensor: curves for sensor, curves in by.items() if any(map(len, curves.values()))}
+    ]
+    return [(sensor, curves) for sensor, curves in by if any(map(len, curves.values()))]
 
 
 def density_pictures(device, session):
@@ -42,7 +42,7 @@ def density_pictures(device, session):
             found.loc[at, "model"] = noise.density(f, rate) + noise.R.square * _ramp(f)
     table = found.rename(columns={"x": "frequency_hz", "value": "psd"})
     csv = write_csv(device.figures, f"{session.name}_psd", table)
-    return [_density(device, session, *each, csv) for each in _by_sensor(found).items()]
+    return [_density(device, session, *each, csv) for each in _by_sensor(found)]
 
 
 def _ramp(frequency):
@@ -96,7 +96,7 @@ def _density(device, session, sensor, curves, csv):
         f"{_departure(curves, band or np.inf)}."
     )
     name = f"{device.name}.{session.name}.psd_{sensor}"
-    return picture(name, "Power spectral density", caption, plot, csv=csv)
+    return Picture(name, "Power spectral density", caption, plot, csv=csv)
 
 
 def _departure(curves, highest):
@@ -134,7 +134,7 @@ def correlation_pictures(device, session):
     found = found[found["x"] > 0]
     table = found.rename(columns={"x": "lag_s", "value": "autocorrelation"})
     csv = write_csv(device.figures, f"{session.name}_autocorrelation", table)
-    return [_correlation(device, session, *each, csv) for each in _by_sensor(found).items()]
+    return [_correlation(device, session, *each, csv) for each in _by_sensor(found)]
 
 
 def _correlation(device, session, sensor, curves, csv):
@@ -152,7 +152,12 @@ def _correlation(device, session, sensor, curves, csv):
 
     first = ", ".join(number(r["value"].iloc[0], 2) for r in known.values())
     lag = with_unit(number(band["x"].iloc[0]), "s")
-    farthest = {axis: _farthest(r) for axis, r in known.items()}
+    farthest = {}
+    for axis, r in known.items():
+        # up to where every value leaves the band of white noise
+        inside = r["value"].between(r["ci_low"], r["ci_high"]).to_numpy()
+        count = int(inside.argmax()) if inside.any() else len(inside)
+        farthest[axis] = r["x"].iloc[count - 1] if count else 0.0
     axis = max(farthest, key=farthest.get)
     reach = (
         f"beyond chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
@@ -164,11 +169,4 @@ def _correlation(device, session, sensor, curves, csv):
         f"({', '.join(known)}); {reach}."
     )
     name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
-    return picture(name, "Autocorrelation", caption, plot, csv=csv)
-
-
-def _farthest(curve):
-    """Return the lag up to which every value leaves the band of white noise, 0 without any."""
-    inside = curve["value"].between(curve["ci_low"], curve["ci_high"]).to_numpy()
-    count = int(inside.argmax()) if inside.any() else len(inside)
-    return curve["x"].iloc[count - 1] if count else 0.0
+    return Picture(name, "Autocorrelation", caption, plot, csv=csv)

@@ -8,7 +8,7 @@ import pywt
 
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
-from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, picture, write_csv
+from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, drawn
 from imuloop.report.numbers import NO_NUMBER, duration, plural
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
@@ -60,11 +60,10 @@ def smoothed(x):
         return x
     rough, *details = pywt.wavedec(x, WAVELET, mode="symmetric", level=levels)
     bound = np.sqrt(2 * np.log(len(x))) / 0.6745
-    # pywt's own has no value for zeros at a threshold of zero
-    shrunk = [
-        np.sign(d) * np.maximum(np.abs(d) - bound * np.median(np.abs(d)), 0.0) for d in details
-    ]
-    return pywt.waverec([rough, *shrunk], WAVELET, mode="symmetric")[: len(x)]
+    for d in details:
+        size = np.abs(d)
+        d[:] = np.sign(d) * np.maximum(size - bound * np.median(size), 0.0)
+    return pywt.waverec([rough, *details], WAVELET, mode="symmetric")[: len(x)]
 
 
 def trend(t, x, stretches):
@@ -97,14 +96,9 @@ def shade(area, segments, size=1.0):
     for kind, (colour, alpha, width) in looks.items():
         found = segments[segments["kind"] == kind]
         spans = np.column_stack([found["start_s"], found["end_s"] - found["start_s"]]) / size
-        area.broken_barh(
-            spans,
-            (0, 1),
-            transform=area.get_xaxis_transform(),
-            color=colour,
-            alpha=alpha,
-            lw=width,
-        )
+        on_top = area.get_xaxis_transform()
+        style = {"color": colour, "alpha": alpha, "lw": width}
+        area.broken_barh(spans, (0, 1), transform=on_top, **style)
 
 
 def session_pictures(device, session):
@@ -137,7 +131,6 @@ def _picture(device, session, sensor, t):
         # last, as it puts x in another order instead of a copy
         middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
     lines = {"raw": raw, "smoothed": smooth}
-    csv = write_csv(device.figures, f"{session.name}_{sensor}", _numbers(sensor, lines))
     unit, size = clock(t[-1])
 
     def plot(areas):
@@ -169,15 +162,9 @@ def _picture(device, session, sensor, t):
             f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
             f"{levels} {display.unit}."
         )
-    return picture(
-        f"{device.name}.{session.name}.{sensor}",
-        "Samples over time",
-        caption,
-        plot,
-        (900, 310 if resting else 250),
-        csv,
-        rows=(1, 1, 1) if resting else (1,),
-    )
+    looks = {"size": (900, 310 if resting else 250), "rows": (1, 1, 1) if resting else (1,)}
+    stem, kind = f"{session.name}.{sensor}", "Samples over time"
+    return drawn(device, stem, kind, caption, plot, _numbers(sensor, lines), **looks)
 
 
 def _numbers(sensor, lines):

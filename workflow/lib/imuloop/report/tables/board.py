@@ -26,20 +26,18 @@ def board_part(content, labels):
     texts += [_common(COMMON[kind], test) for kind, test in content["common"].items()]
     columns = ["Device", "Place x, y, z, mm", "Turn about x, y, z, °"]
     columns += ["Own error of turns / noise, °", "Own error of gravity / noise, mg"]
-    rows = [
-        (
-            label,
-            _vector(device["arm"], device["arm_std"], 1e3),
-            _vector(
-                Rotation.from_matrix(device["rotation"]).as_rotvec(),
-                device["rotation_std"],
-                DEGREES.factor,
-            ),
-            _sizes(device["turn"], DEGREES),
-            _sizes(device["gravity_norm"], MILLI_G),
+    rows = []
+    for label, device in placed:
+        turn = Rotation.from_matrix(device["rotation"]).as_rotvec()
+        rows.append(
+            (
+                label,
+                _vector(device["arm"], device["arm_std"], 1e3),
+                _vector(turn, device["rotation_std"], DEGREES.factor),
+                _sizes(device["turn"], DEGREES),
+                _sizes(device["gravity_norm"], MILLI_G),
+            )
         )
-        for label, device in placed
-    ]
     reference = labels.get(content["reference"], "")
     note = f"On the axes of {reference}, from the place of its accelerometer, value ± 1 σ."
     table = Table("Devices beside each other", tuple(columns), rows, note)

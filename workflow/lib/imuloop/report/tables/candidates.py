@@ -26,19 +26,14 @@ _RECORDINGS = {
     "heading": "nothing at one place: the Earth's vertical rate follows from the latitude",
 }
 _VARIES_WITH = {
-    "temperature": (
-        *("bias_temperature", "scale_temperature"),
-        *("bias_temperature_rate", "thermal_hysteresis"),
-    ),
-    "time": ("warm_up", "bias_drift", "ramp", "steps", "gauss_markov", "sinusoid"),
-    "attitude": (
-        *("quadratic", "cubic", "asymmetry", "cross_coupling"),
-        *("g_sensitivity", "g2_sensitivity", "scale_temperature"),
-    ),
-    "turn": ("scale_nonlinearity", "scale_asymmetry"),
-    "order": ("reorientation",),
-    "vibration": ("vibration_rectification",),
-    "heading": ("earth_rate",),
+    "temperature": "bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis",
+    "time": "warm_up bias_drift ramp steps gauss_markov sinusoid",
+    "attitude": "quadratic cubic asymmetry cross_coupling g_sensitivity g2_sensitivity "
+    "scale_temperature",
+    "turn": "scale_nonlinearity scale_asymmetry",
+    "order": "reorientation",
+    "vibration": "vibration_rectification",
+    "heading": "earth_rate",
 }
 # symbol and unit of the constants of a shape
 CONSTANTS = {
@@ -57,16 +52,14 @@ STATUS = ("added", "confounded", "rejected", *UNTRIED)
 def ranked(block):
     """Return a diagnosis' candidates: added ones in their order, then by p-value."""
     order = [effect["name"] for effect in block["effects"]]
-
-    def rank(candidate):
-        name, p = candidate["name"], candidate["p_value"]
-        return (
-            STATUS.index(candidate["status"]),
-            order.index(name) if name in order else len(order),
-            float("inf") if p is None else p,
-        )
-
-    return sorted(block["candidates"], key=rank)
+    return sorted(
+        block["candidates"],
+        key=lambda c: (
+            STATUS.index(c["status"]),
+            order.index(c["name"]) if c["name"] in order else len(order),
+            float("inf") if c["p_value"] is None else c["p_value"],
+        ),
+    )
 
 
 def ranking_table(sensor, part, block):
@@ -147,7 +140,7 @@ def constants_text(constants):
 
 def telling_apart(*names):
     """Return which recording would tell effects apart: one in which what they depend on varies."""
-    kinds = [k for k, effects in _VARIES_WITH.items() if set(names) & set(effects)]
+    kinds = [k for k, effects in _VARIES_WITH.items() if set(names) & set(effects.split())]
     if "heading" in kinds:
         return _RECORDINGS["heading"]
     return "; ".join(_RECORDINGS[k] for k in kinds or ("attitude", "time"))

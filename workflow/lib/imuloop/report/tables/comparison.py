@@ -29,19 +29,15 @@ class Column(NamedTuple):
     display: Display
 
 
+NOISE = {"N": "White noise", "B": "Bias instability", "K": "Random walk"}
 COLUMNS = {
-    sensor: (
+    sensor: [
         Column(f"{sensor}_residual", "Held-out residual", residual),
         Column(f"{sensor}_bias", "Bias", bias),
         Column(f"{sensor}_scale", "Scale factor error", PERCENT),
         Column(f"{sensor}_misalignment", "Misalignment", MILLIRADIAN),
-        *(
-            Column(f"{sensor}_{key}", header, quantities(sensor)[key].sheet[0])
-            for key, header in zip(
-                "NBK", ("White noise", "Bias instability", "Random walk"), strict=True
-            )
-        ),
-    )
+        *(Column(f"{sensor}_{k}", w, quantities(sensor)[k].sheet[0]) for k, w in NOISE.items()),
+    ]
     for sensor, residual, bias in (
         ("accelerometer", MILLI_G, MILLI_G),
         ("gyroscope", DEGREES, DEGREE_PER_SECOND),
@@ -99,14 +95,12 @@ def best_words(summaries):
 
 def cells(summaries, sensor):
     """Return the cells of a sensor's columns, a list per device."""
-    best = {column.key: best_device(summaries, column.key) for column in COLUMNS[sensor]}
-    return [
-        [
-            _cell(s["figures"].get(column.key), column.display, i == best[column.key])
-            for column in COLUMNS[sensor]
-        ]
-        for i, s in enumerate(summaries)
-    ]
+    columns = []
+    for key, _, display in COLUMNS[sensor]:
+        best = best_device(summaries, key)
+        figures = [s["figures"].get(key) for s in summaries]
+        columns.append([_cell(figure, display, i == best) for i, figure in enumerate(figures)])
+    return list(zip(*columns, strict=True))
 
 
 def _cell(figure, display, best):

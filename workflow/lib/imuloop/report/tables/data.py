@@ -20,7 +20,14 @@ MENDED = {"roll-overs": "rollovers", "resets": "resets", "strays": "strays"}
 
 def data_table(device):
     """Return the table of sessions, a column per session: rows, rate, every fault counted."""
-    columns = [_quality(session) for session in device.sessions]
+    columns = [
+        {
+            "Kind": s.kind,
+            "Status": "rejected" if s.rejected else "used",
+            **quality_figures(s.quality),
+        }
+        for s in device.sessions
+    ]
     treatment = [t for s in device.sessions if (t := s.quality["treatment"])]
     return Table(
         "Sessions and the quality of their logs",
@@ -30,16 +37,13 @@ def data_table(device):
     )
 
 
-def _quality(session):
-    """Return the figures of one session as text by their name and unit."""
-    q = session.quality
+def quality_figures(q):
+    """Return the figures of quality.json as text by their name and unit."""
     jitter, clock, limits = q["jitter"]["std_s"], q["clock"] or {}, q["temperature_range"]
     mended = text_of({name: clock.get(key) for name, key in MENDED.items()})
     # without a full scale nobody can tell
     clipped = {k: v for k, v in q["clipped"].items() if v is not None}
     return {
-        "Kind": session.kind,
-        "Status": "rejected" if session.rejected else "used",
         "Rows used": text_of(q["rows"]),
         "Duration": duration(q["duration_s"]),
         "Rate, Hz": number(q["rate_hz"], 5),
@@ -66,11 +70,12 @@ def _faults(found):
     def rows(key):
         return text_of({k: v["rows"] for k, v in found.get(key, {}).items()})
 
-    def part(key):
-        return found.get(key) or {}
+    def size(key, within):
+        return number((found.get(key) or {}).get(within))
 
-    held = {sensor: n for sensor, n in part("rows_a_value").items() if n > 1}
-    shares = [share for share in part("noise_near_nyquist").values() if share is not None]
+    held = {sensor: n for sensor, n in (found.get("rows_a_value") or {}).items() if n > 1}
+    shares = (found.get("noise_near_nyquist") or {}).values()
+    rests = found.get("rests") or {}
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
         "Stuck at one value, rows": rows("stuck"),
@@ -79,30 +84,26 @@ def _faults(found):
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
         "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
-        "Noise near Nyquist, least share of that below": number(min(shares, default=None)),
-        "Mean angular rate at rest, power as a share of its noise's": number(
-            part("mean_at_rest").get("noise_share")
+        "Noise near Nyquist, least share of that below": number(
+            min((share for share in shares if share is not None), default=None)
         ),
-        "Specific force at rest, m/s²": number((part("rests").get("force") or [None] * 2)[1], 4),
-        "Turns by angular rate and by gravity alike, 1 at best": number(
-            part("axes").get("agreement")
+        "Mean angular rate at rest, power as a share of its noise's": size(
+            "mean_at_rest", "noise_share"
         ),
+        "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
+        "Turns by angular rate and by gravity alike, 1 at best": size("axes", "agreement"),
         "Turns by angular rate per turns of gravity, rest to rest": number(
-            (part("rests").get("turn_ratio") or {}).get("value")
+            (rests.get("turn_ratio") or {}).get("value")
         ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
 
 
-def warnings(device):
-    """Return what ingest wants a user to look at: (session, text)."""
-    return [(s.name, text) for s in device.sessions for text in s.quality["warnings"]]
-
-
 def source_table(device):
     """Return the table of log files: where each came from and its hash."""
     rows = [
-        (session.name, file, _origin(source), digest)
+        # an address, a path, or a member of a package's wheel
+        (session.name, file, ", ".join(str(v) for k, v in source.items() if k != "sha256"), digest)
         for session in device.sessions
         for source, (file, digest) in zip(
             # a folder is one source of several files
@@ -113,11 +114,6 @@ def source_table(device):
     ]
     columns = ("Session", "File", "Source", "SHA-256")
     return Table("Log files", columns, rows, sortable=True)
-
-
-def _origin(source):
-    """Return where a log came from: an address, a path, or a member of a package's wheel."""
-    return ", ".join(str(v) for k, v in source.items() if k != "sha256")
 
 
 def segment_table(device):

@@ -82,25 +82,21 @@ def steps_table(sensor, part, block):
     )
 
 
-def effect_tables(sensor, part, block):
-    """Return a table for each effect that was added: its parameters ± σ."""
-    return [_effect_table(sensor, part, e) for e in block["effects"]]
-
-
-def _effect_table(sensor, part, effect):
-    known, units, std = Effect.library.get(effect["name"]), effect["units"], effect["std"]
+def parameter_rows(effect):
+    """Return the parameters of an effect: name, value ± σ and unit of data sheets, both in SI."""
     rows = []
     for name, value in effect["parameters"].items():
-        display, sigma = data_sheet(units[name]), std.get(name)
+        unit, sigma = effect["units"][name], effect["std"].get(name)
+        display = data_sheet(unit)
         shown = with_sigma(value, sigma, display.factor), display.unit
-        rows.append(
-            (
-                f"{name}{_place(name, effect)}",
-                *shown,
-                with_sigma(value, sigma),
-                typeset(units[name]),
-            )
-        )
+        si = with_sigma(value, sigma), typeset(unit)
+        rows.append((f"{name}{_place(name, effect)}", *shown, *si))
+    return rows
+
+
+def effect_table(sensor, part, effect):
+    """Return the table of an effect that was added: its parameters ± σ."""
+    known, units, rows = Effect.library.get(effect["name"]), effect["units"], parameter_rows(effect)
     if effect["name"] == TurnOnBias.name:
         si = next(iter(units.values()))
         shown = data_sheet(si)

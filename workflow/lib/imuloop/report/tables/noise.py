@@ -2,7 +2,7 @@
 
 from math import log, sqrt
 
-from imuloop.core.noise_model import AxisNoise, Sinusoid
+from imuloop.core.noise_model import AxisNoise
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.numbers import (
     NO_NUMBER,
@@ -34,8 +34,7 @@ SAMPLE_NOTE = (
 )
 # flicker, walk and ramp rise to the left in the spectrum: a weak one may stand in for another
 SLOW = "BKR"
-# process of several parameters in noise.json: its kind and the names of its parameters
-PROCESSES = {"gauss_markov": ("q", "tc"), "sinusoid": ("amplitude", "frequency")}
+PROCESSES = ("gauss_markov", "sinusoid")
 STATISTICS = {
     "mean": "Mean",
     "std": "Standard deviation",
@@ -101,16 +100,19 @@ def coefficient_note(device):
 def _groups(axes, sensor):
     """Return key and rows (axis, coefficient, remark) of each group of the table."""
     groups = [
-        (key, [(a, getattr(noise, key), _remark(key, getattr(noise, key))) for a, noise in axes])
+        (key, [(a, c := getattr(noise, key), _remark(key, c)) for a, noise in axes])
         for key in COEFFICIENTS
     ]
-    for kind, keys in PROCESSES.items():
-        found = [(a, p) for a, noise in axes for p in getattr(noise, kind)]
-        for key in keys if found else ():
-            first = key == keys[0]
-            rows = [(a, getattr(p, key), _process_remark(sensor, p) * first) for a, p in found]
-            groups.append((key, rows))
-    return groups
+    unit = quantities(sensor)["amplitude"].sheet[0]
+    humps, lines = ([(a, p) for a, n in axes for p in getattr(n, kind)] for kind in PROCESSES)
+    drives = []
+    for axis, p in humps:
+        level = f"σ of the process, q·√(T/2): {unit.text(p.q.value * sqrt(p.tc.value / 2))}"
+        drives.append((axis, p.q, "; ".join(filter(None, (level, _remark("q", p.q))))))
+    groups += [("q", drives), ("tc", [(a, p.tc, "") for a, p in humps])]
+    groups += [("amplitude", [(a, p.amplitude, p.origin or "") for a, p in lines])]
+    groups += [("frequency", [(a, p.frequency, "") for a, p in lines])]
+    return [(key, rows) for key, rows in groups if rows]
 
 
 def _remark(key, known):
@@ -124,17 +126,6 @@ def _remark(key, known):
     if known.needed_s is None:
         return "no record of up to a year would show it"
     return f"needs a record of about {duration(known.needed_s, 2)}"
-
-
-def _process_remark(sensor, process):
-    """Return where a line comes from, or how large a Gauss-Markov process is."""
-    if isinstance(process, Sinusoid):
-        return process.origin or ""
-    unit = quantities(sensor)["amplitude"].sheet[0]
-    level = unit.text(process.q.value * sqrt(process.tc.value / 2))
-    return "; ".join(
-        filter(None, (f"σ of the process, q·√(T/2): {level}", _remark("q", process.q)))
-    )
 
 
 def _check(device, sensor, fitted):
@@ -163,26 +154,30 @@ def uncut_table(device, sensor):
     if not uncut:
         return None
     with_it, without = (of_axes(axes, sensor) for axes in (axes_of(uncut["axes"]), device.axes))
-    rows, changes, hidden = [], [], []
+    rows, hidden, size = [], [], log(1.25)
+    most = "they would change no coefficient that is seen by more than a quarter"
     for key in COEFFICIENTS:
         unit = quantities(sensor)[key].sheet[0]
         for (axis, left), (_, cut) in zip(with_it, without, strict=True):
             left, cut = getattr(left, key), getattr(cut, key)
             if left.value is None and cut.value is None:
                 continue
+            name, text = f"{key} of {axis}", NO_NUMBER
             cells = [coefficient_text(c, unit.factor) for c in (left, cut)]
-            ratio, text = _change(left, cut)
+            bound = cut.value is None
+            if left.value is None:
+                text = "hidden by it"
+                hidden.append(name)
+            # below the limit nothing tells the two apart
+            elif cut.size and left.value and (not bound or left.value > cut.size):
+                ratio = left.value / cut.size
+                text = f"{'> ' * bound}{number(ratio, 2)} ×"
+                if abs(log(ratio)) >= size:
+                    size, read = abs(log(ratio)), f"{cells[0]} {unit.unit}, not {cells[1]}"
+                    most = f"{name} would be read as {read} ({text})"
             rows.append((f"{key}, {axis}", unit.unit, *cells, text))
-            if ratio:
-                words = f"{key} of {axis} would be read as {cells[0]} {unit.unit}, not {cells[1]}"
-                changes.append((abs(log(ratio)), f"{words} ({text})"))
-            elif left.value is None:
-                hidden.append(f"{key} of {axis}")
     if not rows:
         return None
-    size, most = max(changes, default=(0.0, ""))
-    if size < log(1.25):
-        most = "they would change no coefficient that is seen by more than a quarter"
     lost = f", and would hide {joined(hidden)}" if hidden else ""
     return Table(
         f"{sensor.capitalize()}: coefficients with the disturbed stretches left in, and with them "
@@ -195,18 +190,6 @@ def uncut_table(device, sensor):
     )
 
 
-def _change(left, cut):
-    """Return the ratio that a disturbance makes, None where it is not known, and its words."""
-    if left.value is None:
-        return None, "hidden by it"
-    bound = cut.value is None
-    # below the limit nothing tells the two apart
-    if not cut.size or not left.value or (bound and left.value <= cut.size):
-        return None, NO_NUMBER
-    ratio = left.value / cut.size
-    return ratio, f"{'> ' * bound}{number(ratio, 2)} ×"
-
-
 def noise_change_table(sensor, block):
     """Return the noise coefficients before and after the correction; None where not given."""
     if not block.get("noise"):
@@ -216,14 +199,14 @@ def noise_change_table(sensor, block):
         for _, change in of_axes(block["noise"], sensor)
     ]
     rows = []
-    for key, quantity in quantities(sensor).items():
-        if key in COEFFICIENTS:
-            unit = quantity.sheet[0]
-            cells = (
-                " → ".join(coefficient_text(getattr(noise, key), unit.factor) for noise in pair)
-                for pair in stages
-            )
-            rows.append((quantity.words, unit.unit, *cells))
+    for key in COEFFICIENTS:
+        quantity = quantities(sensor)[key]
+        unit = quantity.sheet[0]
+        cells = (
+            " → ".join(coefficient_text(getattr(noise, key), unit.factor) for noise in pair)
+            for pair in stages
+        )
+        rows.append((quantity.words, unit.unit, *cells))
     return Table(
         f"{sensor.capitalize()}, static record: noise coefficients before → after the correction",
         ("Coefficient", "Unit", *XYZ),
@@ -238,7 +221,7 @@ def statistics_tables(device):
     """Return the summary statistics of every record at rest, a table per session and sensor."""
     return [
         Table(
-            f"{sensor.capitalize()}, {_record(device, session)}: summary statistics, "
+            f"{sensor.capitalize()}, {device.record(session)}: summary statistics, "
             f"{UNITS[sensor]}, of the log in SI units before calibration",
             ("Axis", *(f"{words}, {UNITS[sensor]}" for words in STATISTICS.values())),
             [
@@ -251,12 +234,6 @@ def statistics_tables(device):
         for session, axes in device.noise["statistics"].items()
         for sensor in SENSORS
     ]
-
-
-def _record(device, name):
-    """Return of which record of a session the figures are."""
-    kinds = {s.name: s.kind for s in device.sessions}
-    return f"{'' if kinds.get(name) == 'static' else 'longest rest of '}session {name}"
 
 
 def stability_table(device, sensor):
@@ -280,7 +257,7 @@ def stability_table(device, sensor):
         for key, length in MEANS.items():
             definition = f"standard deviation (1 σ) of consecutive {length} means"
             values = [each[key] for _, each in axes]
-            row(f"2. Means of {length}", f"{definition}, {_record(device, session)}", values)
+            row(f"2. Means of {length}", f"{definition}, {device.record(session)}", values)
         ratios += [
             (each["std_10s"] / b.value, f"{session}, {axis}")
             for (axis, each), b in zip(axes, flat, strict=True)

@@ -22,24 +22,12 @@ def sized(value, factor=1.0):
 
 @dataclass(frozen=True)
 class Table:
-    """A table; the first cell of each row names the row.
+    """A table of the report; the first cell of each row names the row.
 
-    Attributes
-    ----------
-    caption : str
-        What the table holds, with the unit where all cells share it.
-    columns : sequence of str
-        Headers, each with its unit.
-    rows : sequence of tuple of str
-        Cells, as many as there are columns.
-    note : str
-        One line for readers who meet these numbers for the first time.
-    dense : bool
-        Whether the cells are many and may break into lines.
-    heads : sequence of int
-        Rows that open a group: its name, then the unit of each column in this group.
-    sortable : bool
-        Whether a reader may sort the rows: by the values of `Sized` cells, else by text.
+    Headers have units, the caption where all cells share one; the note is for those who meet these
+    numbers for the first time. Cells of a dense table may break into lines. Rows in `heads` open a
+    group, with its name and the unit of each column. Rows sort by the values of `Sized` cells, else
+    by text.
     """
 
     caption: str
