@@ -311,3 +311,26 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     [advice] = re.findall(r"What would help most</h4>\s*<p>(.*?)</p>", text)
     assert advice.startswith("Correct what is declared of session multi_position_1 and run again")
     assert cause in advice
+
+
+@pytest.mark.parametrize("command", ["apply", "calibrate", "check", "coach", "info", "report"])
+def test_help_has_an_example(command, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "-h"])
+    assert stopped.value.code == 0
+    assert f"  imuloop {command} " in capsys.readouterr().out
+
+
+def test_what_is_no_calibration_is_one_line(device, tmp_path, capsys):
+    for name, content in (
+        ("noise.json", (device / "noise.json").read_text()),
+        ("list.json", "[1]"),
+        ("empty.json", "{}"),
+    ):
+        (tmp_path / name).write_text(content)
+        arguments = ["apply", tmp_path / name, device / "1.csv", "-o", tmp_path / "out.csv"]
+        assert name in one_line_error(arguments, capsys)
+    (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
+    (tmp_path / "noise.json").write_text("{}")
+    found = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)
+    assert "not a noise model" in found

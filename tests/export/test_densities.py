@@ -25,6 +25,7 @@ from export.devices import (
 )
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.export.autopilots import ARDUPILOT, PX4
 from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
 from imuloop.export.openvins import OPENVINS
 
@@ -200,3 +201,8 @@ def test_what_is_not_carried_is_said_and_a_label_adds_nothing(form):
     assert read(form, device(HOSTILE)) == read(form, device())
     with pytest.raises(Lacking):
         form.text(unknown())
+
+
+@pytest.mark.parametrize("form", [PX4, ARDUPILOT, OPENVINS, VINS_FUSION])
+def test_what_has_no_place_for_arms_says_so(form):
+    assert "Not carried of the accelerometer: lever_arm" in form.text(turning_device())

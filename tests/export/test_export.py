@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from export.devices import HOSTILE, device, unknown
+from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.export.export import (
@@ -133,3 +134,10 @@ def test_a_limit_that_was_raised_is_said_to_be_both():
     )
     assert walk.times(10.0).value == 10 * walk.value
     assert walk.times(10.0).raised_from == pytest.approx(2e-8)
+
+
+def test_a_calibration_of_another_version_is_an_error(tmp_path):
+    results = _results(tmp_path, device(), None)
+    write_json(results[0], {"format": 99})
+    with pytest.raises(ImuloopError, match="format 99"):
+        read_exported("board", "Board", *results)

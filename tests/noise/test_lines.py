@@ -218,3 +218,10 @@ def test_constant_and_short_records_have_no_line(x):
 )
 def test_mains_are_named(frequency, rate, name):
     assert mains(frequency, rate) == name
+
+
+def test_a_name_is_seldom_an_accident():
+    rng = np.random.default_rng(8)
+    for rate, bound in ((100.0, 0.035), (200.0, 0.035), (1000.0, 0.012), (76.0, 0.1)):
+        named = [mains(f, rate) is not None for f in rng.uniform(0, rate / 2, 4000)]
+        assert 0 < np.mean(named) < bound

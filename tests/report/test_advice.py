@@ -219,3 +219,22 @@ def test_attitudes_and_parameters_in_words():
     assert parameter_words("gyroscope", "K2") == "the gyroscope's z scale factor"
     assert parameter_words("gyroscope", "g_sensitivity.G00") == "the gyroscope's g_sensitivity G00"
     assert sigma_words("rad", 4e-4) == "0.40\u202fmrad"
+
+
+def test_turns_that_were_sampled_too_slowly_ask_for_a_higher_rate(first):
+    block = above("rotation", "rad", 4e-3, 4e-3, "consistent")
+    lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
+    block["residuals"]["rotation"]["undersampled"] = lost
+    step = first(diagnosis=diagnosis(gyroscope=block))
+    assert step.startswith("Sampled too slowly for such turns: what 62.5 Hz does not show")
+    assert step.endswith("record at 150 Hz or more, or turn more slowly.")
+
+
+def test_an_accelerometer_above_its_floor_is_mended_before_the_gyroscope(good):
+    blocks = {
+        "gyroscope": above("rotation", "rad", 4e-3, 1e-3),
+        "accelerometer": above("gravity_norm", "m/s^2", 4e-3, 1e-3, "partly_explained"),
+    }
+    steps = next_steps(good(diagnosis=diagnosis(**blocks)))
+    assert steps[0].startswith("Accelerometer, ")
+    assert any(s.startswith("Gyroscope, ") and s.endswith("mend that first.") for s in steps)

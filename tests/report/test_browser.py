@@ -37,6 +37,31 @@ def test_it_opens_without_an_error_and_asks_no_host(either):
     assert either.asked and all(url.startswith(("file:", "data:")) for url in either.asked)
 
 
+def test_the_contents_follow_the_reader(page):
+    for link in page.locator("nav ul ul a").all()[:8:3]:
+        link.click()
+        page.wait_for_function("a => a.hasAttribute('aria-current')", arg=link.element_handle())
+        assert page.locator("nav [aria-current]").count() == 1
+
+
+def test_what_is_folded_is_printed(page):
+    closed = page.locator("details:not([open])").count()
+    assert closed > 3
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert not page.locator("details:not([open])").count()
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert page.locator("details:not([open])").count() == closed
+
+
+def test_only_its_own_script_runs(page):
+    page.evaluate(
+        "() => { const s = document.createElement('script'); s.textContent = 'window.ran = 1';"
+        " document.body.append(s); document.body.insertAdjacentHTML('beforeend',"
+        " '<p id=trap onclick=\"window.ran = 2\">'); document.getElementById('trap').click(); }"
+    )
+    assert page.evaluate("window.ran === undefined")
+
+
 def test_every_link_of_the_contents_scrolls_to_its_part(either):
     astray = either.evaluate("""async () => {
       const astray = [];
@@ -51,7 +76,6 @@ def test_every_link_of_the_contents_scrolls_to_its_part(either):
     }""")
     assert astray == []
     assert either.locator("nav a").count() > 10
-    assert either.locator("nav [aria-current]").count() == 1
 
 
 def sizes(table, column):
@@ -83,23 +107,56 @@ def test_tables_sort_by_a_click(page):
     assert table.locator("[aria-sort]").count() == 1
 
 
+@pytest.mark.parametrize("key", ["Enter", " "])
+def test_tables_sort_by_the_keyboard(page, key):
+    table = page.locator(TABLE)
+    table.locator("thead button").nth(BIAS - 1).focus()
+    page.keyboard.press("Tab")
+    page.keyboard.press(key)
+    assert sizes(table, BIAS) == in_order(sizes(table, BIAS))
+    assert table.locator("thead th").nth(BIAS).get_attribute("aria-sort") == "ascending"
+
+
+def table_of(page, caption):
+    named = page.locator("caption", has_text=caption)
+    return page.locator("table.sortable").filter(has=named).first
+
+
 def test_tables_of_a_device_sort_by_size_whatever_the_unit(page):
     page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
-    named = page.locator("caption", has_text="Accelerometer: parameters, value ± 1 σ")
-    table = page.locator("table.sortable").filter(has=named).first
+    table = table_of(page, "Accelerometer: parameters, value ± 1 σ")
     table.locator("thead button").nth(4).click()
     values = sizes(table, 4)
     # %, mrad and mg in one column; what has no size stays last
     assert values == in_order(values) and sum(v is not None for v in values) >= 9
+    units = set(table.locator("tbody td:nth-child(2)").all_inner_texts())
+    assert units >= {"mg", "%", "mrad"}
+    # and durations by seconds
+    table = table_of(page, "Stretches found in each session")
+    table.locator("thead button").nth(3).click()
+    shown = table.locator("tbody td:nth-child(4)").all_inner_texts()
+    assert sizes(table, 3) == sorted(sizes(table, 3)) and shown != sorted(shown)
+
+
+def test_without_javascript_the_tables_stand_as_they_are(opened, results):
+    page = opened(results / "report.html", java_script_enabled=False)
+    for selector in ("table.sortable", "nav a", "figure svg"):
+        assert page.locator(selector).count()
+    assert not page.locator("thead button").count()
 
 
 @pytest.mark.parametrize("width", [375, 1440])
-def test_the_page_is_as_wide_as_the_window(either, width):
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_is_as_wide_as_the_window(either, width, scheme):
     either.set_viewport_size({"width": width, "height": 900})
+    either.emulate_media(color_scheme=scheme)
     every = "document.querySelectorAll('details').forEach(d => d.open = {})"
     either.evaluate(every.format("true"))
     assert either.evaluate("document.documentElement.scrollWidth") <= width
-    either.screenshot(path=f"{either.shots}_{width}.png")
+    either.evaluate(every.format("false"))
+    for name in ("main", "filter", "curves", "parameters"):
+        either.evaluate(f"document.getElementById('{name}').scrollIntoView()")
+        either.screenshot(path=f"{either.shots}_{width}_{scheme}_{name}.png")
 
 
 def test_the_comparison_needs_no_scrolling_at_1440(either):
@@ -127,8 +184,6 @@ def test_colours_follow_the_system(page):
 
 
 def test_print_is_on_white_without_contents(either):
-    either.evaluate("dispatchEvent(new Event('beforeprint'))")
-    assert not either.locator("details:not([open])").count()
     either.emulate_media(media="print", color_scheme="dark")
     ground = "getComputedStyle(document.body).backgroundColor"
     assert either.evaluate(ground) == "rgb(255, 255, 255)"

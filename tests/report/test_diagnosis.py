@@ -198,3 +198,12 @@ def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
     tried |= {"residual": "rotation", "heldout_after": 1e-3}
     said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
     assert "warm_up alone would leave 0.0573°: error of gravity's direction" in said
+
+
+@pytest.mark.parametrize(("slow", "verb"), [(True, "may allow"), (False, "allows")])
+def test_slow_noise_that_no_rest_shows_is_a_guess_in_the_first_answer_too(slow, verb):
+    residual = {"unit": "m/s^2", "n": 40, "floor": 2e-3, "before": 2e-3, "after": 2e-3}
+    residual |= {"chi2_before": 30.0, "chi2_after": 30.0}
+    block = {"verdict": "consistent", "residuals": {"gravity_norm": residual}, "slow_noise": slow}
+    diagnosis = {"sensors": {"accelerometer": {"poses": UNTESTED | block}}}
+    assert answers(diagnosis)[0][2] == f"as good as its noise {verb}"
