@@ -1,5 +1,7 @@
 """Attitude coverage: where on the sphere specific force pointed while the sensor rested."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION
@@ -9,8 +11,9 @@ from imuloop.report.figures.drawing import (
     GRID,
     ORANGE,
     VERMILLION,
-    drawn,
+    Picture,
     entitle,
+    write_csv,
 )
 from imuloop.report.numbers import joined, number
 from imuloop.report.results import XYZ
@@ -71,10 +74,17 @@ def pose_picture(device):
     directions = pose_directions(device)
     if not directions:
         return None
+    made = sphere(f"{device.name}.poses", directions)
     everything = np.concatenate(list(directions.values()))
-    hole, angle = largest_hole(everything)
     columns = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
     columns["kind"] = [kind for kind, u in directions.items() for _ in u]
+    return replace(made, csv=write_csv(device.figures, "poses", columns))
+
+
+def sphere(name, directions):
+    """Return the picture of upward directions, (n, 3), by kind of session."""
+    everything = np.concatenate(list(directions.values()))
+    hole, angle = largest_hole(everything)
 
     def plot(areas):
         for area, sign in zip(areas, (1, -1), strict=True):
@@ -87,8 +97,7 @@ def pose_picture(device):
         f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
-    looks = {"size": (440, 240), "columns": (1, 1)}
-    return drawn(device, "poses", "Attitudes covered", caption, plot, columns, **looks)
+    return Picture(name, "Attitudes covered", caption, plot, size=(440, 240), columns=(1, 1))
 
 
 def _project(u, sign):
