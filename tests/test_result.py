@@ -107,6 +107,7 @@ def test_what_cannot_be_used_is_said(log, tmp_path):
     assert "rejected" in short.failures[0]
 
 
+@pytest.mark.filterwarnings("ignore:.*too much for a turn by hand")
 def test_a_log_in_counts_is_questioned(log):
     with pytest.warns(UserWarning, match=r"units\.acceleration"):
         result = imuloop.calibrate(log.iloc[:4000] * ([1] + 6 * [4000]), progress=False)
