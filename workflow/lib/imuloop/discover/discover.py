@@ -1,0 +1,141 @@
+"""The effect that nobody has written yet: looked for in what the library leaves unexplained."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.precision import precision
+from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.variance import Part, likely_sizes, total
+from imuloop.discover.pursuit import Pursued, Rows, pursue
+from imuloop.discover.space import Space, space_of
+
+# probability, over the whole space, that chance gives a composed effect
+LEVEL = 0.01
+# draws of each kind, in all data and where a part is held out
+DRAWS, DRAWS_WITHOUT = 1000, 400
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What a search of composed effects found.
+
+    Attributes
+    ----------
+    space : Space
+        What was searched.
+    found : Pursued
+        In all data.
+    kinds : dict of str to dict
+        Of each kind of residual the held-out error ``before`` and ``after``, SI, the ``ratio`` and
+        its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
+    """
+
+    space: Space
+    found: Pursued
+    kinds: dict
+
+    @property
+    def confirmed(self):
+        """Kinds of residual whose held-out error falls for certain."""
+        return [kind for kind, own in self.kinds.items() if own["ratio_ci95"][1] < 1]
+
+    @property
+    def effect(self):
+        """The effect where one formula is enough and confirmed, else None."""
+        named = self.found.named and self.confirmed
+        return self.space.effect(self.found.columns) if named else None
+
+
+def rows_of(problem, base):
+    """Return the Rows of a PoseProblem about its fit with some effects."""
+    about = problem.linearized(base)
+    fixed, slow = problem.noise_parts(about.solution)
+    extra = [Part(np.diag(at * np.median(np.diag(fixed)[at]))) for at in problem.groups()]
+    # rows of other records have no pose: the last piece
+    piece = np.where(problem.rows[1] < 0, len(problem.recording.poses), problem_first(problem))
+    return Rows(-about.values, about.jacobian, fixed, (*slow, *extra), piece)
+
+
+def problem_first(problem):
+    """Return the pose at which each row begins, zero for rows of other records."""
+    own = problem.rows[0][:, 0]
+    return np.append(own, np.zeros(len(problem.rows[1]) - len(own), dtype=int))
+
+
+def discover(problem, base=(), level=LEVEL, space=None):
+    """Return the Discovery in what some effects of the library leave of a sensor's poses.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        The residuals of a sensor.
+    base : tuple of Effect
+        What the library explains.
+    level : float
+        Probability, over the whole space, that chance gives a composed effect.
+    space : Space, optional
+        Of the same problem and base, where it is known already.
+    """
+    space = space or space_of(problem)
+    rows, settings = rows_of(problem, base), problem.settings
+    found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
+    kinds = {}
+    if found.candidates:
+        fold = parts(problem)
+        before, after = held_out(problem, rows, space, fold, level)
+        for kind in problem.sensor.kinds:
+            own = problem.of_kind(kind)
+            pair = before[own, None], after[own, None]
+            sizes = [float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair]
+            kinds[kind] = {
+                "before": sizes[0],
+                "after": sizes[1],
+                "ratio": sizes[1] / sizes[0],
+                "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
+            }
+    return Discovery(space, found, kinds)
+
+
+def parts(problem):
+    """Return the parts that rows touch, (N, 2), as of `PoseProblem.ends`; parts follow in time."""
+    count = len(problem.recording.poses)
+    fold = np.arange(count) * min(problem.settings.folds, count) // count
+    own = fold[problem.rows[0]]
+    others = len(problem.rows[1]) - len(own)
+    return np.concatenate([own, np.full((others, 2), -1)])
+
+
+def held_out(problem, rows, space, fold, level):
+    """Return errors of rows without and with what a search finds that did not see them, (N,) each.
+
+    Each part is predicted by a search, a noise and a fit of their own.
+    """
+    before, after = np.zeros(len(rows.values)), np.zeros(len(rows.values))
+    for part in range(fold[:, 0].max() + 1):
+        held = np.flatnonzero(fold[:, 0] == part)
+        seen = np.flatnonzero(~(fold == part).any(axis=1))
+        own, visible = rows.seen(seen), space.seen(seen)
+        seed = problem.settings.seed + 1 + part
+        columns = pursue(own, visible, level=level, draws=DRAWS_WITHOUT, seed=seed).columns
+        for errors, used in ((before, ()), (after, columns)):
+            design = np.column_stack([rows.jacobian, space.columns[:, list(used)]])
+            theta = fitted(own, design[seen])[0]
+            errors[held] = rows.values[held] - design[held] @ theta
+    return before, after
+
+
+def fitted(rows, design):
+    """Return parameters by generalised least squares, (k,), and their covariance.
+
+    The noise is the likeliest beside them; the covariance grows with what is left.
+    """
+    sizes = likely_sizes(rows.values, design, rows.fixed, rows.parts)
+    weight = precision(total(rows.fixed, rows.parts, sizes))[0]
+    scale = np.linalg.norm(design, axis=0)
+    scaled = design / scale
+    inverse = np.linalg.inv(scaled.T @ weight @ scaled)
+    theta = inverse @ (scaled.T @ (weight @ rows.values))
+    left = rows.values - scaled @ theta
+    size = max(1.0, left @ weight @ left / max(len(left) - len(theta), 1))
+    return theta / scale, size * inverse / np.outer(scale, scale)
