@@ -16,6 +16,8 @@ MOST = 4
 ROWS = 4
 # share of a column's square that the base model has to leave
 LEFT = 1e-3
+# by how much a form of lower degree may be worse and is preferred
+ALIKE = 2.0
 # by how much the best has to be better than the best that is no imitator, in -2 log likelihood
 MARGIN = 9.0
 
@@ -127,6 +129,15 @@ def _basis(columns):
     return basis, kept
 
 
+def _simplest(white, space, scores):
+    """Return the candidate of the lowest degree that does nearly all that the best does."""
+    best = int(np.argmax(scores))
+    near = np.flatnonzero(scores >= scores[best] - ALIKE).tolist()
+    rank = white.bases[best].shape[1]
+    alike = [k for k in near if white.bases[k].shape[1] <= rank and white.imitates(best, k)]
+    return min(alike, key=lambda k: (space.degree(k), -scores[k], k))
+
+
 def log_p(white, residuals):
     """Return the logarithm of the smallest p-value of the candidates in each residual, (m,).
 
@@ -224,8 +235,8 @@ def pursue(rows, space, *, level, draws, seed):
         if not chosen:
             # once more by the noise that is there beside it
             white = whitened(rows, space, (), about=white.kept[best])
-            best = int(np.argmax(white.scores()))
-            first, scores = white, white.scores()
+            scores = white.scores()
+            best, first = _simplest(white, space, scores), white
         chosen.append(best)
         columns = (*columns, *white.kept[best])
     if not chosen:

@@ -6,7 +6,7 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 
 from imuloop.effects.axes import AXES
-from imuloop.effects.discovered import SETTLING, Discovered
+from imuloop.effects.discovered import SETTLING, Discovered, parse
 from imuloop.effects.thermometer import LEAST_SPAN, span, whole_degrees
 
 # degrees to which powers of a sensor's own output, and of the other's, go together
@@ -29,6 +29,11 @@ class Space:
         """Return the effect that has some columns."""
         formula = "; ".join(self.terms[c] for c in columns)
         return Discovered(formula, self.sensor, self.reference_temperature)
+
+    def degree(self, candidate):
+        """Return the largest sum of powers in a candidate's terms."""
+        terms = parse("; ".join(self.terms[c] for c in self.candidates[candidate]))
+        return max(sum(power for _, power, _ in product) for _, product in terms)
 
     def seen(self, rows):
         """Return the same space of some rows."""
