@@ -29,11 +29,14 @@ class Discovery:
     kinds : dict of str to dict
         Of each kind of residual the held-out error ``before`` and ``after``, SI, the ``ratio`` and
         its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
+    errors : tuple of ndarray, shape (N,)
+        The held-out errors themselves, before and after.
     """
 
     space: Space
     found: Pursued
     kinds: dict
+    errors: tuple = ()
 
     @property
     def confirmed(self):
@@ -80,13 +83,13 @@ def discover(problem, base=(), level=LEVEL, space=None):
     space = space or space_of(problem)
     rows, settings = rows_of(problem, base), problem.settings
     found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
-    kinds = {}
+    kinds, errors = {}, ()
     if found.candidates:
         fold = parts(problem)
-        before, after = held_out(problem, rows, space, fold, level)
+        errors = held_out(problem, rows, space, fold, level)
         for kind in problem.sensor.kinds:
             own = problem.of_kind(kind)
-            pair = before[own, None], after[own, None]
+            pair = [each[own, None] for each in errors]
             sizes = [float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair]
             kinds[kind] = {
                 "before": sizes[0],
@@ -94,14 +97,17 @@ def discover(problem, base=(), level=LEVEL, space=None):
                 "ratio": sizes[1] / sizes[0],
                 "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
             }
-    return Discovery(space, found, kinds)
+    return Discovery(space, found, kinds, errors)
+
+
+def consecutive(count, folds):
+    """Return the part of each pose; parts follow each other in time."""
+    return np.arange(count) * min(folds, count) // count
 
 
 def parts(problem):
-    """Return the parts that rows touch, (N, 2), as of `PoseProblem.ends`; parts follow in time."""
-    count = len(problem.recording.poses)
-    fold = np.arange(count) * min(problem.settings.folds, count) // count
-    own = fold[problem.rows[0]]
+    """Return the parts that rows touch, (N, 2), as of `PoseProblem.ends`; parts are consecutive."""
+    own = consecutive(len(problem.recording.poses), problem.settings.folds)[problem.rows[0]]
     others = len(problem.rows[1]) - len(own)
     return np.concatenate([own, np.full((others, 2), -1)])
 
