@@ -100,6 +100,11 @@ def _flipped(c):
     return np.sign(c.t - c.t[len(c.t) // 2]) * c.output[:, 0] ** 3
 
 
+def _warm(c):
+    """Return the temperature less its mean."""
+    return c.temperature - c.temperature.mean()
+
+
 A, W = "accelerometer", "gyroscope"
 TRUTHS = {
     "quadratic": Truth(A, lambda c: _diagonal(c.output**2)),
@@ -108,11 +113,11 @@ TRUTHS = {
     "cross_coupling": Truth(A, _coupling),
     "g2": Truth(W, lambda c: _matrix(_second(c.other))),
     "cubic_rate": Truth(W, lambda c: _diagonal(c.output**3)),
-    "temperature_times_g": Truth(W, lambda c: _matrix((c.temperature - 30)[:, None] * c.other)),
+    "temperature_times_g": Truth(W, lambda c: _matrix(_warm(c)[:, None] * c.other)),
     "g_matrix": Truth(W, lambda c: _matrix(c.other)),
     "fy2_fz_on_x": Truth(A, lambda c: _axis(c.output[:, 1] ** 2 * c.output[:, 2], 0)),
     "wx_fy_on_z": Truth(W, lambda c: _axis(c.output[:, 0] * c.other[:, 1], 2)),
-    "T2_fx_on_x": Truth(A, lambda c: _axis((c.temperature - 30) ** 2 * c.output[:, 0], 0)),
+    "T2_fx_on_x": Truth(A, lambda c: _axis(_warm(c) ** 2 * c.output[:, 0], 0)),
     "settling_on_z": Truth(A, lambda c: _axis(_settling(c, 9.0), 2)),
     "kink": Truth(A, lambda c: _axis(np.abs(c.output[:, 1] - 4.0), 0), True),
     "degree_7": Truth(A, lambda c: _axis(c.output[:, 0] ** 3 * c.output[:, 1] ** 4, 2), True),

@@ -62,7 +62,8 @@ def groups(sensor, warm):
     own, other = ("f", "w") if sensor == "accelerometer" else ("w", "f")
     factors = {
         "own": monomials(own, 1),
-        "other": monomials(other, 1),
+        # at rest, where an accelerometer is looked at, nothing turns
+        "other": monomials(other, 1) if other == "f" else [],
         "warmth": ["T", "T^2"] * warm,
         "rate": ["R"] * warm,
         "time": ["t"],
@@ -72,7 +73,7 @@ def groups(sensor, warm):
     }
     powers = [m for k in range(1, OWN + 1) for m in monomials(own, k)]
     powers += [f"abs_{m}" for m in factors["own"]]
-    powers += [m for k in range(1, OTHER + 1) for m in monomials(other, k)]
+    powers += [m for k in range(1, OTHER + 1) for m in monomials(other, k) if factors["other"]]
     powers += ["T^3"] * warm + ["t^2"]
     return factors, powers
 
@@ -100,6 +101,10 @@ def formulas(sensor, warm):
     whole += [monomials("v", 1), monomials("q", 1)]
     whole += [[m + s for m in monomials(v, 1)] for v in (own, other) for s in times]
     forms += [[f"{a}: {m}" for a in AXES for m in each] for each in whole]
+    # whatever the temperature is taken from
+    vectors = [m for v in (own, other) for m in monomials(v, 1)]
+    forms += [[f"{a}: {m}*T", f"{a}: {m}*T^2"] for a in AXES for m in vectors]
+    forms += [[f"{a}: {m}{s}" for a in AXES for m in monomials(other, 1) for s in ("", "*T")]]
     terms = tuple(f"{a}: {m}" for m in products for a in AXES)
     known = set(terms)
     return terms, tuple((t,) for t in terms) + tuple(tuple(f) for f in forms if known >= set(f))
