@@ -7,10 +7,10 @@ import sys
 # matrices are small: threads would wait for each other, ten times as long beside other work
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from imuloop.commands import apply, check, coach, info, report
+from imuloop.commands import apply, check, coach, info, propose, report
 from imuloop.core.errors import ImuloopError, one_line
 
-COMMANDS = (apply, check, coach, info, report)
+COMMANDS = (apply, check, coach, info, propose, report)
 
 
 def main(argv=None):

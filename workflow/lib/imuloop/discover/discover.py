@@ -3,15 +3,19 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from imuloop.core.precision import precision
 from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.residuals import chi_square
 from imuloop.diagnose.variance import Part, likely_sizes, total
 from imuloop.discover.pursuit import Pursued, Rows, pursue
 from imuloop.discover.space import Space, space_of
 
 # probability, over the whole space, that chance gives a composed effect
 LEVEL = 0.01
+# probability of what is left beside a formula, below which it is not all: more than noise
+FLOOR = 0.1
 # draws of each kind, in all data and where a part is held out
 DRAWS, DRAWS_WITHOUT = 1000, 400
 
@@ -31,12 +35,15 @@ class Discovery:
         its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
     errors : tuple of ndarray, shape (N,)
         The held-out errors themselves, before and after.
+    left : float
+        Probability that noise, as far as it is known beforehand, leaves as much beside it.
     """
 
     space: Space
     found: Pursued
     kinds: dict
     errors: tuple = ()
+    left: float = 1.0
 
     @property
     def confirmed(self):
@@ -45,8 +52,8 @@ class Discovery:
 
     @property
     def effect(self):
-        """The effect where one formula is enough and confirmed, else None."""
-        named = self.found.named and self.confirmed
+        """The effect where one formula is enough, down to the noise, and confirmed; else None."""
+        named = self.found.named and self.confirmed and self.left >= FLOOR
         return self.space.effect(self.found.columns) if named else None
 
 
@@ -83,9 +90,9 @@ def discover(problem, base=(), level=LEVEL, space=None):
     space = space or space_of(problem)
     rows, settings = rows_of(problem, base), problem.settings
     found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
-    kinds, errors = {}, ()
+    kinds, errors, left = {}, (), 1.0
     if found.candidates:
-        fold = parts(problem)
+        fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
         errors = held_out(problem, rows, space, fold, level)
         for kind in problem.sensor.kinds:
             own = problem.of_kind(kind)
@@ -97,7 +104,16 @@ def discover(problem, base=(), level=LEVEL, space=None):
                 "ratio": sizes[1] / sizes[0],
                 "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
             }
-    return Discovery(space, found, kinds, errors)
+    return Discovery(space, found, kinds, errors, left)
+
+
+def chance_of_left(rows, columns):
+    """Return the probability that noise, its size within its intervals, leaves as much."""
+    design = np.column_stack([rows.jacobian, columns])
+    slow = [p for p in rows.parts if np.isfinite(p.deviation)]
+    noise = total(rows.fixed, slow, likely_sizes(rows.values, design, rows.fixed, slow))
+    (((square, dof),), _) = chi_square(rows.values, noise, design, [np.ones(len(noise), bool)])
+    return float(chdtrc(dof, square))
 
 
 def consecutive(count, folds):
