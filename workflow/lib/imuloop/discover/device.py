@@ -132,4 +132,5 @@ def content(discovery):
         "margin": found.margin if np.isfinite(found.margin) else None,
         "imitators": [text(k) for k in found.imitators[:LISTED]],
         "residuals": discovery.kinds,
+        "points": discovery.shown,
     }

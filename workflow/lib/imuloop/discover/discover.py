@@ -1,6 +1,6 @@
 """The effect that nobody has written yet: looked for in what the library leaves unexplained."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import chdtrc
@@ -37,6 +37,9 @@ class Discovery:
         The held-out errors themselves, before and after.
     left : float
         Probability that noise, as far as it is known beforehand, leaves as much beside it.
+    shown : dict of str to dict
+        Of each kind, row by row, SI: the composed ``input``, fitted, and what of it the residual
+        has ``before`` and ``after``; empty if nothing was found.
     """
 
     space: Space
@@ -44,6 +47,7 @@ class Discovery:
     kinds: dict
     errors: tuple = ()
     left: float = 1.0
+    shown: dict = field(default_factory=dict)
 
     @property
     def confirmed(self):
@@ -90,12 +94,15 @@ def discover(problem, base=(), level=LEVEL, space=None):
     space = space or space_of(problem)
     rows, settings = rows_of(problem, base), problem.settings
     found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
-    kinds, errors, left = {}, (), 1.0
+    kinds, errors, left, shown = {}, (), 1.0, {}
     if found.candidates:
         fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
         errors = held_out(problem, rows, space, fold, level)
+        composed, after = in_sample(rows, space.columns[:, list(found.columns)])
         for kind in problem.sensor.kinds:
             own = problem.of_kind(kind)
+            series = {"input": composed, "before": composed + after, "after": after}
+            shown[kind] = {name: values[own].tolist() for name, values in series.items()}
             pair = [each[own, None] for each in errors]
             sizes = [float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair]
             kinds[kind] = {
@@ -104,7 +111,7 @@ def discover(problem, base=(), level=LEVEL, space=None):
                 "ratio": sizes[1] / sizes[0],
                 "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
             }
-    return Discovery(space, found, kinds, errors, left)
+    return Discovery(space, found, kinds, errors, left, shown)
 
 
 def chance_of_left(rows, columns):
@@ -114,6 +121,14 @@ def chance_of_left(rows, columns):
     noise = total(rows.fixed, slow, likely_sizes(rows.values, design, rows.fixed, slow))
     (((square, dof),), _) = chi_square(rows.values, noise, design, [np.ones(len(noise), bool)])
     return float(chdtrc(dof, square))
+
+
+def in_sample(rows, columns):
+    """Return what columns add to the rows of a fit of all data, and what is left, (n,) each."""
+    design = np.column_stack([rows.jacobian, columns])
+    theta = fitted(rows, design)[0]
+    count = columns.shape[1]
+    return columns @ theta[len(theta) - count :], rows.values - design @ theta
 
 
 def consecutive(count, folds):
