@@ -153,7 +153,7 @@ def test_bad_usage_ends_with_status_2(arguments, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["apply", "check", "coach", "info", "report"])
+@pytest.mark.parametrize("command", ["apply", "check", "coach", "info", "propose", "report"])
 def test_help_has_an_example(command, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([command, "-h"])

@@ -56,7 +56,7 @@ def test_the_formula_is_in_diagnosis_and_calibration(made):
     assert effect["name"] == "discovered" and effect["ratio_ci95"][1] < 1
     ((key, value),) = effect["parameters"].items()
     assert abs(value - SIZE) < 4 * effect["std"][key]
-    assert effect["heldout_after"] < effect["heldout_before"] / 2
+    assert effect["heldout_after"] < 0.6 * effect["heldout_before"]
     (fitted,) = made.calibration.accelerometer.effects
     assert fitted.values == effect["parameters"] and set(fitted.seen) == {key}
     # the gyroscope has nothing to look for, and no entry
@@ -72,8 +72,11 @@ def test_apply_takes_the_effect_out_of_another_log(made):
     still = np.linalg.norm(samples[["gx", "gy", "gz"]] - [0.011, -0.017, 0.006], axis=1) < 0.005
     for calibration in (without, made.calibration):
         found = calibration.apply(samples)[["ax", "ay", "az"]].to_numpy()[still]
-        left.append(np.abs(np.linalg.norm(found, axis=1) - made.truth.gravity).mean())
-    assert left[1] < 0.95 * left[0]
+        error = np.linalg.norm(found, axis=1) - made.truth.gravity
+        # means of two seconds, in which the motor and white noise are small
+        means = error[: len(error) // 200 * 200].reshape(-1, 200).mean(axis=1)
+        left.append(np.sqrt(np.mean(means**2)))
+    assert left[1] < 0.8 * left[0]
 
 
 def test_a_device_that_is_explained_is_not_searched():

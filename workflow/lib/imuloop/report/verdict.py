@@ -26,6 +26,8 @@ RESIDUAL_WORDS = {
     "velocity_vertical": "vertical velocity at the end of a move",
     "velocity_horizontal": "horizontal velocity at the end of a move",
 }
+# what is no effect of the library
+FORMULA = {"discovered": "a formula without a physical reason yet"}
 # what a residual that is left is compared with
 CORRELATES = {
     "harmonics_3": "attitude, a pattern of degree 3",
@@ -229,7 +231,7 @@ def sentence(sensor, block):
     if verdict == "not_testable":
         return f"not testable: {block['why']}."
     name, residual = quoted(sensor, block)
-    effects = joined([e["name"] for e in block["effects"]])
+    effects = joined([FORMULA.get(e["name"], e["name"]) for e in block["effects"]])
     words = {
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
@@ -296,7 +298,8 @@ def _words(block):
     """Return what a tested block says."""
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
-    effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
+    names = (FORMULA.get(e["name"], e["name"]).replace("_", " ") for e in block["effects"])
+    effects = joined(list(names))
     few = undersampled(block)[0]
     # slow noise that the rests do not show is a guess
     verb = "may allow" if block.get("slow_noise") else "allow" if few else "allows"
