@@ -162,10 +162,15 @@ def results(tmp_path, monkeypatch):
     residuals = {name: errors | {"unit": unit} for name, unit in units.items()}
     residuals["bias"] = errors | {"unit": "m/s^2"} | {"sessions": {"static": {"az": errors}}}
     effect = {"name": "sinusoid", "p_value": 0.5, "constants": {"frequency": 0.1}}
+    constants = {"formula": "x: fy^2*fz", "sensor": "accelerometer", "reference_temperature": 25.0}
+    formula = {"name": "discovered", "p_value": 0.5, "constants": constants}
+    formula |= {name: {"c0x": 1e-6} for name in ("parameters", "std")}
+    formula["units"] = {"c0x": "m/s^2 per (m/s^2)^3"}
     block = {
         "verdict": "consistent",
         "residuals": residuals,
-        "effects": [effect],
+        "effects": [effect, formula],
+        "discovered": {"residuals": {"gravity_norm": errors}, "imitators": ["z: fx*fy^2"]},
         "candidates": [
             {"name": "g_sensitivity", "parameters": {"G00": 1e-3}, "std": {"G00": 1e-3}}
         ],

@@ -59,7 +59,7 @@ def test_the_formula_is_in_diagnosis_and_calibration(made):
     assert effect["heldout_after"] < 0.6 * effect["heldout_before"]
     (fitted,) = made.calibration.accelerometer.effects
     assert fitted.values == effect["parameters"] and set(fitted.seen) == {key}
-    # the gyroscope has nothing to look for, and no entry
+    # gravity, by which the gyroscope is judged, is off across its direction: it is not searched
     assert "discovered" not in made.diagnosis["sensors"]["gyroscope"]["poses"]
 
 

@@ -53,6 +53,9 @@ def discover_device(found, settings):
     found = replace(found, content=deepcopy(found.content), tables=deepcopy(found.tables))
     for sensor in searched:
         found = _searched(found, sensor, settings)
+        # what an accelerometer lacks turns the direction by which a gyroscope is judged
+        if found.content["sensors"][sensor]["poses"]["discovered"]["status"] != "nothing":
+            break
     return found
 
 
