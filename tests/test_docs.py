@@ -170,7 +170,13 @@ def results(tmp_path, monkeypatch):
         "verdict": "consistent",
         "residuals": residuals,
         "effects": [effect, formula],
-        "discovered": {"residuals": {"gravity_norm": errors}, "imitators": ["z: fx*fy^2"]},
+        "discovered": {
+            "status": "named",
+            "searched": 500,
+            "formula": "x: fy^2*fz",
+            "imitators": ["z: fx*fy^2"],
+            "residuals": {"gravity_norm": errors | {"ratio": 0.5, "ratio_ci95": [0.4, 0.6]}},
+        },
         "candidates": [
             {"name": "g_sensitivity", "parameters": {"G00": 1e-3}, "std": {"G00": 1e-3}}
         ],

@@ -12,6 +12,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import Samples, read_metadata
+from imuloop.report.composed import words as beyond_words
 from imuloop.report.numbers import (
     coefficient_text,
     duration,
@@ -146,6 +147,7 @@ def diagnosis_lines(content):
                 continue
             why = f": {block['why']}" if block.get("why") else ""
             lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+            lines += [f"  {found.strip()}"] if (found := beyond_words(block)) else []
             for effect in block.get("effects", ()):
                 lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
             for name, r in (block.get("residuals") or {}).items():

@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, picture, write_csv
-from imuloop.report.numbers import number, plural, with_sigma
+from imuloop.report.numbers import number, percent, plural, with_sigma
 from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import RESIDUAL_WORDS
 
@@ -19,7 +19,7 @@ def words(block):
         return ""
     of = f"A search of {plural(search['searched'], 'composed effect')} beyond the library finds"
     if search["status"] == "nothing":
-        return f" {of} nothing."
+        return f" {of} nothing: chance shows as much in {percent(search['chance'])} of draws."
     gains = ", ".join(
         f"{RESIDUAL_WORDS[kind]} to {number(own['ratio'], 2)} of it, 95 % interval "
         f"{number(own['ratio_ci95'][0], 2)} to {number(own['ratio_ci95'][1], 2)}"
