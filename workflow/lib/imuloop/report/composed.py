@@ -58,20 +58,20 @@ def composed_pictures(device, sensor, block):
         unit = RESIDUAL[block["residuals"][kind]["unit"]]
         own = {name: unit.factor * np.array(values) for name, values in series.items()}
 
-        def plot(area, own=own, unit=unit, kind=kind):
+        def plot(area, own=own, unit=unit):
             ends = np.array([own["input"].min(), own["input"].max()])
             area.plot(ends, ends, color=INK, lw=1, label="the formula")
             for name, colour in (("before", ORANGE), ("after", BLUE)):
                 area.plot(own["input"], own[name], "o", color=colour, mec=PAGE, label=name)
             area.set(xlabel=f"what the formula adds, {unit.unit}")
-            area.set(ylabel=f"{RESIDUAL_WORDS[kind]}, {unit.unit}")
+            area.set(ylabel=f"residual, {unit.unit}")
             area.legend()
 
         size = {name: number(np.sqrt(np.mean(v**2)), 2) for name, v in own.items()}
         caption = (
             f"The {RESIDUAL_WORDS[kind]} in the fit, component by component: root mean square "
-            f"{size['before']}\u202f{unit.unit} without the formula {search['formula'][:80]}, "
-            f"{size['after']}\u202f{unit.unit} with it."
+            f"{size['before']}\u202f{unit.unit} with what the formula {search['formula'][:80]} adds, "
+            f"{size['after']}\u202f{unit.unit} without it."
         )
         name = f"{sensor}_{kind}_composed"
         path = write_csv(device.figures, name, own)
