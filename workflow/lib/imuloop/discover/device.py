@@ -133,6 +133,8 @@ def content(discovery):
         "chance": found.chances[0] if found.chances else 1.0,
         "formula": "; ".join(space.terms[c] for c in found.columns),
         "margin": found.margin if np.isfinite(found.margin) else None,
+        "left": discovery.left,
+        "agreed": discovery.agreed,
         "imitators": [text(k) for k in found.imitators[:LISTED]],
         "residuals": discovery.kinds,
         "points": discovery.shown,

@@ -15,7 +15,9 @@ from imuloop.discover.space import Space, space_of
 # probability, over the whole space, that chance gives a composed effect
 LEVEL = 0.01
 # probability of what is left beside a formula, below which it is not all: more than noise
-FLOOR = 0.1
+FLOOR = 0.15
+# share of the searches without a part that have to give the same name, or one of its imitators
+AGREED = 0.7
 # draws of each kind, in all data and where a part is held out
 DRAWS, DRAWS_WITHOUT = 1000, 400
 
@@ -33,10 +35,12 @@ class Discovery:
     kinds : dict of str to dict
         Of each kind of residual the held-out error ``before`` and ``after``, SI, the ``ratio`` and
         its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
-    errors : tuple of ndarray, shape (N,)
+    errors : sequence of ndarray, shape (N,)
         The held-out errors themselves, before and after.
     left : float
         Probability that noise, as far as it is known beforehand, leaves as much beside it.
+    agreed : float
+        Share of the searches without a part that give the same name, or an imitator's.
     shown : dict of str to dict
         Of each kind, row by row, SI: the composed ``input``, fitted, and what of it the residual
         has ``before`` and ``after``; empty if nothing was found.
@@ -47,6 +51,7 @@ class Discovery:
     kinds: dict
     errors: tuple = ()
     left: float = 1.0
+    agreed: float = 0.0
     shown: dict = field(default_factory=dict)
 
     @property
@@ -57,8 +62,8 @@ class Discovery:
     @property
     def effect(self):
         """The effect where one formula is enough, down to the noise, and confirmed; else None."""
-        named = self.found.named and self.confirmed and self.left >= FLOOR
-        return self.space.effect(self.found.columns) if named else None
+        certain = self.found.named and self.left >= FLOOR and self.agreed >= AGREED
+        return self.space.effect(self.found.columns) if certain and self.confirmed else None
 
 
 def rows_of(problem, base):
@@ -94,10 +99,12 @@ def discover(problem, base=(), level=LEVEL, space=None):
     space = space or space_of(problem)
     rows, settings = rows_of(problem, base), problem.settings
     found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
-    kinds, errors, left, shown = {}, (), 1.0, {}
+    kinds, errors, left, agreed, shown = {}, (), 1.0, 0.0, {}
     if found.candidates:
         fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
-        errors = held_out(problem, rows, space, fold, level)
+        *errors, without = held_out(problem, rows, space, fold, level)
+        alike = {found.candidates[0], *found.imitators}
+        agreed = np.mean([w.named and w.candidates[0] in alike for w in without])
         composed, after = in_sample(rows, space.columns[:, list(found.columns)])
         for kind in problem.sensor.kinds:
             own = problem.of_kind(kind)
@@ -111,7 +118,7 @@ def discover(problem, base=(), level=LEVEL, space=None):
                 "ratio": sizes[1] / sizes[0],
                 "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
             }
-    return Discovery(space, found, kinds, errors, left, shown)
+    return Discovery(space, found, kinds, errors, left, float(agreed), shown)
 
 
 def chance_of_left(rows, columns):
@@ -146,20 +153,20 @@ def parts(problem):
 def held_out(problem, rows, space, fold, level):
     """Return errors of rows without and with what a search finds that did not see them, (N,) each.
 
-    Each part is predicted by a search, a noise and a fit of their own.
+    Each part is predicted by a search, a noise and a fit of their own; what these Pursued is third.
     """
-    before, after = np.zeros(len(rows.values)), np.zeros(len(rows.values))
+    before, after, searches = np.zeros(len(rows.values)), np.zeros(len(rows.values)), []
     for part in range(fold[:, 0].max() + 1):
         held = np.flatnonzero(fold[:, 0] == part)
         seen = np.flatnonzero(~(fold == part).any(axis=1))
         own, visible = rows.seen(seen), space.seen(seen)
         seed = problem.settings.seed + 1 + part
-        columns = pursue(own, visible, level=level, draws=DRAWS_WITHOUT, seed=seed).columns
-        for errors, used in ((before, ()), (after, columns)):
+        searches.append(pursue(own, visible, level=level, draws=DRAWS_WITHOUT, seed=seed))
+        for errors, used in ((before, ()), (after, searches[-1].columns)):
             design = np.column_stack([rows.jacobian, space.columns[:, list(used)]])
             theta = fitted(own, design[seen])[0]
             errors[held] = rows.values[held] - design[held] @ theta
-    return before, after
+    return before, after, searches
 
 
 def fitted(rows, design):

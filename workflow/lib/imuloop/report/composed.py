@@ -70,8 +70,8 @@ def composed_pictures(device, sensor, block):
         size = {name: number(np.sqrt(np.mean(v**2)), 2) for name, v in own.items()}
         caption = (
             f"The {RESIDUAL_WORDS[kind]} in the fit, component by component: root mean square "
-            f"{size['before']}\u202f{unit.unit} with what the formula {search['formula'][:80]} adds, "
-            f"{size['after']}\u202f{unit.unit} without it."
+            f"{size['before']}\u202f{unit.unit} with what the formula "
+            f"{search['formula'][:80]} adds, {size['after']}\u202f{unit.unit} without it."
         )
         name = f"{sensor}_{kind}_composed"
         path = write_csv(device.figures, name, own)
