@@ -48,7 +48,8 @@ def test_a_formula_is_what_it_says():
     assert np.count_nonzero(np.any(design != 0, axis=0)) == 3
     units = effect.units("accelerometer")
     assert units["c0x"] == "m/s^2 per (m/s^2)^3" and units["c2y"] == "m/s^2 per m/s^2"
-    assert effect.needs == ("temperature",) and not effect.timed
+    assert effect.needs == ("temperature",) and not effect.timed and not effect.reach
+    assert Discovered("x: qx", "gyroscope").reach and Discovered("x: qx", "gyroscope").timed
     # of a gyroscope, its own output is the angular rate
     np.testing.assert_array_equal(Discovered("x: wx", "gyroscope").design(c)[:, 0, 0], f[:, 0])
 

@@ -41,7 +41,7 @@ $parameters    }
     needs = $needs
     records = ("poses",)
     timed = $timed
-    reach = Discovered.reach
+    reach = $reach
     # ten times what was found
     limit = $limit
 
@@ -150,6 +150,7 @@ def proposed(diagnosis, name):
         parameters="".join(f'        "{k}": "{u}",\n' for k, u in effect.parameters.items()),
         needs=repr(effect.needs).replace("'", '"'),
         timed=effect.timed,
+        reach=effect.reach,
         limit=f"{10 * max(map(abs, values.values())):.1e}",
         count=len(terms),
     )

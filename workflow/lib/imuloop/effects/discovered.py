@@ -102,6 +102,8 @@ class Discovered(Effect):
         if not isinstance(self.formula, str) or self.sensor not in ("accelerometer", "gyroscope"):
             raise ValueError("it needs a formula and a sensor")
         parse(self.formula)
+        # without a vibration it looks at the sample alone
+        object.__setattr__(self, "reach", WINDOW if "q" in self.letters else 0.0)
 
     @cached_property
     def terms(self):
