@@ -10,7 +10,7 @@ import pytest
 
 from calibrated import calibrated_device
 from imuloop import Calibration
-from imuloop.__main__ import main
+from imuloop.__main__ import COMMANDS, main
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
@@ -313,7 +313,7 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     assert cause in advice
 
 
-@pytest.mark.parametrize("command", ["apply", "calibrate", "check", "coach", "info", "report"])
+@pytest.mark.parametrize("command", [c.__name__.rpartition(".")[2] for c in COMMANDS])
 def test_help_has_an_example(command, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([command, "-h"])

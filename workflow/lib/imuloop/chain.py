@@ -167,6 +167,7 @@ def diagnose(device):
     from imuloop.diagnose.diagnose import calibrated, diagnose_device, undiagnosed
     from imuloop.diagnose.records.pose_tables import no_tables
     from imuloop.diagnose.settings import DiagnoseSettings
+    from imuloop.discover.device import discover_device
     from imuloop.noise.allan import allan_table
     from imuloop.noise.settings import NoiseSettings
     from imuloop.plan.next_recording import next_recording
@@ -198,6 +199,7 @@ def diagnose(device):
             noise_settings=NoiseSettings(**device.noise),
         )
         what = found.sensors, found.solutions, found.calibration, found.recording, found.motion
+        found = discover_device(found, settings)
         diagnosis = found.content | {"next_recording": next_recording(*what)}
         attitude, series = validate_attitude(device.name, device.gravity, found, settings)
         if "why" in attitude:

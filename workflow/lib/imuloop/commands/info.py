@@ -11,6 +11,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
+from imuloop.report import composed
 from imuloop.report.numbers import coefficient_text, number, p_text, plural, text_of, with_unit
 from imuloop.report.results import XYZ, Device
 from imuloop.report.tables.calibration import parameter_table
@@ -117,6 +118,7 @@ def verdict_lines(content):
             continue
         why = f": {block['why']}" if block.get("why") else ""
         lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
+        lines += [f"  {found.strip()}"] if (found := composed.words(block)) else []
         for effect in block["effects"]:
             lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
         for name, r in block["residuals"].items():

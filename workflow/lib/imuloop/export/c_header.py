@@ -8,6 +8,8 @@ import numpy as np
 
 from imuloop.core.errors import one_line
 from imuloop.core.samples import SENSORS
+from imuloop.effects.axes import AXES
+from imuloop.effects.discovered import Discovered
 from imuloop.export.exported import MODEL, UNITS, Format, number, numbers
 from imuloop.export.per_axis import BIAS, range_lines
 
@@ -34,14 +36,16 @@ static inline double {ARM}(const double *w, const double *dw, int i, int j)
 FUNCTION = Template("""\
 static inline void ${name}(${arguments})
 {
-    double y[3];
+    double o[3], y[3];
     int i;
     (void)temperature;
 ${unread}    for (i = 0; i < 3; ++i) {
         const double output = ${name}_K[i] * (raw[i] - ${name}_b[i]);
+        o[i] = output;
         y[i] = output${effects};
     }
-    for (i = 0; i < 3; ++i)
+    (void)o;
+${formula}    for (i = 0; i < 3; ++i)
         x[i] = ${name}_T[i][0] * y[0] + ${name}_T[i][1] * y[1] + ${name}_T[i][2] * y[2];
 }
 """)
@@ -72,7 +76,9 @@ def sensor_text(device, sensor_name, name):
     """Return numbers and function of one sensor, all called `name`."""
     sensor, si = device.sensor(sensor_name), UNITS[sensor_name]["B"]
     unit, gyroscope = sensor.raw_unit.name, sensor_name == "gyroscope"
-    body = remark(*device.left_out(sensor_name, tuple(EFFECTS), aligned=True))
+    formulas = [e for e in sensor.effects if e.name == Discovered.name and portable(e.effect)]
+    carried = (*EFFECTS, *(e.name for e in formulas))
+    body = remark(*device.left_out(sensor_name, carried, aligned=True))
     if not device.measured(sensor_name):
         body += remark(f"The {sensor_name} has no calibration: {sensor.not_testable}")
     body += remark(f"b: bias, {unit}, subtracted from raw") + array(f"{name}_b", sensor.b)
@@ -85,6 +91,8 @@ def sensor_text(device, sensor_name, name):
         arrays, term = EFFECTS[fitted.name](fitted, f"{name}_e{index}")
         body += remark(f"e: {fitted.name}, {fitted.effect.equation}, SI, subtracted") + arrays
         terms += f" - {term}"
+    for fitted in formulas:
+        body += remark(f"e: {fitted.name}, {fitted.effect.formula}, SI, subtracted")
     turning = any(e.name in ("lever_arm", "rate_sensitivity") for e in sensor.effects)
     more = ["f"] * gyroscope + ["w", "dw"] * turning
     given = ["const double raw[3]", "double temperature", *(f"const double {v}[3]" for v in more)]
@@ -98,6 +106,7 @@ def sensor_text(device, sensor_name, name):
         arguments=", ".join([*given, "double x[3]"]),
         unread="".join(f"    (void){v};\n" for v in more),
         effects=terms,
+        formula="".join(map(discovered, formulas)),
     )
 
 
@@ -151,6 +160,33 @@ def scale_temperature(fitted, name):
     """Return the arrays and the expression of ``sT_i (θ - θ0) y_i``."""
     arrays, product = per_axis(fitted, name, "sT", f"{warmer(fitted)} * output")
     return arrays, f"{name}_sT[i] * {product}"
+
+
+def portable(effect):
+    """Return whether a formula needs what the function of its sensor is given, and no past."""
+    return not effect.timed and effect.letters <= set("fT" if effect.sensor[0] == "a" else "fwT")
+
+
+def discovered(fitted):
+    """Return the statements that subtract the terms of a formula of outputs and temperature."""
+
+    def factor(name, power, absolute):
+        if name == "T":
+            text = warmer(fitted)
+        else:
+            own = (name[0] == "f") == (fitted.effect.sensor == "accelerometer")
+            text = f"{'o' if own else 'f'}[{AXES.index(name[1])}]"
+        text = f"({text} < 0 ? -{text} : {text})" if absolute else text
+        return " * ".join([text] * power)
+
+    lines = []
+    each = zip(fitted.effect.terms, fitted.effect.parameters, strict=True)
+    for (axis, factors), name in each:
+        product = " * ".join(factor(*own) for own in factors)
+        low, high = map(number, fitted.seen.get(name, (-LARGEST, LARGEST)))
+        value = number(fitted.values[name])
+        lines.append(f"    y[{axis}] -= {value} * {HELD}({product}, {low}, {high});\n")
+    return "".join(lines)
 
 
 def matrix(fitted, name, kind, derivative):

@@ -10,6 +10,7 @@ import imuloop.effects  # noqa: F401
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import write_json
 from imuloop.export.export import listed
+from imuloop.report import composed
 from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures import allan, bias, residuals, spectrum, time_series
 from imuloop.report.figures.arms import arm_pictures
@@ -112,6 +113,7 @@ def diagnosis_part(device, sensor, part, block):
     corrected, drawn = [], []
     if part != "static_record":
         drawn = residuals.residual_pictures(device, sensor, block) + arm_pictures(device, block)
+        drawn += composed.composed_pictures(device, sensor, block)
     else:
         corrected = allan.corrected_pictures(device, sensor) if block["effects"] else []
         tables += [
@@ -126,7 +128,7 @@ def diagnosis_part(device, sensor, part, block):
         "verdict": verdict,
         # with which the sentence begins
         "words": WORDS[verdict],
-        "sentence": sentence(sensor, block),
+        "sentence": sentence(sensor, block) + composed.words(block),
         "poses": drawn,
         "bias": bias.bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],

@@ -21,6 +21,8 @@ RESIDUAL_WORDS = {
     "velocity_vertical": "vertical velocity at the end of a move",
     "velocity_horizontal": "horizontal velocity at the end of a move",
 }
+# what is no effect of the library
+FORMULA = {"discovered": "a formula without a physical reason yet"}
 # what a residual that is left is compared with
 CORRELATES = {f"harmonics_{k}": f"attitude, a pattern of degree {k}" for k in (3, 4, 5)} | {
     "time": "time",
@@ -207,7 +209,7 @@ def sentence(sensor, block):
     if verdict == "not_testable":
         return f"not testable: {block['why']}{'' if block['why'].endswith('?') else '.'}"
     name, residual = quoted(sensor, block)
-    effects = joined([e["name"] for e in block["effects"]])
+    effects = joined([FORMULA.get(e["name"], e["name"]) for e in block["effects"]])
     words = {
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
@@ -280,7 +282,8 @@ def _words(block):
     """Return what a tested block says."""
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
-    effects = joined([e["name"].replace("_", " ") for e in block["effects"]])
+    names = (FORMULA.get(e["name"], e["name"]).replace("_", " ") for e in block["effects"])
+    effects = joined(list(names))
     few = undersampled(block)[0]
     # slow noise that the rests do not show is a guess
     verb = "may allow" if block.get("slow_noise") else "allow" if few else "allows"

@@ -79,7 +79,7 @@ def diagnose_poses(
         keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
         if any(sensor.undetermined(recording, keeps)):
             reason = f"{len(keeps[0])} poses do not determine the model with a part held out"
-            return PoseResult(not_testable(reason), _final_solution(problem, ()))
+            return PoseResult(not_testable(reason), final_solution(problem, ()))
         return _diagnosed(Choices(problem))
     except LinAlgError:
         return PoseResult(not_testable(SINGULAR))
@@ -98,7 +98,7 @@ def directions_without(choices, out, searched):
 def _diagnosed(choices):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, added = choices.problem, choices.choice().base
-    sensor, solution = problem.sensor, _final_solution(problem, added)
+    sensor, solution = problem.sensor, final_solution(problem, added)
     judged, residuals = judged_residuals(choices, sensor.kinds, KINDS)
     others = pose_candidates(sensor.sensor, problem.recording)[1]
     others = {cls: why for cls, why in others.items() if cls not in set(map(type, problem.found))}
@@ -179,7 +179,7 @@ def undersampled(problem, solution, floor):
     return {"undersampled": {name: float(value) for name, value in found.items()}}
 
 
-def _final_solution(problem, base):
+def final_solution(problem, base):
     """Return the fit with some effects, its covariance that of the noise's uncertainty too."""
     solution = problem.linearized(base).solution
     calibration = fitted_calibration(problem.sensor, solution, problem.covariance(base))

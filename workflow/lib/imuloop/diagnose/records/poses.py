@@ -147,7 +147,7 @@ class PoseProblem:
         jacobian = np.concatenate([jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
         own = _by_effect(jacobian[:, None, nuisances:], base)
-        covariance, slow = self._parts(solution)
+        covariance, slow = self.noise_parts(solution)
         estimated = np.array([part.size for part in slow])
         # what is missing in a model need not follow the noise: the residual of a long rest is no
         # smaller than that of a short one
@@ -171,7 +171,7 @@ class PoseProblem:
         block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses(values), self.ends)
 
         def design(effect):
-            return own[effect] if effect in own else self._added(effect)
+            return own[effect] if effect in own else self.added(effect)
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
@@ -183,7 +183,7 @@ class PoseProblem:
         rows = [of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
         return np.hstack([np.zeros((len(z), 0)), *rows])
 
-    def _added(self, effect):
+    def added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
         if effect not in self._columns:
             solution = self.linearized(()).solution
@@ -192,7 +192,7 @@ class PoseProblem:
             self._columns[effect] = np.concatenate([own, self._prior((effect,))])[:, None]
         return self._columns[effect]
 
-    def _parts(self, solution):
+    def noise_parts(self, solution):
         """Return the covariance of the noise but for flicker and walk, and these axis by axis.
 
         What turns lose between two samples is a part too, of size one.
@@ -297,7 +297,7 @@ class PoseProblem:
         effects, found = (*self.found, *base), []
         for effect, values in _by_effect(x[len(self.sensor.names) :], effects).items():
             if effect.moved(2.0) != effect:
-                up, down = (self._added(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
+                up, down = (self.added(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
                 found.append((up - down) / (2 * np.log(1.05)))
         return found
 

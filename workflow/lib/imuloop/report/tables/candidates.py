@@ -133,7 +133,7 @@ def constants_text(constants):
             parts[-1] += ", …" * (len(value) > 3)
         elif name not in ("sessions", "spans"):
             symbol, unit = CONSTANTS.get(name, (name.replace("_", " "), ""))
-            text = str(value) if isinstance(value, int) else text_of(value)
+            text = str(value) if isinstance(value, (int, str)) else text_of(value)
             parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
     return ", ".join(parts)
 

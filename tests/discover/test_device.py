@@ -1,0 +1,113 @@
+"""A device with an effect that the library lacks: from its logs to calibration and effect file."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bench.result_files import fault
+from bench.study.chain import diagnosis_of
+from bench.study.devices import poses_device
+from imuloop.core.errors import ImuloopError
+from imuloop.core.model import Calibration
+from imuloop.discover.device import discover_device
+from imuloop.discover.propose import proposed
+from imuloop.simulate.simulate import simulate_session
+
+SEED = 11030
+# of f_y² f_z on x, 1/(m/s²)²: 1 mg at most
+SIZE = 3e-5
+
+
+def extra(channels):
+    found = np.zeros((len(channels.t), 3))
+    found[:, 0] = SIZE * channels.output[:, 1] ** 2 * channels.output[:, 2]
+    return found
+
+
+def results(truth, sessions, folder):
+    calibration = Calibration.from_json(folder / "calibration.json")
+    faults = [fault(folder / f"{name}.json") for name in ("diagnosis", "calibration")]
+    return calibration, faults
+
+
+@pytest.fixture(scope="module")
+def made():
+    truth = poses_device("few")
+    truth = replace(truth, accelerometer=replace(truth.accelerometer, extra=extra))
+    diagnosis, (calibration, faults) = diagnosis_of(truth, SEED, results, limits=False)
+    return SimpleNamespace(truth=truth, diagnosis=diagnosis, calibration=calibration, faults=faults)
+
+
+def test_the_formula_is_in_diagnosis_and_calibration(made):
+    block = made.diagnosis["sensors"]["accelerometer"]["poses"]
+    search = block["discovered"]
+    assert made.faults == [None, None]
+    assert search["status"] == "named" and block["verdict"] == "explained"
+    # at rest f_y² f_z on x, f_x f_y f_z on y and f_x f_y² on z are one
+    names = {"x: fy^2*fz", "y: fx*fy*fz", "z: fx*fy^2"}
+    assert search["formula"] in names and names <= {search["formula"], *search["imitators"]}
+    effect = block["effects"][-1]
+    assert effect["name"] == "discovered" and effect["ratio_ci95"][1] < 1
+    ((key, value),) = effect["parameters"].items()
+    assert abs(value - SIZE) < 4 * effect["std"][key]
+    assert effect["heldout_after"] < 0.6 * effect["heldout_before"]
+    (fitted,) = made.calibration.accelerometer.effects
+    assert fitted.values == effect["parameters"] and set(fitted.seen) == {key}
+    # gravity, by which the gyroscope is judged, is off across its direction: it is not searched
+    assert "discovered" not in made.diagnosis["sensors"]["gyroscope"]["poses"]
+
+
+def test_apply_takes_the_effect_out_of_another_log(made):
+    samples = simulate_session(made.truth, "multi_position", SEED + 1)
+    left = []
+    without = replace(
+        made.calibration, accelerometer=replace(made.calibration.accelerometer, effects=())
+    )
+    still = np.linalg.norm(samples[["gx", "gy", "gz"]] - [0.011, -0.017, 0.006], axis=1) < 0.005
+    for calibration in (without, made.calibration):
+        found = calibration.apply(samples)[["ax", "ay", "az"]].to_numpy()[still]
+        error = np.linalg.norm(found, axis=1) - made.truth.gravity
+        # means of two seconds, in which the motor and white noise are small
+        means = error[: len(error) // 200 * 200].reshape(-1, 200).mean(axis=1)
+        left.append(np.sqrt(np.mean(means**2)))
+    assert left[1] < 0.8 * left[0]
+
+
+def test_a_device_that_is_explained_is_not_searched():
+    block = {"poses": {"verdict": "consistent", "slow_noise": False}}
+    found = SimpleNamespace(content={"sensors": {"accelerometer": block}}, effects={})
+    assert discover_device(found, None) is found
+
+
+def test_the_file_that_is_proposed_joins_the_library(made, tmp_path, repository):
+    shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "imuloop")
+    text, test = proposed(made.diagnosis, "twisted_beam")
+    (tmp_path / "imuloop/effects/twisted_beam.py").write_text(text)
+    (tmp_path / "test_twisted_beam.py").write_text("import imuloop.effects\n" + test)
+    # as a job has it: nothing of this process
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir"]
+    done = subprocess.run(
+        [*command, tmp_path, "test_twisted_beam.py"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0 and "2 passed" in done.stdout, done.stdout + done.stderr
+    lint = [sys.executable, "-m", "ruff", "check", "--config", repository / "pyproject.toml"]
+    done = subprocess.run(
+        [*lint, tmp_path / "imuloop/effects/twisted_beam.py"], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_without_a_formula_nothing_is_proposed(made):
+    gyroscope = {"gyroscope": made.diagnosis["sensors"]["gyroscope"]}
+    with pytest.raises(ImuloopError, match="no formula was found"):
+        proposed({"device": "study", "sensors": gyroscope}, "name")
+    with pytest.raises(ImuloopError, match="no name of an effect"):
+        proposed(made.diagnosis, "Not a name")

@@ -1,0 +1,83 @@
+"""The space of composed effects: made of what is logged, each with its unit."""
+
+import numpy as np
+import pytest
+
+from imuloop.core.effect import Channels, FittedEffect
+from imuloop.core.errors import ImuloopError
+from imuloop.discover.space import formulas, monomials
+from imuloop.effects.discovered import Discovered, after_turn
+
+RNG = np.random.default_rng(3)
+T = 0.05 * np.arange(600)
+
+
+def log():
+    rate = np.where((T % 10 > 4)[:, None], 0.0, RNG.normal(size=(600, 3)) + 1.0)
+    return Channels(T, RNG.normal(size=(600, 3)), rate, 20 + T / 10)
+
+
+def test_powers_go_together_to_their_degree():
+    assert monomials("f", 2) == ["fx^2", "fx*fy", "fx*fz", "fy^2", "fy*fz", "fz^2"]
+    assert len(monomials("f", 5)) == 21
+
+
+@pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
+def test_every_term_has_a_unit_and_every_candidate_known_terms(sensor):
+    terms, candidates = formulas(sensor, warm=True)
+    assert len(set(terms)) == len(terms) and len(set(candidates)) == len(candidates)
+    assert {t for c in candidates for t in c} == set(terms)
+    units = Discovered("; ".join(terms), sensor).units(sensor)
+    assert len(units) == len(terms)
+    assert all("output" not in unit for unit in units.values())
+
+
+def test_without_a_temperature_no_term_takes_one():
+    terms, _ = formulas("gyroscope", warm=False)
+    assert not any("T" in t or "R" in t for t in terms)
+
+
+def test_a_formula_is_what_it_says():
+    c = log()
+    f, w, warm = c.output, c.other, c.temperature - 22.0
+    effect = Discovered("x: fy^2*fz; z: wx*T; y: abs_fx", "accelerometer", 22.0)
+    design = effect.design(c)
+    np.testing.assert_allclose(design[:, 0, 0], f[:, 1] ** 2 * f[:, 2])
+    np.testing.assert_allclose(design[:, 2, 1], w[:, 0] * warm)
+    np.testing.assert_allclose(design[:, 1, 2], np.abs(f[:, 0]))
+    assert np.count_nonzero(np.any(design != 0, axis=0)) == 3
+    units = effect.units("accelerometer")
+    assert units["c0x"] == "m/s^2 per (m/s^2)^3" and units["c2y"] == "m/s^2 per m/s^2"
+    assert effect.needs == ("temperature",) and not effect.timed and not effect.reach
+    assert Discovered("x: qx", "gyroscope").reach and Discovered("x: qx", "gyroscope").timed
+    # of a gyroscope, its own output is the angular rate
+    np.testing.assert_array_equal(Discovered("x: wx", "gyroscope").design(c)[:, 0, 0], f[:, 0])
+
+
+def test_what_settles_counts_from_the_last_turn():
+    settling = after_turn(log(), "accelerometer")
+    # turns last from 0 to 4 s of each 10 s
+    np.testing.assert_allclose(settling[T == 14.0 + 5.0, 1], np.exp(-0.5), rtol=0.02)
+    assert np.all(settling[T == 14.0 + 5.0, 3:] > 0.3)
+
+
+def test_a_log_in_pieces_gives_the_same():
+    c, past, found = log(), {}, []
+    for i in range(0, 600, 150):
+        piece = slice(max(i - 20, 0), i + 150)
+        own = Channels(T[piece], c.output[piece], c.other[piece], past=past)
+        found.append(after_turn(own, "accelerometer")[-150:])
+    np.testing.assert_allclose(np.concatenate(found), after_turn(c, "accelerometer"), atol=1e-9)
+
+
+@pytest.mark.parametrize("formula", ["x: fy^", "u: fx", "x: os.system", "x: fx*", "x: fx ;; y"])
+def test_what_is_no_formula_is_refused(formula):
+    content = {"name": "discovered", "constants": {"formula": formula}, "parameters": {}}
+    with pytest.raises(ImuloopError, match="constants do not fit"):
+        FittedEffect.from_dict(content)
+
+
+def test_a_formula_goes_through_json():
+    effect = Discovered("x: fy^2*fz", "accelerometer", 22.0)
+    fitted = FittedEffect(effect, {"c0x": 2e-5}, {"c0x": 1e-6}, {"c0x": (-900.0, 900.0)})
+    assert FittedEffect.from_dict(fitted.to_dict()) == fitted

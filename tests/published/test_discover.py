@@ -1,0 +1,34 @@
+"""The search beyond the library on measured data: it finds what is taken out, and no more."""
+
+import pytest
+
+from imuloop.calibrate.pose_fits import GyroscopePoses
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import find_effect
+from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.discover.discover import discover
+
+
+def problem(measured, device):
+    recording, noise, base = measured.fit_of(device)
+    settings = noise, base.accelerometer, base.gyroscope.raw_unit, CalibrateSettings()
+    return pose_problem(GyroscopePoses(*settings), recording, DiagnoseSettings(), 30)
+
+
+def test_g_sensitivity_is_found_where_no_library_has_it(measured):
+    found = discover(problem(measured, "xsens_mti"))
+    terms = {f"{axis}: f{other}" for axis in "xyz" for other in "xyz"}
+    assert set(found.effect.formula.split("; ")) == terms and not found.found.imitators
+    # held out, the whole search in each part; as good as with the effect known
+    assert found.kinds["pose_rate"]["ratio"] <= 0.25
+    assert found.kinds["rotation"]["ratio"] <= 0.29
+
+
+@pytest.mark.parametrize(
+    ("device", "base"),
+    [("xsens_mti", ("g_sensitivity",)), *((f"mpu9150_{k}", ()) for k in (1, 2, 3))],
+)
+def test_nothing_more_is_found(measured, device, base):
+    effects = tuple(find_effect(name)() for name in base)
+    assert not discover(problem(measured, device), effects).found.candidates

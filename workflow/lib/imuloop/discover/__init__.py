@@ -1,0 +1,1 @@
+"""The search for an effect outside the library, and the file that brings it in."""

@@ -1,0 +1,185 @@
+"""The effect that nobody has written yet: looked for in what the library leaves unexplained."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import chdtrc
+
+from imuloop.core.precision import precision
+from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.residuals import chi_square
+from imuloop.diagnose.variance import Part, likely_sizes, total
+from imuloop.discover.pursuit import Pursued, Rows, pursue
+from imuloop.discover.space import Space, space_of
+
+# probability, over the whole space, that chance gives a composed effect
+LEVEL = 0.01
+# probability of what is left beside a formula, below which it is not all: more than noise
+FLOOR = 0.15
+# share of the searches without a part that have to give the same name, or one of its imitators
+AGREED = 0.7
+# draws of each kind, in all data and where a part is held out
+DRAWS, DRAWS_WITHOUT = 1000, 400
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What a search of composed effects found.
+
+    Attributes
+    ----------
+    space : Space
+        What was searched.
+    found : Pursued
+        In all data.
+    kinds : dict of str to dict
+        Of each kind of residual the held-out error ``before`` and ``after``, SI, the ``ratio`` and
+        its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
+    errors : sequence of ndarray, shape (N,)
+        The held-out errors themselves, before and after.
+    left : float
+        Probability that noise, as far as it is known beforehand, leaves as much beside it.
+    agreed : float
+        Share of the searches without a part that give the same name, or an imitator's.
+    shown : dict of str to dict
+        Of each kind, row by row, SI: the composed ``input``, fitted, and what of it the residual
+        has ``before`` and ``after``; empty if nothing was found.
+    """
+
+    space: Space
+    found: Pursued
+    kinds: dict
+    errors: tuple = ()
+    left: float = 1.0
+    agreed: float = 0.0
+    shown: dict = field(default_factory=dict)
+
+    @property
+    def confirmed(self):
+        """Kinds of residual whose held-out error falls for certain."""
+        return [kind for kind, own in self.kinds.items() if own["ratio_ci95"][1] < 1]
+
+    @property
+    def effect(self):
+        """The effect where one formula is enough, down to the noise, and confirmed; else None."""
+        certain = self.found.named and self.left >= FLOOR and self.agreed >= AGREED
+        return self.space.effect(self.found.columns) if certain and self.confirmed else None
+
+
+def rows_of(problem, base):
+    """Return the Rows of a PoseProblem about its fit with some effects."""
+    about = problem.linearized(base)
+    fixed, slow = problem.noise_parts(about.solution)
+    extra = [Part(np.diag(at * np.median(np.diag(fixed)[at]))) for at in problem.groups()]
+    # rows of other records have no pose: the last piece
+    piece = np.where(problem.rows[1] < 0, len(problem.recording.poses), problem_first(problem))
+    return Rows(-about.values, about.jacobian, fixed, (*slow, *extra), piece)
+
+
+def problem_first(problem):
+    """Return the pose at which each row begins, zero for rows of other records."""
+    own = problem.rows[0][:, 0]
+    return np.append(own, np.zeros(len(problem.rows[1]) - len(own), dtype=int))
+
+
+def discover(problem, base=(), level=LEVEL, space=None):
+    """Return the Discovery in what some effects of the library leave of a sensor's poses.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        The residuals of a sensor.
+    base : tuple of Effect
+        What the library explains.
+    level : float
+        Probability, over the whole space, that chance gives a composed effect.
+    space : Space, optional
+        Of the same problem and base, where it is known already.
+    """
+    space = space or space_of(problem)
+    rows, settings = rows_of(problem, base), problem.settings
+    found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
+    kinds, errors, left, agreed, shown = {}, (), 1.0, 0.0, {}
+    if found.candidates:
+        fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
+        *errors, without = held_out(problem, rows, space, fold, level)
+        alike = {found.candidates[0], *found.imitators}
+        agreed = np.mean([w.named and w.candidates[0] in alike for w in without])
+        composed, after = in_sample(rows, space.columns[:, list(found.columns)])
+        for kind in problem.sensor.kinds:
+            own = problem.of_kind(kind)
+            series = {"input": composed, "before": composed + after, "after": after}
+            shown[kind] = {name: values[own].tolist() for name, values in series.items()}
+            pair = [each[own, None] for each in errors]
+            sizes = [float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair]
+            kinds[kind] = {
+                "before": sizes[0],
+                "after": sizes[1],
+                "ratio": sizes[1] / sizes[0],
+                "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
+            }
+    return Discovery(space, found, kinds, errors, left, float(agreed), shown)
+
+
+def chance_of_left(rows, columns):
+    """Return the probability that noise, its size within its intervals, leaves as much."""
+    design = np.column_stack([rows.jacobian, columns])
+    slow = [p for p in rows.parts if np.isfinite(p.deviation)]
+    noise = total(rows.fixed, slow, likely_sizes(rows.values, design, rows.fixed, slow))
+    (((square, dof),), _) = chi_square(rows.values, noise, design, [np.ones(len(noise), bool)])
+    return float(chdtrc(dof, square))
+
+
+def in_sample(rows, columns):
+    """Return what columns add to the rows of a fit of all data, and what is left, (n,) each."""
+    design = np.column_stack([rows.jacobian, columns])
+    theta = fitted(rows, design)[0]
+    count = columns.shape[1]
+    return columns @ theta[len(theta) - count :], rows.values - design @ theta
+
+
+def consecutive(count, folds):
+    """Return the part of each pose; parts follow each other in time."""
+    return np.arange(count) * min(folds, count) // count
+
+
+def parts(problem):
+    """Return the parts that rows touch, (N, 2), as of `PoseProblem.ends`; parts are consecutive."""
+    own = consecutive(len(problem.recording.poses), problem.settings.folds)[problem.rows[0]]
+    others = len(problem.rows[1]) - len(own)
+    return np.concatenate([own, np.full((others, 2), -1)])
+
+
+def held_out(problem, rows, space, fold, level):
+    """Return errors of rows without and with what a search finds that did not see them, (N,) each.
+
+    Each part is predicted by a search, a noise and a fit of their own; what these Pursued is third.
+    """
+    before, after, searches = np.zeros(len(rows.values)), np.zeros(len(rows.values)), []
+    for part in range(fold[:, 0].max() + 1):
+        held = np.flatnonzero(fold[:, 0] == part)
+        seen = np.flatnonzero(~(fold == part).any(axis=1))
+        own, visible = rows.seen(seen), space.seen(seen)
+        seed = problem.settings.seed + 1 + part
+        searches.append(pursue(own, visible, level=level, draws=DRAWS_WITHOUT, seed=seed))
+        for errors, used in ((before, ()), (after, searches[-1].columns)):
+            design = np.column_stack([rows.jacobian, space.columns[:, list(used)]])
+            theta = fitted(own, design[seen])[0]
+            errors[held] = rows.values[held] - design[held] @ theta
+    return before, after, searches
+
+
+def fitted(rows, design):
+    """Return parameters by generalised least squares, (k,), and their covariance.
+
+    The noise is the likeliest beside them; the covariance grows with what is left.
+    """
+    sizes = likely_sizes(rows.values, design, rows.fixed, rows.parts)
+    weight = precision(total(rows.fixed, rows.parts, sizes))[0]
+    scale = np.linalg.norm(design, axis=0)
+    scaled = design / scale
+    inverse = np.linalg.inv(scaled.T @ weight @ scaled)
+    theta = inverse @ (scaled.T @ (weight @ rows.values))
+    left = rows.values - scaled @ theta
+    size = max(1.0, left @ weight @ left / max(len(left) - len(theta), 1))
+    return theta / scale, size * inverse / np.outer(scale, scale)

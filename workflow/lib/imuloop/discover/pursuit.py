@@ -1,0 +1,249 @@
+"""Pursuit: which composed effects a residual holds, with the error over the whole space held."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from imuloop.core.precision import precision
+from imuloop.diagnose.likeness import SHARE
+from imuloop.diagnose.p_values import log_f_tail
+from imuloop.diagnose.variance import likely_sizes, total
+
+# effects after which a search stops
+MOST = 4
+# rows for each parameter of a form
+ROWS = 4
+# share of a column's square that the base model has to leave
+LEFT = 1e-3
+# by how much a form of lower degree may be worse and is preferred
+ALIKE = 2.0
+# by how much the best has to be better than the best that is no imitator, in -2 log likelihood
+MARGIN = 9.0
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Residuals of a record, and what their noise may be.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n,)
+        Residuals with the sign of an effect: one of size one adds its column, SI.
+    jacobian : ndarray, shape (n, p)
+        Their derivative with respect to what every fit estimates.
+    fixed : ndarray, shape (n, n)
+        Covariance of the noise whose size is known.
+    parts : tuple of Part
+        Noise whose size the residuals tell: restricted maximum likelihood.
+    piece : ndarray of int, shape (n,)
+        The pose that each row begins at.
+    """
+
+    values: np.ndarray
+    jacobian: np.ndarray
+    fixed: np.ndarray
+    parts: tuple
+    piece: np.ndarray
+
+    def seen(self, rows):
+        """Return the same of some rows, which are an index."""
+        at = np.ix_(rows, rows)
+        parts = tuple(replace(p, covariance=p.covariance[at]) for p in self.parts)
+        own = self.values[rows], self.jacobian[rows], self.fixed[at]
+        return Rows(*own, parts, self.piece[rows])
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Rows in units of their noise, with what the base model and chosen effects take out of them.
+
+    ``residual``, (n,), and of each candidate an orthonormal basis ``bases``, (n, q): q is its rank,
+    zero where nothing of it is left. ``kept`` are the columns that the basis spans.
+    """
+
+    residual: np.ndarray
+    known: np.ndarray  # (n, p): orthonormal, of what was taken out
+    dof: int
+    bases: tuple
+    kept: tuple
+
+    def scores(self):
+        """Return -2 log likelihood that each candidate saves, each parameter but one for log n.
+
+        ``n log(χ²₀/χ²₁) - (q - 1) log n``, Schwarz (Ann. Stat. 6, 1978, 461).
+        """
+        square, found = self.residual @ self.residual, np.full(len(self.bases), -np.inf)
+        for k, basis in enumerate(self.bases):
+            if q := basis.shape[1]:
+                left = 1 - np.sum((basis.T @ self.residual) ** 2) / square
+                found[k] = -self.dof * np.log(max(left, 1e-300)) - (q - 1) * np.log(self.dof)
+        return found
+
+    def imitates(self, k, other):
+        """Return whether one of two candidates takes `SHARE` of the narrower, or more."""
+        cosines = np.linalg.svd(self.bases[k].T @ self.bases[other], compute_uv=False)
+        return bool(cosines[-1] ** 2 >= SHARE)
+
+
+def whitened(rows, space, chosen, about=None):
+    """Return the Whitened rows beside chosen columns.
+
+    The noise is the likeliest beside them, or beside the columns `about`.
+    """
+    columns = space.columns
+    about = chosen if about is None else about
+    design = [np.column_stack([rows.jacobian, columns[:, list(c)]]) for c in (chosen, about)]
+    sizes = likely_sizes(rows.values, design[1], rows.fixed, rows.parts)
+    _, root = precision(total(rows.fixed, rows.parts, sizes))
+    scaled = design[0] / np.linalg.norm(design[0], axis=0)
+    white = solve_triangular(root, np.column_stack([rows.values, scaled, columns]), lower=True)
+    known = np.linalg.qr(white[:, 1 : 1 + scaled.shape[1]])[0]
+    whole = np.linalg.norm(white, axis=0)
+    white = white - known @ (known.T @ white)
+    left, whole = white[:, 1 + scaled.shape[1] :], whole[1 + scaled.shape[1] :]
+    size = np.linalg.norm(left, axis=0)
+    shown = size**2 > LEFT * whole**2
+    left = left / np.where(size > 0, size, 1.0)
+    dof = len(white) - scaled.shape[1]
+    bases, kept = [], []
+    for own in space.candidates:
+        own = [c for c in own if shown[c] and c not in chosen]
+        q, independent = _basis(left[:, own])
+        fits = 0 < q.shape[1] <= max(dof // ROWS, 1)
+        bases.append(q if fits else q[:, :0])
+        kept.append(tuple(own[k] for k in independent) if fits else ())
+    return Whitened(white[:, 0], known, dof, tuple(bases), tuple(kept))
+
+
+def _basis(columns):
+    """Return an orthonormal basis, (n, q), of columns of norm one, and which of them it spans."""
+    if columns.shape[1] < 2:
+        return columns, list(range(columns.shape[1]))
+    basis, kept = np.zeros((len(columns), 0)), []
+    for k, column in enumerate(columns.T):
+        rest = column - basis @ (basis.T @ column)
+        rest = rest - basis @ (basis.T @ rest)
+        if rest @ rest > LEFT:
+            basis, kept = np.column_stack([basis, rest / np.linalg.norm(rest)]), [*kept, k]
+    return basis, kept
+
+
+def _simplest(white, space, scores):
+    """Return the candidate of the lowest degree that does nearly all that the best does."""
+    best = int(np.argmax(scores))
+    near = np.flatnonzero(scores >= scores[best] - ALIKE).tolist()
+    rank = white.bases[best].shape[1]
+    alike = [k for k in near if white.bases[k].shape[1] <= rank and white.imitates(best, k)]
+    return min(alike, key=lambda k: (space.degree(k), -scores[k], k))
+
+
+def log_p(white, residuals):
+    """Return the logarithm of the smallest p-value of the candidates in each residual, (m,).
+
+    And the candidate, (m,); residuals, (n, m), are free of what was taken out.
+    """
+    square = (residuals**2).sum(axis=0)
+    least, best = np.zeros(len(square)), np.zeros(len(square), dtype=int)
+    width = np.array([b.shape[1] for b in white.bases])
+    for q in sorted(set(width.tolist()) - {0}):
+        at = np.flatnonzero(width == q)
+        stacked = np.hstack([white.bases[k] for k in at]).astype(np.float32)
+        taken = (stacked.T @ residuals.astype(np.float32)) ** 2
+        taken = taken.reshape(len(at), q, -1).sum(axis=1)
+        first = taken.argmax(axis=0)
+        share = np.minimum(taken[first, range(len(square))] / square, 1 - 1e-7)
+        dof = white.dof - q
+        own = log_f_tail(share / (1 - share) * dof / q, q, dof)
+        best = np.where(own < least, at[first], best)
+        least = np.minimum(own, least)
+    return least, best
+
+
+def chance(white, piece, draws, rng):
+    """Return the larger of two probabilities that chance shows the space as much as the residual.
+
+    Normal draws of what the base model leaves; and the residual itself with the signs of whole
+    poses changed.
+    """
+    (shown,), _ = log_p(white, white.residual[:, None])
+    n = len(white.residual)
+    signs = rng.choice([-1.0, 1.0], size=(piece.max() + 1, draws))[piece]
+    drawn = (rng.standard_normal((n, draws)), white.residual[:, None] * signs)
+    found = []
+    for each in drawn:
+        each = each - white.known @ (white.known.T @ each)
+        found.append((1 + np.sum(log_p(white, each)[0] <= shown)) / (1 + draws))
+    return float(max(found))
+
+
+@dataclass(frozen=True)
+class Pursued:
+    """What a pursuit chose.
+
+    Attributes
+    ----------
+    candidates : tuple of int
+        Candidates, in the order in which they were chosen.
+    columns : tuple of int
+        Columns of all of them.
+    chances : tuple of float
+        Probability by chance of each, and of the one that was not chosen any more.
+    margin : float
+        By how much the first is better than the best that is no imitator; -2 log likelihood.
+    imitators : tuple of int
+        Candidates within `MARGIN` of the first, that take its place, best first.
+    """
+
+    candidates: tuple = ()
+    columns: tuple = ()
+    chances: tuple = ()
+    margin: float = 0.0
+    imitators: tuple = ()
+
+    @property
+    def named(self):
+        """Whether one candidate is enough, and none that is unlike it is nearly as good."""
+        return len(self.candidates) == 1 and self.margin >= MARGIN
+
+
+def pursue(rows, space, *, level, draws, seed):
+    """Return what is Pursued in the residuals: one candidate after the other, all fitted again.
+
+    Parameters
+    ----------
+    rows : Rows
+        The residuals.
+    space : Space
+        What they may hold.
+    level : float
+        Probability by chance, over the whole space, below which a candidate is chosen.
+    draws : int
+        Draws of each kind.
+    seed : int
+        Of the draws.
+    """
+    rng, chosen, columns, chances = np.random.default_rng(seed), [], (), []
+    while True:
+        white = whitened(rows, space, columns)
+        if len(chosen) == MOST or not any(b.shape[1] for b in white.bases):
+            break
+        chances.append(chance(white, rows.piece, draws, rng))
+        if chances[-1] >= level:
+            break
+        best = int(np.argmax(white.scores()))
+        if not chosen:
+            # once more by the noise that is there beside it
+            white = whitened(rows, space, (), about=white.kept[best])
+            scores = white.scores()
+            best, first = _simplest(white, space, scores), white
+        chosen.append(best)
+        columns = (*columns, *white.kept[best])
+    if not chosen:
+        return Pursued(chances=tuple(chances))
+    order = [int(k) for k in np.argsort(-scores, kind="stable") if np.isfinite(scores[k])]
+    alike = [k for k in order if k == chosen[0] or first.imitates(chosen[0], k)]
+    unlike = max((scores[k] for k in order if k not in set(alike)), default=-np.inf)
+    near = [k for k in alike if k != chosen[0] and scores[k] > scores[chosen[0]] - MARGIN]
+    margin = float(min(scores[chosen[0]] - unlike, 1e6))
+    return Pursued(tuple(chosen), columns, tuple(chances), margin, tuple(near))

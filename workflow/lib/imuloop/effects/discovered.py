@@ -1,0 +1,175 @@
+"""An effect that no other file of the library describes: a sum of products of what is logged."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.core.memory import first_order_lag, in_pieces
+from imuloop.effects.axes import AXES
+from imuloop.effects.bias_temperature_rate import lagged_rate
+from imuloop.effects.thermometer import ROOM, temperature
+from imuloop.effects.vibration_rectification import WINDOW, vibration
+
+# rad/s; faster is a turn
+TURNING = 0.15
+# s; mean rate over the end of a turn, with its sense
+TURN = 3.0
+# s; time constants of what settles after a turn
+SETTLING = (3, 10, 30)
+# s; lag of the rate of temperature
+LAG = 30.0
+# SI unit of each factor, by its letter; v is the rate of the last turn, q a mean square vibration
+UNITS = {"f": "m/s^2", "w": "rad/s", "T": "K", "R": "K/s", "t": "s", "s": "", "v": "rad/s"}
+# what a factor with a letter stands for, for readers
+MEANINGS = {
+    "f": "specific force",
+    "w": "angular rate",
+    "T": "temperature less {reference_temperature:g} degC",
+    "R": f"rate of the temperature through a lag of {LAG:g} s",
+    "t": "time since the start of the log",
+    "s": "exp(-time since the last turn / the number of seconds)",
+    "v": f"mean rate over the last {TURN:g} s of the last turn",
+    "q": "mean square of the sensor's own vibration",
+}
+_FACTOR = re.compile(r"(abs_)?([fwvq][xyz]|[TRt]|s\d+)(?:\^(\d))?")
+
+
+@in_pieces
+def after_turn(channels, sensor):
+    """Return what settles after a turn, ``exp(-s/τ)`` each, and the turn's last mean rate, (n, 6).
+
+    At the start of a log, before any turn, it is as after a turn of rate zero.
+    """
+    t, past = channels.t, channels.past
+    rate = channels.other if sensor == "accelerometer" else channels.output
+    lag = None if past is None else past.setdefault("lag", {})
+    mean = first_order_lag(t, rate, TURN, lag)
+    end, last = t[0], np.zeros(3)
+    if past is not None and "t" in past:
+        k = max(np.searchsorted(past["t"], t[0]) - 1, 0)
+        end, last = past["end"][k], past["last"][k]
+    k = np.where(np.linalg.norm(rate, axis=1) > TURNING, np.arange(len(t)), -1)
+    k = np.maximum.accumulate(k)
+    ends = np.where(k >= 0, t[k], end)
+    rates = np.where(k[:, None] >= 0, mean[k], last)
+    if past is not None:
+        past.update(t=t, end=ends, last=rates)
+    return np.column_stack([*(np.exp((ends - t) / tau) for tau in SETTLING), rates])
+
+
+def parse(formula):
+    """Return (axis, ((factor, power, whether absolute), …)) of each term of a formula.
+
+    A formula is ``x: fy^2*fz; z: wx*T``. Raises ValueError for anything else.
+    """
+    terms = []
+    for text in filter(None, (part.strip() for part in formula.split(";"))):
+        axis, _, product = text.partition(": ")
+        matches = [_FACTOR.fullmatch(factor) for factor in product.split("*")]
+        if axis not in tuple(AXES) or not all(matches):
+            raise ValueError(f"'{text[:60]}' is no term of a formula, as x: fy^2*fz is")
+        factors = ((m[2], int(m[3] or 1), bool(m[1])) for m in matches)
+        terms.append((AXES.index(axis), tuple(factors)))
+    return tuple(terms)
+
+
+@dataclass(frozen=True)
+class Discovered(Effect):
+    """``e_i = Σ_k c_k Π_j x_j^p``: products of what is logged, composed by a search.
+
+    Factors: f and w specific force and angular rate on x, y, z, one of them the sensor's own
+    output; T temperature less `reference_temperature`; R its rate; t time since the start of the
+    log; s3, s10, s30 exp(-time since the last turn/3 s …); v the rate of the last turn; q the mean
+    square of the sensor's vibration; ``abs_`` an absolute value.
+    Leaves: what no effect with a physical reason explains. Imitated by: see `diagnosis.json`.
+    """
+
+    formula: str = ""
+    sensor: str = "accelerometer"
+    reference_temperature: float = ROOM
+
+    name = "discovered"
+    equation = "e_i = Σ_k c_k Π_j x_j^p"
+    reference = "a search of this device's residual; no physical reason is known"
+    # looked for by `imuloop.discover` alone
+    records = ()
+    reach = WINDOW
+
+    def __post_init__(self):
+        if not isinstance(self.formula, str) or self.sensor not in ("accelerometer", "gyroscope"):
+            raise ValueError("it needs a formula and a sensor")
+        parse(self.formula)
+        # without a vibration it looks at the sample alone
+        object.__setattr__(self, "reach", WINDOW if "q" in self.letters else 0.0)
+
+    @cached_property
+    def terms(self):
+        """Axis and factors of each term."""
+        return parse(self.formula)
+
+    @cached_property
+    def letters(self):
+        """Letters of all factors."""
+        return {factor[0] for _, product in self.terms for factor, _, _ in product}
+
+    @property
+    def parameters(self):
+        """Names and units of the coefficients."""
+        return {f"c{k}{AXES[i]}": unit(factors) for k, (i, factors) in enumerate(self.terms)}
+
+    @property
+    def needs(self):
+        """Whether it takes a temperature."""
+        return ("temperature",) if self.letters & set("TR") else ()
+
+    @property
+    def timed(self):
+        """Whether it depends on what was before."""
+        return bool(self.letters & set("Rtsvq"))
+
+    def design(self, channels):
+        """Return the products, each on the axis of its term, shape (n, 3, p)."""
+        found, known = np.zeros((len(channels.t), 3, len(self.terms))), {}
+        for k, (axis, factors) in enumerate(self.terms):
+            if factors not in known:
+                known[factors] = np.ones(len(channels.t))
+                for factor, power, absolute in factors:
+                    if factor not in known:
+                        known[factor] = self._factor(factor, channels)
+                    own = known[factor]
+                    known[factors] = known[factors] * (np.abs(own) if absolute else own) ** power
+            found[:, axis, k] = known[factors]
+        return found
+
+    def _factor(self, factor, channels):
+        letter, rest = factor[0], factor[1:]
+        if letter in "fw":
+            own = (letter == "f") == (self.sensor == "accelerometer")
+            return (channels.output if own else channels.other)[:, AXES.index(rest)]
+        if letter == "T":
+            return temperature(channels) - self.reference_temperature
+        if letter == "R":
+            return channels.remembered(lagged_rate, LAG)
+        if letter == "t":
+            return channels.t
+        if letter == "q":
+            return channels.remembered(vibration)[:, AXES.index(rest)]
+        place = SETTLING.index(int(rest)) if letter == "s" else 3 + AXES.index(rest)
+        return channels.remembered(after_turn, self.sensor)[:, place]
+
+
+def unit(factors):
+    """Return the unit of a coefficient that multiplies factors."""
+    powers = {}
+    for factor, power, _ in factors:
+        # a mean square vibration has the unit of the sensor's output, squared
+        one, times = ("output", 2) if factor[0] == "q" else (UNITS[factor[0]], 1)
+        powers[one] = powers.get(one, 0) + power * times
+    powers.pop("", None)
+    parts = [f"({u})^{p}" if p > 1 else u for u, p in powers.items()]
+    if not parts:
+        return "output"
+    return f"output per ({' '.join(parts)})" if parts[1:] else f"output per {parts[0]}"
