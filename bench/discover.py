@@ -145,6 +145,9 @@ class PutIn(Effect):
         return TRUTHS[self.truth].columns(channels)
 
 
+# what is known to the study alone is nothing to look for
+del Effect.library[PutIn.name]
+
 COUNTS = {"quadratic": 3, "cubic": 3, "asymmetry": 3, "cross_coupling": 6, "g2": 18}
 COUNTS |= {"cubic_rate": 3, "temperature_times_g": 9, "g_matrix": 9}
 

@@ -15,6 +15,7 @@ from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures import allan, bias, residuals, spectrum, time_series
 from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
+from imuloop.report.figures.composed import composed_pictures
 from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.drawing import write_svg
@@ -113,7 +114,7 @@ def diagnosis_part(device, sensor, part, block):
     corrected, drawn = [], []
     if part != "static_record":
         drawn = residuals.residual_pictures(device, sensor, block) + arm_pictures(device, block)
-        drawn += composed.composed_pictures(device, sensor, block)
+        drawn += composed_pictures(device, sensor, block)
     else:
         corrected = allan.corrected_pictures(device, sensor) if block["effects"] else []
         tables += [
