@@ -27,15 +27,20 @@ DESIGNED = [
 ]
 
 
-def fitted(name):
-    effect = Effect.library[name]()
+# each kind of factor that a search composes
+FORMULA = "x: fy*wz; x: qz; y: s10*fx; y: R; z: vx*fy; z: t*T"
+
+
+def fitted(name, kind):
+    settings = {"formula": FORMULA, "sensor": kind} if name == "discovered" else {}
+    effect = Effect.library[name](**settings)
     rng = np.random.default_rng(len(name))
     return FittedEffect(effect, dict.fromkeys(effect.parameters, 1e-3 * rng.uniform(1, 2)), {})
 
 
 def calibration(names):
     def sensor(kind, unit, scale):
-        effects = tuple(fitted(n) for n in names if kind in Effect.library[n].sensors)
+        effects = tuple(fitted(n, kind) for n in names if kind in Effect.library[n].sensors)
         T = np.eye(3) + 0.01 * np.triu(np.ones((3, 3)), 1)
         return SensorCalibration(
             RawUnit(unit, 1.0), T, np.full(3, scale), np.array([0.1, -0.2, 0.3]), effects=effects

@@ -104,6 +104,7 @@ class Discovered(Effect):
         parse(self.formula)
         # without a vibration it looks at the sample alone
         object.__setattr__(self, "reach", WINDOW if "q" in self.letters else 0.0)
+        object.__setattr__(self, "needs", ("temperature",) if self.letters & set("TR") else ())
 
     @cached_property
     def terms(self):
@@ -119,11 +120,6 @@ class Discovered(Effect):
     def parameters(self):
         """Names and units of the coefficients."""
         return {f"c{k}{AXES[i]}": unit(factors) for k, (i, factors) in enumerate(self.terms)}
-
-    @property
-    def needs(self):
-        """Whether it takes a temperature."""
-        return ("temperature",) if self.letters & set("TR") else ()
 
     @property
     def timed(self):
