@@ -106,13 +106,15 @@ class Result:
             raise ImuloopError(f"{self.device.name}: {failure}")
 
     def __str__(self):
+        from imuloop.report.composed import words
         from imuloop.report.verdict import blocks, sentence
 
         lines = [f"{self.device.label or self.device.name}:", *self.failures, *self.notes]
         found = blocks(self.diagnosis)
         tested = [each for each in found if each[2]["verdict"] != "not_testable"]
         for sensor, part, block in tested or found:
-            lines.append(f"  {sensor}, {part.replace('_', ' ')}: {sentence(sensor, block)}")
+            text = sentence(sensor, block) + words(block)
+            lines.append(f"  {sensor}, {part.replace('_', ' ')}: {text}")
         return "\n".join(lines)
 
     def __repr__(self):

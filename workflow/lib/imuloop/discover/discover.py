@@ -15,7 +15,7 @@ from imuloop.discover.space import Space, space_of
 # probability, over the whole space, that chance gives a composed effect
 LEVEL = 0.01
 # probability of what is left beside a formula, below which it is not all: more than noise
-FLOOR = 0.15
+FLOOR = 0.05
 # share of the searches without a part that have to give the same name, or one of its imitators
 AGREED = 0.7
 # draws of each kind, in all data and where a part is held out

@@ -23,7 +23,7 @@ def words(block):
     )
     if search["status"] == "structure":
         return (
-            f" {of} structure, but no formula that stands out. Held out, what each part's own "
+            f" {of} structure, but no formula that is certain. Held out, what each part's own "
             f"search finds changes the {gains}."
         )
     text = f" {of} a formula, {formula(block)}, which wants a physicist. Held out: {gains}."
