@@ -22,7 +22,7 @@ RESIDUAL_WORDS = {
     "velocity_horizontal": "horizontal velocity at the end of a move",
 }
 # what is no effect of the library
-FORMULA = {"discovered": "a formula without a physical reason yet"}
+FORMULA = {"discovered": "a formula of no known cause"}
 # what a residual that is left is compared with
 CORRELATES = {f"harmonics_{k}": f"attitude, a pattern of degree {k}" for k in (3, 4, 5)} | {
     "time": "time",

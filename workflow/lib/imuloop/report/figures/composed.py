@@ -23,7 +23,6 @@ def composed_pictures(device, sensor, block):
                 area.plot(own["input"], own[name], "o", color=colour, mec=PAGE, label=name)
             area.set(xlabel=f"what the formula adds, {unit.unit}")
             area.set(ylabel=f"residual, {unit.unit}")
-            area.legend()
 
         size = {name: number(np.sqrt(np.mean(v**2)), 2) for name, v in own.items()}
         caption = (

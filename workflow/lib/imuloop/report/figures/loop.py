@@ -8,7 +8,7 @@ from imuloop.core.units import DEGREE
 from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture
 from imuloop.report.numbers import joined, number
 from imuloop.report.units import RESIDUAL
-from imuloop.report.verdict import block_of, motion_of
+from imuloop.report.verdict import FORMULA, block_of, motion_of
 
 # what an error was before and after, its words in the key, and its mark
 STAGES = {
@@ -50,7 +50,7 @@ def loop_errors(device):
 
 
 def _of_residual(what, residual, block, logged=None):
-    names = list(dict.fromkeys(e["name"] for e in block["effects"]))
+    names = list(dict.fromkeys(FORMULA.get(e["name"], e["name"]) for e in block["effects"]))
     sizes = {"logged": logged, "calibrated": residual["before"]}
     sizes |= {"final": residual["after"] if names else None, "floor": residual["floor"]}
     known = {"effects": names, "slow_noise": bool(block.get("slow_noise"))}
