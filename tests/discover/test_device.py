@@ -17,6 +17,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration
 from imuloop.discover.device import discover_device
 from imuloop.discover.propose import proposed
+from imuloop.report.composed import words
 from imuloop.simulate.simulate import simulate_session
 
 SEED = 11030
@@ -83,6 +84,15 @@ def test_a_device_that_is_explained_is_not_searched():
     block = {"poses": {"verdict": "consistent", "slow_noise": False}}
     found = SimpleNamespace(content={"sensors": {"accelerometer": block}}, effects={})
     assert discover_device(found, None) is found
+
+
+@pytest.mark.parametrize(("upper", "said"), [(0.9, True), (1.1, False)])
+def test_what_is_predicted_is_said_to_be_no_noise(upper, said):
+    own = {"ratio": 0.7, "ratio_ci95": [0.4, upper]}
+    search = {"status": "structure", "searched": 616, "residuals": {"rotation": own}}
+    block = {"discovered": search, "slow_noise": True}
+    assert ("Noise cannot be predicted" in words(block)) == said
+    assert "Noise cannot" not in words(block | {"slow_noise": False})
 
 
 def test_the_file_that_is_proposed_joins_the_library(made, tmp_path, repository):

@@ -110,9 +110,7 @@ class Result:
         from imuloop.report.verdict import blocks, sentence
 
         lines = [f"{self.device.label or self.device.name}:", *self.failures, *self.notes]
-        found = blocks(self.diagnosis)
-        tested = [each for each in found if each[2]["verdict"] != "not_testable"]
-        for sensor, part, block in tested or found:
+        for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block) + words(block)
             lines.append(f"  {sensor}, {part.replace('_', ' ')}: {text}")
         return "\n".join(lines)

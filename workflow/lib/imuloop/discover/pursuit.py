@@ -71,14 +71,15 @@ class Whitened:
     def scores(self):
         """Return -2 log likelihood that each candidate saves, each parameter but one for log n.
 
-        ``n log(χ²₀/χ²₁) - (q - 1) log n``, Schwarz (Ann. Stat. 6, 1978, 461).
+        ``n log(χ²₀/χ²₁) - (q - 1) log n``, Schwarz (Ann. Stat. 6, 1978, 461). Twins, which differ
+        by a processor's rounding alone, have the same.
         """
         square, found = self.residual @ self.residual, np.full(len(self.bases), -np.inf)
         for k, basis in enumerate(self.bases):
             if q := basis.shape[1]:
                 left = 1 - np.sum((basis.T @ self.residual) ** 2) / square
                 found[k] = -self.dof * np.log(max(left, 1e-300)) - (q - 1) * np.log(self.dof)
-        return found
+        return np.round(found, 6)
 
     def imitates(self, k, other):
         """Return whether one of two candidates takes `SHARE` of the narrower, or more."""

@@ -6,6 +6,7 @@ from imuloop.report.verdict import RESIDUAL_WORDS
 # terms of a formula that are written out
 WRITTEN = 3
 LIKE_IT = " These data cannot tell it from {}."
+PATTERN = " Noise cannot be predicted: a part of what passes for slow noise here is a pattern."
 
 
 def words(block):
@@ -17,15 +18,18 @@ def words(block):
     if search["status"] == "nothing":
         return f" {of} nothing: chance shows as much in {percent(search['chance'])} of draws."
     gains = ", ".join(
-        f"{RESIDUAL_WORDS[kind]} to {number(own['ratio'], 2)} of it, 95 % interval "
-        f"{number(own['ratio_ci95'][0], 2)} to {number(own['ratio_ci95'][1], 2)}"
+        f"{RESIDUAL_WORDS[kind]} × {number(own['ratio'], 2)} (95 % interval "
+        f"{number(own['ratio_ci95'][0], 2)} to {number(own['ratio_ci95'][1], 2)})"
         for kind, own in search["residuals"].items()
     )
     if search["status"] == "structure":
-        return (
-            f" {of} structure, but no formula that is certain. Held out, what each part's own "
-            f"search finds changes the {gains}."
-        )
+        text = f" {of} structure, but no formula that is certain. Held out, with what each part's "
+        text += f"own search finds: {gains}."
+        if block.get("slow_noise") and any(
+            own["ratio_ci95"][1] < 1 for own in search["residuals"].values()
+        ):
+            text += PATTERN
+        return text
     text = f" {of} a formula, {formula(block)}, which wants a physicist. Held out: {gains}."
     if alike := search["imitators"][:WRITTEN]:
         text += LIKE_IT.format(" or ".join(a.replace("*", " ") for a in alike))
