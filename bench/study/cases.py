@@ -47,8 +47,8 @@ class Case:
     limits: float = LIMITS  # how many detection limits large it is
 
 
-def all_cases(limits=LIMITS):
-    """Return every case of a size, the controls of each kind of device first."""
+def all_cases(plan="usual", limits=LIMITS):
+    """Return every case of a plan and size, the controls of each kind of device first."""
     cases = [Case("control", record) for record in ("poses", "static_record", "motion")]
     for sensor, at_rest in AT_REST.items():
         of_poses = [
@@ -72,7 +72,7 @@ def all_cases(limits=LIMITS):
         ]
     cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
     cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))
-    return [replace(case, limits=limits) for case in cases]
+    return [replace(case, plan=plan, limits=limits) for case in cases]
 
 
 def injected(case, seed, control):

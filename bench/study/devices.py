@@ -20,18 +20,30 @@ MOTOR = Vibration(share=0.5, rms=(0.02, 0.028), frequency=(15.0, 45.0))
 THERMOMETER = Thermometer(noise=0.02, step=0.01)
 
 
+# what a device of poses may be instead of the usual one
+PLANS = ("usual", "few", "alone", "ramp", "cycles")
+
+
 def poses_device(plan="usual"):
-    """Return a device of 80 poses, or few, the motor on at half of them, and 20 min at rest."""
+    """Return a device of 80 poses, the motor on at half of them, and 20 min at rest.
+
+    By `PLANS`: or 36 poses; no record at rest; a temperature that goes up evenly; or three sessions
+    of 30 poses, the power switched off between them.
+    """
     poses = SessionTruth(
         "multi_position",
         poses=36 if plan == "few" else 80,
         rest_s=(4.0, 8.0),
-        temperature=HEATED_POSES,
+        temperature=((0, 24), (900, 38)) if plan == "ramp" else HEATED_POSES,
         thermal_s=15.0,
         vibration=MOTOR,
     )
-    rest = SessionTruth("static", duration_s=1200.0, temperature=((0, 24), (1200, 24)))
-    sessions = {"multi_position": poses, "static": rest}
+    sessions = {"multi_position": poses}
+    if plan == "cycles":
+        sessions = {f"power_on_{k}": replace(poses, poses=30) for k in range(3)}
+    if plan != "alone":
+        rest = SessionTruth("static", duration_s=1200.0, temperature=((0, 24), (1200, 24)))
+        sessions["static"] = rest
     return example_truth(name="study", sessions=sessions, thermometer=THERMOMETER)
 
 
