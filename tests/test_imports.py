@@ -96,7 +96,7 @@ def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
     assert re.findall(r"^\d$", done.stdout, re.MULTILINE) == ["0", "0", "1"], done.stderr
     assert "accelerometer, poses: " in done.stdout
     assert (tmp_path / "1.csv.made/exports/kalibr_imu.yaml").is_file()
-    assert "pip install 'imuloop[all]'" in done.stderr
+    assert "pip install '.[all]'" in done.stderr
 
 
 def test_who_reads_a_calibration_has_the_library_of_effects(repository):

@@ -57,7 +57,7 @@ def run(arguments):
     folder = kept_in(arguments.output, "-o", arguments)
     with made(arguments, folder, folder / "calibrate.log") as result:
         result.export(folder / "exports")
-        print(result)
+        say(*str(result).splitlines())
     say(f"wrote {folder / 'calibration.json'}")
 
 
@@ -91,24 +91,23 @@ def made(arguments, folder, log):
     handler.setLevel(logging.ERROR)
     handler.setFormatter(Printable())
     logging.getLogger().addHandler(handler)
-    with warnings.catch_warnings():
-        # of numbers at their limits, and what is said below
-        warnings.simplefilter("ignore")
-        result = calibrate(
-            logs.pop("multi_position"),
-            **logs,
-            **what,
-            nominal=nominal,
-            gravity=arguments.gravity,
-            label=arguments.label or arguments.logs[0][1].stem,
-            folder=folder,
-            log=log,
-            progress=False,
-        )
-        for line in (*result.failures, *result.notes):
-            say(line)
-        yield result
-    logging.getLogger().removeHandler(handler)
+    try:
+        with warnings.catch_warnings():
+            # of numbers at their limits; failures and notes are in the result
+            warnings.simplefilter("ignore")
+            yield calibrate(
+                logs.pop("multi_position"),
+                **logs,
+                **what,
+                nominal=nominal,
+                gravity=arguments.gravity,
+                label=arguments.label or arguments.logs[0][1].stem,
+                folder=folder,
+                log=log,
+                progress=False,
+            )
+    finally:
+        logging.getLogger().removeHandler(handler)
 
 
 def _log(text):

@@ -40,5 +40,7 @@ def run(arguments):
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         results = kept_in(arguments.keep or Path(folder), "--keep", arguments, [page, log])
         with made(arguments, results, log) as result:
+            for line in (*result.failures, *result.notes):
+                say(line)
             result.report(page, f"imuloop report {shlex.join(sys.argv[2:])}")
     say(f"wrote {page}")

@@ -29,7 +29,7 @@ def one_line(text):
 
     Of a package that is not installed, with what installs it.
     """
-    cure = "; pip install 'imuloop[all]'" if isinstance(text, ModuleNotFoundError) else ""
+    cure = "; pip install '.[all]'" if isinstance(text, ModuleNotFoundError) else ""
     return printable(" ".join(str(text).split())) + cure
 
 
