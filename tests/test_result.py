@@ -1,5 +1,7 @@
 """``imuloop.calibrate`` and its relatives: the workflow's numbers from arrays, tables and files."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -52,6 +54,20 @@ def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
     for file in exported:
         assert file.read_bytes() == (tmp_path / "exports" / file.name).read_bytes()
     assert result.noise["gx"].N.value > 0 and not result.failures
+
+
+def test_a_result_prints_its_parameters(result):
+    lines = dict(line.strip().split(": ", 1) for line in str(result).splitlines()[1:])
+    for sensor, unit in (("accelerometer", "m/s²"), ("gyroscope", "rad/s")):
+        line, found = lines[f"{sensor}, calibration"], getattr(result.calibration, sensor)
+        scale, bias = re.fullmatch(
+            rf"poses in many attitudes; .* K (.+); bias b (.+) {unit}", line
+        ).groups()
+        for text, values, symbol in ((scale, found.K, "K"), (bias, found.b, "b")):
+            printed = [[float(x) for x in p.replace("−", "-").split("±")] for p in text.split(", ")]
+            for (value, std), true, axis in zip(printed, values, range(3), strict=True):
+                assert std == pytest.approx(found.std[f"{symbol}{axis}"], rel=0.06)
+                assert value == pytest.approx(true, abs=std)
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -17,7 +17,14 @@ from imuloop import chain
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, refuse_overwriting
 from imuloop.core.model import Calibration
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME, read_samples
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    SENSORS,
+    TEMPERATURE,
+    TIME,
+    read_samples,
+)
 from imuloop.core.units import STANDARD_GRAVITY
 
 KINDS = ("multi_position", "six_position", "static")
@@ -110,6 +117,7 @@ class Result:
         from imuloop.report.verdict import blocks, sentence
 
         lines = [f"{self.device.label or self.device.name}:", *self.failures, *self.notes]
+        lines += [f"  {s}, calibration: {_basis(getattr(self.calibration, s))}" for s in SENSORS]
         for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block) + words(block)
             lines.append(f"  {sensor}, {part.replace('_', ' ')}: {text}")
@@ -283,6 +291,22 @@ def read(log, **declared) -> pd.DataFrame:
         for failure in _ingested(device, "log", log, declared)[0]:
             raise ImuloopError(failure)
         return read_samples(device.sessions["log"]["samples"])
+
+
+def _basis(sensor):
+    """Return what a sensor's calibration comes from, with the scale factors and biases found."""
+    from imuloop.report.numbers import typeset, with_sigma
+    from imuloop.report.tables.calibration import METHOD_WORDS
+
+    text, std, raw = METHOD_WORDS[sensor.method], sensor.std, typeset(sensor.raw_unit.name)
+    per = "" if sensor.raw_unit.name in ("m/s^2", "rad/s") else f" SI per {raw}"
+    for word, symbol, unit in (("scale factor", "K", per), ("bias", "b", f" {raw}")):
+        names = [f"{symbol}{axis}" for axis in range(3)]
+        if set(names) <= set(std):
+            values = zip(getattr(sensor, symbol), names, strict=True)
+            found = ", ".join(with_sigma(value, std[name]) for value, name in values)
+            text += f"; {word} {symbol} {found}{unit}"
+    return text
 
 
 def _several(logs):

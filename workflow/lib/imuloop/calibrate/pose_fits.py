@@ -115,8 +115,8 @@ class AccelerometerPoses(SensorPoses):
             return None
         return (
             f"the attitudes of {n} poses do not determine 9 parameters: "
-            f"{too_large(condition, largest)}; add poses that point each axis up and down and in "
-            "between"
+            f"{too_large(condition, largest)}; add poses in between each axis up "
+            "and down; of six faces alone the session's kind is six_position"
         )
 
     def _condition(self, jacobian, x):

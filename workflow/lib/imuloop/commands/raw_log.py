@@ -63,7 +63,9 @@ def add_arguments(command):
         "by number from 0 in a log without header",
     )
     group.add_argument("--acceleration-unit", metavar="UNIT", help="m/s^2, g, mg, count")
-    group.add_argument("--angular-rate-unit", metavar="UNIT", help="rad/s, deg/s, deg/h, count")
+    group.add_argument(
+        "--angular-rate-unit", metavar="UNIT", help="rad/s, deg/s, mrad/s, deg/h, count"
+    )
     group.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, ns; default: s")
     group.add_argument("--temperature-unit", metavar="UNIT", help="degC, K; default: degC")
     group.add_argument(
