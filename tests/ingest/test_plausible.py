@@ -202,6 +202,16 @@ def test_an_integer_that_wraps_around_is_named(recordings, taken, tmp_path):
     assert "an integer that wraps around" in reason and "ax" in reason
 
 
+def test_a_turn_that_begins_and_ends_at_once_is_no_integer_that_wraps_around(taken):
+    rng, t = np.random.default_rng(5), np.arange(12000) / 200
+    turning = np.stack([0 * t, 0 * t, np.where(t % 10 < 2, np.pi / 4, 0.0)], axis=1)
+    at_rest = np.tile([0.05, 0.02, 9.81], (len(t), 1))
+    noise = rng.normal(0, [[1e-2] * 3 + [1e-3] * 3], (len(t), 6))
+    log = pd.DataFrame(np.hstack([at_rest, turning]) + noise, columns=CHANNELS)
+    found = taken(log.assign(t=t))
+    assert found["status"] == "ok" and not any("wraps around" in w for w in found["warnings"])
+
+
 @pytest.mark.parametrize("offset", [0, 32768])
 def test_a_few_samples_at_the_end_of_sixteen_bits_are_clipped(taken, offset):
     log = simulated("multi_position", 3, poses=6)

@@ -40,6 +40,8 @@ RAILS, LEAST_RAIL = (32767, 32768), 2
 # an integer that wraps around jumps by this share of the range at least, while neighbouring samples
 # differ by less than that
 WRAPPED, FLAT = 0.9, 0.05
+# of its span, how far the range of an integer may lie from zero, or its width from a power of two
+UNEVEN = 0.1
 # blocks for spectra: rows per block, blocks per row group, blocks needed
 BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
 # share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
@@ -212,10 +214,14 @@ def _wraps(x, low, high):
     """Return how often a value jumps from one end of its range to the other and stays there.
 
     A value that swings from end to end is not as flat before and after, one that is clipped is
-    flatter: it does not change at all, or is held at an end.
+    flatter: it does not change at all, or is held at an end. A rate that is switched on and off
+    goes from zero to one end; an integer's range lies around zero, or has all values of its bits.
     """
     step = np.abs(np.diff(x))
     span = high - low
+    all_bits = low >= 0 and span > 2**11 and span >= (1 - UNEVEN) * 2 ** np.ceil(np.log2(span))
+    if not (abs(low + high) / 2 <= UNEVEN * span or all_bits):
+        return 0
     before, jump, after = step[:-2], step[1:-1], step[2:]
     found = (jump >= WRAPPED * span) & (before < FLAT * span) & (after < FLAT * span)
     end = (x == low) | (x == high)
