@@ -90,6 +90,11 @@ class Picture:
     zoom: bool = False
 
     @property
+    def stem(self):
+        """Its name among the figures of its device, and that of its file."""
+        return self.name.partition(".")[2].replace(".", "_")
+
+    @property
     def wide(self):
         """Whether it takes the full width of the page."""
         return self.size[0] > WIDE
