@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pywt
 
+from imuloop.core.errors import plural
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
 from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, drawn
-from imuloop.report.numbers import NO_NUMBER, duration, plural
+from imuloop.report.numbers import NO_NUMBER, duration
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
 
