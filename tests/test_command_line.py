@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import imuloop
 from calibrated import calibrated_device
 from imuloop import Calibration
 from imuloop.__main__ import COMMANDS, main
@@ -130,6 +131,54 @@ def test_one_rest_and_the_noise_of_the_log_itself(device, tmp_path, capsys):
     lines = capsys.readouterr().out
     assert "1 rest, 0 turns" in lines and "noise of the log itself" in lines
     assert "b along (" in lines and "not tested: b0, b1, b2, K0" in lines
+
+
+def test_a_log_laid_out_as_that_of_the_calibration_needs_no_options(device, tmp_path, capsys):
+    """Its columns and units, too, are in calibration.json; of one without them as before."""
+    names = dict(zip(CHANNELS, ("fx", "fy", "fz", "p", "q", "r"), strict=True)) | {"t": "stamp"}
+
+    def own(log):
+        log = log.copy()
+        log["t"] *= 1e3
+        log[list(ACCELERATION)] /= 9.80665
+        # what the usual names would be taken for
+        return log.rename(columns=names).assign(ax=0.0, ay=0.0, az=0.0)
+
+    logs = [pd.read_csv(device / f"{k}.csv") for k in (1, 2)]
+    for k, log in enumerate(logs):
+        own(log).to_csv(tmp_path / f"{k}.csv", index=False)
+    columns = {"time": "stamp", "acceleration": ["fx", "fy", "fz"], "angular_rate": ["p", "q", "r"]}
+    units = {"time": "ms", "acceleration": "g", "angular_rate": "rad/s"}
+    how = {"columns": columns, "units": units, "folder": tmp_path / "own", "progress": False}
+    with hurried("device"):
+        result = imuloop.calibrate(tmp_path / "0.csv", **how)
+    assert result.calibration.log == {"columns": columns, "units": units}
+    path, out = tmp_path / "own/calibration.json", tmp_path / "out.parquet"
+    assert main(["apply", str(path), str(tmp_path / "1.csv"), "-o", str(out)]) == 0
+    expected = result.calibration.apply(imuloop.read(device / "2.csv"))
+    got = pd.read_parquet(out)
+    np.testing.assert_allclose(got[["t", *CHANNELS]], expected[["t", *CHANNELS]], atol=1e-9)
+    # as with options, whatever it finds
+    options = [f"{q}={c if q == 'time' else ','.join(c)}" for q, c in columns.items()]
+    options = ["--time-unit", "ms", "--acceleration-unit", "g", "--columns", *options]
+    capsys.readouterr()
+    found = {}
+    for more in ((), options):
+        status = main(["check", str(path), str(tmp_path / "1.csv"), *more])
+        found[more and "options"] = status, capsys.readouterr().out
+    assert found[()] == found["options"] and "accelerometer: no drift" in found[()][1]
+    # another layout is read as before, and what is said goes first
+    (logs[1] / ([1] + 3 * [9.80665] + 3 * [1])).to_csv(tmp_path / "usual.csv", index=False)
+    own(logs[1]).rename(columns={"p": "wx"}).to_csv(tmp_path / "said.csv", index=False)
+    for name, *more in (["usual.csv"], ["said.csv", "--columns", "angular_rate=wx,q,r"]):
+        assert main(["apply", str(path), str(tmp_path / name), "-o", str(out), *more]) == 0
+        got = pd.read_parquet(out)
+        np.testing.assert_allclose(got[list(CHANNELS)], expected[list(CHANNELS)], atol=1e-9)
+    content = json.loads(path.read_text())
+    assert content.pop("log")
+    path.write_text(json.dumps(content))
+    capsys.readouterr()
+    one_line_error(["apply", path, tmp_path / "1.csv", "-o", out], capsys)
 
 
 @pytest.mark.parametrize(

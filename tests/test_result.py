@@ -74,9 +74,25 @@ def test_a_result_prints_its_parameters(result):
 def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
     page = result.report(tmp_path / "report.html").read_text()
     assert page.lower().startswith("<!doctype html>") and "in memory" in page
-    plots = result.plot.poses(), result.plot.allan(), result.plot.series()
-    for figures in (*plots, *map(result.plot.residuals, ("accelerometer", "gyroscope"))):
+    for kind in ("poses", "allan", "series", "loop", "spectra"):
+        figures = getattr(result.plot, kind)()
         assert figures and all(isinstance(figure, Figure) for figure in figures)
+    for sensor in ("accelerometer", "gyroscope"):
+        assert 0 < len(result.plot.residuals(sensor)) < len(result.plot.residuals())
+    with pytest.raises(AttributeError, match="loop, poses"):
+        result.plot.nothing()
+
+
+def test_a_figure_is_drawn_on_axes_as_in_the_report(result):
+    (theirs,) = result.plot.allan("gyroscope")
+    areas = Figure().subplots(1, 3)
+    imuloop.plot.draw(list(areas), result, "multi_position_1_allan_gyroscope")
+    for mine, other in zip(areas, theirs.axes, strict=True):
+        assert len(mine.lines) == len(other.lines) > 1
+        for a, b in zip(mine.lines, other.lines, strict=True):
+            np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
+    with pytest.raises(ImuloopError, match="no figure has this name; there are loop, poses"):
+        imuloop.plot.draw(areas, result, "allan")
 
 
 def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):

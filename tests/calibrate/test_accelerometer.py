@@ -87,6 +87,7 @@ def test_the_covariance_of_residuals_is_that_of_simulated_means():
     ("directions", "reason"),
     [
         (spread(9), "9 poses found, at least 10 needed"),
+        (spread(9)[:1], "1 pose found, at least 10 needed"),
         (spread(40) * [1, 1, 0.01], "do not determine 9 parameters: condition number"),
         (np.tile([[0, 0, 1], [0, 0, -1]], (10, 1)), "do not determine 9 parameters"),
         (spread(40) * [1, 1, 0], "condition number beyond 1e9, at most 100 allowed"),

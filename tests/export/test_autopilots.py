@@ -154,6 +154,21 @@ def test_a_polynomial_of_unknown_range_is_not_written(tool):
     assert "Not carried of the accelerometer: bias_temperature" in text
 
 
+def test_px4_has_the_device_ids_of_the_log_and_their_slots():
+    line = fitted(BiasTemperature(1, 18.0), (5e-3,))
+    board = warm_device(accelerometer=(line,), gyroscope=(line,))
+    plain = Px4.load(PX4.text(board))
+    assert not [name for name in plain if name.endswith("_ID")]
+    ids = {"accelerometer": {"id": 1310988, "slot": 2}, "gyroscope": {"id": 1311244, "slot": 0}}
+    known = replace(board.calibration, log={"sensor_ids": ids})
+    found = Px4.load(PX4.text(replace(board, calibration=known)))
+    assert (found.pop("CAL_ACC2_ID"), found.pop("TC_A2_ID")) == (1310988, 1310988)
+    assert (found.pop("CAL_GYRO0_ID"), found.pop("TC_G0_ID")) == (1311244, 1311244)
+    # nothing else changes but the accelerometer's slot
+    moved = {name.replace("ACC0", "ACC2").replace("TC_A0", "TC_A2"): v for name, v in plain.items()}
+    assert found == moved
+
+
 def test_ardupilots_one_range_is_what_both_effects_have_in_common():
     load, text = ArduPilot.load, ARDUPILOT.text
     one = load(text(narrow_device(warm_device(gyroscope=()), (12.0, 28.0))))

@@ -1,5 +1,6 @@
 """The models for gnss-ins-sim and MATLAB's imuSensor, taken and simulated as these do."""
 
+import json
 import re
 import sys
 from dataclasses import replace
@@ -23,7 +24,7 @@ from imuloop.core.noise_model import Coefficient, GaussMarkov
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
-from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR
+from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR, MATLAB_PARAMETERS
 
 # flicker of every axis of the device
 B = 3e-5
@@ -134,6 +135,30 @@ def test_imu_sensor_measures_what_the_calibration_takes_back(warm):
     truth = warm_samples()
     back = board.calibration.apply(imu_sensor(board, truth))
     np.testing.assert_allclose(back, truth, rtol=0, atol=1e-12)
+
+
+# properties of accelparams and gyroparams by MathWorks' reference pages that are numbers
+NUMBERS = {"MeasurementRange", "Resolution", "ConstantBias", "AxesMisalignment", "NoiseDensity"}
+NUMBERS |= {"BiasInstability", "RandomWalk", "TemperatureBias", "TemperatureScaleFactor"}
+
+
+@pytest.mark.parametrize("warm", [True, False])
+def test_loadparams_gets_the_numbers_of_the_script(warm):
+    board = warm_device(accelerometer=(fitted(BiasTemperature(1), (4e-4,)),) * warm, gyroscope=())
+    board = replace(board, device="my-imu")
+    script = assigned(MATLAB_IMU_SENSOR.text(board))
+    # as loadparams reads it: without any white space; names of a struct are identifiers
+    content = json.loads("".join(MATLAB_PARAMETERS.text(board).split()))
+    assert all(name.isidentifier() and len(name) <= 63 for name in content)
+    part = content["my_imu"]
+    # it knows a magnetometer besides
+    assert {*part} == {"Accelerometer", "Gyroscope"}
+    for name, variable in (("Accelerometer", "accel"), ("Gyroscope", "gyro")):
+        assert {*part[name]} <= NUMBERS
+        assert ("TemperatureBias" in part[name]) == (warm and variable == "accel")
+        for key, value in part[name].items():
+            assert np.shape(value) in ((3,), (3, 3))
+            np.testing.assert_array_equal(value, script[f"{variable}.{key}"])
 
 
 def test_imu_sensors_noise_has_the_allan_deviation_of_our_model():

@@ -144,7 +144,7 @@ KEPT = {
         put((0.4, 200), CHANNELS, 0.0),
         "zero on all axes: acceleration in 200 rows, angular_rate in 200",
     ),
-    "one row of zeros": (put((0.3, 1), CHANNELS, 0.0), "zero on all axes: acceleration in 1 rows"),
+    "one row of zeros": (put((0.3, 1), CHANNELS, 0.0), "zero on all axes: acceleration in 1 row,"),
     "zeros of acceleration": (
         put((0.6, 30), ACCELERATION, 0.0),
         "zero on all axes: acceleration in 30 rows;",
@@ -153,7 +153,7 @@ KEPT = {
         put((0.6, 300), ANGULAR_RATE, 0.0),
         "zero on all axes: angular_rate in 300 rows;",
     ),
-    "an axis stuck": (put((0.3, 500), ["ay"], None), "stuck at one value: ay 500 samples, 1 times"),
+    "an axis stuck": (put((0.3, 500), ["ay"], None), "stuck at one value: ay 500 samples, 1 time,"),
     "an axis stuck at zero": (put((0.3, 120), ["gz"], 0.0), "stuck at one value: gz 1"),
     "a sensor stuck": (put((0.5, 400), ACCELERATION, None), "az 40"),
     "a gyroscope stuck to the end": (put((0.7,), ANGULAR_RATE, None), "stuck at one value: gx"),

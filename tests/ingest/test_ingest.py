@@ -34,6 +34,8 @@ def test_provenance(path, run):
             "acceleration": {"name": "m/s^2", "scale": 1.0, "offset": 0.0},
             "angular_rate": {"name": "rad/s", "scale": 1.0, "offset": 0.0},
         },
+        "declared": {},
+        "sensor_ids": {},
         "simulated": False,
         "start": None,
     }

@@ -85,7 +85,7 @@ def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(log, run, tmp_path)
     done = run(path, format="sensorlog")
     assert done.quality["rows"] == 500
     assert done.quality["duplicates"] == 0
-    assert "500 rows have no new sample of gyro" in done.quality["warnings"]
+    assert "no new sample of gyro in 500 rows" in done.quality["warnings"]
 
 
 def test_every_bit_of_sensorlog(hard, every_bit, tmp_path):

@@ -27,8 +27,9 @@ TYPES |= {"u4": "uint32_t"}
 def write(tmp_path):
     """Write topics, a list of (name, instance, fields); give the path."""
 
-    def call(*topics, name="log.ulg", dropouts=()):
+    def call(*topics, name="log.ulg", dropouts=(), parameters=None):
         log = ULog(None)
+        log._initial_parameters.update(parameters or {})
         for number, (topic, instance, fields) in enumerate(topics):
             fields = {key: np.asarray(x) for key, x in fields.items()}
             kinds = [ULog._FieldData(key, TYPES[x.dtype.str[1:]]) for key, x in fields.items()]
@@ -131,6 +132,26 @@ def test_raw_sensors_at_the_same_times(run, single, write):
     np.testing.assert_array_equal(done.samples.temperature, warm)
     assert done.quality["columns"]["angular_rate"][2] == "sensor_gyro_1.angular_rate.z"
     assert done.quality["warnings"] == []
+
+
+def test_px4s_own_numbers_of_its_sensors(run, single, write):
+    """The topic's device id, and its slot; of a topic without one the only calibrated sensor."""
+
+    def ids(*topics, **parameters):
+        return run(write(*topics, parameters=parameters)).metadata["sensor_ids"]
+
+    number = {"device_id": np.full(500, 1310988, dtype="u4")}
+    accel, gyro = sensor(single, "accel", 0, **number), sensor(single, "gyro", 0)
+    found = ids(accel, gyro, CAL_ACC0_ID=7, CAL_ACC1_ID=1310988, CAL_GYRO0_ID=9, CAL_GYRO1_ID=0)
+    assert found == {
+        "accelerometer": {"id": 1310988, "slot": 1},
+        "gyroscope": {"id": 9, "slot": 0},
+    }
+    # which of two was logged is not known
+    assert ids(combined(single), CAL_ACC0_ID=7, CAL_ACC1_ID=8, CAL_GYRO2_ID=9) == {
+        "gyroscope": {"id": 9, "slot": 2}
+    }
+    assert ids(combined(single)) == {}
 
 
 def test_a_topic_that_is_not_of_px4(run, single, write):

@@ -1,7 +1,10 @@
 """The report in a real browser, screenshots in build/screenshots; skipped where there is none."""
 
 import json
+import re
 
+import numpy as np
+import pandas as pd
 import pytest
 
 # where .ci/browser puts the accessibility checker
@@ -138,11 +141,111 @@ def test_tables_of_a_device_sort_by_size_whatever_the_unit(page):
     assert sizes(table, 3) == sorted(sizes(table, 3)) and shown != sorted(shown)
 
 
+@pytest.fixture
+def curves(page):
+    """The Allan deviation of a gyroscope, unfolded, with its tools."""
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    region = page.get_by_role("region", name="board.long.allan_gyroscope", exact=True)
+    figure = page.locator("figure").filter(has=region)
+    figure.get_by_role("button", name="Zoom").press("Enter")
+    return figure
+
+
+def labels(figure):
+    """Return the numbers that stand on the axes of a picture."""
+    seen = "all => all.filter(e => e.getClientRects().length).map(e => e.textContent)"
+    return figure.locator("[data-axis] > g:has(path) text").evaluate_all(seen)
+
+
+def test_a_stretch_that_is_dragged_over_fills_the_picture(page, curves):
+    whole = labels(curves)
+    box = curves.locator("svg svg").nth(1).bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + box["width"] / 4, y, steps=3)
+    page.mouse.up()
+    view, tau = curves.locator("svg svg"), curves.locator("[data-axis=x] >> nth=0").locator(".tick")
+    shares = view.evaluate_all(
+        "all => all.map(e => e.viewBox.baseVal.width / e.width.baseVal.value)"
+    )
+    assert shares == pytest.approx([0.25] * 3, abs=0.01)
+    # of a logarithmic axis the third quarter of its decades
+    low, high = map(
+        float, curves.locator("[data-area]").first.get_attribute("data-area").split()[1:3]
+    )
+    shown = [float(text) for text in tau.locator("text").all_text_contents()]
+    ends = [low * (high / low) ** share for share in (0.49, 0.76)]
+    assert len(shown) >= 2 and ends[0] < min(shown) < max(shown) < ends[1]
+    # what was drawn stays in its frame
+    assert view.first.evaluate("e => getComputedStyle(e).overflow") == "hidden"
+    assert labels(curves) != whole
+    page.mouse.dblclick(x, y)
+    assert labels(curves) == whole
+
+
+def test_values_at_the_cursor_are_those_of_the_file(page, curves, results):
+    table = pd.read_csv(results / "board/figures/long_allan.csv").query("stage == 'raw'")
+    slider = curves.get_by_label("values at")
+    for share in ("0", "0.31", "0.8"):
+        slider.fill(share)
+        for line, (channel, rows) in zip(
+            curves.locator("output").inner_text().splitlines(),
+            table[table["axis"].str.startswith("g")].groupby("axis"),
+            strict=True,
+        ):
+            assert line.startswith(f"{channel[1]}: averaging time")
+            tau = number(re.search(r"τ, s (\S+)\. ", line)[1])
+            near = rows.loc[(np.log(rows["tau_s"] / tau)).abs().idxmin(), "adev"]
+            found = number(re.search(r"95 % band (\S+),", line)[1])
+            assert found == pytest.approx(near, rel=5e-3)
+
+
+def number(text):
+    """Return what a number of the page says."""
+    size, _, power = text.replace("−", "-").partition("·10")
+    return float(size) * 10 ** float(
+        power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0
+    )
+
+
+def test_a_curve_comes_and_goes_with_its_band(curves):
+    box = curves.get_by_label("measured, 95 % band")
+    marks = curves.locator("[data-curve='measured, 95 % band']")
+    assert marks.count() == 6
+    for visible in (False, True):
+        # by the keyboard
+        box.press(" ")
+        assert box.is_checked() == visible == marks.first.is_visible()
+        assert ("measured" in curves.locator("output").inner_text()) == visible
+
+
+def test_the_keyboard_zooms_and_print_is_of_the_whole(page, curves):
+    whole, start = labels(curves), curves.get_by_label("from")
+    for _ in range(4):
+        start.press("PageUp")
+    assert float(start.input_value()) > 0.2 and labels(curves) != whole
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert labels(curves) == whole and not curves.locator(".tools").is_visible()
+
+
+def test_every_picture_of_curves_has_its_tools(either):
+    either.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    buttons = either.locator("figure button")
+    assert buttons.count() >= 12
+    for button in buttons.all():
+        button.click()
+        assert button.get_attribute("aria-expanded") == "true"
+    assert not either.wrong
+    for output in either.locator(".tools output").all():
+        assert re.search(r"\d", output.inner_text()) and "NaN" not in output.inner_text()
+
+
 def test_without_javascript_the_tables_stand_as_they_are(opened, results):
     page = opened(results / "report.html", java_script_enabled=False)
     for selector in ("table.sortable", "nav a", "figure svg"):
         assert page.locator(selector).count()
-    assert not page.locator("thead button").count()
+    assert not page.locator("button").count()
 
 
 @pytest.mark.parametrize("width", [375, 1440])
@@ -197,9 +300,10 @@ def test_axe_finds_nothing_serious(either, repository, scheme):
     if code is None:
         pytest.skip(f"no {AXE}: .ci/browser fetches axe-core")
     either.emulate_media(color_scheme=scheme)
+    either.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    either.locator("figure button").first.click()
     # what is inside a picture is one image by its role; thousands of elements need no visit
     either.evaluate("document.querySelectorAll('figure svg').forEach(s => s.replaceChildren())")
-    either.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
     either.evaluate(code.read_text(encoding="utf-8") + "; true")
     # what is not a colour does not change with the scheme
     only = ["color-contrast", "link-in-text-block"] if scheme == "dark" else None

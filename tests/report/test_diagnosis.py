@@ -130,10 +130,10 @@ def test_a_static_record_shows_what_the_correction_changed(devices):
     row = next(r for r in noise.rows if r[0].startswith("B"))
     # 1e-3 and 1e-4 m/s²
     assert row[1:3] == ("µg", "102.0\u202f±\u202f5.2 → 10.20\u202f±\u202f0.52")
-    assert len(part["allan"]) == len(part["bias"]) == 2
+    assert len(part["corrected"]) == len(part["bias"]) == 2
     assert "20.5 to 34.5 °C" in part["bias"][0].caption
     left = parts["Gyroscope, static record"]
-    assert "62\u202f%" in left["left"][0].caption and "rate of change" in left["sentence"]
+    assert "62\u202f%" in left["correlates"][0].caption and "rate of change" in left["sentence"]
     assert "several rates" in left["next_step"]
 
 

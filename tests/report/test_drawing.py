@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imuloop.report.figures.drawing import BLUE, Picture, entitle, write_csv
-from imuloop.report.figures.time_series import SMOOTH_BUCKETS, extremes, smoothed, trend
+from imuloop.report.figures.time_series import BUCKETS, SMOOTH_BUCKETS, extremes, smoothed, trend
 
 
 def one(name="a", label="b", caption="c"):
@@ -74,7 +74,7 @@ def test_decimation_keeps_every_peak_and_at_most_2000_points():
     assert len(chosen) <= 2000
     assert {17, 400_001, 719_999} <= set(chosen)
     # the envelope of each stretch is that of the samples themselves
-    for stretch in np.array_split(np.arange(len(x)), 240)[::50]:
+    for stretch in np.array_split(np.arange(len(x)), BUCKETS)[::50]:
         inside = chosen[(chosen >= stretch[0]) & (chosen <= stretch[-1])]
         assert x[inside].max() == pytest.approx(x[stretch].max())
 

@@ -130,11 +130,15 @@ def test_every_figure_has_alt_text_with_numbers_a_caption_and_its_numbers(page, 
     captions = [e["text"] for e in page.all("figcaption")]
     assert len(figures) == len(pictures) == len(captions) > 30
     assert all(re.search(r"\d", p["aria-label"]) for p in pictures)
-    assert all(re.search(r"\d", c) and c.strip().endswith((".", ".csv")) for c in captions)
+    assert all(re.search(r"\d", c) and c.strip().endswith((".", ".csv", "SVG")) for c in captions)
     linked = {e["href"] for e in page.all("a") if e["href"].endswith(".csv")}
     assert all((results / name).is_file() for name in linked)
     written = {str(p.relative_to(results)) for p in results.rglob("figures/*.csv")}
     assert written == linked - {"comparison.csv"}
+    # and each of a device as a file, of the whole loop too
+    linked = {e["href"] for e in page.all("a") if e["href"].endswith(".svg")}
+    written = {str(p.relative_to(results)) for p in results.rglob("figures/*.svg")}
+    assert len(linked) > 30 and linked == {p for p in written if not p.endswith("/loop.svg")}
 
 
 def test_tables_have_caption_scope_and_units(page):

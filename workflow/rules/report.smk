@@ -1,5 +1,5 @@
 # what every page is made with
-PAGE = ("page.html.j2", "style.css", "page.js")
+PAGE = ("page.html.j2", "style.css", "page.js", "zoom.js")
 
 
 rule report_device:

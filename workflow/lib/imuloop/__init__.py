@@ -12,6 +12,7 @@ _PLACES = {
     "Result": "result",
     "allan": "noise.deviations",
     "calibrate": "calibrate",
+    "plot": "plot",
     "read": "result",
 }
 __all__ = [*_PLACES]
@@ -25,7 +26,7 @@ def __getattr__(name):
     import_module("imuloop.effects")
     module = import_module(f"imuloop.{_PLACES[name]}")
     # the stage of that name is called
-    return module if name == "calibrate" else getattr(module, name)
+    return module if name in ("calibrate", "plot") else getattr(module, name)
 
 
 def __dir__():

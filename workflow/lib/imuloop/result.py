@@ -81,8 +81,10 @@ class Result:
         }
 
     @property
-    def plot(self) -> "Plots":
-        """The report's figures, of matplotlib."""
+    def plot(self):
+        """The report's figures, `imuloop.plot.Plots`."""
+        from imuloop.plot import Plots
+
         return Plots(self.device)
 
     def report(self, path, command="imuloop.calibrate") -> Path:
@@ -129,46 +131,6 @@ class Result:
 
     def _repr_html_(self):
         return f"<pre>{escape(str(self))}</pre>"
-
-
-class Plots:
-    """Figures of a result, each a list of matplotlib figures as in the report."""
-
-    def __init__(self, device):
-        from imuloop.report.results import read_device
-
-        folder, label = device.folder, device.label or device.name
-        device.file("figures").mkdir(exist_ok=True)
-        self._device = read_device(device.name, label, folder, device.kinds)
-
-    def _of_sessions(self, make):
-        return [p.figure() for session in self._device.used for p in make(self._device, session)]
-
-    def poses(self):
-        """Return the attitudes in which the device rested."""
-        from imuloop.report.figures.poses import pose_picture
-
-        return [p.figure() for p in [pose_picture(self._device)] if p]
-
-    def residuals(self, sensor):
-        """Return the residuals of a sensor's poses, ``"sensors"``: of moves, before and after."""
-        from imuloop.report.figures.residuals import residual_pictures
-        from imuloop.report.verdict import blocks
-
-        of = [b for s, part, b in blocks(self._device.diagnosis) if s == sensor != part]
-        return [p.figure() for b in of[:1] for p in residual_pictures(self._device, sensor, b)]
-
-    def allan(self):
-        """Return the Allan deviations of each session with the fitted terms."""
-        from imuloop.report.figures.allan import allan_pictures
-
-        return self._of_sessions(allan_pictures)
-
-    def series(self):
-        """Return the samples of each session over time, rests marked."""
-        from imuloop.report.figures.time_series import session_pictures
-
-        return self._of_sessions(session_pictures)
 
 
 def calibrate(

@@ -79,17 +79,29 @@ def read_recording(sessions, longest_rotation):
     return record(samples, [table for _, table in chosen], longest_rotation)
 
 
-def raw_units(sessions, kinds):
-    """Return the raw units (accelerometer, gyroscope) of the first session, by order of kinds.
+def first_log(sessions, kinds):
+    """Return the metadata of the samples of the first session, by order of kinds.
 
     One without rows comes last: of a log that was not read the units are not known.
     """
     ordered = sorted(
         sessions.values(), key=lambda s: (not len(Samples(s["samples"])), kinds.index(s["kind"]))
     )
-    units = read_metadata(ordered[0]["samples"])["raw_units"]
+    return read_metadata(ordered[0]["samples"])
+
+
+def raw_units(sessions, kinds):
+    """Return the raw units (accelerometer, gyroscope) of the first session, by order of kinds."""
+    units = first_log(sessions, kinds)["raw_units"]
     found = (units[quantity] for quantity in ("acceleration", "angular_rate"))
     return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in found)
+
+
+def layout(sessions):
+    """Return what was declared of the first log, and what its autopilot calls the sensors."""
+    first = first_log(sessions, KINDS)
+    ids = first.get("sensor_ids")
+    return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
 
 
 def calibrate_accelerometer(poses, noise, gravity, unit, settings):
@@ -202,9 +214,10 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     if not len(multi.poses) and len(static):
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)
+    log = layout(sessions)
     for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
         named = (replace(s, not_testable=with_sessions(s.not_testable, sessions)) for s in sensors)
-        Calibration(device, gravity, *named).to_json(path)
+        Calibration(device, gravity, *named, log).to_json(path)
 
 
 def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
@@ -215,4 +228,4 @@ def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
     reason, failed = why
     sensors = [SensorCalibration.nominal(unit, reason) for unit in raw_units(sessions, KINDS)]
     for path in (six_path, multi_path):
-        Calibration(device, gravity, *sensors).to_json(path, failed)
+        Calibration(device, gravity, *sensors, layout(sessions)).to_json(path, failed)

@@ -12,6 +12,7 @@ from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.least_squares import FitResult, condition_number, fit, too_large
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, FittedEffect
+from imuloop.core.errors import plural
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
@@ -107,7 +108,9 @@ class AccelerometerPoses(SensorPoses):
         if not n:
             return NO_POSE
         if n < needed:
-            return f"{n} poses found, at least {needed} needed for 9 parameters and a check"
+            return (
+                f"{plural(n, 'pose')} found, at least {needed} needed for 9 parameters and a check"
+            )
         model = accelerometer.AccelerometerModel(poses.f, np.zeros((n, 3, 0)), self.gravity)
         x = model.start()
         condition = self._condition(model.residuals(x)[1], x)
@@ -220,8 +223,8 @@ class GyroscopePoses(SensorPoses):
         count, needed, largest = len(jacobian), 5, self.settings.largest_condition
         if count < needed:
             return (
-                f"{count} rotations between poses found, at least {needed} needed for the "
-                f"9 parameters of misalignment and scale factor"
+                f"{plural(count, 'rotation')} between poses found, at least {needed} needed for "
+                "the 9 parameters of misalignment and scale factor"
             )
         condition = condition_number(jacobian.reshape(-1, 12)[:, :9], np.ones(9))
         if condition <= largest:

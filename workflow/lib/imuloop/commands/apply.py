@@ -6,6 +6,7 @@ from pathlib import Path
 from imuloop import Calibration
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
+from imuloop.core.errors import plural
 from imuloop.core.files import refuse_overwriting
 
 EXAMPLE = """example:
@@ -41,4 +42,5 @@ def run(arguments):
         refuse_rejected(arguments.log, quality)
         held = calibration.apply_file(samples, output)
     for (sensor, name), count in held.items():
-        say(f"{sensor}: {name} held to the range of the data that show it in {count} samples")
+        seen = "the range of the data that show it"
+        say(f"{sensor}: {name} held to {seen} in {plural(count, 'sample')}")

@@ -16,14 +16,14 @@ from imuloop.commands.raw_log import (
     log_samples,
     refuse_rejected,
 )
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import Session
 from imuloop.noise.settings import NoiseSettings
-from imuloop.report.numbers import number, p_text, plural, with_sigma
+from imuloop.report.numbers import number, p_text, with_sigma
 from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
 from imuloop.report.verdict import RESIDUAL_WORDS
 from imuloop.segment.segment import segment_session

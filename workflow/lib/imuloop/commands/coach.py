@@ -13,12 +13,12 @@ import numpy as np
 from imuloop.calibrate.calibrate import KINDS, raw_units
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, between, local_gravity, log_samples
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, replaced
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.plan.coach import progress, rest_noise
-from imuloop.report.numbers import number, plural
+from imuloop.report.numbers import number
 
 # exit status of a session that ended too early
 EARLY = 3

@@ -7,12 +7,12 @@ from pathlib import Path
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import add_arguments, log_samples
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.report import composed
-from imuloop.report.numbers import coefficient_text, number, p_text, plural, text_of, with_unit
+from imuloop.report.numbers import coefficient_text, number, p_text, text_of, with_unit
 from imuloop.report.results import XYZ, Device
 from imuloop.report.tables.calibration import parameter_table
 from imuloop.report.tables.candidates import constants_text

@@ -1,10 +1,12 @@
 """A raw log on the command line: how it is declared, and its samples."""
 
 import argparse
+from contextlib import suppress
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
+from imuloop.ingest.formats import guess_format
 from imuloop.ingest.ingest import ingest
 
 QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
@@ -82,11 +84,13 @@ def add_arguments(command):
     group.add_argument("--format", help="default: from the file's name and first bytes")
 
 
-def declared(arguments, calibration=None):
+def declared(arguments, calibration=None, layout=None):
     """Return what the arguments declare of a log, as of `ingest`, and the nominal scales.
 
-    Where they say nothing, the raw units are those of the calibration, if one is given.
+    Where they say nothing, the raw units are those of the calibration, if one is given, and the
+    rest is as the `layout` of the log that it is from has it.
     """
+    layout = layout or {}
     units = {
         "acceleration": arguments.acceleration_unit,
         "angular_rate": arguments.angular_rate_unit,
@@ -99,11 +103,13 @@ def declared(arguments, calibration=None):
     if calibration:
         own = {q: getattr(calibration, sensor).raw_unit for q, sensor in SENSORS.items()}
         # those in SI are what a log is in that says nothing, and increments do
-        units = {q: unit.name for q, unit in own.items() if unit.scale != 1} | units
+        scaled = {q: unit.name for q, unit in own.items() if unit.scale != 1}
+        units = scaled | layout.get("units", {}) | units
         given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
         nominal = given | nominal
-    what = {"format": arguments.format, "columns": dict(arguments.columns)}
-    return what | {"units": units, "rate": arguments.rate}, nominal
+    what = {"format": arguments.format or layout.get("format"), "units": units}
+    what["columns"] = layout.get("columns", {}) | dict(arguments.columns)
+    return what | {"rate": arguments.rate or layout.get("rate")}, nominal
 
 
 def log_samples(log, arguments, folder, calibration=None):
@@ -116,20 +122,35 @@ def log_samples(log, arguments, folder, calibration=None):
     if log.suffix == ".parquet" and log.is_file() and is_samples(log):
         beside = log.with_name("quality.json")
         return log, read_json(beside) if beside.is_file() else {}
-    what, nominal = declared(arguments, calibration)
     samples, quality = folder / "samples.parquet", folder / "quality.json"
-    ingest(
-        device=calibration.device if calibration else "log",
-        session=log.name,
-        # what was done with the device is not known
-        kind=None,
-        paths=[log],
-        samples_path=samples,
-        quality_path=quality,
-        nominal=nominal,
-        **what,
-    )
-    return samples, read_json(quality)
+
+    def read(layout=None):
+        what, nominal = declared(arguments, calibration, layout)
+        ingest(
+            device=calibration.device if calibration else "log",
+            session=log.name,
+            # what was done with the device is not known
+            kind=None,
+            paths=[log],
+            samples_path=samples,
+            quality_path=quality,
+            nominal=nominal,
+            **what,
+        )
+        return samples, read_json(quality)
+
+    layout = calibration.log if calibration else {}
+    if layout and layout.get("format") in (None, _format(log)):
+        # one without these columns is read as if nothing were known
+        with suppress(ImuloopError):
+            return read(layout)
+    return read()
+
+
+def _format(log):
+    """Return the format that a log shows, or None."""
+    with suppress(ImuloopError):
+        return guess_format({"log": log})
 
 
 def is_samples(path):

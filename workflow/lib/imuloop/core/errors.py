@@ -33,6 +33,11 @@ def one_line(text):
     return printable(" ".join(str(text).split())) + cure
 
 
+def plural(count, noun, ending="s"):
+    """Return a count with its noun."""
+    return f"{count} {noun}{'' if count == 1 else ending}"
+
+
 def did_you_mean(name, known, cutoff=0.6):
     """Return the end of a message that names the nearest of the known names; empty without one.
 

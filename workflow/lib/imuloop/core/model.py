@@ -1,6 +1,6 @@
 """The calibration of a device: the model ``x = T (K (raw - b) - e)`` with its parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -132,12 +132,16 @@ class Calibration:
         Local gravity that the accelerometer was calibrated to, m/s^2.
     accelerometer, gyroscope : SensorCalibration
         One for each sensor.
+    log : dict
+        What was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate``
+        as of the config; ``sensor_ids``, where the log's autopilot has some.
     """
 
     device: str
     gravity: float
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
+    log: dict = field(default_factory=dict)
 
     @property
     def effects(self):
@@ -248,6 +252,7 @@ class Calibration:
             "format": FORMAT,
             "device": self.device,
             "gravity": self.gravity,
+            "log": self.log,
             "accelerometer": self.accelerometer.to_dict(),
             "gyroscope": self.gyroscope.to_dict(),
         }
@@ -274,6 +279,7 @@ class Calibration:
                 content["gravity"],
                 SensorCalibration.from_dict(content["accelerometer"]),
                 SensorCalibration.from_dict(content["gyroscope"]),
+                content.get("log", {}),
             )
         except ImuloopError as error:
             raise ImuloopError(f"{path}: {error}") from error

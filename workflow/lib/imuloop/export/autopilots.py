@@ -80,35 +80,45 @@ def px4(device):
         f"Ours: {MODEL}, SI. PX4: x = (z - thermal - OFF) SCALE, z as a driver publishes it",
         "(topics sensor_accel, sensor_gyro), m/s^2 and rad/s, forward, right, down.",
         "The axes are those of the log: valid where it was logged on these axes, uncorrected.",
-        "Not ours: CAL_ACC0_ID, CAL_GYRO0_ID, CAL_*_PRIO, CAL_*_ROT; slot 0 must be this sensor's.",
+        "Not ours: CAL_*_PRIO, CAL_*_ROT; where no CAL_*_ID follows, slot 0 must be this sensor's.",
         "Values are float32, as PX4 keeps them. PX4 takes no noise from its parameters of sensors.",
         "Vehicle 1, component 1: QGroundControl loads the file only into a vehicle of that number.",
     )
     for name in SENSORS:
         sensor, (calibration, thermal, _) = device.sensor(name), NAMES[name]
+        known = device.calibration.log.get("sensor_ids", {}).get(name, {})
+        slot = known.get("slot", 0)
+        calibration, thermal = f"CAL_{calibration}{slot}_", f"TC_{thermal}{slot}_"
         scale, offset = scale_and_offset(sensor)
         span = common_temperatures(device, name)
         body += "#\n" + comment(*device.left_out(name, (BIAS,) if span else ()))
         if sensor.method == "nominal":
             body += not_calibrated(device, name)
         else:
-            forms = f"CAL_{calibration}0_{{}}OFF", f"CAL_{calibration}0_{{}}SCALE"
+            if known:
+                body += comment("Slot and device id are those of the log, of the sensor in it")
+                body += px4_line(f"{calibration}ID", known["id"], INT32)
+            forms = f"{calibration}{{}}OFF", f"{calibration}{{}}SCALE"
             body += offsets(device, name, px4_line, forms, offset)
         if span is None:
             continue
-        reference, tc = bias_reference(device, name), f"TC_{thermal}0_"
+        reference = bias_reference(device, name)
         body += comment(
             f"Effect {BIAS}: Xk in {UNITS[name]['B']} per K^k before the scale, so c_k "
             "K_nominal/K; subtracted.",
             "TMIN, TMAX: where the effect was seen, degC; outside PX4 holds the value at the end.",
             THERMOMETER,
-            f"To be set by hand, the number of this sensor as in CAL_{calibration}0_ID: {tc}ID",
         )
-        body += px4_line(f"TC_{thermal}_ENABLE", 1, INT32)
+        if known:
+            body += px4_line(f"{thermal}ID", known["id"], INT32)
+        else:
+            words = f"To be set by hand, the number of this sensor as in {calibration}ID"
+            body += comment(f"{words}: {thermal}ID")
+        body += px4_line(f"TC_{NAMES[name][1]}_ENABLE", 1, INT32)
         for k, c in enumerate(bias_polynomial(device, name, reference)):
-            body += triple(px4_line, f"{tc}X{k}_{{}}", c / scale, "012")
+            body += triple(px4_line, f"{thermal}X{k}_{{}}", c / scale, "012")
         for end, value in zip(("TREF", "TMIN", "TMAX"), (reference, *span), strict=True):
-            body += px4_line(tc + end, value)
+            body += px4_line(thermal + end, value)
     return body
 
 

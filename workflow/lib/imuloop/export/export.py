@@ -16,12 +16,13 @@ from imuloop.export.exported import MODEL, Exported
 from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
 from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
 from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
-from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR
+from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR, MATLAB_PARAMETERS
 from imuloop.export.openvins import OPENVINS
 
 FORMATS = (
     *(KALIBR, OPENVINS, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS),
-    *(ACCELEROMETER, GYROSCOPE, PX4, ARDUPILOT, MATLAB_IMU_SENSOR, GNSS_INS_SIM, C_HEADER),
+    *(ACCELEROMETER, GYROSCOPE, PX4, ARDUPILOT, MATLAB_IMU_SENSOR, MATLAB_PARAMETERS),
+    *(GNSS_INS_SIM, C_HEADER),
 )
 README = "README.txt"
 

@@ -1,5 +1,6 @@
-"""A script that makes MATLAB's ``imuSensor`` measure as the device does."""
+"""A script and a file of parameters that make MATLAB's ``imuSensor`` measure as the device does."""
 
+import json
 from functools import partial
 
 import numpy as np
@@ -64,40 +65,49 @@ def text(device):
     )
 
 
-def sensor_text(device, name):
-    """Return the lines of one sensor."""
-    sensor, (variable, sign) = device.sensor(name), VARIABLES[name]
+def fields(device, name):
+    """Return the properties that a sensor of imuSensor gets: name, values, and what they are."""
+    sensor, (_, sign) = device.sensor(name), VARIABLES[name]
     unit = UNITS[name]["B"]
     scale, bias = scale_and_offset(sensor)
-    reference = bias_reference(device, name)
+    reference, warm = bias_reference(device, name), []
+    negated = ", negated with the reading" if sign < 0 else ""
     if reference is not None:
         c = bias_polynomial(device, name, reference)
         slope = c[1] / scale
         bias = bias + (c[0] / scale) + slope * (STANDARD - reference)
+        words = f"{unit}/K: slope of {BIAS} at {reference:g} degC, times unit/K{negated}"
+        warm = [("TemperatureBias", sign * slope, words)]
+    words = "per cent: 100 (unit/K) inverse of T, scale factor included"
+    found = [
+        ("ConstantBias", sign * bias, f"{unit}: b in SI, at {STANDARD:g} degC{negated}"),
+        ("AxesMisalignment", 100 * np.linalg.inv(sensor.T) / scale[:, None], words),
+    ]
+    for key, term in DENSITIES.items():
+        densities = [device.density(axis, term) for axis in SENSORS[name]]
+        words = [f"{UNITS[name][term]}: {term}", *(d.words for d in densities if d.limit)]
+        found.append((key, [d.value for d in densities], "; ".join(words)))
+    return found + warm
 
-    def field(key, values, what):
-        rows = "; ".join(numbers(row, " ") for row in np.atleast_2d(values))
-        return f"{variable}.{key} = [{rows}]; {remark(what)}"
 
+def sensor_text(device, name):
+    """Return the lines of one sensor."""
+    sensor, (variable, _) = device.sensor(name), VARIABLES[name]
+    scale, _ = scale_and_offset(sensor)
     lines = remark(*device.left_out(name, CARRIED, aligned=True))
     if not device.measured(name):
         lines += remark(f"The {name} has no calibration: {sensor.not_testable}")
     lines += f"{variable} = {variable}params;\n"
-    negated = ", negated with the reading" if sign < 0 else ""
-    lines += field("ConstantBias", sign * bias, f"{unit}: b in SI, at {STANDARD:g} degC{negated}")
-    words = "per cent: 100 (unit/K) inverse of T, scale factor included"
-    lines += field("AxesMisalignment", 100 * np.linalg.inv(sensor.T) / scale[:, None], words)
-    for key, term in DENSITIES.items():
-        densities = [device.density(axis, term) for axis in SENSORS[name]]
-        words = [f"{UNITS[name][term]}: {term}", *(d.words for d in densities if d.limit)]
-        lines += field(key, [d.value for d in densities], "; ".join(words))
+    for key, values, what in fields(device, name):
+        rows = "; ".join(numbers(row, " ") for row in np.atleast_2d(values))
+        lines += f"{variable}.{key} = [{rows}]; {remark(what)}"
     lines += f"{variable}.NoiseType = 'single-sided'; "
     lines += remark("of imuSensor: so that N and K are what the samples show")
     lines += f"{variable}.BiasInstabilityCoefficients = fractalcoef({POLES}); "
     lines += remark(f"flicker, for periods up to {POLES} samples")
+    reference = bias_reference(device, name)
     if reference is not None:
-        words = f"{unit}/K: slope of {BIAS} at {reference:g} degC, times unit/K{negated}"
-        lines += field("TemperatureBias", sign * slope, words)
+        unit, c = UNITS[name]["B"], bias_polynomial(device, name, reference)
         lines += remark(*range_lines(device, name, BIAS, HELD))
         if c[2:].any():
             curve = ", ".join(f"{np.abs(c[k]).max():.2g} {unit}/K^{k}" for k in (2, 3))
@@ -115,6 +125,36 @@ def sensor_text(device, name):
     return lines
 
 
+def parameters(device):
+    """Return the file that imuSensor's ``loadparams(imu, FILE, PART)`` reads.
+
+    A part by its name, of ``Accelerometer`` and ``Gyroscope``, each with properties of accelparams
+    and gyroparams: numbers only, so that what is text or a struct is set by the script alone.
+
+    References
+    ----------
+    MathWorks, reference page of loadparams (imuSensor), and its help text.
+    """
+    device.need_calibration()
+    # a name of MATLAB, of at most 63 letters
+    part = device.device.replace("-", "_")[:63]
+    both = {name: fields(device, name) for name in SENSORS}
+    known = {
+        name.capitalize(): {key: np.asarray(values).tolist() for key, values, _ in found}
+        for name, found in both.items()
+    }
+    notes = [
+        "As matlab_imu_sensor.m, which says what each value is and what is not carried. After",
+        f"loadparams(imu, FILE, '{part}'), R2023b on, what is no number, for Accelerometer and",
+        "Gyroscope alike: imu.Gyroscope.NoiseType = 'single-sided';",
+        f"imu.Gyroscope.BiasInstabilityCoefficients = fractalcoef({POLES});",
+    ]
+    return json.dumps({part: known, "Notes": notes}, indent=1, allow_nan=False) + "\n"
+
+
+MATLAB_PARAMETERS = Format(
+    "matlab_imu_sensor.json", "MATLAB imuSensor, parameters for its loadparams", parameters
+)
 MATLAB_IMU_SENSOR = Format(
     "matlab_imu_sensor.m", "MATLAB imuSensor, a model of the device for simulation", text
 )

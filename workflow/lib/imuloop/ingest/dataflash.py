@@ -6,7 +6,7 @@ from array import array
 
 import numpy as np
 
-from imuloop.core.errors import RejectedLog
+from imuloop.core.errors import RejectedLog, plural
 from imuloop.ingest.columns import AXES
 from imuloop.ingest.guarded import guarded
 from imuloop.ingest.streams import Stream, raw_log, stream_names
@@ -64,7 +64,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         *damage,
         "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before",
     ]
-    damage = damage or ([f"{bad} rows cannot be read"] if bad else [])
+    damage = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
     raw = raw_log(streams, columns, batch_rows, notes, damage)
     raw.bad_lines = bad
     return raw

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
@@ -30,14 +31,15 @@ def warnings(figures):
 
     tell(
         "exactly zero on all axes",
-        [f"{sensor} in {n} rows" for sensor, n in found["zero_rows"].items() if n],
+        [f"{sensor} in {plural(n, 'row')}" for sensor, n in found["zero_rows"].items() if n],
         "; padding or failed reads, no motion: crop them with time_range or take them out of the "
         "log",
     )
     tell(
         "stuck at one value",
         [
-            f"{name} {f['rows']} samples, {f['stretches']} times, first at {f['first_s']:.6g} s"
+            f"{name} {plural(f['rows'], 'sample')}, {plural(f['stretches'], 'time')}, first at "
+            f"{f['first_s']:.6g} s"
             for name, f in found["stuck"].items()
             if f["stretches"]
         ],
@@ -57,7 +59,8 @@ def warnings(figures):
     tell(
         "clipped at a repeated extreme value",
         [
-            f"{name} {f['rows']} samples at {' and '.join(f'{v:.6g}' for v in f['values'])} "
+            f"{name} {plural(f['rows'], 'sample')} at "
+            f"{' and '.join(f'{v:.6g}' for v in f['values'])} "
             f"{'m/s²' if name in ACCELERATION else 'rad/s'}"
             for name, f in found["clipped_at"].items()
             if f["values"] and not figures["clipped"].get(name)

@@ -75,6 +75,8 @@ def ingest(
     files = dict(zip(roles, paths, strict=True))
     marks_file = files.pop("pps", None)
     columns = dict(columns or {})
+    entry = {"format": format, "columns": dict(columns), "units": dict(units or {}), "rate": rate}
+    entry = {key: value for key, value in entry.items() if value}
     if pps and not marks_file:
         columns["pps"] = pps
     rejected = timeline = logged = step = usual = None
@@ -102,6 +104,7 @@ def ingest(
         source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
         origin = _origin(device, session, kind, units, raw_units, log_format, source)
         origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
+        origin |= {"declared": entry, "sensor_ids": log.sensor_ids}
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
         with replaced(samples_path) as temporary:
             try:
@@ -187,6 +190,8 @@ def _origin(device, session, kind, units, raw_units, log_format, source):
         "sha256": {},
         "units": units,
         "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
+        "declared": {},
+        "sensor_ids": {},
         "simulated": False,
         "start": None,
     }

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -173,7 +174,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines
     inside = counts.read - counts.outside + bad_lines
     if inside == 0 and counts.read:
-        return [f"none of the log's {counts.read} rows lies in the time range"]
+        return [f"none of the log's {plural(counts.read, 'row')} lies in the time range"]
     if inside == 0:
         return ["the log has no rows"]
     if lost > MOST_DROPPED * inside:

@@ -23,7 +23,8 @@ class RawLog:
     `units` map a quantity to its columns, and to the unit that the file states; `columns` lists all
     columns, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
     those in all lines, without blanks and unwritten memory; `interpolated` are sensors on the clock
-    of the other. `threads`, set before the first batch is taken, changes no result.
+    of the other; `sensor_ids`, by sensor, number and slot of its own where the log's autopilot has
+    them. `threads`, set before the first batch is taken, changes no result.
     """
 
     batches: Iterable[pa.RecordBatch] = ()
@@ -36,6 +37,7 @@ class RawLog:
     text_bytes: int = 0
     interpolated: list[str] = field(default_factory=list)
     columns: str = ""
+    sensor_ids: dict = field(default_factory=dict)
     threads: int = 1
 
     @property

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from imuloop.core.errors import RejectedLog
+from imuloop.core.errors import RejectedLog, plural
 from imuloop.ingest.columns import AXES, unit_of
 from imuloop.ingest.delimited import read_series
 from imuloop.ingest.streams import Stream, raw_log
@@ -44,7 +44,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         if not fresh.any():
             continue
         if left_out := unstamped + int((~fresh).sum()):
-            notes.append(f"{left_out} rows have no new sample of {name}")
+            notes.append(f"no new sample of {name} in {plural(left_out, 'row')}")
         sign = -1 if name == "accelerometer" else 1
         fields = {
             layout.names[i]: sign * x[fresh] for i, x in zip(positions[1:], values, strict=True)

@@ -36,6 +36,13 @@ _SENSORS = {
 }
 # length of the intervals, in us, of the increments
 _INTERVALS = {"delta_velocity": "delta_velocity_dt", "delta_angle": "delta_angle_dt"}
+# of each sensor: what PX4 calls it, and fields with its device id, in its topic and in others
+_IDS = {
+    "acceleration": ("accelerometer", "ACC", ("device_id", "accel_device_id")),
+    "angular_rate": ("gyroscope", "GYRO", ("device_id", "gyro_device_id")),
+}
+# sensors that PX4 has calibrations for
+_SLOTS = range(4)
 # PX4 has taken its own calibration out of these
 _CORRECTED = ("sensor_combined", "vehicle_imu")
 # accelerometer_timestamp_relative of a row without acceleration
@@ -72,6 +79,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
     raw = raw_log(streams, columns, batch_rows, notes, damage)
+    raw.sensor_ids = _sensor_ids(log, raw.found)
     for topic in _CORRECTED:
         if any(name.startswith(topic) for name in raw.found["acceleration"]):
             raw.notes.append(
@@ -79,6 +87,22 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
                 "sensor_gyro are not"
             )
     return raw
+
+
+def _sensor_ids(log, found):
+    """Return device id and slot of each sensor, as PX4 has them in CAL_ACC0_ID and the like.
+
+    The id is that of the sensor's topic, else of PX4's parameters where these know one sensor.
+    """
+    topics, ids = {f"{t.name}_{t.multi_id}": t.data for t in log.data_list}, {}
+    for quantity, (sensor, short, fields) in _IDS.items():
+        slots = {log.initial_parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
+        data = topics.get(found[quantity][0].partition(".")[0], {})
+        known = {int(x) for name in fields for x in np.unique(data.get(name, ()))} - {0}
+        known = known or {*slots} - {0, None}
+        if len(known) == 1 and 0 < (one := known.pop()) < 1 << 31:
+            ids[sensor] = {"id": one, "slot": slots.get(one, 0)}
+    return ids
 
 
 class _Tape(io.BytesIO):

@@ -1,6 +1,7 @@
 """A formula that a search found beyond the library, in words."""
 
-from imuloop.report.numbers import number, percent, plural, with_sigma
+from imuloop.core.errors import plural
+from imuloop.report.numbers import number, percent, with_sigma
 from imuloop.report.verdict import RESIDUAL_WORDS
 
 # terms of a formula that are written out

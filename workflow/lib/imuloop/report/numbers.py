@@ -136,11 +136,6 @@ def joined(words):
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def plural(count, noun, ending="s"):
-    """Return a count with its noun."""
-    return f"{count} {noun}{'' if count == 1 else ending}"
-
-
 def text_of(value):
     """Return a figure of a result file in a few words, whatever its form."""
     if value is None:

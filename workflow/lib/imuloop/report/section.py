@@ -12,15 +12,11 @@ from imuloop.core.files import write_json
 from imuloop.export.export import listed
 from imuloop.report import composed
 from imuloop.report.advice import next_steps, what_next
-from imuloop.report.figures import allan, bias, residuals, spectrum, time_series
-from imuloop.report.figures.arms import arm_pictures
+from imuloop.report.figures.allan import definitions
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.composed import composed_pictures
-from imuloop.report.figures.correlates import correlate_pictures
-from imuloop.report.figures.correlations import correlation_matrices
-from imuloop.report.figures.drawing import write_svg
-from imuloop.report.figures.poses import pose_picture
+from imuloop.report.figures.drawing import Picture, write_svg
 from imuloop.report.page import write, write_page
+from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
 from imuloop.report.results import SENSORS, Device, read_device
 from imuloop.report.summary import summarise
 from imuloop.report.tables import calibration, candidates, data, diagnosis, noise
@@ -36,9 +32,8 @@ def write_section(name, label, folder, sessions):
     device = read_device(name, label, folder, sessions)
     _empty(device.figures)
     values = content(device)
-    # for snakemake --report
-    for picture in (*values["allan"], *filter(None, [values["poses"]])):
-        write_svg(device.figures, picture.name.removeprefix(f"{name}.").replace(".", "_"), picture)
+    for picture in (*pictures(device, "loop"), *_inside(values)):
+        write_svg(device.figures, picture.stem, picture)
     _write(device, "section.html.j2", **values)
 
 
@@ -60,6 +55,14 @@ def _write(device, template, **values):
     write_page(device.folder / "report.html", "device.html.j2", **looks)
 
 
+def _inside(values):
+    """Return every picture of what is laid out."""
+    if isinstance(values, Picture):
+        return [values]
+    parts = values.values() if isinstance(values, dict) else values
+    return [p for part in parts if isinstance(part, (Picture, dict, list)) for p in _inside(part)]
+
+
 def _empty(folder):
     if folder.exists():
         shutil.rmtree(folder)
@@ -68,13 +71,10 @@ def _empty(folder):
 
 def content(device):
     """Return what the section's template lays out, and write the figures' numbers."""
-    final, used = device.calibrations["final"], device.used
+    final = device.calibrations["final"]
 
     def tables(make):
         return [table for sensor in SENSORS if (table := make(device, sensor))]
-
-    def pictures(make):
-        return [picture for session in used for picture in make(device, session)]
 
     return {
         "parts": [diagnosis_part(device, *each) for each in blocks(device.diagnosis)],
@@ -83,19 +83,12 @@ def content(device):
         "rejected": [s for s in device.sessions if s.rejected],
         "data": [data.data_table(device), data.source_table(device)],
         "warnings": [(s.name, text) for s in device.sessions for text in s.quality["warnings"]],
-        "series": pictures(time_series.session_pictures),
         "segments": data.segment_table(device),
-        "poses": pose_picture(device),
         "basis": [(s, calibration.METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
         "reasons": calibration.reasons(device),
         "parameters": tables(calibration.parameter_table),
-        "matrices": correlation_matrices(device),
         "model": tables(calibration.model_table),
-        "allan": pictures(allan.allan_pictures),
-        "spectra": pictures(spectrum.density_pictures),
-        "autocorrelations": pictures(spectrum.correlation_pictures),
-        "definitions": allan.definitions(device),
-        "deviations": pictures(allan.deviation_pictures),
+        "definitions": definitions(device),
         "coefficients": tables(noise.coefficient_table),
         "coefficient_note": noise.coefficient_note(device),
         "uncut": tables(noise.uncut_table),
@@ -103,6 +96,7 @@ def content(device):
         "statistics": noise.statistics_tables(device),
         "heldout": diagnosis.heldout_table(device),
         "attitude": attitude_part(device),
+        **{k: pictures(device, k) for k in ("poses", "correlations", *OF_SESSION)},
     }
 
 
@@ -111,12 +105,7 @@ def diagnosis_part(device, sensor, part, block):
     verdict, above = block["verdict"], block["verdict"] in ABOVE
     tables = [diagnosis.steps_table(sensor, part, block)]
     tables += [diagnosis.effect_table(sensor, part, e) for e in block["effects"]]
-    corrected, drawn = [], []
-    if part != "static_record":
-        drawn = residuals.residual_pictures(device, sensor, block) + arm_pictures(device, block)
-        drawn += composed_pictures(device, sensor, block)
-    else:
-        corrected = allan.corrected_pictures(device, sensor) if block["effects"] else []
+    if part == "static_record":
         tables += [
             diagnosis.heldout_by_session(device, sensor, block),
             *diagnosis.session_tables(device, sensor, block),
@@ -130,12 +119,9 @@ def diagnosis_part(device, sensor, part, block):
         # with which the sentence begins
         "words": WORDS[verdict],
         "sentence": sentence(sensor, block) + composed.words(block),
-        "poses": drawn,
-        "bias": bias.bias_pictures(device, sensor, block),
         "effects": [t for t in tables if t],
-        "allan": corrected,
         "ranking": candidates.ranking_table(sensor, part, block),
         "twins": candidates.twin_table(sensor, part, block),
-        "left": correlate_pictures(device, sensor, part, block) if above else [],
         "next_step": what_next(block) if above else "",
+        **{k: make(device, sensor, part, block) for k, make in OF_RECORD.items()},
     }

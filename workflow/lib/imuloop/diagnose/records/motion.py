@@ -12,6 +12,7 @@ from imuloop.calibrate.least_squares import SINGULAR, FitResult
 from imuloop.calibrate.motion import COUNT, FORCE, MotionPoses, OfSensor
 from imuloop.calibrate.pose_fits import Solution, in_raw_units
 from imuloop.core.effect import Effect, find_effect
+from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
@@ -99,7 +100,8 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
     )
     model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
     if quiet.sum() < LEAST_MOVES:
-        why = f"{quiet.sum()} of {len(quiet)} moves without a knock, at least {LEAST_MOVES} needed"
+        why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
+        why += f", at least {LEAST_MOVES} needed"
         unfitted = Solution(
             found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0)), np.zeros(0))
         )

@@ -30,8 +30,9 @@ def draw_allan(area, measured, noise, colour=INK, lowest=0.0):
     A term has its letter where it is largest, if it is above the `lowest` level.
     """
     tau = measured["tau_s"].to_numpy()
-    area.loglog(tau, measured["adev"], color=colour, lw=1.6, label="measured, 95 % band")
-    fill(area, tau, measured["ci_low"], measured["ci_high"], colour)
+    words = "measured, 95 % band"
+    area.loglog(tau, measured["adev"], color=colour, lw=1.6, label=words)
+    fill(area, tau, measured["ci_low"], measured["ci_high"], colour, curve=words)
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
     model = noise.allan_variance(grid)
     if not len(tau) or not (model > 0).all():
@@ -41,7 +42,8 @@ def draw_allan(area, measured, noise, colour=INK, lowest=0.0):
         values = np.sqrt(AxisNoise(**{term: getattr(noise, term)}).allan_variance(grid))
         if not values.any():
             continue
-        area.loglog(grid, values, color=INK, ls=":", lw=1, label="its terms")
+        looks = {"color": INK, "ls": ":", "lw": 1, "label": "its terms", "gid": f"curve={letter}"}
+        area.loglog(grid, values, **looks)
         shown = np.flatnonzero(values > lowest)
         if len(shown):
             # at the end where the term is largest
@@ -91,6 +93,7 @@ def allan_pictures(device, session):
                 (1000, 280),
                 csv,
                 columns=(1, 1, 1),
+                zoom=True,
             )
         )
     return found
@@ -132,8 +135,9 @@ def corrected_pictures(device, sensor):
         def plot(area, curves=curves):
             for colour, (axis, (raw, after)) in zip(AXES, curves.items(), strict=True):
                 area.loglog(after["tau_s"], after["adev"], color=colour, label=axis)
-                fill(area, after["tau_s"], after["ci_low"], after["ci_high"], colour)
-                area.loglog(raw["tau_s"], raw["adev"], color=colour, ls=":", lw=1.6)
+                fill(area, after["tau_s"], after["ci_low"], after["ci_high"], colour, curve=axis)
+                looks = {"color": colour, "ls": ":", "lw": 1.6, "gid": f"curve={axis}"}
+                area.loglog(raw["tau_s"], raw["adev"], **looks)
             area.set_xlabel("averaging time τ, s")
             area.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
 
@@ -141,7 +145,8 @@ def corrected_pictures(device, sensor):
         parts = [f"{axis} {text}" for axis, p in curves.items() if (text := _fall(sensor, *p))]
         caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
         stem = f"{session.name}.allan_{sensor}_corrected"
-        pictures.append(drawn(device, stem, "Allan deviation", caption, plot, of_sensor))
+        kind, looks = "Allan deviation", {"zoom": True}
+        pictures.append(drawn(device, stem, kind, caption, plot, of_sensor, **looks))
     return pictures
 
 
@@ -187,7 +192,7 @@ def deviation_pictures(device, session):
                 for colour, (words, r) in zip(cycle([INK, *PALETTE]), found.items(), strict=False):
                     r = r[r["axis"] == channel]
                     area.loglog(r["x"], r["value"], color=colour, label=words)
-                    fill(area, r["x"], r["ci_low"], r["ci_high"], colour, 0.1)
+                    fill(area, r["x"], r["ci_low"], r["ci_high"], colour, 0.1, words)
                 area.set_xlabel(f"{axis}: averaging time τ, s")
             areas[0].set_ylabel(f"deviation, {UNITS[sensor]}")
 
@@ -203,6 +208,6 @@ def deviation_pictures(device, session):
         )
         name = f"{device.name}.{session.name}.deviations_{sensor}"
         kind = "Deviations of several definitions"
-        return Picture(name, kind, caption, plot, (1000, 300), csv, columns=(1, 1, 1))
+        return Picture(name, kind, caption, plot, (1000, 300), csv, (1, 1, 1), zoom=True)
 
     return [one(*each) for each in SENSORS.items()]

@@ -2,9 +2,10 @@
 
 import pandas as pd
 
+from imuloop.core.errors import plural
 from imuloop.core.files import read_json
 from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, drawn
-from imuloop.report.numbers import duration, interval_text, number, plural, with_unit
+from imuloop.report.numbers import duration, interval_text, number, with_unit
 from imuloop.report.tables.table import Table
 
 MODELS = {"raw": "as logged", "base": "base model", "final": "final"}

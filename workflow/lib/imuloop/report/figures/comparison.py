@@ -77,9 +77,10 @@ def _at(grid, tau, adev):
 
 def _allan_lines(name, sensor, axis, curves):
     def plot(area):
-        for i, _, tau, adev in curves:
+        for i, label, tau, adev in curves:
             colour, dash = line_style(i)
-            area.loglog(tau, adev, color=PALETTE[colour], ls=DASHES[dash])
+            looks = {"color": PALETTE[colour], "ls": DASHES[dash], "gid": f"curve={label}"}
+            area.loglog(tau, adev, **looks)
         area.set(**_labels(sensor))
 
     unit, caption = UNITS[sensor], f"{sensor.capitalize()} {axis}: "
@@ -95,7 +96,7 @@ def _allan_lines(name, sensor, axis, curves):
         if len(levels) > 1:
             caption += f"{best} is steadiest, {number(least)} {unit}; {worst} least, "
         caption += f"{number(most)} {unit}"
-    return Picture(name, "Allan deviation", f"{caption}.", plot, (380, 270))
+    return Picture(name, "Allan deviation", f"{caption}.", plot, (380, 270), zoom=True)
 
 
 def _allan_band(name, sensor, axis, curves):
@@ -111,13 +112,13 @@ def _allan_band(name, sensor, axis, curves):
     out, at = standing_out(distances), int(np.abs(grid - common).argmin())
 
     def plot(area):
-        fill(area, grid, low, high, BLUE)
-        handles = area.loglog(grid, middle, color=BLUE, lw=2)
-        for colour, i in zip(COLOURS, out, strict=False):
-            handles += area.loglog(*curves[i][2:], color=colour)
-        area.set(**_labels(sensor))
         # labels of artists may not begin with "_", those of devices may
         labels = ["median, 5–95 %", *(shortened(curves[i][1], 14) for i in out)]
+        fill(area, grid, low, high, BLUE, curve=labels[0])
+        handles = area.loglog(grid, middle, color=BLUE, lw=2, gid=f"curve={labels[0]}")
+        for colour, i, label in zip(COLOURS, out, labels[1:], strict=False):
+            handles += area.loglog(*curves[i][2:], color=colour, gid=f"curve={label}")
+        area.set(**_labels(sensor))
         area.figure.legend(handles, labels, loc="outside right upper")
 
     named = [f"{curves[i][1]}, {number(np.exp(levels[i, at]) / middle[at], 2)} ×" for i in out]
@@ -126,7 +127,7 @@ def _allan_band(name, sensor, axis, curves):
         f"median is {number(middle[at])} {UNITS[sensor]}, nine of ten lie between "
         f"{number(low[at])} and {number(high[at])}; {_named(distances, named)}"
     )
-    return Picture(name, "Allan deviation", f"{caption}.", plot, (470, 270))
+    return Picture(name, "Allan deviation", f"{caption}.", plot, (470, 270), zoom=True)
 
 
 def _labels(sensor):

@@ -76,7 +76,7 @@ class Picture:
     sentence made from the data, are what readers get who cannot see it. `plot` draws on the `Axes`,
     or on the list of them, row by row, that it is given; what it labels is in the key. Size, px;
     path of the numbers behind it, from the report's folder; relative widths and heights of the
-    areas, which share their limits.
+    areas, which share their limits; whether it has curves to zoom into on the page.
     """
 
     name: str
@@ -87,6 +87,12 @@ class Picture:
     csv: str = ""
     columns: tuple = (1,)
     rows: tuple = (1,)
+    zoom: bool = False
+
+    @property
+    def stem(self):
+        """Its name among the figures of its device, and that of its file."""
+        return self.name.partition(".")[2].replace(".", "_")
 
     @property
     def wide(self):
@@ -115,6 +121,9 @@ class Picture:
                 for axis in (area.xaxis, area.yaxis):
                     if axis.get_scale() == "log":
                         _mark_decades(axis)
+            if self.zoom:
+                for area in areas:
+                    _mark_curves(area)
             if key:
                 figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
             figure.align_ylabels()
@@ -127,7 +136,8 @@ class Picture:
         with matplotlib.rc_context(STYLE | salt):
             drawn.savefig(file, format="svg", metadata={"Date": None})
         titles = getattr(drawn, "titles", {})
-        return _clean(file.getvalue(), f"{self.kind}. {self.caption}", titles)
+        alt, digits = f"{self.kind}. {self.caption}", 2 if self.zoom else 1
+        return _clean(file.getvalue(), alt, titles, digits)
 
     @property
     def inline(self):
@@ -144,9 +154,19 @@ def drawn(device, stem, kind, caption, plot, numbers, **looks):
     return Picture(f"{device.name}.{stem}", kind, caption, plot, csv=csv, **looks)
 
 
-def fill(area, x, low, high, colour, alpha=0.2):
-    """Fill the area between two curves."""
-    area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
+def fill(area, x, low, high, colour, alpha=0.2, curve=None):
+    """Fill the area between two curves; it comes and goes with the `curve` of that label."""
+    area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, gid=curve and f"curve={curve}")
+
+
+def _mark_curves(area):
+    """Mark in the drawing what the page's script needs: scales and limits, axes, curves."""
+    ends = [area.get_xscale(), *area.get_xlim(), area.get_yscale(), *area.get_ylim()]
+    area.set_gid("area=" + " ".join(e if isinstance(e, str) else f"{e:.9g}" for e in ends))
+    area.xaxis.set_gid("axis=x")
+    area.yaxis.set_gid("axis=y")
+    for line, label in zip(*area.get_legend_handles_labels(), strict=True):
+        line.set_gid(line.get_gid() or f"curve={label}")
 
 
 def _mark_decades(axis):
@@ -176,8 +196,8 @@ def entitle(area, marks, titles):
     titled[marks.get_gid()] = list(titles)
 
 
-def _clean(svg, alt, titles):
-    """Return a drawing without what a page does not need: ids, fonts, hundredths of a pixel."""
+def _clean(svg, alt, titles, digits):
+    """Return a drawing without what a page does not need: ids, fonts, small parts of a pixel."""
     svg = re.sub(
         r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.S
     )
@@ -187,18 +207,20 @@ def _clean(svg, alt, titles):
         svg,
         flags=re.S,
     )
-    svg = re.sub(r'<g id="[^"]*"', "<g", svg[svg.index("<svg") :])
+    # where the text of a mark has a quotation mark, it stands in others
+    svg = re.sub(r"<g id=(['\"])(area|axis|curve)=", r"<g data-\2=\1", svg[svg.index("<svg") :])
+    svg = re.sub(r'<g id="[^"]*"', "<g", svg)
     svg = re.sub(r"font-family: [^;\"]*; | transform=\"rotate\(-?0 [^\"]*\"", "", svg)
-    svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0]), re.sub(r"\s+", " ", svg))
+    svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0], digits), re.sub(r"\s+", " ", svg))
     for common in ("font-size: 11px; ", "; stroke-linecap: square", f"; fill: {INK}", "> <"):
         svg = svg.replace(common, "><" if common == "> <" else "")
     head = f'<svg role="img" aria-label="{escape(alt)}" fill="{INK}" font-size="11" '
     return re.sub(r' (width|height)="[\d.]+pt"', "", svg, count=2).replace("<svg ", head, 1)
 
 
-def _rounded(text):
-    """Return an attribute in tenths of a pixel; of a path what follows a place is a line to it."""
-    text = re.sub(r"-?\d+\.\d+", lambda m: f"{float(m[0]):.1f}".removesuffix(".0"), text)
+def _rounded(text, digits):
+    """Return an attribute with few digits; of a path what follows a place is a line to it."""
+    text = re.sub(r"-?\d+\.\d+", lambda m: f"{round(float(m[0]), digits):g}", text)
     return text.replace(" L ", " ").replace(" -", "-").replace("M ", "M")
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.drawing import (
@@ -90,7 +91,7 @@ def sphere(name, directions):
         for area, sign in zip(areas, (1, -1), strict=True):
             draw_poses(area, directions, sign, hole)
 
-    counts = " and ".join(f"{len(u)} {kind} poses" for kind, u in directions.items())
+    counts = " and ".join(plural(len(u), f"{kind} pose") for kind, u in directions.items())
     missing = [words for words, u in FACES.items() if (everything @ u).max() < NEAR]
     faces = f"no pose within 20° of {joined(missing)}" if missing else "all six faces are covered"
     caption = (

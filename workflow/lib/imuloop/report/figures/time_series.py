@@ -6,15 +6,16 @@ import numpy as np
 import pandas as pd
 import pywt
 
+from imuloop.core.errors import plural
 from imuloop.core.samples import TIME
 from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
 from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, drawn
-from imuloop.report.numbers import NO_NUMBER, duration, plural
+from imuloop.report.numbers import NO_NUMBER, duration
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
 
 # stretches of equal length that a line is cut into; each gives two points
-BUCKETS = 240
+BUCKETS = 600
 # means that a stretch is cut into before it is smoothed, and stretches of the smooth line
 MEANS, SMOOTH_BUCKETS = 4096, 120
 # four vanishing moments, nearly symmetric: a bend of third order leaves nothing, a step stays put
@@ -162,7 +163,9 @@ def _picture(device, session, sensor, t):
             f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
             f"{levels} {display.unit}."
         )
-    looks = {"size": (900, 310 if resting else 250), "rows": (1, 1, 1) if resting else (1,)}
+    looks = {"size": (900, 250), "zoom": True}
+    if resting:
+        looks |= {"size": (900, 310), "rows": (1, 1, 1)}
     stem, kind = f"{session.name}.{sensor}", "Samples over time"
     return drawn(device, stem, kind, caption, plot, _numbers(sensor, lines), **looks)
 

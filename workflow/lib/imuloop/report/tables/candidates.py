@@ -1,12 +1,12 @@
 """The ranking of the candidates: what became of each and why, and which cannot be told apart."""
 
 from imuloop.core.effect import Effect
+from imuloop.core.errors import plural
 from imuloop.report.numbers import (
     NO_NUMBER,
     duration,
     missing,
     percent,
-    plural,
     probability,
     text_of,
     with_unit,

@@ -2,6 +2,7 @@
 
 from math import log, sqrt
 
+from imuloop.core.errors import plural
 from imuloop.core.noise_model import AxisNoise
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.numbers import (
@@ -12,7 +13,6 @@ from imuloop.report.numbers import (
     joined,
     missing,
     number,
-    plural,
     with_unit,
 )
 from imuloop.report.results import SENSORS, UNITS, XYZ, axes_of, of_axes

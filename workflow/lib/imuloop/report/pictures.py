@@ -1,0 +1,67 @@
+"""The pictures of a device by their kind: what the report, files and notebooks show."""
+
+from imuloop.report.figures.allan import allan_pictures, corrected_pictures, deviation_pictures
+from imuloop.report.figures.arms import arm_pictures
+from imuloop.report.figures.attitude import attitude_part
+from imuloop.report.figures.bias import bias_pictures
+from imuloop.report.figures.composed import composed_pictures
+from imuloop.report.figures.correlates import correlate_pictures
+from imuloop.report.figures.correlations import correlation_matrices
+from imuloop.report.figures.loop import loop_errors, loop_picture
+from imuloop.report.figures.poses import pose_picture
+from imuloop.report.figures.residuals import residual_pictures
+from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
+from imuloop.report.figures.time_series import session_pictures
+from imuloop.report.verdict import ABOVE, blocks
+
+
+def _residuals(device, sensor, part, block):
+    if part == "static_record":
+        return []
+    found = residual_pictures(device, sensor, block) + arm_pictures(device, block)
+    return found + composed_pictures(device, sensor, block)
+
+
+def _corrected(device, sensor, part, block):
+    known = part == "static_record" and block["effects"]
+    return corrected_pictures(device, sensor) if known else []
+
+
+def _correlates(device, sensor, part, block):
+    return correlate_pictures(device, sensor, part, block) if block["verdict"] in ABOVE else []
+
+
+def _only(picture):
+    return [picture] if picture else []
+
+
+# what is drawn of a device, by kind; of each of its sessions; of each record of a sensor
+OF_DEVICE = {
+    "loop": lambda device: _only(loop_picture(device.name, loop_errors(device))),
+    "poses": lambda device: _only(pose_picture(device)),
+    "correlations": correlation_matrices,
+    "attitude": lambda device: attitude_part(device)["pictures"],
+}
+OF_SESSION = {
+    "series": session_pictures,
+    "allan": allan_pictures,
+    "spectra": density_pictures,
+    "autocorrelations": correlation_pictures,
+    "deviations": deviation_pictures,
+}
+OF_RECORD = {
+    "residuals": _residuals,
+    "bias": lambda device, sensor, _, block: bias_pictures(device, sensor, block),
+    "corrected": _corrected,
+    "correlates": _correlates,
+}
+KINDS = (*OF_DEVICE, *OF_SESSION, *OF_RECORD)
+
+
+def pictures(device, kind):
+    """Return the `Picture` objects of one of `KINDS`, of a device that the report has read."""
+    if kind in OF_DEVICE:
+        return OF_DEVICE[kind](device)
+    if kind in OF_SESSION:
+        return [p for session in device.used for p in OF_SESSION[kind](device, session)]
+    return [p for each in blocks(device.diagnosis) for p in OF_RECORD[kind](device, *each)]
