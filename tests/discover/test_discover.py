@@ -76,7 +76,7 @@ def rows(values, columns):
     """Return rows of white noise with a constant, each a pose, and a space of given columns."""
     n = len(values)
     parts = (Part(np.diag(np.full(n, 1e-6))),)
-    own = Rows(values, np.ones((n, 1)), np.eye(n), parts, np.arange(n))
+    own = Rows(values, np.ones((n, 1)), np.eye(n), parts, np.arange(n), 1)
     terms = tuple(f"x: fx^{k % 9 + 1}" for k in range(columns.shape[1]))
     singles = tuple((k,) for k in range(columns.shape[1]))
     return own, Space("accelerometer", 25.0, terms, columns, singles)

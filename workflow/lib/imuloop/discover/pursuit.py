@@ -12,8 +12,6 @@ from imuloop.diagnose.variance import likely_sizes, total
 
 # effects after which a search stops
 MOST = 4
-# rows for each parameter of a form
-ROWS = 4
 # share of a column's square that the base model has to leave
 LEFT = 1e-3
 # by how much a form of lower degree may be worse and is preferred
@@ -38,6 +36,8 @@ class Rows:
         Noise whose size the residuals tell: restricted maximum likelihood.
     piece : ndarray of int, shape (n,)
         The pose that each row begins at.
+    widest : int
+        The most parameters of a form, by all rows: a part that is held out takes no form away.
     """
 
     values: np.ndarray
@@ -45,13 +45,14 @@ class Rows:
     fixed: np.ndarray
     parts: tuple
     piece: np.ndarray
+    widest: int
 
     def seen(self, rows):
         """Return the same of some rows, which are an index."""
         at = np.ix_(rows, rows)
         parts = tuple(replace(p, covariance=p.covariance[at]) for p in self.parts)
         own = self.values[rows], self.jacobian[rows], self.fixed[at]
-        return Rows(*own, parts, self.piece[rows])
+        return Rows(*own, parts, self.piece[rows], self.widest)
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ def whitened(rows, space, chosen, about=None):
     for own in space.candidates:
         own = [c for c in own if shown[c] and c not in chosen]
         q, independent = _basis(left[:, own])
-        fits = 0 < q.shape[1] <= max(dof // ROWS, 1)
+        fits = 0 < q.shape[1] <= rows.widest
         bases.append(q if fits else q[:, :0])
         kept.append(tuple(own[k] for k in independent) if fits else ())
     return Whitened(white[:, 0], known, dof, tuple(bases), tuple(kept))
