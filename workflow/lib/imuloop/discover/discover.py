@@ -106,8 +106,8 @@ def discover(problem, base=(), level=LEVEL, space=None):
         Of the same problem and base, where it is known already.
     """
     space = space or space_of(problem)
-    rows, settings = rows_of(problem, base), problem.settings
-    found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
+    rows = rows_of(problem, base)
+    found = pursue(rows, space, level=level, draws=DRAWS, seed=problem.settings.seed)
     kinds, errors, left, agreed, constant, shown = {}, (), 1.0, 0.0, 1.0, {}
     if found.candidates:
         fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
@@ -116,18 +116,11 @@ def discover(problem, base=(), level=LEVEL, space=None):
         alike = {found.candidates[0], *found.imitators}
         agreed = np.mean([w.named and w.candidates[0] in alike for w in without])
         composed, after = in_sample(rows, space.columns[:, list(found.columns)])
-        for kind in problem.sensor.kinds:
+        kinds = held_out_kinds(problem, fold, errors)
+        series = {"input": composed, "before": composed + after, "after": after}
+        for kind in kinds:
             own = problem.of_kind(kind)
-            series = {"input": composed, "before": composed + after, "after": after}
             shown[kind] = {name: values[own].tolist() for name, values in series.items()}
-            pair = [each[own, None] for each in errors]
-            sizes = [float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair]
-            kinds[kind] = {
-                "before": sizes[0],
-                "after": sizes[1],
-                "ratio": sizes[1] / sizes[0],
-                "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
-            }
     return Discovery(space, found, kinds, errors, left, float(agreed), constant, shown)
 
 
@@ -202,18 +195,47 @@ def held_out(problem, rows, space, fold, level):
 
     Each part is predicted by a search, a noise and a fit of their own; what these Pursued is third.
     """
-    before, after, searches = np.zeros(len(rows.values)), np.zeros(len(rows.values)), []
+    searches = []
+
+    def search(seen):
+        seed = problem.settings.seed + 1 + len(searches)
+        what = rows.seen(seen), space.seen(seen)
+        searches.append(pursue(*what, level=level, draws=DRAWS_WITHOUT, seed=seed))
+        return searches[-1].columns
+
+    before = errors_of(rows, space, fold, lambda seen: ())
+    return before, errors_of(rows, space, fold, search), searches
+
+
+def errors_of(rows, space, fold, chosen):
+    """Return the errors of rows, (N,), each part predicted by a fit that did not see it.
+
+    `chosen` takes the rows that are seen, gives columns.
+    """
+    errors = np.zeros(len(rows.values))
     for part in range(fold[:, 0].max() + 1):
         held = np.flatnonzero(fold[:, 0] == part)
         seen = np.flatnonzero(~(fold == part).any(axis=1))
-        own, visible = rows.seen(seen), space.seen(seen)
-        seed = problem.settings.seed + 1 + part
-        searches.append(pursue(own, visible, level=level, draws=DRAWS_WITHOUT, seed=seed))
-        for errors, used in ((before, ()), (after, searches[-1].columns)):
-            design = np.column_stack([rows.jacobian, space.columns[:, list(used)]])
-            theta = fitted(own, design[seen])[0]
-            errors[held] = rows.values[held] - design[held] @ theta
-    return before, after, searches
+        design = np.column_stack([rows.jacobian, space.columns[:, list(chosen(seen))]])
+        theta = fitted(rows.seen(seen), design[seen])[0]
+        errors[held] = rows.values[held] - design[held] @ theta
+    return errors
+
+
+def held_out_kinds(problem, fold, errors):
+    """Return what a Discovery holds of each kind of residual, of errors before and after."""
+    kinds = {}
+    for kind in problem.sensor.kinds:
+        own = problem.of_kind(kind)
+        pair = [each[own, None] for each in errors]
+        before, after = (float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair)
+        kinds[kind] = {
+            "before": before,
+            "after": after,
+            "ratio": after / before,
+            "ratio_ci95": ratio_interval(fold[own, 0], *pair, problem.settings),
+        }
+    return kinds
 
 
 def fitted(rows, design):
