@@ -29,6 +29,7 @@ include: "workflow/rules/calibrate.smk"
 include: "workflow/rules/diagnose.smk"
 include: "workflow/rules/export.smk"
 include: "workflow/rules/board.smk"
+include: "workflow/rules/type.smk"
 include: "workflow/rules/report.smk"
 
 

@@ -101,6 +101,9 @@ def main():
                     part = parts["poses"]
                     names = [effect["name"] for effect in part["effects"]]
                     print(recording, device.name, sensor, part["verdict"], *names)
+                    if search := part.get("discovered"):
+                        found = (search[k] for k in ("status", "searched", "chance", "formula"))
+                        print(recording, device.name, sensor, "beyond the library:", *found)
             content = related(folder, devices)
             arms, std, nominal = places(content)
             apart = 1e3 * np.sqrt(((arms - nominal) ** 2).sum(axis=1).mean())

@@ -39,8 +39,14 @@ G = 9.80665
 # tests of a device that share the significance, as the library has about
 TESTS, SIGNIFICANCE, POWER = 30, 0.05, 0.9
 SESSION = "multi_position"
-# poses and course of temperature of a device
-PLANS = {"forty": ("few", 40), "eighty": ("usual", 80), "ramp": ("ramp", 40)}
+# course of temperature, poses, and length of the rests, s, of a device
+USUAL = (4.0, 8.0)
+PLANS = {
+    "forty": ("few", 40, USUAL),
+    "eighty": ("usual", 80, USUAL),
+    "ramp": ("ramp", 40, USUAL),
+    "rests": ("few", 40, (4.0, 40.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -164,6 +170,9 @@ class Outcome:
     margin: float
     chosen: int = 0  # candidates
     upper: float = np.nan  # of the ratio, of the kind where it is least
+    left: float = 1.0  # as of a Discovery
+    agreed: float = 0.0
+    constant: float = 1.0
 
 
 def _noise(truth, whole=False):
@@ -201,9 +210,9 @@ def _problem(truth, seed, sensor, noise):
 
 def device(plan, seed):
     """Return the truth of a device, its flicker up to three times that of the example."""
-    name, poses = PLANS[plan]
+    name, poses, rests = PLANS[plan]
     truth = poses_device(name)
-    session = replace(truth.sessions[SESSION], poses=poses)
+    session = replace(truth.sessions[SESSION], poses=poses, rest_s=rests)
     factor = np.random.default_rng(seed).uniform(0.3, 3.0, size=2)
     sensors = {}
     for sensor, k in zip((A, W), factor, strict=True):
@@ -293,6 +302,7 @@ def outcome(name, limits, plan, seed):
         found.effect is not None, right, bool(found.found.candidates), against,
         space.effect(found.found.columns).formula, found.found.margin, len(found.found.candidates),
         min((k["ratio_ci95"][1] for k in found.kinds.values()), default=np.nan),
+        found.left, found.agreed, found.constant,
     )  # fmt: skip
 
 

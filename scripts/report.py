@@ -15,4 +15,5 @@ report(
     output.report,
     output.comparison,
     snakemake.input.boards,
+    snakemake.input.types,
 )

@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from imuloop.config import boards, fetched, resolve, source_path
+from imuloop.config import fetched, grouped, resolve, source_path
 
 SHA = "0" * 64
 
@@ -37,8 +37,8 @@ def test_a_board_has_the_devices_that_name_it():
     config = {n: {"sessions": sessions} | ({"board": b} if b else {}) for n, b in named.items()}
     devices = resolve({"devices": config})
     assert {name: device["board"] for name, device in devices.items()} == named
-    assert boards(devices) == {"wing": ["a", "d"], "tail": ["c"]}
-    assert boards(resolve({"devices": {"b": config["b"]}})) == {}
+    assert grouped(devices, "board") == {"wing": ["a", "d"], "tail": ["c"]}
+    assert grouped(devices, "type") == {}
 
 
 def test_bare_time_stamps_resolve_to_text():

@@ -67,6 +67,10 @@ ONE_FAULT = {
         "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; "
         "name the session otherwise",
     ),
+    "type": (
+        session(SOUND, "type: 2nd,"),
+        "devices.imu.type: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)",
+    ),
     "board": (
         session(SOUND, "board: 2nd,"),
         "devices.imu.board: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)",

@@ -111,7 +111,7 @@ def test_who_reads_a_calibration_has_the_library_of_effects(repository):
             assert os.waitpid(child, 0)[1] == 0, module
     """
     modules = "board.board diagnose.diagnose export.export report.section simulate.truth".split()
-    modules += ["commands.apply", "commands.check", "commands.info"]
+    modules += ["commands.apply", "commands.check", "commands.info", "discover.family"]
     path = {"PYTHONPATH": str(repository / "workflow/lib")}
     command = [sys.executable, "-c", code, *modules]
     done = subprocess.run(command, env=path, capture_output=True, text=True)

@@ -31,6 +31,16 @@ def extra(channels):
     return found
 
 
+def known(channels):
+    """Return what the library has: a cubic of the accelerometer's axes, SI."""
+    return 4e-6 * channels.output**3
+
+
+def leaning(channels):
+    """Return what the library has: a gyroscope's sensitivity to specific force on x."""
+    return channels.other * [2e-4, 0.0, 0.0]
+
+
 def results(truth, sessions, folder):
     calibration = Calibration.from_json(folder / "calibration.json")
     faults = [fault(folder / f"{name}.json") for name in ("diagnosis", "calibration")]
@@ -84,6 +94,18 @@ def test_a_device_that_is_explained_is_not_searched():
     block = {"poses": {"verdict": "consistent", "slow_noise": False}}
     found = SimpleNamespace(content={"sensors": {"accelerometer": block}}, effects={})
     assert discover_device(found, None) is found
+
+
+def test_what_the_library_has_gets_its_name_and_no_formula():
+    truth = poses_device("few")
+    sensors = {"accelerometer": known, "gyroscope": leaning}
+    truth = replace(truth, **{s: replace(getattr(truth, s), extra=e) for s, e in sensors.items()})
+    diagnosis = diagnosis_of(truth, SEED, limits=False)
+    names = {
+        sensor: [effect["name"] for effect in records["poses"]["effects"]]
+        for sensor, records in diagnosis["sensors"].items()
+    }
+    assert names == {"accelerometer": ["cubic"], "gyroscope": ["g_sensitivity"]}
 
 
 @pytest.mark.parametrize(("upper", "said"), [(0.9, True), (1.1, False)])

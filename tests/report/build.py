@@ -1,6 +1,7 @@
 """The report of the plausible results, as the workflow's two rules make it."""
 
 from imuloop.core.files import write_json
+from imuloop.discover.family import no_type
 from imuloop.report.report import write_report
 from imuloop.report.section import write_section
 from report.plausible_results import write_results
@@ -20,8 +21,22 @@ def build(folder):
         write_section(device, label, folder / device, kinds)
     path = folder / "boards/wing/board.json"
     write_json(path, plausible_board([*devices]))
-    joined_report(folder, devices, folder, [path])
+    kind = folder / "types/pair/type.json"
+    write_json(kind, plausible_type([*devices]))
+    joined_report(folder, devices, folder, [path], [kind])
     return folder
+
+
+def plausible_type(devices):
+    """Return type.json of two devices, one of which has a formula, and of one without poses."""
+    first, second, third = devices[:3]
+    held = {"before": 2e-3, "after": 1e-3, "ratio": 0.5, "ratio_ci95": [0.4, 0.7]}
+    shown = {"values": {"x: fy^2*fz": 3e-5}, "std": {"x: fy^2*fz": 2e-6}}
+    one = {"has": True, "p_value": 1e-9, **shown, "residuals": {"gravity_norm": held}}
+    found = {"status": "named", "why": None, "searched": 430, "chance": 1e-3, "margin": 12.0}
+    found |= {"formula": "x: fy^2*fz", "imitators": ["z: fx*fy^2"], "left_out": {third: "<b>late"}}
+    found["devices"] = {first: one, second: one | {"has": False, "p_value": 0.4}}
+    return no_type("pair", None) | {"sensors": {"accelerometer": found}}
 
 
 def plausible_board(devices):
@@ -49,7 +64,7 @@ def plausible_board(devices):
     }
 
 
-def joined_report(folder, devices, to, boards=()):
+def joined_report(folder, devices, to, boards=(), types=()):
     """Write report and comparison of some devices of a results folder."""
     folders = [folder / device for device in devices]
-    write_report(folders, PROVENANCE, to / "report.html", to / "comparison.csv", boards)
+    write_report(folders, PROVENANCE, to / "report.html", to / "comparison.csv", boards, types)

@@ -290,11 +290,29 @@ def board(board, devices):
     return attempt(board, "board", lambda: write_json(path, relate(board.name, devices)), instead)
 
 
-def report(folders, provenance, report_path, comparison_path, boards=()):
+def of_type(made, devices):
+    """Write type.json, the formulas that the devices of a type show together.
+
+    `made` is a Device without sessions that has the type's name and folder.
+    """
+    from imuloop.core.files import write_json
+    from imuloop.discover.family import discover_type, no_type
+
+    path = made.file("type.json")
+
+    def instead(reason, failed):
+        write_json(path, no_type(made.name, reason) | {"failed": failed})
+
+    return attempt(
+        made, "type", lambda: write_json(path, discover_type(made.name, devices)), instead
+    )
+
+
+def report(folders, provenance, report_path, comparison_path, boards=(), types=()):
     """Join the parts of devices to the report; see `imuloop.report.report.write_report`."""
     from imuloop.report.report import write_report
 
-    write_report(folders, provenance, report_path, comparison_path, boards)
+    write_report(folders, provenance, report_path, comparison_path, boards, types)
 
 
 def run(device):

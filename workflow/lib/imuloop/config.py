@@ -98,10 +98,10 @@ def _session_name(path, session, taken):
 def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
-    By device: ``label``, ``board`` or None, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the
-    stages' settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or
-    ``acceleration`` and ``angular_rate``; ``pps`` of marks in a file), ``columns``, ``units``,
-    ``rate`` (Hz), ``time_range``, ``pps``.
+    By device: ``label``, ``board`` or None, ``type`` or None, ``gravity`` (m/s^2), ``full_scale``,
+    ``nominal``, the stages' settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by
+    role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` of marks in a file),
+    ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -115,6 +115,7 @@ def _device(name, device):
     return {
         "label": device.get("label", name),
         "board": device.get("board"),
+        "type": device.get("type"),
         "gravity": float(gravity),
         "full_scale": device.get("full_scale", {}),
         "nominal": device.get("nominal", {}),
@@ -145,10 +146,10 @@ def sources(file):
     return {"log": {"path": file} if isinstance(file, str) else dict(file)}
 
 
-def boards(devices):
-    """Return the names of the devices that name each board, by the board's."""
-    named = dict.fromkeys(device["board"] for device in devices.values() if device["board"])
-    return {board: [n for n, d in devices.items() if d["board"] == board] for board in named}
+def grouped(devices, key):
+    """Return the names of the devices that name each ``board``, or ``type``, by its name."""
+    named = dict.fromkeys(device[key] for device in devices.values() if device[key])
+    return {name: [n for n, d in devices.items() if d[key] == name] for name in named}
 
 
 def is_stored(path):

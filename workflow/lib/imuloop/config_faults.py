@@ -217,11 +217,12 @@ def _meaning_faults(config, wrong, replicas):
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return
     devices = merged_devices(config)
-    if "boards" in devices and any("board" in d for d in devices.values() if isinstance(d, dict)):
-        yield (
-            ("devices", "boards"),
-            "'boards' is reserved where a device names a board; name it otherwise",
-        )
+    for key in ("board", "type"):
+        if f"{key}s" in devices and any(key in d for d in devices.values() if isinstance(d, dict)):
+            yield (
+                ("devices", f"{key}s"),
+                f"'{key}s' is reserved where a device names a {key}; name it otherwise",
+            )
     for name, device in devices.items():
         sessions = device.get("sessions") if isinstance(device, dict) else None
         for session, content in sessions.items() if isinstance(sessions, dict) else ():

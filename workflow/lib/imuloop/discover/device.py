@@ -135,6 +135,7 @@ def content(discovery):
         "margin": found.margin if np.isfinite(found.margin) else None,
         "left": discovery.left,
         "agreed": discovery.agreed,
+        "constant": discovery.constant,
         "imitators": [text(k) for k in found.imitators[:LISTED]],
         "residuals": discovery.kinds,
         "points": discovery.shown,

@@ -1,6 +1,7 @@
 """The effect that nobody has written yet: looked for in what the library leaves unexplained."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.special import chdtrc
@@ -9,15 +10,18 @@ from imuloop.core.precision import precision
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import chi_square
 from imuloop.diagnose.variance import Part, likely_sizes, total
-from imuloop.discover.pursuit import Pursued, Rows, pursue
+from imuloop.discover.pursuit import Pursued, Rows, log_p, pursue, whitened
 from imuloop.discover.space import Space, space_of
 
-# probability, over the whole space, that chance gives a composed effect
+# probability, over the whole space, that chance gives a composed effect, and over all it may
+# depend on, that chance makes the size of one no constant
 LEVEL = 0.01
 # probability of what is left beside a formula, below which it is not all: more than noise
 FLOOR = 0.05
 # share of the searches without a part that have to give the same name, or one of its imitators
 AGREED = 0.7
+# rows for each parameter of a form
+ROWS = 4
 # draws of each kind, in all data and where a part is held out
 DRAWS, DRAWS_WITHOUT = 1000, 400
 
@@ -41,6 +45,8 @@ class Discovery:
         Probability that noise, as far as it is known beforehand, leaves as much beside it.
     agreed : float
         Share of the searches without a part that give the same name, or an imitator's.
+    constant : float
+        Probability that chance lets its size depend as much on anything (`constancy`).
     shown : dict of str to dict
         Of each kind, row by row, SI: the composed ``input``, fitted, and what of it the residual
         has ``before`` and ``after``; empty if nothing was found.
@@ -52,6 +58,7 @@ class Discovery:
     errors: tuple = ()
     left: float = 1.0
     agreed: float = 0.0
+    constant: float = 1.0
     shown: dict = field(default_factory=dict)
 
     @property
@@ -62,7 +69,8 @@ class Discovery:
     @property
     def effect(self):
         """The effect where one formula is enough, down to the noise, and confirmed; else None."""
-        certain = self.found.named and self.left >= FLOOR and self.agreed >= AGREED
+        enough = self.left >= FLOOR and self.constant >= LEVEL
+        certain = self.found.named and enough and self.agreed >= AGREED
         return self.space.effect(self.found.columns) if certain and self.confirmed else None
 
 
@@ -73,7 +81,8 @@ def rows_of(problem, base):
     extra = [Part(np.diag(at * np.median(np.diag(fixed)[at]))) for at in problem.groups()]
     # rows of other records have no pose: the last piece
     piece = np.where(problem.rows[1] < 0, len(problem.recording.poses), problem_first(problem))
-    return Rows(-about.values, about.jacobian, fixed, (*slow, *extra), piece)
+    widest = max((len(about.values) - about.jacobian.shape[1]) // ROWS, 1)
+    return Rows(-about.values, about.jacobian, fixed, (*slow, *extra), piece, widest)
 
 
 def problem_first(problem):
@@ -97,28 +106,22 @@ def discover(problem, base=(), level=LEVEL, space=None):
         Of the same problem and base, where it is known already.
     """
     space = space or space_of(problem)
-    rows, settings = rows_of(problem, base), problem.settings
-    found = pursue(rows, space, level=level, draws=DRAWS, seed=settings.seed)
-    kinds, errors, left, agreed, shown = {}, (), 1.0, 0.0, {}
+    rows = rows_of(problem, base)
+    found = pursue(rows, space, level=level, draws=DRAWS, seed=problem.settings.seed)
+    kinds, errors, left, agreed, constant, shown = {}, (), 1.0, 0.0, 1.0, {}
     if found.candidates:
         fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
+        constant = constancy(problem, rows, space, found.columns)
         *errors, without = held_out(problem, rows, space, fold, level)
         alike = {found.candidates[0], *found.imitators}
         agreed = np.mean([w.named and w.candidates[0] in alike for w in without])
         composed, after = in_sample(rows, space.columns[:, list(found.columns)])
-        for kind in problem.sensor.kinds:
+        kinds = held_out_kinds(problem, fold, errors)
+        series = {"input": composed, "before": composed + after, "after": after}
+        for kind in kinds:
             own = problem.of_kind(kind)
-            series = {"input": composed, "before": composed + after, "after": after}
             shown[kind] = {name: values[own].tolist() for name, values in series.items()}
-            pair = [each[own, None] for each in errors]
-            sizes = [float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair]
-            kinds[kind] = {
-                "before": sizes[0],
-                "after": sizes[1],
-                "ratio": sizes[1] / sizes[0],
-                "ratio_ci95": ratio_interval(fold[own, 0], *pair, settings),
-            }
-    return Discovery(space, found, kinds, errors, left, float(agreed), shown)
+    return Discovery(space, found, kinds, errors, left, float(agreed), constant, shown)
 
 
 def chance_of_left(rows, columns):
@@ -128,6 +131,43 @@ def chance_of_left(rows, columns):
     noise = total(rows.fixed, slow, likely_sizes(rows.values, design, rows.fixed, slow))
     (((square, dof),), _) = chi_square(rows.values, noise, design, [np.ones(len(noise), bool)])
     return float(chdtrc(dof, square))
+
+
+def constancy(problem, rows, space, chosen):
+    """Return the probability that by chance what chosen columns say depends as much on anything.
+
+    Were the formula another, what is left would go with ``d s``: d is the fitted sum of the
+    columns, s its own size, the order of the poses, their half, temperature, the components of
+    gravity's direction u or their products. The smallest p-value of these, times their number. What
+    another reference temperature would add is no other formula.
+    """
+    poses = problem.recording.poses
+    order = np.linspace(-1, 1, len(poses))
+    u = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
+    pairs = [u[:, i] * u[:, j] for i, j in combinations_with_replacement(range(3), 2)]
+    warmth = [] if poses.temperature is None else [poses.temperature - poses.temperature.mean()]
+    scalars = np.column_stack([order, np.sign(order), u, *pairs, *warmth])
+    moved = tuple(k for k, term in enumerate(space.terms) if term in _moved(space, chosen))
+    moved = whitened(rows, replace(space, candidates=(moved,)), chosen).kept[0] if moved else ()
+    fit = in_sample(rows, space.columns[:, list(chosen)])[0]
+    own = space.columns[:, [*chosen, *moved]]
+    # rows of other records have no pose
+    at = np.minimum(rows.piece, len(poses) - 1)
+    times = fit[:, None] * np.column_stack([np.abs(fit) / np.abs(fit).max(), scalars[at]])
+    k, m = own.shape[1], times.shape[1]
+    candidates = tuple((j,) for j in range(k, k + m))
+    others = replace(space, columns=np.hstack([own, times]), candidates=candidates)
+    white = whitened(rows, others, tuple(range(k)))
+    (least,), _ = log_p(white, white.residual[:, None])
+    return float(min(m * np.exp(least), 1.0))
+
+
+def _moved(space, chosen):
+    """Return the terms that chosen columns get with another reference temperature."""
+    terms = [space.terms[c] for c in chosen]
+    fewer = {"T^3": "T^2", "T^2": "T", "*T": ""}
+    each = ((t, next((f for f in fewer if f in t), None)) for t in terms)
+    return {t.replace(f, fewer[f]) for t, f in each if f} - set(terms)
 
 
 def in_sample(rows, columns):
@@ -155,18 +195,47 @@ def held_out(problem, rows, space, fold, level):
 
     Each part is predicted by a search, a noise and a fit of their own; what these Pursued is third.
     """
-    before, after, searches = np.zeros(len(rows.values)), np.zeros(len(rows.values)), []
+    searches = []
+
+    def search(seen):
+        seed = problem.settings.seed + 1 + len(searches)
+        what = rows.seen(seen), space.seen(seen)
+        searches.append(pursue(*what, level=level, draws=DRAWS_WITHOUT, seed=seed))
+        return searches[-1].columns
+
+    before = errors_of(rows, space, fold, lambda seen: ())
+    return before, errors_of(rows, space, fold, search), searches
+
+
+def errors_of(rows, space, fold, chosen):
+    """Return the errors of rows, (N,), each part predicted by a fit that did not see it.
+
+    `chosen` takes the rows that are seen, gives columns.
+    """
+    errors = np.zeros(len(rows.values))
     for part in range(fold[:, 0].max() + 1):
         held = np.flatnonzero(fold[:, 0] == part)
         seen = np.flatnonzero(~(fold == part).any(axis=1))
-        own, visible = rows.seen(seen), space.seen(seen)
-        seed = problem.settings.seed + 1 + part
-        searches.append(pursue(own, visible, level=level, draws=DRAWS_WITHOUT, seed=seed))
-        for errors, used in ((before, ()), (after, searches[-1].columns)):
-            design = np.column_stack([rows.jacobian, space.columns[:, list(used)]])
-            theta = fitted(own, design[seen])[0]
-            errors[held] = rows.values[held] - design[held] @ theta
-    return before, after, searches
+        design = np.column_stack([rows.jacobian, space.columns[:, list(chosen(seen))]])
+        theta = fitted(rows.seen(seen), design[seen])[0]
+        errors[held] = rows.values[held] - design[held] @ theta
+    return errors
+
+
+def held_out_kinds(problem, fold, errors):
+    """Return what a Discovery holds of each kind of residual, of errors before and after."""
+    kinds = {}
+    for kind in problem.sensor.kinds:
+        own = problem.of_kind(kind)
+        pair = [each[own, None] for each in errors]
+        before, after = (float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair)
+        kinds[kind] = {
+            "before": before,
+            "after": after,
+            "ratio": after / before,
+            "ratio_ci95": ratio_interval(fold[own, 0], *pair, problem.settings),
+        }
+    return kinds
 
 
 def fitted(rows, design):

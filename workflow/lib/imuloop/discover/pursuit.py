@@ -12,8 +12,6 @@ from imuloop.diagnose.variance import likely_sizes, total
 
 # effects after which a search stops
 MOST = 4
-# rows for each parameter of a form
-ROWS = 4
 # share of a column's square that the base model has to leave
 LEFT = 1e-3
 # by how much a form of lower degree may be worse and is preferred
@@ -38,6 +36,8 @@ class Rows:
         Noise whose size the residuals tell: restricted maximum likelihood.
     piece : ndarray of int, shape (n,)
         The pose that each row begins at.
+    widest : int
+        The most parameters of a form, by all rows: a part that is held out takes no form away.
     """
 
     values: np.ndarray
@@ -45,13 +45,14 @@ class Rows:
     fixed: np.ndarray
     parts: tuple
     piece: np.ndarray
+    widest: int
 
     def seen(self, rows):
         """Return the same of some rows, which are an index."""
         at = np.ix_(rows, rows)
         parts = tuple(replace(p, covariance=p.covariance[at]) for p in self.parts)
         own = self.values[rows], self.jacobian[rows], self.fixed[at]
-        return Rows(*own, parts, self.piece[rows])
+        return Rows(*own, parts, self.piece[rows], self.widest)
 
 
 @dataclass(frozen=True)
@@ -69,17 +70,36 @@ class Whitened:
     kept: tuple
 
     def scores(self):
+        """Return what each candidate saves of the residual, -inf where nothing of it is left.
+
+        Twins, which differ by a processor's rounding alone, have the same.
+        """
+        shown = np.array([b.shape[1] > 0 for b in self.bases])
+        return np.round(np.where(shown, self.saved(self.residual[:, None])[:, 0], -np.inf), 6)
+
+    def saved(self, residuals):
         """Return -2 log likelihood that each candidate saves, each parameter but one for log n.
 
-        ``n log(χ²₀/χ²₁) - (q - 1) log n``, Schwarz (Ann. Stat. 6, 1978, 461). Twins, which differ
-        by a processor's rounding alone, have the same.
+        ``n log(χ²₀/χ²₁) - (q - 1) log n``, Schwarz (Ann. Stat. 6, 1978, 461), of each of m
+        residuals, (K, m): zero where nothing of a candidate is left.
         """
-        square, found = self.residual @ self.residual, np.full(len(self.bases), -np.inf)
+        square, found = (residuals**2).sum(axis=0), np.zeros((len(self.bases), residuals.shape[1]))
         for k, basis in enumerate(self.bases):
             if q := basis.shape[1]:
-                left = 1 - np.sum((basis.T @ self.residual) ** 2) / square
-                found[k] = -self.dof * np.log(max(left, 1e-300)) - (q - 1) * np.log(self.dof)
-        return np.round(found, 6)
+                left = 1 - ((basis.T @ residuals) ** 2).sum(axis=0) / square
+                gain = -self.dof * np.log(np.maximum(left, 1e-300))
+                found[k] = gain - (q - 1) * np.log(self.dof)
+        return found
+
+    def drawn(self, piece, draws, rng):
+        """Return residuals that chance gives, (n, draws) each, free of what was taken out.
+
+        Normal draws; and the residual itself with the signs of whole poses changed.
+        """
+        n = len(self.residual)
+        signs = rng.choice([-1.0, 1.0], size=(piece.max() + 1, draws))[piece]
+        kinds = (rng.standard_normal((n, draws)), self.residual[:, None] * signs)
+        return [each - self.known @ (self.known.T @ each) for each in kinds]
 
     def imitates(self, k, other):
         """Return whether one of two candidates takes `SHARE` of the narrower, or more."""
@@ -111,7 +131,7 @@ def whitened(rows, space, chosen, about=None):
     for own in space.candidates:
         own = [c for c in own if shown[c] and c not in chosen]
         q, independent = _basis(left[:, own])
-        fits = 0 < q.shape[1] <= max(dof // ROWS, 1)
+        fits = 0 < q.shape[1] <= rows.widest
         bases.append(q if fits else q[:, :0])
         kept.append(tuple(own[k] for k in independent) if fits else ())
     return Whitened(white[:, 0], known, dof, tuple(bases), tuple(kept))
@@ -164,18 +184,11 @@ def log_p(white, residuals):
 def chance(white, piece, draws, rng):
     """Return the larger of two probabilities that chance shows the space as much as the residual.
 
-    Normal draws of what the base model leaves; and the residual itself with the signs of whole
-    poses changed.
+    By either kind of `Whitened.drawn`.
     """
     (shown,), _ = log_p(white, white.residual[:, None])
-    n = len(white.residual)
-    signs = rng.choice([-1.0, 1.0], size=(piece.max() + 1, draws))[piece]
-    drawn = (rng.standard_normal((n, draws)), white.residual[:, None] * signs)
-    found = []
-    for each in drawn:
-        each = each - white.known @ (white.known.T @ each)
-        found.append((1 + np.sum(log_p(white, each)[0] <= shown)) / (1 + draws))
-    return float(max(found))
+    kinds = white.drawn(piece, draws, rng)
+    return float(max((1 + np.sum(log_p(white, k)[0] <= shown)) / (1 + draws) for k in kinds))
 
 
 @dataclass(frozen=True)

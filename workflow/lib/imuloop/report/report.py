@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
+from imuloop.report.composed import type_part
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.loop import loop_picture
 from imuloop.report.page import write_page
@@ -19,7 +20,7 @@ from imuloop.report.verdict import WORDS, grouped
 TOGETHER = 10
 
 
-def write_report(folders, provenance, report_path, comparison_path, boards=()):
+def write_report(folders, provenance, report_path, comparison_path, boards=(), types=()):
     """Write the report and the comparison of all devices.
 
     Parameters
@@ -33,10 +34,13 @@ def write_report(folders, provenance, report_path, comparison_path, boards=()):
         HTML and CSV file to write.
     boards : sequence of path-like
         board.json of each board.
+    types : sequence of path-like
+        type.json of each type.
     """
     given = [(read_json(folder / "summary.json"), Path(folder)) for folder in folders]
     given.sort(key=lambda each: each[0]["status"] != "failed")
     devices, folders = zip(*given, strict=True)
+    labels = {d["device"]: d["label"] for d in devices}
     together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:
         tables.write_comparison(temporary, devices)
@@ -48,9 +52,8 @@ def write_report(folders, provenance, report_path, comparison_path, boards=()):
         # escaped when they were written
         sections=[Markup((f / "section.html").read_text("utf-8")) for f in folders if together],
         devices=devices,
-        boards=[
-            board_part(read_json(p), {d["device"]: d["label"] for d in devices}) for p in boards
-        ],
+        boards=[board_part(read_json(path), labels) for path in boards],
+        types=[type_part(read_json(path), labels) for path in types],
         rows=list(
             zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
         ),
