@@ -17,31 +17,22 @@ import yaml
 
 from imuloop import Calibration
 from imuloop.__main__ import main
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config_faults import config_faults
 from imuloop.core.effect import Effect
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import FORMATS
-from imuloop.noise.settings import NoiseSettings
 from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
-from imuloop.segment.settings import SegmentSettings
+from test_config_schema import SETTINGS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
     *(REPOSITORY / name for name in ("README.md", "CHANGELOG.md", "data/README.md")),
     *sorted(REPOSITORY.glob("docs/*.md")),
 ]
-SETTINGS = {
-    "segment": SegmentSettings,
-    "noise": NoiseSettings,
-    "calibrate": CalibrateSettings,
-    "diagnose": DiagnoseSettings,
-}
 # what a path in a document may be relative to
 ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
 # folders that a run makes
