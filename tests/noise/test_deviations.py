@@ -27,7 +27,7 @@ def quantisation(rng, n):
 def test_stretches_pool_by_their_number_of_terms_whatever_their_levels(name):
     rng = np.random.default_rng(1)
     stretches = [rng.standard_normal(n) for n in (50, 400, 7)]
-    factors = np.array([1, 3, 12, 25, 100])
+    factors = np.array([1, 3, 12, 100])
     terms = {
         "allan": lambda n, m: n + 1 - 2 * m,
         "hadamard": lambda n, m: n + 1 - 3 * m,
@@ -40,7 +40,6 @@ def test_stretches_pool_by_their_number_of_terms_whatever_their_levels(name):
         weights = [terms(len(x), m) for x in used]
         each = [deviation_variance(name, [x], [m])[0] for x in used]
         assert value == pytest.approx(np.average(each, weights=weights), rel=1e-9)
-    assert np.isnan(deviation_variance(name, [np.arange(5.0)], [9])[0])
 
 
 def test_hadamard_is_blind_to_a_ramp_and_modified_sees_it():
