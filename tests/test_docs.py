@@ -168,6 +168,7 @@ def results(tmp_path, monkeypatch):
     return samples
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "block", [b for b in all_blocks("python") if "def read(" not in b.values[0]]
 )
