@@ -24,16 +24,7 @@ SECONDS, BATCH = 10, 500
 def fuzz(cases, first=0, only=None, keep=None, workers=2):
     """Run cases in workers; return a Counter of (kind, end), and (number, kind, fault) of each.
 
-    Parameters
-    ----------
-    cases, first : int
-        How many, from which number on; other numbers are other cases.
-    only : str, optional
-        Kind of log; all if None.
-    keep : Path, optional
-        Folder for the files of faulty cases.
-    workers : int
-        Processes at once.
+    `only` is a kind of log, `keep` a folder for the files of faulty cases.
     """
     ends, faults = Counter(), []
     with scratch() as folder:
