@@ -34,7 +34,7 @@ def limit_memory():
 def shared_out(numbers, workers, limit, serve, *arguments, batch):
     """Yield number, end and faults of each case; one that ends its process has a fault.
 
-    ``serve(pipe, numbers, *arguments)`` sends end and faults of one case after the other, `batch` of
+    ``serve(pipe, numbers, *arguments)`` sends end and faults of a case after the other, `batch` of
     them in a process. A case that takes longer than `limit`, s, is stopped.
     """
     context, waiting, running = multiprocessing.get_context("fork"), deque(numbers), {}

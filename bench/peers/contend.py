@@ -19,7 +19,7 @@ ENVIRONMENT = {
 
 
 def contend(name, folder, environment):
-    """Run a contender of `bench.peers.calls` on a folder's data; return what it printed, or why not.
+    """Run one of `bench.peers.calls` on a folder's data; return what it printed, or why it failed.
 
     `environment` is the virtual one of the peers, with the log of what did not install.
     """
