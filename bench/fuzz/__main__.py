@@ -1,9 +1,9 @@
 """Mutated logs and configs: does any of them crash, hang, or write outside of its folder?
 
-From the repository, its library on the path: ``python -m bench.fuzz --cases 20000``. Each case is
-made of its number alone; ``--first N --cases 1`` makes one again and ``--keep FOLDER`` its file.
-A worker reads it within 10 s and 1 GB; good ends are a session, a rejected one, or one line on
-what is declared wrongly.
+From the repository, library and tests on the path: ``python -m bench.fuzz --cases 20000``. Each
+case is made of its number alone; ``--first N --cases 1`` makes one again and ``--keep FOLDER`` its
+file. A worker reads it within 10 s and 1 GB; good ends are a session, a rejected one, or one line
+on what is declared wrongly.
 """
 
 import argparse
