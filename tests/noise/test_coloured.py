@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel
+from calibrate.devices import known
+from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.noise.coloured import (
     WindowSpectrum,
@@ -21,10 +22,6 @@ from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
 from imuloop.simulate.noise import flicker, gauss_markov, walk, white
 
 LENGTH, PER_WINDOW = 2.0, 10
-
-
-def known(value):
-    return Coefficient(value, None, None, True)
 
 
 def transformed(noise, n=400):
