@@ -172,7 +172,7 @@ def results(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "block", [b for b in all_blocks("python") if "def read(" not in b.values[0]]
 )
-def test_python_runs(results, monkeypatch, tmp_path, block):
+def test_python_runs(results, monkeypatch, block):
     # an effect of an example joins no other test's library
     monkeypatch.setattr(Effect, "library", dict(Effect.library))
     block = block.replace('"data/replicas/', f'"{REPOSITORY}/data/replicas/')

@@ -54,7 +54,7 @@ def test_threads_change_nothing(log, path, run, monkeypatch):
     pd.testing.assert_frame_equal(again.samples, log)
 
 
-def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch, tmp_path):
+def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
     old = run(path)
     before = {p.name: p.read_bytes() for p in old.path.parent.iterdir()}
     assert set(before) == {"samples.parquet", "quality.json"}

@@ -189,7 +189,7 @@ def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
     assert "but nothing" in refused({})
 
 
-def test_a_file_of_the_zip_that_cannot_be_read_is_named(log, write, every_bit):
+def test_a_file_of_the_zip_that_cannot_be_read_is_named(log, write):
     path = write(phyphox(log))
     data = bytearray(path.read_bytes())
     # of the first entry of the directory, the flag of encryption

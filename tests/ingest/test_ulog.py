@@ -179,7 +179,7 @@ def test_increments_over_their_own_interval(run, single, write):
     np.testing.assert_allclose(done.samples.az, single.az[kept], rtol=1e-6)
 
 
-def test_buffers_are_one_row_a_sample(run, single, write):
+def test_buffers_are_one_row_a_sample(run, write):
     counts = np.random.default_rng(1).integers(-3000, 3000, (6, 500)).astype("i2")
     sizes = np.tile([2, 4, 3, 1], 50)
     ends = np.cumsum(sizes)
