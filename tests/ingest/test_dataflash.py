@@ -161,8 +161,8 @@ def test_a_log_cut_off_is_read_up_to_there(run, single, write):
         done = run(write(content[:-lost]))
         rows = (500 * row - lost) // row
         np.testing.assert_array_equal(done.samples.az, single.az[:rows])
-        told = f"{-lost % row} of {len(content) - lost} bytes are no message"
-        assert (told in done.quality["warnings"]) == bool(lost % row)
+        reported = f"{-lost % row} of {len(content) - lost} bytes are no message"
+        assert (reported in done.quality["warnings"]) == bool(lost % row)
     for size in (1, 89, 89 * 3 + 20):
         assert run(write(content[:size])).quality["status"] == "rejected"
 

@@ -57,7 +57,7 @@ def test_a_fit_of_its_own_spectrum_is_exact():
 
 @pytest.mark.parametrize("share", [0.0, 1e-9, 1e-3])
 def test_a_coefficient_that_happens_to_be_as_good_as_zero_does_not_count_alone(share):
-    """Each unit is the same in that bin: by it alone they cannot be told apart."""
+    """Each unit is the same in that bin: by it alone they cannot be distinguished."""
     rng = np.random.default_rng(2)
     frequency, times = np.geomspace(1e-3, 1, 30), np.array([3.0, 30, 300])
     red = 1 / (1 + (2 * np.pi * frequency[:, None] * times) ** 2)
