@@ -77,7 +77,7 @@ study: setup
 # mutated logs and configs through ingest and the config check
 CASES ?= 20000
 fuzz: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz --cases $(CASES)
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib:tests $(BIN)/python -m bench.fuzz --cases $(CASES)
 
 # harmed stretches of recordings through the whole chain, two hours on two cores; recordings by
 # IMULOOP_MIRROR; other cases with FIRST=100000, one again with CASE=17

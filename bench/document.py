@@ -17,8 +17,8 @@ DOCUMENT = Path(__file__).parents[1] / "docs/benchmarks.md"
 HEAD = """# Benchmarks
 
 Written by the commands that each section names, never by hand. Seconds are processor time of one
-thread, or of the clock where it says "wall"; the best of some rounds, in which the contenders take
-turns, each in a process of its own. Packages are those of `requirements.lock`."""
+thread, or "wall"; the best of rounds in which the contenders take turns, each in its own process.
+Packages are those of `requirements.lock`."""
 # by name: title, module and options that measure, the target of the Makefile
 PARTS = {
     "peers": ("Beside other packages", "bench.peers", "make bench"),

@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # whose tests share what takes long to make
-TOGETHER = ("published", "report", "workflow")
+TOGETHER = ("board", "published", "report", "workflow")
 
 
 class Together(LoadScopeScheduling):

@@ -334,7 +334,7 @@ def test_report_empties_no_folder_of_others(log, tmp_path, capsys, name):
     assert other.read_text() == "mine"
 
 
-def test_what_a_terminal_would_obey_is_not_printed(log, tmp_path, capsys):
+def test_what_a_terminal_would_obey_is_not_printed(tmp_path, capsys):
     hostile = tmp_path / "a\x1b[31m\r\x07.csv"
     rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
     hostile.write_text(f"t,ax,ay,az,gx,gy,\x1b[31mgz\n{rows}\n")

@@ -75,7 +75,7 @@ def test_names_end_where_they_end(faults):
     assert "time_range: not ISO 8601: " in line
 
 
-def test_what_cannot_be_shown_or_is_no_folder(faults, tmp_path):
+def test_what_cannot_be_shown_or_is_no_folder(faults):
     [line] = faults(session(SOUND, 'label: "a\\e[31m\\u202e",'))
     assert line == ("devices.imu.label: 'a\\x1b[31m\\u202e' holds what cannot be printed")
     assert faults(session(SOUND, 'label: "Müller’s “IMU” 5 × ☂",')) == []

@@ -17,31 +17,22 @@ import yaml
 
 from imuloop import Calibration
 from imuloop.__main__ import main
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.config_faults import config_faults
 from imuloop.core.effect import Effect
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.export.export import FORMATS
-from imuloop.noise.settings import NoiseSettings
 from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
-from imuloop.segment.settings import SegmentSettings
+from test_config_schema import SETTINGS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
     *(REPOSITORY / name for name in ("README.md", "CHANGELOG.md", "data/README.md")),
     *sorted(REPOSITORY.glob("docs/*.md")),
 ]
-SETTINGS = {
-    "segment": SegmentSettings,
-    "noise": NoiseSettings,
-    "calibrate": CalibrateSettings,
-    "diagnose": DiagnoseSettings,
-}
 # what a path in a document may be relative to
 ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
 # folders that a run makes
@@ -177,10 +168,11 @@ def results(tmp_path, monkeypatch):
     return samples
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "block", [b for b in all_blocks("python") if "def read(" not in b.values[0]]
 )
-def test_python_runs(results, monkeypatch, tmp_path, block):
+def test_python_runs(results, monkeypatch, block):
     # an effect of an example joins no other test's library
     monkeypatch.setattr(Effect, "library", dict(Effect.library))
     block = block.replace('"data/replicas/', f'"{REPOSITORY}/data/replicas/')
@@ -250,39 +242,39 @@ def schema_keys(node):
             yield from schema_keys(child)
 
 
-def test_every_key_of_the_schema_is_told():
+def test_every_key_of_the_schema_is_reported():
     schema = yaml.safe_load((REPOSITORY / "workflow/schemas/config.schema.yaml").read_text())
-    told = {part for key in rows(REPOSITORY / "docs/devices.md") for part in key.split(".")}
-    assert set(schema_keys(schema)) - told == set()
+    reported = {part for key in rows(REPOSITORY / "docs/devices.md") for part in key.split(".")}
+    assert set(schema_keys(schema)) - reported == set()
 
 
 @pytest.mark.parametrize("stage", SETTINGS)
-def test_every_setting_is_told_with_its_default(stage):
+def test_every_setting_is_reported_with_its_default(stage):
     text = (REPOSITORY / "docs/devices.md").read_text()
     table = text.partition(f"| `{stage}` | default")[2].partition("\n\n")[0]
-    told = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", table, re.M))
+    reported = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", table, re.M))
     fields = dataclasses.fields(SETTINGS[stage])
-    assert list(told) == [field.name for field in fields]
+    assert list(reported) == [field.name for field in fields]
     for field in fields:
         default = np.atleast_1d(field.default)
         if default.dtype.kind == "U" or not default.size:
-            assert told[field.name] == (", ".join(default) or "none")
+            assert reported[field.name] == (", ".join(default) or "none")
         else:
-            values = [float(value) for value in told[field.name].split(",")]
+            values = [float(value) for value in reported[field.name].split(",")]
             np.testing.assert_allclose(values, default, rtol=1e-3)
 
 
-def test_every_effect_is_told():
-    told = rows(REPOSITORY / "docs/effects.md")
+def test_every_effect_is_reported():
+    reported = rows(REPOSITORY / "docs/effects.md")
     for name, effect in Effect.library.items():
-        assert told[name][1] == " ".join(effect.sensors)
-        assert told[name][2] == effect.equation
+        assert reported[name][1] == " ".join(effect.sensors)
+        assert reported[name][2] == effect.equation
 
 
 def test_recording_has_the_numbers_of_the_plan():
     text = " ".join((REPOSITORY / "docs/recording.md").read_text().split())
-    told = (f"{INITIAL_REST_S:g} s.", f"{MOVE_S:g} s or so", f"then {REST_S:g} s of rest")
-    for words in (*told, f"about {POSES} times", f"there and back, {FULL_TURN_S:g} s or more"):
+    reported = (f"{INITIAL_REST_S:g} s.", f"{MOVE_S:g} s or so", f"then {REST_S:g} s of rest")
+    for words in (*reported, f"about {POSES} times", f"there and back, {FULL_TURN_S:g} s or more"):
         assert words in text.replace("**", ""), words
 
 

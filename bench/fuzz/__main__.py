@@ -1,9 +1,9 @@
 """Mutated logs and configs: does any of them crash, hang, or write outside of its folder?
 
-From the repository, its library on the path: ``python -m bench.fuzz --cases 20000``. Each case is
-made of its number alone; ``--first N --cases 1`` makes one again and ``--keep FOLDER`` its file.
-A worker reads it within 10 s and 1 GB; good ends are a session, a rejected one, or one line on
-what is declared wrongly.
+From the repository, library and tests on the path: ``python -m bench.fuzz --cases 20000``. Each
+case is made of its number alone; ``--first N --cases 1`` makes one again and ``--keep FOLDER`` its
+file. A worker reads it within 10 s and 1 GB; good ends are a session, a rejected one, or one line
+on what is declared wrongly.
 """
 
 import argparse
@@ -24,16 +24,7 @@ SECONDS, BATCH = 10, 500
 def fuzz(cases, first=0, only=None, keep=None, workers=2):
     """Run cases in workers; return a Counter of (kind, end), and (number, kind, fault) of each.
 
-    Parameters
-    ----------
-    cases, first : int
-        How many, from which number on; other numbers are other cases.
-    only : str, optional
-        Kind of log; all if None.
-    keep : Path, optional
-        Folder for the files of faulty cases.
-    workers : int
-        Processes at once.
+    `only` is a kind of log, `keep` a folder for the files of faulty cases.
     """
     ends, faults = Counter(), []
     with scratch() as folder:

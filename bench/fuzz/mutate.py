@@ -140,7 +140,7 @@ def ulog(rng, content):
 
 def dataflash(rng, content):
     """Return a DataFlash log with a few of its records changed."""
-    kept, at, sizes = [], 0, {128: 89, 144: 36}
+    kept, at, sizes = [], 0, {128: 89, 144: 36, 145: 31}
     while at + 3 <= len(content):
         kind = content[at + 2]
         kept.append([kind, content[at + 3 : at + sizes[kind]]])

@@ -34,20 +34,8 @@ def limit_memory():
 def shared_out(numbers, workers, limit, serve, *arguments, batch):
     """Yield number, end and faults of each case; one that ends its process has a fault.
 
-    Parameters
-    ----------
-    numbers : sequence of int
-        The cases.
-    workers : int
-        Processes at once.
-    limit : float
-        A case that takes longer is stopped, s.
-    serve : callable
-        ``serve(pipe, numbers, *arguments)`` sends end and faults of one case after the other.
-    *arguments
-        Of `serve`.
-    batch : int
-        Cases of a process.
+    ``serve(pipe, numbers, *arguments)`` sends end and faults of a case after the other, `batch` of
+    them in a process. A case that takes longer than `limit`, s, is stopped.
     """
     context, waiting, running = multiprocessing.get_context("fork"), deque(numbers), {}
     while waiting or running:

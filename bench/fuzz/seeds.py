@@ -12,14 +12,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
+
+from ingest import written
 
 # a fifth more than a log needs: rows take time
 ROWS = 120
 SIX = "ax ay az gx gy gz".split()
-STAMP = 1_700_000_000 * 10**9
 
 
 def all_seeds(folder):
@@ -28,6 +27,8 @@ def all_seeds(folder):
     log = pd.DataFrame({"t": np.arange(ROWS) / 50})
     log[SIX] = rng.normal([0.1, -0.2, 9.8, 0, 0, 0.01], 0.01, size=(ROWS, 6)).round(5)
     text = log.to_csv(index=False).encode()
+    in_g = log.assign(**{name: log[name] / 9.80665 for name in SIX[:3]})
+    rows = [(int(t * 1e6), 0, *axes) for t, *axes in log[["t", *SIX[3:], *SIX[:3]]].to_numpy()]
     dated = log.assign(t=pd.Timestamp("2024-01-01") + pd.to_timedelta(log.t, "s"), temp=20.5)
     return {
         "csv": [
@@ -37,14 +38,19 @@ def all_seeds(folder):
             ("log.tsv", b"# made by a logger\n" + dated.to_csv(index=False, sep="\t").encode()),
             ("log.csv.gz", text),
             ("log.csv", b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n")),
-            ("log.csv", sensorlog(log)),
+            ("log.csv", written.sensorlog(in_g).encode()),
         ],
         "packed": [("log.csv.gz", gzip.compress(text, mtime=0))],
         "ulog": [("log.ulg", ulog(log, topics)) for topics in TOPICS],
         "matlab": [("log.mat", each) for each in matlab(log)],
-        "zip": [("log.zip", phyphox(log)), ("log.zip", sensor_logger(log))],
-        "ros": [(f"log.{kind}", bag(folder, log, kind, packing)) for kind, packing in BAGS],
-        "dataflash": [("log.bin", dataflash(log)), ("log.bin", dataflash_text(log))],
+        "zip": [
+            ("log.zip", zipped(written.phyphox(log))),
+            ("log.zip", zipped(written.sensor_logger(log, PHONE), zipfile.ZIP_DEFLATED)),
+        ],
+        "ros": list(ros(folder, log)),
+        "dataflash": [
+            ("log.bin", kind(("IMU", IMU, rows))) for kind in (written.binary, written.text)
+        ],
         "table": [
             *(("log.parquet", each) for each in parquet(log)),
             *(("log.nc", each) for each in netcdf(folder, log)),
@@ -160,6 +166,10 @@ ODD_TYPES = {
 }
 
 
+# what is left without gravity is called Accelerometer
+PHONE = {"Accelerometer": SIX[3:], "TotalAcceleration": SIX[:3], "GyroscopeUncalibrated": SIX[3:]}
+
+
 def zipped(members, packing=zipfile.ZIP_STORED):
     """Return a zip of texts by name, whose dates are always the same."""
     file = io.BytesIO()
@@ -169,103 +179,17 @@ def zipped(members, packing=zipfile.ZIP_STORED):
     return file.getvalue()
 
 
-def phyphox(log):
-    members = {"meta/device.csv": '"property","value"\n"deviceModel","A phone"\n'}
-    for name, kind, unit, axes in (
-        ("Accelerometer.csv", "Acceleration", "m/s^2", SIX[:3]),
-        ("Gyroscope.csv", "Gyroscope", "rad/s", SIX[3:]),
-    ):
-        header = ["Time (s)", *(f"{kind} {axis} ({unit})" for axis in "xyz")]
-        members[name] = log[["t", *axes]].to_csv(index=False, header=header)
-    return zipped(members)
+# axes of the gyroscope first
+IMU = "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+BAGS = ("bag", "bag BZ2", "bag LZ4", "mcap", "mcap STORAGE", "db3")
 
 
-def sensor_logger(log):
-    members = {"Metadata.csv": "device name,platform,standardisation\nA phone,ios,false\n"}
-    for name, axes, factor in (
-        # what is left without gravity
-        ("Accelerometer", SIX[:3], 0.001),
-        ("TotalAcceleration", SIX[:3], 1),
-        ("GyroscopeUncalibrated", SIX[3:], 1),
-    ):
-        table = factor * log[axes].set_axis(["x", "y", "z"], axis=1)
-        table.insert(0, "time", STAMP + (log.t * 1e9).astype("int64"))
-        table.insert(1, "seconds_elapsed", log.t)
-        members[f"{name}.csv"] = table.to_csv(index=False)
-    return zipped(members, zipfile.ZIP_DEFLATED)
-
-
-def sensorlog(log):
-    table = pd.DataFrame({"loggingTime(txt)": pd.Timestamp("2024-01-01")}, index=log.index)
-    for sensor, column, unit, axes in (
-        ("accelerometer", "accelerometerAcceleration", "G", SIX[:3]),
-        ("gyro", "gyroRotation", "rad/s", SIX[3:]),
-    ):
-        table[f"{sensor}Timestamp_sinceReboot(s)"] = log.t
-        for letter, axis in zip("XYZ", axes, strict=True):
-            # its G is standard gravity
-            table[f"{column}{letter}({unit})"] = log[axis] / (9.80665 if unit == "G" else 1)
-    return table.to_csv(index=False).encode()
-
-
-BAGS = (("bag", None), ("bag", "BZ2"), ("bag", "LZ4"), ("mcap", None), ("mcap", "ZSTD"))
-BAGS += (("db3", None),)
-
-
-def bag(folder, log, kind, packing):
-    first = kind == "bag"
-    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
-    types, name = store.types, "sensor_msgs/msg/Imu"
-    path = folder / f"seed_{kind}_{packing}"
-    if first:
-        writer = rosbag1.Writer(path)
-        if packing:
-            writer.set_compression(writer.CompressionFormat[packing])
-    else:
-        plugin = rosbag2.StoragePlugin.MCAP if kind == "mcap" else rosbag2.StoragePlugin.SQLITE3
-        writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
-        if packing:
-            modes = rosbag2.CompressionMode, rosbag2.CompressionFormat
-            writer.set_compression(modes[0].STORAGE, modes[1][packing])
-    vector, unknown = types["geometry_msgs/msg/Vector3"], np.zeros(9)
-    turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    write = store.serialize_ros1 if first else store.serialize_cdr
-    with writer:
-        connection = writer.add_connection("/imu", name, typestore=store)
-        for t, *axes in log[["t", *SIX]].to_numpy():
-            stamp = STAMP + int(t * 1e9)
-            moment = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
-            more = {"seq": 0} if first else {}
-            header = types["std_msgs/msg/Header"](stamp=moment, frame_id="imu", **more)
-            message = types[name](
-                header, turn, unknown, vector(*axes[3:]), unknown, vector(*axes[:3]), unknown
-            )
-            writer.write(connection, stamp, write(message, name))
-    return (path if first else next(path.glob(f"*.{kind}"))).read_bytes()
-
-
-NAMES = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
-DEFINITIONS = (
-    (128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns"),
-    (144, 36, "IMU", "QBffffff", NAMES),
-)
-
-
-def dataflash(log):
-    content = b""
-    for number, size, *texts in DEFINITIONS:
-        texts = (text.encode() for text in texts)
-        content += struct.pack("<3BBB4s16s64s", 0xA3, 0x95, 0x80, number, size, *texts)
-    for t, *axes in log[["t", *SIX[3:], *SIX[:3]]].to_numpy():
-        content += struct.pack("<3BQB6f", 0xA3, 0x95, 144, int(t * 1e6), 0, *axes)
-    return content
-
-
-def dataflash_text(log):
-    lines = [", ".join(["FMT", *map(str, each)]) for each in DEFINITIONS]
-    for t, *axes in log[["t", *SIX[3:], *SIX[:3]]].to_numpy():
-        lines.append(", ".join(["IMU", str(int(t * 1e6)), "0", *map(str, axes)]))
-    return "\n".join(lines).encode()
+def ros(folder, log):
+    stamps = written.START + (log.t * 1e9).astype("int64")
+    for kind in BAGS:
+        topics = {"/imu": (written.IMU, stamps, log[SIX].to_numpy())}
+        path, kind = written.bag(folder, kind, topics, name=kind), kind.partition(" ")[0]
+        yield f"log.{kind}", (path if path.is_file() else next(path.glob(f"*.{kind}"))).read_bytes()
 
 
 def parquet(log):

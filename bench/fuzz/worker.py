@@ -136,8 +136,8 @@ def judge_log(name, declared):
 
 def judge_config(name):
     """Return whether a config has faults, and what is wrong with their lines."""
-    if told := unreadable(name):
-        return "unreadable", None if told.isprintable() else told
+    if reported := unreadable(name):
+        return "unreadable", None if reported.isprintable() else reported
     config = yaml.safe_load(Path(name).read_text(encoding="utf-8"))
     found = config_faults(config, {name: name}, SCHEMA, {"iphone_6": ["static"]})
     if not found:

@@ -12,12 +12,11 @@ from imuloop.noise.allan import allan_variance, averaging_factors
 
 TITLE = "Errors beside the bound and beside common tools"
 INTRODUCTION = """
-Relative rms error in %, over {seeds} records of 3 h at 10 Hz of each kind, the same for every
-estimator; it is itself known to {own:.0%}. In brackets: the number of records in which the
-coefficient is given, if not in all, and the error over all with 0 where it is not. “False”: in how
-many records a term is given that is not there. The bound is that of the exact Gaussian likelihood
-with the level unknown too. The rivals (`bench/noise/rivals.py`) read the curve at log-spaced τ up
-to a third of the record."""
+Relative rms error in %, known to {own:.0%}, over {seeds} records of 3 h at 10 Hz of each kind, the
+same for every estimator. In brackets: in how many records the coefficient is given, if not in all,
+and the error over all with 0 where it is not. “False”: records in which a term is given that is not
+there. The bound is that of the exact Gaussian likelihood, its level unknown. The rivals
+(`bench/noise/rivals.py`) read the curve at log-spaced τ up to a third of the record."""
 # 3 h
 LENGTH = 108_000
 WHITE = Scenario("white noise", {"N": 0.01})

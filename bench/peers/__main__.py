@@ -96,10 +96,9 @@ def main():
         outcomes.append(compare(n, options.rounds, options.environment))
     print(
         f"### Allan curve of six axes\n\n{curves(outcomes)}\n\n"
-        "In brackets the time as a multiple of that of imuloop with intervals. Differences are "
-        "those of the longest record to the deviation in extended precision, at every "
-        f"{EVERY}th τ; allan-variance-analyzer does not overlap. Freed memory stays with each "
-        "process, which favours the peers.\n\n"
+        "In brackets multiples of imuloop with intervals. Differences are those of the longest "
+        f"record to extended precision, at every {EVERY}th τ; allan-variance-analyzer does not "
+        "overlap. Freed memory stays with each process, which favours the peers.\n\n"
         f"### Six faces\n\n{six_faces.compare(options.rounds, options.environment)}"
     )
 

@@ -19,16 +19,9 @@ ENVIRONMENT = {
 
 
 def contend(name, folder, environment):
-    """Run a contender of `bench.peers.calls`; return what it printed, or why it failed.
+    """Run one of `bench.peers.calls` on a folder's data; return what it printed, or why it failed.
 
-    Parameters
-    ----------
-    name : str
-        Name of the contender.
-    folder : path-like
-        With the data.
-    environment : Path
-        Virtual environment of the peers, with the log of what did not install.
+    `environment` is the virtual one of the peers, with the log of what did not install.
     """
     _, distribution = (CURVES | FACES_CALLS)[name]
     python = environment / "bin/python" if distribution else sys.executable

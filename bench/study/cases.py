@@ -82,21 +82,9 @@ def injected(case, seed, control):
     have a random direction z, ``p_k = 3 d_k z_k`` with ``zᵀ R z = 1``: R, the information of the
     parameters with ones on its diagonal, makes their noncentrality nine times that of one limit.
     At one limit one parameter has it, as the limit says. One that physics bounds is as large
-    as it can be. A line has its limit on one axis, in every session.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    seed : int
-        Of the device; the direction follows from it and the names.
-    control : dict
-        Outcome of the device of the same seed without effects.
-
-    Returns
-    -------
-    tuple of Injected, or None
-        None where the control's diagnosis has no detection limit: the log cannot show the effect.
+    as it can be. A line has its limit on one axis, in every session. The direction follows from the
+    seed and the names. None where the control, the outcome of the device of that seed without
+    effects, has no detection limit: the log cannot show the effect.
     """
     rng = np.random.default_rng([seed, *"".join((case.sensor, *case.names)).encode()])
     found = control["diagnosis"]["sensors"][case.sensor][case.record]

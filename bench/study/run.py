@@ -11,27 +11,11 @@ from bench.study.score import fitted
 
 
 def run(cases, first, seeds, controls, workers, progress=print):
-    """Return the outcomes of cases, by case.
+    """Return the outcomes of cases of one plan, a list by case; controls are made for all records.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-        Cases of one plan; controls are made for the records of the others too.
-    first : int
-        Seed of the first device.
-    seeds, controls : int
-        Devices of each case, and controls of each record.
-    workers : int
-        Processes.
-    progress : callable
-        Takes a line of text.
-
-    Returns
-    -------
-    dict of Case to list of dict
-        Of each device: ``seed``, ``seconds``, ``diagnosis``, and but for controls ``control``,
-        ``injected`` and ``found``; ``None`` for the diagnosis where the log cannot show the effect.
-        ``base_pulls`` of those that have a diagnosis.
+    `seeds` devices of each case and `controls` of each record, from the seed `first` on. Of each
+    device: ``seed``, ``seconds``, ``diagnosis`` (None where the log cannot show the effect) with
+    ``base_pulls``, and but for controls ``control``, ``injected`` and ``found``.
     """
     (plan,), plain, outcomes = {case.plan for case in cases}, {}, {}
     asked = [case.record for case in cases if case.kind == "control"]

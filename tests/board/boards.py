@@ -79,16 +79,18 @@ def logs(seed=1, truth=None, changed=lambda t, f, w: (f, w)):
     return [log(truth, t, *own, seed, k) for k, own in enumerate(zip(f, w, strict=True))]
 
 
-def calibrated(folder, logs):
-    """Return the devices of a board, calibrated by their own logs, without a diagnosis."""
+def calibrated(folder, logs, like=()):
+    """Return the devices of a board, calibrated by their own logs or as others; no diagnosis."""
     found = []
-    for name, each in zip(NAMES, logs, strict=False):
+    for k, (name, each) in enumerate(zip(NAMES, logs, strict=False)):
         device = chain.Device(name, folder / name, {"poses": SESSION})
         device.folder.mkdir()
         each.to_parquet(device.file("log.parquet"))
         assert chain.ingest(device, "poses", {}, [device.file("log.parquet")]) == []
-        for stage in (chain.segment, chain.noise, chain.calibrate):
+        for stage in (chain.segment, *(() if like else (chain.noise, chain.calibrate))):
             assert stage(device) == []
-        device.file("calibration.json").write_text(device.file("multi_position.json").read_text())
+        source = like[k] if like else device
+        for made, file in (("noise", "noise"), ("multi_position", "calibration")):
+            device.file(f"{file}.json").write_text(source.file(f"{made}.json").read_text())
         found.append(device)
     return found

@@ -19,9 +19,9 @@ def verdicts(content, kind):
     return {name: device[kind]["verdict"] for name, device in content["devices"].items()}
 
 
-@pytest.fixture(scope="module")
-def devices(tmp_path_factory):
-    return calibrated(tmp_path_factory.mktemp("wing"), logs(1))
+@pytest.fixture
+def devices(board):
+    return board(1)[1]
 
 
 @pytest.fixture

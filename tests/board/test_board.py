@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 
 from bench.result_files import fault
-from board.boards import ARMS, NAMES, SESSION, calibrated, logs
+from board.boards import ARMS, NAMES, SESSION, calibrated
 from imuloop import chain
 from imuloop.board.board import relate
 from imuloop.core.samples import TIME
 from imuloop.report.tables.board import board_part
 
 
-@pytest.fixture(scope="module")
-def made():
-    return logs(2)
+@pytest.fixture
+def made(board):
+    return board(2)[0]
 
 
-@pytest.fixture(scope="module")
-def devices(made, tmp_path_factory):
-    return calibrated(tmp_path_factory.mktemp("wing"), made)
+@pytest.fixture
+def devices(board):
+    return board(2)[1]
 
 
 def written(folder, devices):
@@ -53,28 +53,30 @@ def dated(log, start):
 
 
 @pytest.mark.parametrize("dates", [None, ("2026-01-01T00:00:00", "2026-01-01T00:00:03.004")])
-def test_logs_of_other_begin_and_rate_with_lost_samples_still_compare(tmp_path, made, dates):
+def test_logs_of_other_begin_and_rate_with_lost_samples_still_compare(
+    tmp_path, made, devices, dates
+):
     lost = made[0].drop(index=[*range(7000, 7040), *range(50, 28000, 97)])
     late = made[1].iloc[300:-100:2].assign(**{TIME: lambda log: log[TIME] - 2.9963})
     logs = (
         [dated(*pair) for pair in zip((lost, late), dates, strict=True)] if dates else [lost, late]
     )
-    content = relate("wing", calibrated(tmp_path, logs))
+    content = relate("wing", calibrated(tmp_path, logs, devices))
     assert content["status"] == "ok" and content["sessions"]["poses"]["moves"] in (39, 40)
     second = content["devices"]["second"]
     assert np.all(np.abs(second["arm"] - ARMS[1]) < 4 * second["arm_std"])
     assert second["turn"]["verdict"] == "consistent"
 
 
-def test_dates_say_which_logs_do_not_overlap(tmp_path, made):
+def test_dates_say_which_logs_do_not_overlap(tmp_path, made, devices):
     found = [dated(log, f"2026-01-01T0{k}:00:00") for k, log in enumerate(made[:2])]
-    content = relate("wing", calibrated(tmp_path, found))
+    content = relate("wing", calibrated(tmp_path, found, devices))
     assert "not recorded at the same time" in content["sessions"]["poses"]["why"]
 
 
-def test_other_motions_are_not_compared(tmp_path, made):
-    other = [made[0], logs(3)[1]]
-    content = written(tmp_path, calibrated(tmp_path, other))
+def test_other_motions_are_not_compared(tmp_path, made, devices, board):
+    other = [made[0], board(1)[0][1]]
+    content = written(tmp_path, calibrated(tmp_path, other, devices))
     assert content["status"] == "not_testable"
     assert "do not turn alike" in content["sessions"]["poses"]["why"]
 
@@ -95,9 +97,9 @@ def test_a_device_without_a_log_is_left_out(tmp_path, made, devices):
     assert content["status"] == "ok" and content["reference"] == "second"
 
 
-def test_too_little_motion_is_a_reason(tmp_path, made):
+def test_too_little_motion_is_a_reason(tmp_path, made, devices):
     still = [log.iloc[:8000] for log in made[:2]]
-    content = written(tmp_path, calibrated(tmp_path, still))
+    content = written(tmp_path, calibrated(tmp_path, still, devices))
     assert content["status"] == "not_testable" and content["why"].startswith("motion of")
 
 

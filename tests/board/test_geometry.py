@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from board.boards import ARMS, NAMES, TURNS, calibrated, logs
+from board.boards import ARMS, NAMES, TURNS
 from imuloop.board.board import relate
 from seeds import least
 
@@ -12,11 +12,9 @@ SEEDS = range(3)
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def found(board):
     """board.json of each seed."""
-    return [
-        relate("wing", calibrated(tmp_path_factory.mktemp("board"), logs(seed))) for seed in SEEDS
-    ]
+    return [relate("wing", board(seed)[1]) for seed in SEEDS]
 
 
 def scores(found):

@@ -26,12 +26,13 @@ class IndependentMeans:
         return np.tile(np.eye(len(windows)) * self.variance, (6, 1, 1))
 
 
+def known(value):
+    """Return the coefficient of a noise of which all is known."""
+    return Coefficient(float(value), (float(value), float(value)), float(value), True)
+
+
 def known_noise(truth):
     """Return the noise model that the truth declares."""
-
-    def known(value):
-        return Coefficient(float(value), (float(value), float(value)), float(value), True)
-
     axes = {}
     for sensor, letter in ((truth.accelerometer, "a"), (truth.gyroscope, "g")):
         for i, axis in enumerate("xyz"):

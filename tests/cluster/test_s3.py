@@ -67,7 +67,7 @@ def test_a_log_in_s3_is_looked_at_no_more_once_its_results_are_there(both, repos
         ("gs://logs/none.csv", {}, "Snakemake has no plugin for gs:// here; see docs/clusters.md"),
     ],
 )
-def test_what_is_missing_is_told_in_one_line_before_any_job(
+def test_what_is_missing_is_reported_in_one_line_before_any_job(
     repository, s3, tmp_path, address, keys, fault
 ):
     write_config(tmp_path, {"imu": {"sessions": {"rest": {"kind": "static", "file": address}}}})

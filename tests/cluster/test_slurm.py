@@ -1,4 +1,4 @@
-"""The workflow on a real SLURM of one node: the same bytes, failures told, memory by size."""
+"""The workflow on a real SLURM of one node: the same bytes, failures reported, memory by size."""
 
 import re
 import subprocess
@@ -11,7 +11,7 @@ from cluster.conftest import ENVIRONMENT, command, contents, run, write_config, 
 from workflow.conftest import copied
 
 # longest time from the end of a job to Snakemake's word of it, s
-TOLD = 60
+REPORTED = 60
 # what is added to the script of the segmentation
 HARM = """
 import time
@@ -123,21 +123,21 @@ def fail(repository, profile, folder):
     """
     edited, work = harmed(repository, folder, "broken", "stuck")
     line = command(edited, work, "--profile", edited / profile, "--retries", "0")
-    ended, told = [], []
+    ended, reported = [], []
     streams = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL, "text": True}
     with subprocess.Popen(line, cwd=work, env=ENVIRONMENT, **streams) as running:
         for text in running.stderr:
-            if told and text.strip().startswith("log:") and len(told[-1]) == 1:
-                told[-1].append(work / text.split()[1])
+            if reported and text.strip().startswith("log:") and len(reported[-1]) == 1:
+                reported[-1].append(work / text.split()[1])
             if "Error in group device" in text:
-                told.append([time.time()])
-                if len(told) == 1:
+                reported.append([time.time()])
+                if len(reported) == 1:
                     ended.append((work / "logs/segment/broken/static.log").stat().st_mtime)
                     (stuck,) = [job for job, *_, state in queue(work) if state == "RUNNING"]
                     subprocess.run(["scancel", stuck], check=True)
                     ended.append(time.time())
     assert running.returncode == 1
-    return ended, told
+    return ended, reported
 
 
 def take_too_much(repository, profile, folder):
@@ -151,16 +151,16 @@ def take_too_much(repository, profile, folder):
     return queue(work), [log.read_text() for log in logs]
 
 
-def test_a_failing_job_is_told_within_a_minute_with_a_log_that_says_why(started):
-    ended, told = started["fail"].result()
-    assert 0 <= told[0][0] - ended[0] < TOLD
-    assert "segment broken: on purpose" in told[0][1].read_text()
+def test_a_failing_job_is_reported_within_a_minute_with_a_log_that_says_why(started):
+    ended, reported = started["fail"].result()
+    assert 0 <= reported[0][0] - ended[0] < REPORTED
+    assert "segment broken: on purpose" in reported[0][1].read_text()
 
 
-def test_a_cancelled_job_is_told_within_a_minute(started):
-    ended, told = started["fail"].result()
-    assert 0 <= told[1][0] - ended[1] < TOLD
-    assert "CANCELLED" in told[1][1].read_text()
+def test_a_cancelled_job_is_reported_within_a_minute(started):
+    ended, reported = started["fail"].result()
+    assert 0 <= reported[1][0] - ended[1] < REPORTED
+    assert "CANCELLED" in reported[1][1].read_text()
 
 
 def test_a_job_that_takes_more_memory_than_asked_for_is_tried_again_with_more(started):

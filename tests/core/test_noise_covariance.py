@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from calibrate.devices import known
+from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
 from imuloop.noise.processes import gauss_markov_samples, sample_covariances
 
 # s; unequal lengths, gaps, two windows that touch, one that overlaps two others, not in order
 WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [310, 400], [150, 290], [50, 75]])
 N, DT = 4000, 0.1
-
-
-def known(value):
-    return Coefficient(value, (0.9 * value, 1.1 * value), 1.08 * value, True)
 
 
 Q, W, B, K = np.array([0.6, 0.2, 0.05, 0.004])[:, None] ** 2 * sample_covariances(N, DT)

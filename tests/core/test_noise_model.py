@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
+from calibrate.devices import known
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-
-
-def known(value):
-    return Coefficient(value, (0.9 * value, 1.1 * value), 1.08 * value, True)
-
 
 PROCESSES = {
     "quantisation": AxisNoise(Q=known(0.3)),

@@ -94,8 +94,7 @@ def written_out(shape, p, channels):
     return physics.EFFECTS[shape.name](channels, p, asdict(shape))
 
 
-# tests/diagnose/test_vibration_rectification.py has it, tests/calibrate/test_motion.py the others,
-# which take a derivative
+# a test below has vibration rectification, tests/calibrate/test_motion.py those with a derivative
 ELSEWHERE = ("vibration_rectification", "lever_arm", "time_offset", "gyro_axis_delay")
 
 
@@ -224,3 +223,21 @@ def test_a_record_holds_several_of_the_times_that_are_tried(name, part, end):
     found = shapes(name, replace(log(1000), t=t))
     assert all(shape.tau <= end / part for shape in found) or len(found) == 1
     assert len(set(found)) == len(found)
+
+
+def test_vibration_is_counted_and_the_turn_beside_it_is_not():
+    rng = np.random.default_rng(2)
+    t = 0.01 * np.arange(4000)
+    y = np.zeros((4000, 3))
+    angle = np.clip((t - 19) / 2, 0, 1) * np.pi
+    y[:, 2] = G * np.cos(angle - np.sin(2 * angle) / 2)
+    turning = (t > 19) & (t < 21)
+    y[turning] += rng.normal(scale=1.0, size=(turning.sum(), 3))
+    y[:, 0] += np.where(t > 21, np.sqrt(2) * 0.5 * np.sin(2 * np.pi * 17.3 * t), 0)
+    y += 0.01 * rng.normal(size=y.shape)
+    found = find_effect("vibration_rectification")().design(Channels(t, y, y))
+    # all but the tenth of a second beside the turn
+    still = (t < 18.9) | (t > 21.1)
+    assert found[still, 2, 2].mean() == pytest.approx(1e-4, rel=0.25)
+    assert found[still, 2, 2].max() < 2e-4
+    np.testing.assert_allclose(found[t > 22, 0, 0], 0.25, rtol=0.06)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibrate.devices import known
 from diagnose.records import LENGTH, record, root, search, temperature
 from imuloop.core.effect import find_effect
-from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.scan import frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios, unit_noise
@@ -246,7 +246,7 @@ def test_the_grid_holds_precisions_of_white_flicker_and_walk():
     assert np.exp(prior).sum() == pytest.approx(1)
     made = hypotheses(at, grid)
     for point in (0, len(grid) // 2, len(grid) - 1):
-        b, k = (Coefficient(v, (v, v), v, True) for v in np.sqrt(grid[point]))
+        b, k = map(known, np.sqrt(grid[point]))
         covariance = replace(unit_noise("N"), B=b, K=k).mean_covariance(at)
         np.testing.assert_allclose(made.precision[point] @ covariance, np.eye(30), atol=1e-7)
         assert made.log_det[point] == pytest.approx(np.linalg.slogdet(covariance)[1])

@@ -105,7 +105,7 @@ def test_a_bias_that_follows_the_temperature(warm, sensor):
     assert fitted.values == effect["parameters"]
 
 
-def test_noise_is_estimated_again_without_the_effect(warm, tmp_path):
+def test_noise_is_estimated_again_without_the_effect(warm):
     noise, result = warm
     for sensor, names in SENSORS.items():
         for name in names:

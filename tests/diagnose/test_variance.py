@@ -9,7 +9,6 @@ N = 40
 T = np.arange(N)
 LINE = np.column_stack([np.ones(N), T])
 WALK = np.minimum.outer(T, T) / N
-ONE = Part(np.eye(N))
 
 
 def left_of(values):

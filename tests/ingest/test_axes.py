@@ -1,4 +1,4 @@
-"""Axes of the two sensors that do not fit: told, with what mends them, and never in good logs."""
+"""Axes of the two sensors that do not fit: reported, with what mends them; never in good logs."""
 
 from dataclasses import replace
 
@@ -70,7 +70,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_axes_that_do_not_fit_are_told(logs, run, fault):
+def test_axes_that_do_not_fit_are_reported(logs, run, fault):
     acceleration, angular_rate, text = FAULTS[fault]
     log = logs["multi_position"].copy()
     turned(acceleration, angular_rate)(log)

@@ -90,10 +90,10 @@ def quality(log, run):
     def call(stamps, **declared):
         log["t"] = stamps
         done = run(log, **declared)
-        whole, told = done.path.read_bytes(), done.quality
+        whole, reported = done.path.read_bytes(), done.quality
         small = run(log, batch_rows=7, **declared)
         assert small.path.read_bytes() == whole
-        assert small.quality == told
+        assert small.quality == reported
         return done
 
     return call
@@ -252,7 +252,7 @@ def held_back(log, rows, seed):
     return table.sort_values("t", ignore_index=True)
 
 
-def test_bursts_that_cannot_be_rebuilt_are_told_with_what_to_declare(log, run):
+def test_bursts_that_cannot_be_rebuilt_are_reported_with_what_to_declare(log, run):
     few, many = (held_back(log, rows, 8) for rows in (20_000, 60_000))
     done = run(few).quality
     mean = done["duration_s"] / (done["rows"] - 1)

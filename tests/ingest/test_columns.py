@@ -66,7 +66,7 @@ def test_missing_angular_rate_and_repeated_names():
         "acc[0] acc[1] acc[2] imu_acc[0] imu_acc[1] imu_acc[2]",
     ],
 )
-def test_two_accelerometers_must_be_told_apart(names):
+def test_two_accelerometers_must_be_distinguished(names):
     first, second = ("/".join(part) for part in (names.split()[:3], names.split()[3:]))
     every = ["t", *names.split(), "gx", "gy", "gz"]
     with pytest.raises(ImuloopError, match=rf"^{re.escape(first)} and {re.escape(second)} both lo"):

@@ -1,6 +1,5 @@
 """ArduPilot DataFlash logs, written as the format defines them, read again by its own library."""
 
-import struct
 from fractions import Fraction
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 from pymavlink import DFReader
 
 from imuloop.core.errors import ImuloopError
+from ingest.written import binary, packed, text
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -21,44 +21,6 @@ OLD_IMU = "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
 ACC = "QBQfff", "TimeUS,I,SampleUS,AccX,AccY,AccZ"
 GYR = "QBQfff", "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
 IMT = "QBfffffffff", "TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"
-PARM = "QNf", "TimeUS,Name,Value"
-CODES = dict(Q="Q", B="B", f="f", I="I", H="H", c="h", n="4s", N="16s", Z="64s")
-CODES |= dict(d="d", b="b", h="h", i="i", q="q", C="H", e="i", E="I", L="i")
-FORMAT = struct.Struct("<3BBB4s16s64s")
-
-
-def packed(codes):
-    return struct.Struct("<3B" + "".join(CODES[code] for code in codes))
-
-
-def definition(number, name, codes, names):
-    texts = name.encode(), codes.encode(), names.encode()
-    return FORMAT.pack(0xA3, 0x95, 0x80, number, packed(codes).size, *texts)
-
-
-def binary(*messages):
-    """Return a log of (name, (format, names), rows), the rows of all messages in turn."""
-    log = definition(0x80, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
-    kinds = [*messages, ("PARM", PARM, [(7, b"INS_ACCOFFS_X", 0.5)])]
-    for number, (name, (codes, names), _) in enumerate(kinds, 0x90):
-        log += definition(number, name, codes, names)
-    turns = [
-        (i, number, codes, row)
-        for number, (_, (codes, _), rows) in enumerate(kinds, 0x90)
-        for i, row in enumerate(rows)
-    ]
-    for _, number, codes, row in sorted(turns, key=lambda turn: turn[:2]):
-        log += packed(codes).pack(0xA3, 0x95, number, *row)
-    return log
-
-
-def text(*messages):
-    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
-    for number, (name, (codes, names), _) in enumerate(messages, 0x90):
-        lines.append(f"FMT, {number}, {packed(codes).size}, {name}, {codes}, {names}")
-    for name, _, rows in messages:
-        lines += [", ".join([name, *(str(x) for x in row)]) for row in rows]
-    return ("\n".join(lines) + "\n").encode()
 
 
 def imu(table, instance=0):
@@ -199,8 +161,8 @@ def test_a_log_cut_off_is_read_up_to_there(run, single, write):
         done = run(write(content[:-lost]))
         rows = (500 * row - lost) // row
         np.testing.assert_array_equal(done.samples.az, single.az[:rows])
-        told = f"{-lost % row} of {len(content) - lost} bytes are no message"
-        assert (told in done.quality["warnings"]) == bool(lost % row)
+        reported = f"{-lost % row} of {len(content) - lost} bytes are no message"
+        assert (reported in done.quality["warnings"]) == bool(lost % row)
     for size in (1, 89, 89 * 3 + 20):
         assert run(write(content[:size])).quality["status"] == "rejected"
 

@@ -15,7 +15,7 @@ def test_first_bytes_go_before_the_name(tmp_path, head, name):
     assert guess_format({"log": str(path)}) == "csv"
 
 
-def test_a_table_of_sensorlog_is_told_by_its_header(tmp_path):
+def test_a_table_of_sensorlog_is_known_by_its_header(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("loggingTime(txt),accelerometerTimestamp_sinceReboot(s),a\n1,2,3\n")
     assert guess_format({"log": path}) == "csv"
@@ -30,7 +30,7 @@ def test_the_config_goes_before_all(log, run, tmp_path):
     assert run(path, format="csv").quality["log_format"] == "csv"
 
 
-def test_a_file_that_is_not_there_is_told_by_its_name():
+def test_a_file_that_is_not_there_is_known_by_its_name():
     assert guess_format({"log": "data/of/tomorrow.ULG"}) == "ulog"
     assert guess_format({"acceleration": "a.mat", "angular_rate": "b.mat"}) == "imu_tk"
     with pytest.raises(ImuloopError, match="does not say its format"):

@@ -20,14 +20,14 @@ def test_mutated_files_are_read_rejected_or_refused_in_one_line():
 
 
 @pytest.mark.parametrize(
-    ("harm", "end", "told"),
+    ("harm", "end", "reported"),
     [
         (lambda: {}["a"], "traceback", "KeyError"),
         (lambda: os._exit(3), "crash", "ended with 3"),
         (lambda: Path("../stray").write_text(""), "rejected", "a/stray"),
     ],
 )
-def test_harm_is_seen(monkeypatch, harm, end, told):
+def test_harm_is_seen(monkeypatch, harm, end, reported):
     read = worker.ingest
 
     def harmful(**declared):
@@ -36,4 +36,4 @@ def test_harm_is_seen(monkeypatch, harm, end, told):
 
     monkeypatch.setattr(worker, "ingest", harmful)
     ends, [(*_, fault)] = entry.fuzz(1, only="packed")
-    assert ends == {("packed", end): 1} and told in fault
+    assert ends == {("packed", end): 1} and reported in fault

@@ -109,7 +109,7 @@ def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line)
 
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
 @pytest.mark.parametrize("name", ["log.csv", "log.bag"])
-def test_what_is_no_file_is_told_and_never_waited_for(run, tmp_path, kind, name):
+def test_what_is_no_file_is_reported_and_never_waited_for(run, tmp_path, kind, name):
     path = tmp_path / name
     if kind == "fifo":
         os.mkfifo(path)

@@ -57,7 +57,7 @@ def test_declared_columns_and_other_widths_are_refused(log, run, pair):
 
 def test_units_of_a_header(log, run, pair):
     plain = [path.read_text() for path in pair]
-    for heads, told in (
+    for heads, reported in (
         (("t[ms] x[g] y[g] z[g]\n", "t[ms] x[dps] y[dps] z[dps]\n"), None),
         (
             ("t x[furlong] y[furlong] z[furlong]\n", ""),
@@ -66,8 +66,8 @@ def test_units_of_a_header(log, run, pair):
     ):
         for path, head, rows in zip(pair, heads, plain, strict=True):
             path.write_text(head + rows)
-        if told:
-            with pytest.raises(ImuloopError, match=told):
+        if reported:
+            with pytest.raises(ImuloopError, match=reported):
                 run(*pair)
             continue
         units = run(*pair).metadata["units"]

@@ -23,7 +23,7 @@ def summed(log):
 
 
 @pytest.fixture
-def told(run, tmp_path):
+def ingested(run, tmp_path):
     """Ingest a table as CSV, the same in small batches."""
 
     def call(table, **declared):
@@ -43,8 +43,8 @@ def rates(log, rows=slice(None)):
     return log[list(CHANNELS)].to_numpy()[rows]
 
 
-def test_by_the_steps_of_the_stamps(log, summed, told):
-    done = told(summed)
+def test_by_the_steps_of_the_stamps(log, summed, ingested):
+    done = ingested(summed)
     np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log, slice(1, None)), rtol=1e-14)
     np.testing.assert_allclose(done.samples.t, (np.cumsum(TICKS)[1:] - sum(TICKS[:2])) * 1e-6)
     assert done.metadata["raw_units"]["acceleration"]["name"] == "m/s^2"
@@ -63,12 +63,12 @@ def test_by_the_steps_of_the_stamps(log, summed, told):
 
 
 @pytest.mark.parametrize("name", ["dt_us", "delta_t [us]", "interval"])
-def test_by_the_logged_interval(log, summed, told, name):
+def test_by_the_logged_interval(log, summed, ingested, name):
     summed[name] = TICKS
     units = {} if "us" in name else {"units": {"interval": "us"}}
     # stamps of a host, which say nothing of the intervals
     summed["time_us"] += np.random.default_rng(5).integers(-1000, 1000, 500)
-    done = told(summed, **units)
+    done = ingested(summed, **units)
     np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log), rtol=1e-14)
     assert done.quality["columns"]["interval"] == [name]
     assert done.quality["warnings"][:1] == [
@@ -96,11 +96,11 @@ def test_each_sensor_with_an_interval_of_its_own(log, run, tmp_path):
     assert len(none.samples) == 499
 
 
-def test_an_interval_after_lost_rows_is_that_of_the_sensor(log, summed, told):
+def test_an_interval_after_lost_rows_is_that_of_the_sensor(log, summed, ingested):
     summed["time_us"] = 10_000 * np.arange(500)
     summed[DELTA] = rates(log) * 0.01
     lost = [*range(100, 150), 300]
-    done = told(summed.drop(lost))
+    done = ingested(summed.drop(lost))
     rows = np.delete(np.arange(1, 500), np.array(lost) - 1)
     np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log, rows), rtol=1e-13)
     assert done.quality["gaps"]["count"] == 2
@@ -110,7 +110,7 @@ def test_an_interval_after_lost_rows_is_that_of_the_sensor(log, summed, told):
     )
 
 
-def test_faulty_rows_do_not_reach_their_neighbours(log, summed, told):
+def test_faulty_rows_do_not_reach_their_neighbours(log, summed, ingested):
     summed["time_us"] = 2**32 - 1_000_000 + 10_000 * np.arange(500)
     summed["time_us"] %= 2**32
     summed[DELTA] = rates(log) * 0.01
@@ -119,7 +119,7 @@ def test_faulty_rows_do_not_reach_their_neighbours(log, summed, told):
     summed.loc[[60, 61], "time_us"] = summed.time_us[[61, 60]].to_numpy()
     # starts again
     summed.loc[380:, "time_us"] -= summed.time_us[380]
-    done = told(summed)
+    done = ingested(summed)
     rows = np.delete(np.arange(1, 500), [19, 39, 60])
     np.testing.assert_allclose(done.samples[list(CHANNELS)], rates(log, rows), rtol=1e-12)
     counts = [done.quality[key] for key in ("non_finite", "duplicates", "out_of_order")]
@@ -127,12 +127,12 @@ def test_faulty_rows_do_not_reach_their_neighbours(log, summed, told):
     assert (done.quality["clock"]["rollovers"], done.quality["clock"]["resets"]) == (1, 1)
 
 
-def test_of_stamps_in_bursts_the_step_of_the_line(log, summed, told):
+def test_of_stamps_in_bursts_the_step_of_the_line(log, summed, ingested):
     late = np.repeat(np.random.default_rng(6).gamma(2, 0.001, 100), 5)
     table = summed.drop(columns="time_us")
     table[DELTA] = rates(log) / 100
     table["t"] = 0.05 * (np.arange(500) // 5) + late + 0.002 * (np.arange(500) % 5)
-    done = told(table)
+    done = ingested(table)
     assert done.quality["clock"]["rebuilt"]
     step = done.samples.t[499] / 499
     assert step == pytest.approx(0.01, rel=5e-3)

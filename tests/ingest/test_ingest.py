@@ -56,7 +56,7 @@ def test_threads_change_nothing(log, path, run, monkeypatch):
     pd.testing.assert_frame_equal(again.samples, log)
 
 
-def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch, tmp_path):
+def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
     old = run(path)
     before = {p.name: p.read_bytes() for p in old.path.parent.iterdir()}
     assert set(before) == {"samples.parquet", "quality.json"}
@@ -111,7 +111,7 @@ def test_stamps_that_are_too_large(log, path, run):
 
 
 @pytest.mark.parametrize(
-    ("header", "units", "told"),
+    ("header", "units", "logged"),
     [
         ("t,ax [furlong],ay [furlong],az [furlong],gx,gy,gz", {"acceleration": "m/s^2"}, "furlong"),
         ("t,ax,ay,az,gx [rpm],gy [rpm],gz [rpm]", {"angular_rate": "rad/s"}, "rpm"),
@@ -119,13 +119,15 @@ def test_stamps_that_are_too_large(log, path, run):
         ("t [UTC],ax,ay,az,gx,gy,gz", {"time": "s"}, "UTC"),
     ],
 )
-def test_a_unit_that_is_not_known_is_an_error_unless_declared(path, run, header, units, told):
+def test_a_unit_that_is_not_known_is_an_error_unless_declared(path, run, header, units, logged):
     [(quantity, unit)] = units.items()
     path.write_text("\n".join([header, *path.read_text().splitlines()[1:]]))
-    with pytest.raises(ImuloopError, match=rf"log\.csv: units\.{quantity}: the log says '{told}'"):
+    with pytest.raises(
+        ImuloopError, match=rf"log\.csv: units\.{quantity}: the log says '{logged}'"
+    ):
         run(path)
     quality = run(path, units=units).quality
-    assert f"units.{quantity} is {unit}, the log says {told}; {unit} used" in quality["warnings"]
+    assert f"units.{quantity} is {unit}, the log says {logged}; {unit} used" in quality["warnings"]
 
 
 @pytest.mark.parametrize("sentinel", [-(2**63), 2**63 - 1])

@@ -9,51 +9,12 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import phone
 from ingest.tables import ACCELERATION, RATE, check, table
+from ingest.written import phyphox, sensor_logger, timed
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
-START = 1_718_030_736_872_695_300
 # stamps of Sensor Logger, whole nanoseconds
 STEPS = 10_000_000 * np.arange(500)
-
-
-def timed(separator, decimal, *starts):
-    """Return the text of phyphox's table of starts and pauses."""
-    head = separator.join(["event", "experiment time", "system time", "system time text"])
-    rows = [f"START{separator}{a:.9E}{separator}{b:.3f}{separator}a day" for a, b in starts]
-    return "\n".join([head, *(row.replace(".", decimal) for row in rows)]) + "\n"
-
-
-def phyphox(log, kind=("Acceleration", "Gyroscope"), separator=",", decimal="."):
-    """Return name -> text as phyphox exports it: ten digits, an experiment's own names."""
-    layout = {"write": "{:.9E}".format, "separator": separator, "decimal": decimal}
-    members = {"meta/time.csv": timed(separator, decimal, (0, 1.7e9))}
-    for file, name, axes, unit in (
-        ("Accelerometer", kind[0], ACCELERATION, "m/s^2"),
-        ("Gyroscope", kind[1], RATE, "rad/s"),
-    ):
-        header = ['"Time (s)"'] + [f'"{f"{name} {a}".strip()} ({unit})"' for a in "xyz"]
-        members[f"{file}.csv"] = table(header, [log.t, *(log[a] for a in axes)], **layout)
-    return members
-
-
-def sensor_logger(log, named, about=("android", "false")):
-    """Return name -> text as Sensor Logger exports it: `named` maps files to columns of the log."""
-    t = START + STEPS
-    members = {
-        f"{file}.csv": table(
-            ["time", "seconds_elapsed", "z", "y", "x"],
-            [t, log.t, *(log[c] for c in columns[::-1])],
-        )
-        for file, columns in named.items()
-    }
-    members["Annotation.csv"] = "time,seconds_elapsed,text,millisecond_press_duration\n"
-    if about:
-        members["Metadata.csv"] = (
-            "version,device name,recording epoch time,platform,appVersion,standardisation\n"
-            f"3,A phone,{START // 1_000_000},{about[0]},1.59,{about[1]}\n"
-        )
-    return members
 
 
 @pytest.fixture
@@ -228,7 +189,7 @@ def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
     assert "but nothing" in refused({})
 
 
-def test_a_file_of_the_zip_that_cannot_be_read_is_named(log, write, every_bit):
+def test_a_file_of_the_zip_that_cannot_be_read_is_named(log, write):
     path = write(phyphox(log))
     data = bytearray(path.read_bytes())
     # of the first entry of the directory, the flag of encryption

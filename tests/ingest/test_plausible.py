@@ -74,7 +74,7 @@ def test_measured_turns_agree_with_gravity(recordings, taken):
         assert found["status"] == "ok"
         assert ratio["value"] == pytest.approx(1, abs=0.02)
         assert ratio["moves"] >= 19
-        # over rests, so none is told of the shaking that follows
+        # over rests, so none is reported of the shaking that follows
         assert not any("specific force" in line for line in found["warnings"])
 
 
@@ -173,7 +173,7 @@ def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
         assert (found["reasons"], found["warnings"]) == ([], [])
 
 
-def test_a_level_that_changes_amid_the_log_is_told(taken):
+def test_a_level_that_changes_amid_the_log_is_reported(taken):
     for seed in range(2):
         log = simulated("static", seed, duration_s=300.0)
         half = slice(len(log) // 2, None)
@@ -223,6 +223,6 @@ def test_a_few_samples_at_the_end_of_sixteen_bits_are_clipped(taken, offset):
     found = taken(log, units={"angular_rate": "count"}, nominal=nominal)
     [line] = found["warnings"]
     assert line.startswith("clipped at a repeated extreme value: gx 18 samples")
-    # the same values in SI: told by the step
+    # the same values in SI: known by the step
     log[list(ANGULAR_RATE)] = (log[list(ANGULAR_RATE)] - offset) * 1e-4
     assert "gx 18 samples" in taken(log)["warnings"][0]

@@ -35,7 +35,7 @@ def last_mark(table, true, marks):
 
 
 @pytest.fixture
-def told(run, tmp_path):
+def ingested(run, tmp_path):
     """Ingest a log and marks in a file, or in the log where `marks` is None."""
 
     def call(table, marks=None, **declared):
@@ -65,9 +65,9 @@ def by_formula(counters, marks):
     return np.array(found)
 
 
-def test_the_formula_written_out(simulated, told):
+def test_the_formula_written_out(simulated, ingested):
     table, _, marks = simulated
-    done = told(table, marks)
+    done = ingested(table, marks)
     some = np.r_[0:5, 95:105, 15_000:15_010, ROWS - 5 : ROWS]
     expected = by_formula(table.t.to_numpy()[some], marks)
     found = done.samples.t.to_numpy()[some]
@@ -75,9 +75,9 @@ def test_the_formula_written_out(simulated, told):
     np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=0, atol=2e-10)
 
 
-def test_the_true_time_comes_back(simulated, told):
+def test_the_true_time_comes_back(simulated, ingested):
     table, true, marks = simulated
-    done = told(table, marks)
+    done = ingested(table, marks)
     # counters are whole us; within 1 s temperature bends the clock by some 0.02 us
     np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=2.2e-6)
     figures = done.quality["clock"]["pps"]
@@ -94,23 +94,23 @@ def test_the_true_time_comes_back(simulated, told):
     assert done.quality["warnings"][0].startswith("t is GNSS time through 299 1PPS marks")
 
 
-def test_marks_in_the_log(simulated, told):
+def test_marks_in_the_log(simulated, ingested):
     table, _, marks = simulated
-    apart = told(table, marks)
+    apart = ingested(table, marks)
     latched = last_mark(*simulated)
-    done = told(latched)
+    done = ingested(latched)
     np.testing.assert_array_equal(done.samples.t, apart.samples.t)
     # the rows of zeros at the start are no mark
     assert done.quality["clock"]["pps"]["rejected"] == 1
     assert done.quality["columns"]["pps"] == ["pps_us", "gnss_s"]
-    small = told(latched, batch_rows=977)
+    small = ingested(latched, batch_rows=977)
     assert small.path.read_bytes() == done.path.read_bytes()
     assert small.quality == done.quality
 
 
-def test_missing_marks(simulated, told):
+def test_missing_marks(simulated, ingested):
     table, true, marks = simulated
-    done = told(table, marks.drop([*range(50, 60), 100, 200]))
+    done = ingested(table, marks.drop([*range(50, 60), 100, 200]))
     assert done.quality["clock"]["pps"]["missed"] == 12
     assert done.quality["clock"]["pps"]["longest_step_s"] == 11
     # over 11 s temperature bends the clock by up to 2e-6 * 2 pi / 90 * 11^2 / 8 = 2.1 us
@@ -118,7 +118,7 @@ def test_missing_marks(simulated, told):
     assert "12 marks missed, the longest way 11 s" in done.quality["warnings"][0]
 
 
-def test_marks_that_jitter_and_marks_that_are_none(simulated, told):
+def test_marks_that_jitter_and_marks_that_are_none(simulated, ingested):
     table, true, marks = simulated
     rng = np.random.default_rng(4)
     late = rng.integers(0, 20, len(marks))
@@ -127,7 +127,7 @@ def test_marks_that_jitter_and_marks_that_are_none(simulated, told):
     marks.loc[wrong, "counter"] += [700, -900, 40_000, 600, 2_000, -800, 300_000]
     marks["gnss"] = marks.gnss.astype(float)
     marks.loc[[40, 180], "gnss"] += [0.25, -0.5]
-    done = told(table, marks)
+    done = ingested(table, marks)
     assert done.quality["clock"]["pps"]["rejected"] == 9
     assert done.quality["clock"]["pps"]["missed"] == 9
     error = done.samples.t - (true - true[0])
@@ -137,39 +137,39 @@ def test_marks_that_jitter_and_marks_that_are_none(simulated, told):
 
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("offset", [100, 5, -3])
-def test_a_counter_that_rolls_over(simulated, told, offset, inside):
+def test_a_counter_that_rolls_over(simulated, ingested, offset, inside):
     table, _, marks = simulated
-    straight = told(table, marks).samples.t
+    straight = ingested(table, marks).samples.t
     # rolls over so many seconds after the log begins
     shift = 2**32 - table.t[0] - offset * 10**6
     table["t"] = (table.t + shift) % 2**32
     marks["counter"] = (marks.counter + shift) % 2**32
     if inside:
         latched = last_mark(table, 0.0035 + np.arange(ROWS) / RATE, marks)
-        done = told(latched)
+        done = ingested(latched)
     else:
         # marks that begin before the log does
         early = pd.DataFrame({"counter": marks.counter[0] - 10**6 * np.arange(8, 0, -1)})
         early = early.assign(
             counter=early.counter % 2**32, gnss=marks.gnss[0] - np.arange(8, 0, -1)
         )
-        done = told(table, pd.concat([early, marks]))
+        done = ingested(table, pd.concat([early, marks]))
     np.testing.assert_allclose(done.samples.t[200:], straight[200:], rtol=0, atol=1e-4)
     assert done.quality["clock"]["pps"]["missed"] == 0
     assert done.quality["clock"]["rollovers"] == (offset > 0)
 
 
-def test_the_week_ends_and_dates(simulated, told):
+def test_the_week_ends_and_dates(simulated, ingested):
     table, _, marks = simulated
-    straight = told(table, marks).samples.t
+    straight = ingested(table, marks).samples.t
     week = marks.assign(gnss=(marks.gnss - START + 604_700) % 604_800)
-    np.testing.assert_array_equal(told(table, week).samples.t, straight)
+    np.testing.assert_array_equal(ingested(table, week).samples.t, straight)
     dates = pd.Timestamp("2024-02-29T23:58:00Z") + pd.to_timedelta(SECONDS, "s")
-    dated = told(table, marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ")))
+    dated = ingested(table, marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ")))
     np.testing.assert_array_equal(dated.samples.t, straight)
     begin = pd.Timestamp("2024-02-29T23:58:00.0035Z")
     assert abs(pd.Timestamp(dated.metadata["start"]) - begin) < pd.Timedelta("2us")
-    cropped = told(
+    cropped = ingested(
         table,
         marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ")),
         time_range=["2024-02-29T23:59:00Z", None],
@@ -190,21 +190,21 @@ def test_the_week_ends_and_dates(simulated, told):
          "the local counter starts again"),
     ],
 )  # fmt: skip
-def test_marks_that_do_not_fit_reject_the_log(simulated, told, change, reason):
+def test_marks_that_do_not_fit_reject_the_log(simulated, ingested, change, reason):
     table, _, marks = simulated
-    done = told(*change(table, marks))
+    done = ingested(*change(table, marks))
     assert done.quality["status"] == "rejected"
     assert reason in done.quality["reasons"][0]
 
 
-def test_what_is_declared_wrongly_is_one_line(simulated, told):
+def test_what_is_declared_wrongly_is_one_line(simulated, ingested):
     table, _, marks = simulated
     with pytest.raises(ImuloopError, match=r"pps\.time: no column 'gnss_s'; there are t, ax"):
-        told(table.assign(pps_us=0))
+        ingested(table.assign(pps_us=0))
     with pytest.raises(ImuloopError, match=r"pps\.counter: no column 'c'; there are counter, gnss"):
-        told(table, marks, pps={"counter": "c"})
+        ingested(table, marks, pps={"counter": "c"})
     with pytest.raises(ImuloopError, match="pps: the log has no time column"):
-        told(table.drop(columns="t"), marks, rate=100)
+        ingested(table.drop(columns="t"), marks, rate=100)
     stamps = pd.Timestamp("2024-02-29") + pd.to_timedelta(table.t, "us")
     with pytest.raises(ImuloopError, match="stamps are dates, not a local counter"):
-        told(table.assign(t=stamps), marks)
+        ingested(table.assign(t=stamps), marks)

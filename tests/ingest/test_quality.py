@@ -85,7 +85,7 @@ def test_quantisation_step(log, measured):
         ("m/s^2", 0.01, "ok", "has gravity been taken out"),
     ],
 )
-def test_the_wrong_unit_of_acceleration_is_told(log, measured, unit, factor, status, hint):
+def test_the_wrong_unit_of_acceleration_is_reported(log, measured, unit, factor, status, hint):
     log[["ax", "ay", "az"]] *= factor
     found = measured(units={"acceleration": unit}, gravity=9.818)
     assert found["status"] == status

@@ -41,7 +41,7 @@ def test_earth_alone_is_mean_enough():
     assert not found["tracked"]
 
 
-def test_no_mean_at_all_is_told_once_noise_resolves_earth():
+def test_no_mean_at_all_is_reported_once_noise_resolves_earth():
     none = (0.0, 0.0, 0.0)
     # noise that cannot show it
     for seed in range(5):
@@ -60,7 +60,7 @@ def test_a_bias_that_wanders_is_no_fault():
 
 
 @pytest.mark.parametrize("seconds", [1.0, 10.0, 60.0])
-def test_a_running_mean_taken_away_is_told(seconds):
+def test_a_running_mean_taken_away_is_reported(seconds):
     x = at_rest(4, hours=1.5, mean=(0.01, -0.02, 0.005))
     for name in CHANNELS[3:]:
         n = round(seconds * 20)
@@ -71,7 +71,7 @@ def test_a_running_mean_taken_away_is_told(seconds):
     assert found["noise_share"] < 0.5
 
 
-def test_rates_in_rad_taken_as_degrees_are_told_where_the_bias_is_small():
+def test_rates_in_rad_taken_as_degrees_are_reported_where_the_bias_is_small():
     # 2 deg/h of bias; declared deg/s, so made 57 times smaller than they are
     x = at_rest(5, hours=1.0, white=1e-5, mean=EARTH + 2 * DEGREE / 3600)
     assert not figures(x)["tracked"]

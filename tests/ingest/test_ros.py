@@ -3,26 +3,21 @@
 import re
 import shutil
 import sqlite3
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from backports import zstd
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest import ros
+from ingest.written import IMU, ROS2, START, TEMPERATURE, VECTOR, bag, message
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
-ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
-START = 1_700_000_000 * 10**9
-IMU = "sensor_msgs/msg/Imu"
-VECTOR = "geometry_msgs/msg/Vector3Stamped"
-TEMPERATURE = "sensor_msgs/msg/Temperature"
 KINDS = ["bag", "bag bz2", "bag lz4", "db3", "db3 message", "db3 file", "mcap", "mcap storage"]
 BOTH = ["acceleration", "angular_rate"]
 
@@ -33,54 +28,10 @@ def stamps(log):
     return START + np.rint(log.t.to_numpy() * 1e9).astype(np.int64) + np.arange(len(log)) % 7
 
 
-def message(store, name, stamp, values):
-    """Make a message from its type, its stamp in ns and its numbers."""
-    types = store.types
-    sequence = {"seq": 0} if store is ROS1 else {}
-    moment = types["builtin_interfaces/msg/Time"](*divmod(int(stamp), 10**9))
-    header = types["std_msgs/msg/Header"](stamp=moment, frame_id="imu", **sequence)
-    vector = types["geometry_msgs/msg/Vector3"]
-    if name == TEMPERATURE:
-        return types[name](header, *values, 0.0)
-    if name == VECTOR:
-        return types[name](header, vector(*values))
-    if name != IMU:
-        part = types[name.removesuffix("Stamped")]
-        return types[name](header, part(vector(*values[:3]), vector(*values[3:])))
-    turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    unknown = np.zeros(9)
-    return types[name](
-        header, turn, unknown, vector(*values[3:]), unknown, vector(*values[:3]), unknown
-    )
-
-
 @pytest.fixture
 def write(tmp_path):
-    """Write topics, name -> (type, stamps, rows); give the path of the bag."""
-
-    def call(kind, topics, received=START, name="log"):
-        kind, _, packing = kind.partition(" ")
-        store = ROS1 if kind == "bag" else ROS2
-        path = tmp_path / (f"{name}.bag" if kind == "bag" else name)
-        if kind == "bag":
-            writer, serialize = Writer1(path), store.serialize_ros1
-            if packing:
-                writer.set_compression(Writer1.CompressionFormat[packing.upper()])
-        else:
-            plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-            writer, serialize = Writer2(path, version=9, storage_plugin=plugin), store.serialize_cdr
-            if packing:
-                mode = CompressionMode[packing.upper()]
-                writer.set_compression(mode, CompressionFormat.ZSTD)
-        with writer:
-            for topic, (type_, stamps, rows) in topics.items():
-                connection = writer.add_connection(topic, type_, typestore=store)
-                for i, (stamp, row) in enumerate(zip(stamps, rows, strict=True)):
-                    data = serialize(message(store, type_, stamp, row), type_)
-                    writer.write(connection, received + 10**7 * i, data)
-        return path
-
-    return call
+    """Write a bag of topics; give its path."""
+    return partial(bag, tmp_path)
 
 
 @pytest.fixture

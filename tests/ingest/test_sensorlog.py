@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from imuloop.core.units import STANDARD_GRAVITY
-from ingest.tables import ACCELERATION, RATE, check, table
+from ingest.tables import ACCELERATION, check, table
+from ingest.written import sensorlog
 
 
 @pytest.fixture
@@ -12,18 +13,6 @@ def log(log):
     """The log with its acceleration in g, as the app has it."""
     log[ACCELERATION] = (log[ACCELERATION] / STANDARD_GRAVITY).round(6)
     return log
-
-
-def sensorlog(log, rate="gyroRotation", unit="(rad/s)"):
-    """Return the text of a SensorLog CSV: iOS signs, a row each 10 ms, stamps since the boot."""
-    names = [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]
-    names += [f"{rate}{a}{unit}" for a in "XYZ"]
-    clock = "gyro" if rate.startswith("gyro") else "motion"
-    head = ["loggingTime(txt)", "accelerometerTimestamp_sinceReboot(s)"]
-    head += [f"{clock}Timestamp_sinceReboot(s)", *names]
-    written = [f"2021-09-20 08:52:{t:06.3f} +0200" for t in log.t]
-    stamps = [f"{t:.2f}" for t in 62608 + log.t]
-    return table(head, [written, stamps, stamps, *(log[a] for a in ACCELERATION + RATE)])
 
 
 @pytest.mark.parametrize("rate", ["gyroRotation", "motionRotationRate"])

@@ -53,7 +53,7 @@ def test_a_stream_of_both_sensors_goes_before_those_of_one():
     assert log.found["angular_rate"][0] == "imu.gyro.x"
 
 
-def test_two_that_are_alike_must_be_told_apart():
+def test_two_that_are_alike_must_be_distinguished():
     streams = [stream("imu0"), stream("imu1")]
     text = r"^imu0 \(acc\.x, acc\.y, acc\.z\) and imu1 .* name one of them in columns\.acceleration"
     with pytest.raises(ImuloopError, match=text):

@@ -200,7 +200,7 @@ def test_increments_over_their_own_interval(run, single, write):
     np.testing.assert_allclose(done.samples.az, single.az[kept], rtol=1e-6)
 
 
-def test_buffers_are_one_row_a_sample(run, single, write):
+def test_buffers_are_one_row_a_sample(run, write):
     counts = np.random.default_rng(1).integers(-3000, 3000, (6, 500)).astype("i2")
     sizes = np.tile([2, 4, 3, 1], 50)
     ends = np.cumsum(sizes)
@@ -223,7 +223,7 @@ def test_buffers_are_one_row_a_sample(run, single, write):
     np.testing.assert_allclose(np.diff(done.samples.t) * 1e3, 125.5, atol=1)
 
 
-def test_dropouts_are_told(run, single, write):
+def test_dropouts_are_reported(run, single, write):
     path = write(combined(single), dropouts=[(30, STAMPS[100]), (1500, STAMPS[200])])
     assert "2 dropouts while logging, 1.53 s together" in run(path).quality["warnings"]
 
@@ -236,8 +236,8 @@ def test_a_log_cut_off_is_read_up_to_there(run, single, write):
         done = run(path)
         rows = (500 * ROW - lost) // ROW
         np.testing.assert_array_equal(done.samples.az, single.az[:rows])
-        told = "the file ends inside a message: the log was cut off" in done.quality["warnings"]
-        assert told == bool(lost % ROW)
+        reported = "the file ends inside a message: the log was cut off" in done.quality["warnings"]
+        assert reported == bool(lost % ROW)
     for size in (5, len(content) - 500 * ROW):
         path.write_bytes(content[:size])
         with pytest.raises(RejectedLog):
@@ -258,6 +258,6 @@ def test_damage_costs_its_rows(run, single, write):
     done = run(path)
     assert 460 <= len(done.samples) < 500
     assert "parts of the file are damaged" in " ".join(done.quality["warnings"])
-    # a row whose end alone is overwritten cannot be told
+    # a row whose end alone is overwritten cannot be known
     assert np.isin(done.samples.az, single.az).sum() >= len(done.samples) - 1
     assert done.quality["gaps"]["count"] == 1

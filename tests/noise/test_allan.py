@@ -27,7 +27,7 @@ def test_factors_are_log_spaced_up_to_the_share():
 def test_stretches_pool_by_their_number_of_terms():
     rng = np.random.default_rng(0)
     stretches = [rng.standard_normal(n) for n in (50, 400, 7)]
-    factors = np.array([1, 3, 20, 100])
+    factors = np.array([1, 3, 20, 25, 100])
     for value, m in zip(allan_variance(stretches, factors), factors, strict=True):
         parts = [definition(x, m) for x in stretches if len(x) + 1 - 2 * m > 1]
         assert value == pytest.approx(sum(p[0] for p in parts) / sum(p[1] for p in parts))

@@ -194,7 +194,7 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     assert step.K.value > 3 * moved.K.value
 
 
-def test_a_filter_is_told_and_the_noise_below_it_kept():
+def test_a_filter_is_reported_and_the_noise_below_it_kept():
     x = sosfilt(butter(2, 0.2, output="sos"), record(5))
     estimate = estimate_record(x, RATE, SETTINGS)
     assert estimate.band_hz < 2.0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel
+from calibrate.devices import known
+from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.noise.coloured import (
     WindowSpectrum,
@@ -21,10 +22,6 @@ from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
 from imuloop.simulate.noise import flicker, gauss_markov, walk, white
 
 LENGTH, PER_WINDOW = 2.0, 10
-
-
-def known(value):
-    return Coefficient(value, None, None, True)
 
 
 def transformed(noise, n=400):
@@ -60,7 +57,7 @@ def test_a_fit_of_its_own_spectrum_is_exact():
 
 @pytest.mark.parametrize("share", [0.0, 1e-9, 1e-3])
 def test_a_coefficient_that_happens_to_be_as_good_as_zero_does_not_count_alone(share):
-    """Each unit is the same in that bin: by it alone they cannot be told apart."""
+    """Each unit is the same in that bin: by it alone they cannot be distinguished."""
     rng = np.random.default_rng(2)
     frequency, times = np.geomspace(1e-3, 1, 30), np.array([3.0, 30, 300])
     red = 1 / (1 + (2 * np.pi * frequency[:, None] * times) ** 2)

@@ -7,16 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calibrate.devices import known
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, Sinusoid
 from imuloop.noise.filters import LONGEST, POINTS, SHORTEST, bounding
 
 # the times at which the bound is held, and nineteen between each two
 TAU = np.geomspace(SHORTEST, LONGEST, 20 * (POINTS - 1) + 1)
 HELD = TAU[::20]
-
-
-def known(value):
-    return Coefficient(value, (value, value), value, True)
 
 
 def limited(value):

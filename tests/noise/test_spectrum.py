@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from scipy.signal import welch
 
-from imuloop.core.noise_model import Coefficient
 from imuloop.noise.allan import allan_variance
 from imuloop.noise.representations import COLUMNS, empty, representations
 from imuloop.noise.sampling import Sampling
@@ -30,10 +29,6 @@ def tabulated(stretches, settings, axis="gx"):
     starts = np.cumsum([0, *(n + 100 for n in lengths[:-1])])
     sampling = Sampling(RATE, tuple(starts), lengths, tuple(range(len(lengths))))
     return pd.DataFrame(representations(sampling, stretches, axis, settings))
-
-
-def coefficient(value):
-    return Coefficient(value, (value, value), value, True)
 
 
 @pytest.mark.parametrize("length", [300, 400_000])

@@ -4,13 +4,9 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from calibrate.devices import known
+from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel, Sinusoid
 from imuloop.core.samples import CHANNELS
-
-
-def known(value):
-    return Coefficient(value, (value, value), value, True)
-
 
 sizes = st.one_of(st.just(0.0), st.floats(-6, 0).map(lambda power: 10**power)).map(known)
 times = st.floats(0.1, 1e4).map(known)

@@ -1,8 +1,10 @@
-"""Measured logs: poses good enough for the published calibrations, disturbances that are real."""
+"""Measured logs: as many poses as their authors count, disturbances that are real.
+
+That the poses give the published calibrations is tested in tests/published.
+"""
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
@@ -13,41 +15,13 @@ SETTINGS = SegmentSettings()
 MEANS = [f"{channel}_mean" for channel in ACCELERATION]
 
 
-def fit_norm(f, gravity):
-    """Fit T (upper triangular), K and b so that |T K (f - b)| is gravity; also return residuals."""
-
-    def residual(p):
-        T = np.array([[1, p[0], p[1]], [0, 1, p[2]], [0, 0, 1]])
-        return np.linalg.norm((f - p[6:]) * p[3:6] @ T.T, axis=1) - gravity
-
-    result = least_squares(residual, [0, 0, 0, 1, 1, 1, 0, 0, 0], xtol=1e-14, ftol=1e-14)
-    return result.x, residual
-
-
-def poses_of(segments):
-    return rests_of(segments).groupby("pose")[MEANS].mean().to_numpy()
-
-
-# scale error in %, bias in m/s^2 (data/README.md). The table's scale error is of the sensor's
-# output, 1/K - 1, and its authors' gravity is 9.81 m/s^2
-PUBLISHED = [
-    ([0.363, 0.315, 0.647], [0.103, 0.097, 0.344]),
-    ([0.471, 0.482, 0.932], [0.090, 0.070, 0.338]),
-    ([0.382, 0.355, 0.780], [0.096, 0.008, -0.045]),
-]
-
-
 @pytest.mark.parametrize("board", [0, 1, 2])
-def test_mpu9150_poses_give_the_published_calibration_without_rests_in_the_hand(recordings, board):
+def test_mpu9150_has_its_poses_without_rests_in_the_hand(recordings, board):
     """Five of 22 rests tremble with 0.5 to 1 deg/s; other rests are turned at one end."""
     segments, metadata = segment_session(mpu9150(recordings, board), "multi_position", SETTINGS)
     assert metadata["level"]["source"] == "quietest windows"
     # the logs' author counts 14 to 18
     assert 14 <= metadata["poses"] <= 18
-    p, _ = fit_norm(poses_of(segments), 9.81)
-    scale, bias = PUBLISHED[board]
-    np.testing.assert_allclose(100 * (1 / p[3:6] - 1), scale, atol=0.10)
-    np.testing.assert_allclose(p[6:], bias, atol=0.015)
     rests = rests_of(segments)
     for start, end in ((0.5, 6.5), (9.0, 13.6), (19.1, 20.9), (44.7, 49.9), (57.4, 62.5)):
         assert not np.any((rests["start_s"] < end) & (rests["end_s"] > start)), (start, end)
@@ -56,22 +30,11 @@ def test_mpu9150_poses_give_the_published_calibration_without_rests_in_the_hand(
     assert np.sqrt(np.mean((w - w.mean()).to_numpy() ** 2)) < 0.25e-3
 
 
-def test_xsens_poses_predict_each_other_as_well_as_the_best_threshold_of_imu_tk(recordings):
-    segments, metadata = segment_session(xsens(recordings), "multi_position", SETTINGS)
+def test_xsens_has_its_poses_and_the_level_of_its_first_rest(recordings):
+    _, metadata = segment_session(xsens(recordings), "multi_position", SETTINGS)
     assert metadata["level"]["source"] == "initial rest"
     assert metadata["level"]["duration_s"] == pytest.approx(50, abs=0.1)
     assert metadata["poses"] == 38
-    f = poses_of(segments)
-    gravity = 9.81744
-    held_out = []
-    for k in range(len(f)):
-        p, _ = fit_norm(np.delete(f, k, axis=0), gravity)
-        held_out.append(fit_norm(f, gravity)[1](p)[k])
-    assert 1e3 * np.sqrt(np.mean(np.square(held_out))) / gravity < 0.150
-    # imu_tk's scale, m/s^2 per count, and bias, counts
-    p, _ = fit_norm(f, gravity)
-    np.testing.assert_allclose(p[3:6] / 415, [0.00241278, 0.00242712, 0.00241168], rtol=3e-4)
-    np.testing.assert_allclose(p[6:] * 415 + 32768, [33124.2, 33275.2, 32364.4], atol=5)
 
 
 def test_ferraris_faces_are_rests_and_full_turns_are_not(recordings):

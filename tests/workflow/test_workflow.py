@@ -151,7 +151,7 @@ def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path):
         f'module imuloop:\n    snakefile: "{checkout}/Snakefile"\n    config: config["imu"]\n'
         "use rule * from imuloop as imu_*\n"
     )
-    made = "results/resting/calibration.json"
+    made = "results/resting/rest/segments.parquet"
     done = snakemake(tmp_path, tmp_path, target=made, config=None)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / made).read_bytes() == (finished[0] / made).read_bytes()

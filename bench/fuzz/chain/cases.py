@@ -13,21 +13,11 @@ from imuloop.core.units import STANDARD_GRAVITY, TIME
 
 @dataclass(frozen=True)
 class Case:
-    """A device to run the chain on.
-
-    Attributes
-    ----------
-    number : int
-        Of the case.
-    entry : dict
-        The device in a config.
-    words : tuple of str
-        What each session was made of, and its harms.
-    """
+    """A device to run the chain on."""
 
     number: int
-    entry: dict
-    words: tuple
+    entry: dict  # the device in a config
+    words: tuple  # what each session was made of, and its harms
 
 
 def make(number, folder):

@@ -38,13 +38,6 @@ def judge(case, results):
 
     What the check of its config or a stage says in words, an ImuloopError, is no fault; any other
     error that a stage failed with is one, though the report is made.
-
-    Parameters
-    ----------
-    case : Case
-        Its logs are written.
-    results : Path
-        Folder for the results.
     """
     config = {"devices": {DEVICE: case.entry}}
     results.mkdir(parents=True)

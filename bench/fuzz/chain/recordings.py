@@ -33,39 +33,18 @@ class NotAtHand(Exception):
 
 @dataclass
 class Log:
-    """A session, as it was recorded and as it is to be written and declared.
-
-    Attributes
-    ----------
-    kind : str
-        As declared.
-    t : ndarray, shape (n,)
-        s.
-    x : dict of str to ndarray, shape (n, 3)
-        ``acceleration``, m/s^2, and ``angular_rate``, rad/s.
-    temperature : ndarray, shape (n,), or None
-        degC.
-    count : dict
-        ``scale`` and ``offset`` of one count by quantity.
-    gravity : float
-        m/s^2.
-    written, declared : dict
-        Unit by quantity.
-    rate : float or None
-        As declared, Hz; the log has no time column then.
-    lines : list of (float, str)
-        Lines that do not belong into a text log: where, as a share of its rows, and what.
-    """
+    """A session, as it was recorded and as it is to be written and declared; SI."""
 
     kind: str
     t: np.ndarray
-    x: dict
+    x: dict  # acceleration and angular_rate, (n, 3)
     temperature: np.ndarray | None
-    count: dict
+    count: dict  # scale and offset of one count by quantity
     gravity: float = STANDARD_GRAVITY
-    written: dict = field(default_factory=dict)
+    written: dict = field(default_factory=dict)  # unit by quantity
     declared: dict = field(default_factory=dict)
-    rate: float | None = None
+    rate: float | None = None  # declared, Hz: the log has no time column then
+    # that do not belong into a text log: where, as a share of its rows, and what
     lines: list = field(default_factory=list)
 
     def __len__(self):
