@@ -14,6 +14,8 @@ COMPONENTS = {
     "rotation": "12",
     "velocity_vertical": "",
     "velocity_horizontal": "12",
+    "reference_rotation": "xyz",
+    "reference_force": "xyz",
 }
 
 
