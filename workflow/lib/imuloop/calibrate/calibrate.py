@@ -31,7 +31,7 @@ from imuloop.core.units import RawUnit
 
 # what a calibration rests on, most first
 METHODS = ("multi_position", "six_position", "static", "nominal")
-KINDS = ("multi_position", "six_position", "static")
+KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
 
 
 def usable(sessions, kind):

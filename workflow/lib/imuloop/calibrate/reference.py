@@ -18,8 +18,6 @@ from imuloop.core.effect import Channels, effect_design
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import GAP_STEPS
 
-# columns of samples.parquet that hold the reference: scalar first, body to world; m
-ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
 # s; length of a window of rotation, and half of one of position
 TURN, HALF = 1.0, 0.2
 # windows of one kind: dense matrices of three times as many rows stay below a second
