@@ -16,7 +16,7 @@ from imuloop.calibrate.poses import Rotations
 from imuloop.calibrate.recording import Log
 from imuloop.core.effect import Channels, effect_design
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns, read_metadata
 
 # s; length of a window of rotation, and half of one of position
 TURN, HALF = 1.0, 0.2
@@ -42,6 +42,26 @@ class ReferenceLog(Log):
     noise: tuple[float, float]
 
 
+def read_reference(sessions):
+    """Return the ReferenceRecording of a device; sessions as of `calibrate.calibrate.usable`."""
+    chosen = {}
+    for name, session in sessions.items():
+        known = read_metadata(session["samples"]).get("reference")
+        if session["kind"] != "reference_motion" or known is None or "noise" not in known:
+            continue
+        samples = read_columns(session["samples"])
+        q = np.column_stack([samples[c] for c in ORIENTATION])
+        attitude = np.full((len(q), 3, 3), np.nan)
+        seen = np.isfinite(q[:, 0])
+        turned = Rotation.from_quat(q[seen][:, [1, 2, 3, 0]]).as_matrix()
+        attitude[seen] = turned @ np.array(known["frame"])
+        place = np.column_stack([samples[c] for c in POSITION])
+        noise = (known["noise"]["orientation"], known["noise"]["position"] or 0.0)
+        log = Log.of(samples)
+        chosen[name] = ReferenceLog(log.t, log.f, log.w, log.temperature, attitude, place, noise)
+    return ReferenceRecording(tuple(chosen), tuple(chosen.values()))
+
+
 @dataclass(frozen=True)
 class ReferenceRecording:
     """The usable reference sessions of a device."""
@@ -60,7 +80,8 @@ class ReferenceRecording:
         total = sum(np.ptp(log.t) for log in self.logs)
         apart = max(length, total / MOST_WINDOWS)
         return np.concatenate(
-            [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
+            [np.zeros((0, 4), int)]
+            + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
         ).T
 
 

@@ -21,6 +21,11 @@ from imuloop.diagnose.records.pose_diagnosis import (
     pose_candidates,
 )
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
+from imuloop.diagnose.records.reference import (
+    diagnose_references,
+    windows_table,
+    with_reference,
+)
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import not_testable
@@ -108,6 +113,7 @@ def diagnose_device(
             each.content["why"] = with_sessions(each.content["why"], sessions)
     pair = [(m, each.solution) for m, each in ((force_model, force), (turn_model, turn))]
     motion = diagnose_motion(*pair, recording, settings, tests, shown)
+    beside = diagnose_references(sessions, noise, gravity, settings, tests, solutions)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
     anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
@@ -126,6 +132,7 @@ def diagnose_device(
     )
     final = replace(final, **motion.calibrations)
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
+    final = with_reference(final, beside)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, kind)]
         for kind in ("multi_position", "six_position")
@@ -138,7 +145,7 @@ def diagnose_device(
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
     blocks = {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS}
     return Diagnosed(
-        _content(device, blocks),
+        _content(device, blocks, beside),
         final,
         still.allan,
         dict(zip(SENSORS, (force_model, turn_model), strict=True)),
@@ -151,6 +158,7 @@ def diagnose_device(
         {
             "poses": joined([poses_table(recording.poses, names, residuals), six]),
             "moves": moves_table(recording, names, turned, seen_force, residuals),
+            "reference": windows_table(beside),
         },
         motion.fit,
     )
@@ -161,9 +169,14 @@ def undiagnosed(device, why):
     return _content(device, dict.fromkeys(SENSORS, (not_testable(why),) * len(RECORDS)))
 
 
-def _content(device, blocks):
-    """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`."""
+def _content(device, blocks, beside=()):
+    """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`.
+
+    `beside` are ReferenceResults by sensor.
+    """
     sensors = {sensor: dict(zip(RECORDS, own, strict=True)) for sensor, own in blocks.items()}
+    for sensor in beside:
+        sensors[sensor]["reference"] = beside[sensor].content
     return {"format": FORMAT, "device": device, "sensors": sensors}
 
 

@@ -4,11 +4,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError
+from scipy.linalg import LinAlgError, block_diag
+from scipy.spatial.transform import Rotation
 
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import Solution
-from imuloop.calibrate.reference import spread, started
+from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.pose_fits import Solution, in_raw_units
+from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
@@ -16,6 +18,7 @@ from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, _by_effect
+from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.verdict import not_testable
 
 # windows at least: three components each, for nine parameters and a part held out
@@ -24,6 +27,8 @@ LEAST_WINDOWS = 20
 # all that is left
 COMMON = (0.0, 0.3, 1.0, 3.0)
 SLIPS = "a reference that slips on the device tilts gravity, and so looks like a changing bias"
+# of the set-up, not of the sensor
+BESIDE = ("time_offset", "clock_drift", "lever_arm")
 # sessions from which on whole ones are held out: without two of them one is left to learn from
 WHOLE = 3
 
@@ -36,10 +41,15 @@ class ReferenceResult:
     solution: Solution | None = None
     choices: Choices | None = None
     effects: tuple = ()  # FittedEffect each
-    # by column: a row per window
-    windows: dict = field(default_factory=dict)
+    columns: tuple = ()  # of each effect the places of its parameters in the solution
+    covariance: np.ndarray | None = None  # of the solution's parameters
+    # of each session, and the variance of their mean, SI as logged
+    bias: np.ndarray | None = None
+    bias_variance: np.ndarray | None = None
+    windows: dict = field(default_factory=dict)  # by column: a row per window
 
 
+@dataclass(frozen=True, eq=False)
 class ReferenceProblem(PoseProblem):
     """Windows of one sensor beside a reference, of noise that is white with heavy tails.
 
@@ -48,16 +58,25 @@ class ReferenceProblem(PoseProblem):
     what is left goes with the attitude.
     """
 
+    # rows R and z of what the poses say of the base model: ``R x - z`` has variance one
+    of_poses: tuple = (np.zeros((0, 0)), np.zeros(0))
+
+    @cached_property
+    def prior_rows(self):
+        """What poses say, which is no effect's."""
+        return {}, self.of_poses[1]
+
     @cached_property
     def common(self):
         """Correlation of what goes with the attitude, (N, N), its mean variance one."""
         found = self.sensor.common(self.recording)
-        return found / np.diag(found).mean()
+        return block_diag(found / np.diag(found).mean(), np.zeros((len(self.of_poses[1]),) * 2))
 
     @cached_property
     def floor(self):
         """Variance that the noise as estimated gives each row, (N,)."""
-        return np.repeat(self.sensor.floor(self.recording), 3)
+        own = np.repeat(self.sensor.floor(self.recording), 3)
+        return np.append(own, np.ones(len(self.of_poses[1])))
 
     @cached_property
     def measure(self):
@@ -71,15 +90,21 @@ class ReferenceProblem(PoseProblem):
             x, sensor = before.solution.fit.x, replace(self.sensor, weight=before.model.weight)
         else:
             sensor = self.sensor
+        rows, z = self.of_poses
+        more = sum(len(e.parameters) for e in base)
+        known = np.hstack([rows.reshape(len(z), count), np.zeros((len(z), more))])
         for _ in range(3):
-            solution = sensor.fit(self.recording, base, x)
+            solution = sensor.fit(self.recording, base, x, (known, z))
             model, x = sensor.model(solution, self.recording), solution.fit.x
             values, jacobian = model.residuals()
-            variance = spread(values.reshape(-1, 3), self.floor[::3])
+            variance = spread(values.reshape(-1, 3), self.floor[: len(values) : 3])
             sensor = replace(sensor, weight=1 / variance)
+        values = np.append(values, known @ x - z)
+        jacobian = np.concatenate([jacobian, known])
         own = _by_effect(jacobian[:, None, count:], base)
 
-        white, size = np.diag(np.repeat(variance, 3)), np.median(variance)
+        size = np.median(variance)
+        white = np.diag(np.append(np.repeat(variance, 3), np.ones(len(z))))
         noise = Hypotheses.of(white + k * size * self.common for k in COMMON)
 
         def hypotheses(_):
@@ -98,7 +123,9 @@ class ReferenceProblem(PoseProblem):
         if effect not in self._columns:
             solution = self.linearized(()).solution
             model = self.sensor.model(solution, self.recording, (effect,))
-            self._columns[effect] = model.residuals()[1][:, None, -len(effect.parameters) :]
+            own = model.residuals()[1][:, -len(effect.parameters) :]
+            none = np.zeros((len(self.of_poses[1]), own.shape[1]))
+            self._columns[effect] = np.concatenate([own, none])[:, None]
         return self._columns[effect]
 
     def lost(self, base, out=frozenset()):
@@ -133,10 +160,11 @@ def shapes_beside(sensor, recording):
     return found, others
 
 
-def diagnose_reference(sensor, recording, settings, tests):
+def diagnose_reference(sensor, recording, settings, tests, poses=None):
     """Return the ReferenceResult of a sensor, a `calibrate.reference.ReferenceSensor`.
 
-    `tests` is the number of tests of the device's other records, which share the significance.
+    `tests` is the number of tests of the device's other records, which share the significance,
+    `poses` the Solution that the poses give, None without one.
     """
     session, first, _, last = sensor.windows(recording)
     if len(session) < LEAST_WINDOWS:
@@ -151,6 +179,7 @@ def diagnose_reference(sensor, recording, settings, tests):
         settings,
         tests + settings.family * len(shapes),
         parts,
+        of_poses=_of_poses(sensor, poses),
     )
     try:
         if reason := problem.lost(()):
@@ -158,6 +187,30 @@ def diagnose_reference(sensor, recording, settings, tests):
         return _diagnosed(Choices(problem), others, (session, first, last))
     except LinAlgError:
         return ReferenceResult(not_testable(SINGULAR))
+
+
+def _of_poses(sensor, poses):
+    """Return rows R and z of what the poses say of the base model's parameters.
+
+    The gyroscope's T refers to the accelerometer there, and to the reference here: a rotation of
+    it, the antisymmetric part, is open.
+    """
+    count = 9 if sensor.sensor == "gyroscope" else 6
+    if poses is None:
+        return np.zeros((0, len(sensor.names))), np.zeros(0)
+    information = np.linalg.inv(poses.fit.scaled_covariance[:count, :count])
+    if sensor.sensor == "gyroscope":
+        # T01 T02 T10 T12 T20 T21
+        turn = np.zeros((count, 3))
+        turn[[0, 2], 2], turn[[1, 4], 1], turn[[3, 5], 0] = (-1, 1), (1, -1), (-1, 1)
+        seen = information @ turn
+        information = information - seen @ np.linalg.solve(turn.T @ seen, seen.T)
+    size = np.sqrt(np.diag(information))
+    values, axes = np.linalg.eigh(information / np.outer(size, size))
+    shown = values > 1e-9 * values.max()
+    rows = np.sqrt(values[shown])[:, None] * axes[:, shown].T * size
+    z = rows @ poses.fit.x[:count]
+    return np.hstack([rows, np.zeros((len(rows), len(sensor.names) - count))]), z
 
 
 def _parts(recording, session, first, count):
@@ -176,13 +229,13 @@ def _diagnosed(choices, others, windows):
     (kind,) = problem.sensor.kinds
     judged, columns = judged_residuals(choices, (kind,), len(problem.sensor.kinds) * 2)
     solution, x = problem.linearized(added).solution, problem.linearized(added).solution.fit.x
-    std, fitted, at = np.sqrt(np.diag(problem.covariance(added))), [], len(problem.sensor.names)
+    covariance, at = problem.covariance(added), len(problem.sensor.names)
+    std, fitted, columns_of = np.sqrt(np.diag(covariance)), [], []
     for effect in added:
-        own = range(at, at + len(effect.parameters))
-        pair = (
-            dict(zip(effect.parameters, map(float, v[own]), strict=True)) for v in (x, std)
-        )
+        own = [*range(at, at + len(effect.parameters))]
+        pair = (dict(zip(effect.parameters, map(float, v[own]), strict=True)) for v in (x, std))
         fitted.append(FittedEffect(effect, *pair))
+        columns_of.append(own)
         at += len(own)
     content = judged | search_content(problem.sensor.sensor, choices, fitted, others, [])
     session, first, last = windows
@@ -192,4 +245,90 @@ def _diagnosed(choices, others, windows):
         "start_s": np.array([logs[s].t[i] for s, i in zip(session, first, strict=True)]),
         "end_s": np.array([logs[s].t[i] for s, i in zip(session, last, strict=True)]),
     }
-    return ReferenceResult(content, solution, choices, tuple(fitted), place | columns)
+    model = problem.linearized(added).model
+    bias = problem.sensor.bias + model.nuisances[:, :3]
+    # of one session by its windows, of several also by how they differ
+    root = np.sqrt(model.weight)[:, None, None] * model.nuisance
+    variance = np.diag(np.linalg.pinv(np.einsum("mai,maj->ij", root, root)))[:3]
+    if len(bias) > 1:
+        variance = np.maximum(variance, bias.var(axis=0, ddof=1) / len(bias))
+    return ReferenceResult(
+        content,
+        solution,
+        choices,
+        tuple(fitted),
+        tuple(columns_of),
+        covariance,
+        bias,
+        variance,
+        place | {"residual": np.full(len(session), kind, object)} | columns,
+    )
+
+
+def diagnose_references(sessions, noise, gravity, settings, tests, solutions):
+    """Return the ReferenceResult of each sensor, empty of a device without such a session.
+
+    Takes sessions as `calibrate.calibrate.usable` does, the NoiseModel, local gravity, m/s^2, the
+    number of tests of the other records and the Solutions of the poses, by sensor.
+    """
+    kinds = [session["kind"] for session in sessions.values()]
+    if "reference_motion" not in kinds:
+        return {}
+    recording = read_reference(sessions)
+    found = {}
+    for sensor in (Accelerometer(noise, gravity), Gyroscope(noise, gravity)):
+        poses = solutions[sensor.sensor]
+        found[sensor.sensor] = diagnose_reference(sensor, recording, settings, tests, poses)
+    return found
+
+
+def windows_table(results):
+    """Return the columns of reference.parquet: a row a window, not-a-number where not its kind."""
+    table = no_tables()["reference"]
+    for result in results.values():
+        count = len(result.windows.get("session", ()))
+        for name, column in table.items():
+            missing = np.full(count, np.nan, column.dtype)
+            own = result.windows.get(name, missing)
+            table[name] = np.concatenate([column, np.asarray(own, column.dtype)])
+    return table
+
+
+def with_reference(calibration, results):
+    """Return the calibration; of a sensor that no poses determine, that beside the reference.
+
+    Effects of where a marker sits and how late the reference is are not the sensor's: they are not
+    in it. The gyroscope's axes are turned onto the accelerometer's where places show these.
+    """
+    turned, solution = np.eye(3), {}
+    for sensor, result in results.items():
+        own = getattr(calibration, sensor)
+        if result.solution is None or own.method not in ("nominal", "static"):
+            continue
+        x, covariance = result.solution.fit.x, result.covariance
+        if sensor == "accelerometer":
+            turned = Rotation.from_rotvec(x[6:9]).as_matrix()
+            count, names = 6, accelerometer.NAMES
+            T, K, _ = accelerometer.unpack(np.append(x[:6], np.zeros(3)))
+        else:
+            count, names = 9, gyroscope.NAMES
+            T, K, _ = gyroscope.unpack(np.append(x[:9], np.zeros(3)))
+            whole = turned.T @ T
+            K, T = K * np.diag(whole), whole / np.diag(whole)
+        at, kept = [*range(count)], []
+        for effect, columns in zip(result.effects, result.columns, strict=True):
+            if effect.name not in BESIDE:
+                kept.append(effect.effect)
+                at += columns
+        order = [(int(n[1]), int(n[2])) for n in names if n[0] == "T"]
+        values = [*(T[i] for i in order), *K, *result.bias.mean(axis=0)]
+        values = np.append(values, x[at[count:]])
+        spread_ = np.zeros((len(values),) * 2)
+        places = [*range(count), *range(count + 3, len(values))]
+        spread_[np.ix_(places, places)] = covariance[np.ix_(at, at)]
+        spread_[range(count, count + 3), range(count, count + 3)] = result.bias_variance
+        made = in_raw_units(
+            own.raw_unit, names, values, spread_, method="reference_motion", effects=kept
+        )
+        solution[sensor] = made
+    return replace(calibration, **solution)
