@@ -30,7 +30,7 @@ from imuloop.core.samples import (
 from imuloop.core.units import RawUnit
 
 # what a calibration rests on, most first
-METHODS = ("multi_position", "six_position", "static", "nominal")
+METHODS = ("multi_position", "six_position", "reference_motion", "static", "nominal")
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
 
 

@@ -20,6 +20,7 @@ from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.poses import pose_picture
+from imuloop.report.figures.reference import duration_table, reference_pictures
 from imuloop.report.page import write, write_page
 from imuloop.report.results import SENSORS, Device, read_device
 from imuloop.report.summary import summarise
@@ -112,7 +113,10 @@ def diagnosis_part(device, sensor, part, block):
     tables = [diagnosis.steps_table(sensor, part, block)]
     tables += [diagnosis.effect_table(sensor, part, e) for e in block["effects"]]
     corrected, drawn = [], []
-    if part != "static_record":
+    if part == "reference":
+        tables.append(duration_table(block))
+        drawn = reference_pictures(device, sensor, block)
+    elif part != "static_record":
         drawn = residuals.residual_pictures(device, sensor, block) + arm_pictures(device, block)
         drawn += composed_pictures(device, sensor, block)
     else:

@@ -10,7 +10,12 @@ from imuloop.report.units import RESIDUAL
 # verdicts from the best news to none
 VERDICTS = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
 WORDS = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
-PARTS = {"poses": "poses", "static_record": "static record", "motion": "motion"}
+PARTS = {
+    "poses": "poses",
+    "static_record": "static record",
+    "motion": "motion",
+    "reference": "beside a reference",
+}
 # whose velocity it is
 BOTH = "sensors"
 RESIDUAL_WORDS = {
@@ -20,6 +25,8 @@ RESIDUAL_WORDS = {
     "bias": "wander of the bias",
     "velocity_vertical": "vertical velocity at the end of a move",
     "velocity_horizontal": "horizontal velocity at the end of a move",
+    "reference_rotation": "error of the rotation over 1 s",
+    "reference_force": "error of specific force over 0.4 s",
 }
 # what is no effect of the library
 FORMULA = {"discovered": "a formula of no known cause"}
@@ -41,6 +48,12 @@ CHANNELS = ("time", "temperature")
 SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
     "record of two hours or more would tell."
+)
+# sessions with a reference from which on whole ones are held out
+WHOLE = 3
+ONE_SESSION = (
+    " Held out were parts of the same session, not another: what the reference gets wrong in one "
+    "place it gets wrong there again. Three sessions would tell."
 )
 # share of the floor that its range is worth naming from
 WIDE = 0.1
@@ -85,7 +98,10 @@ def motion_of(diagnosis):
 def blocks(diagnosis):
     """Return every part of a diagnosis: (sensor, part, content)."""
     own = [(s, p, block_of(diagnosis, s, p)) for s in SENSORS for p in ("poses", "static_record")]
-    return [*own, (BOTH, "motion", motion_of(diagnosis))]
+    known = diagnosis.get("sensors", {})
+    beside = [(s, "reference") for s in SENSORS if "reference" in known.get(s, {})]
+    found = [*own, (BOTH, "motion", motion_of(diagnosis))]
+    return found + [(s, part, block_of(diagnosis, s, part)) for s, part in beside]
 
 
 def quoted(sensor, block):
@@ -236,6 +252,8 @@ def sentence(sensor, block):
     elif block.get("slow_noise"):
         text += SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
+    if block.get("sessions", WHOLE) < WHOLE:
+        text += ONE_SESSION
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
         text += f" Left out, for a knock between two samples: {spoiled} of {of}."
@@ -273,6 +291,10 @@ def answers(diagnosis):
             if still["verdict"] not in ("consistent", "not_testable"):
                 words += f"; at rest {_words(still)}"
         said.append((sensor, max(tested, key=rank, default="not_testable"), words))
+    for sensor in SENSORS:
+        block = block_of(diagnosis, sensor, "reference")
+        if block["verdict"] not in ("consistent", "not_testable"):
+            said.append((f"{sensor} beside a reference", block["verdict"], _words(block)))
     if motion["verdict"] not in ("consistent", "not_testable"):
         said.append(("both in motion", motion["verdict"], _words(motion)))
     return said

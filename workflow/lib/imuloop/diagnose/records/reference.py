@@ -12,6 +12,7 @@ from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.pose_fits import Solution, in_raw_units
 from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
 from imuloop.core.effect import Channels, Effect, FittedEffect
+from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
@@ -27,6 +28,8 @@ LEAST_WINDOWS = 20
 # all that is left
 COMMON = (0.0, 0.3, 1.0, 3.0)
 SLIPS = "a reference that slips on the device tilts gravity, and so looks like a changing bias"
+# s; over which attitudes are integrated for the report
+DURATIONS = (0.1, 0.3, 1.0, 3.0, 10.0)
 # of the set-up, not of the sensor
 BESIDE = ("time_offset", "clock_drift", "lever_arm")
 # sessions from which on whole ones are held out: without two of them one is left to learn from
@@ -152,7 +155,7 @@ def shapes_beside(sensor, recording):
             found[cls] = tuple(cls.shapes(None))
             others.pop(cls, None)
             if cls.name == "lever_arm":
-                found[cls] = (cls(marker=True),)
+                found[cls] = (cls("marker"),)
     if sensor == "accelerometer":
         for cls in [cls for cls in found if cls.timed]:
             del found[cls]
@@ -238,6 +241,9 @@ def _diagnosed(choices, others, windows):
         columns_of.append(own)
         at += len(own)
     content = judged | search_content(problem.sensor.sensor, choices, fitted, others, [])
+    content["sessions"] = len(problem.recording.logs)
+    if problem.sensor.sensor == "gyroscope":
+        content["by_duration"] = errors_over(choices)
     session, first, last = windows
     names, logs = np.array(problem.recording.names, dtype=object), problem.recording.logs
     place = {
@@ -263,6 +269,64 @@ def _diagnosed(choices, others, windows):
         variance,
         place | {"residual": np.full(len(session), kind, object)} | columns,
     )
+
+
+def errors_over(choices):
+    """Return root mean square errors of attitude and of the vertical after some times, rad.
+
+    Each part of the data is integrated by models that never saw it: ``logged`` as it is,
+    ``calibrated`` with T, K and its session's bias, ``final`` with the effects that the search
+    chooses without the part; ``floor`` is what white noise of both alone gives.
+    """
+    problem, found = choices.problem, []
+    sensor, recording, parts = problem.sensor, problem.recording, problem.fold_of_pose
+    session, first, _, last = sensor.windows(recording)
+    starts = {(p, s) for p, s in zip(parts.tolist(), session.tolist(), strict=True)}
+    squares = {seconds: [] for seconds in DURATIONS}
+    for part, s in sorted(starts):
+        own, log, out = (parts == part) & (session == s), recording.logs[s], frozenset({part})
+        rows = slice(first[own].min(), last[own].max() + 1)
+        rates = [log.w]
+        for base in ((), choices.nested(out)):
+            solution = problem.fitted(base, out)
+            model = sensor.model(solution, recording)
+            bias, x = sensor.bias[s] + model.nuisances[s, :3], solution.fit.x
+            T, K, _ = gyroscope.unpack(np.append(x[:9], np.zeros(3)))
+            e = sensor.design(recording, base, x[9:], K)[s] @ x[9:]
+            rates.append((K * (log.w - bias) - e) @ T.T)
+        t, C = log.t[rows], log.attitude[rows]
+        up = np.nanmean(np.einsum("nij,nj->ni", C, log.f[rows]), axis=0)
+        up /= np.linalg.norm(up)
+        steps, attitudes = np.diff(t), []
+        for w in rates:
+            q = prefix_product(exponential(step_vectors(w[rows], steps)))
+            attitudes.append(np.concatenate([np.eye(3)[None], matrix(q)]))
+        for seconds in DURATIONS:
+            count = round(seconds / np.median(steps))
+            i = np.arange(0, len(t) - count, max(1, count // 2))
+            j = i + count
+            known = np.isfinite(C[i, 0, 0]) & np.isfinite(C[j, 0, 0])
+            known &= t[j] - t[i] < 1.5 * seconds
+            i, j = i[known], j[known]
+            turn = C[i].swapaxes(1, 2) @ C[j]
+            row = []
+            for A in attitudes:
+                moved = turn.swapaxes(1, 2) @ A[i].swapaxes(1, 2) @ A[j]
+                error = Rotation.from_matrix(moved).as_rotvec() if len(i) else np.zeros((0, 3))
+                along = np.einsum("nj,nj->n", error, np.einsum("nij,i->nj", C[j], up))
+                row.append(((error**2).sum(axis=1), (error**2).sum(axis=1) - along**2))
+            white = np.mean([sensor.noise.axes[a].N.square for a in ("gx", "gy", "gz")])
+            floor = np.full(len(i), 2 * log.noise[0] ** 2 + white * seconds)
+            row.append((3 * floor, 2 * floor))
+            squares[seconds].append(np.array(row))
+    for seconds, each in squares.items():
+        each = np.concatenate(each, axis=2)
+        if each.shape[2]:
+            sizes = np.sqrt(each.mean(axis=2)).tolist()
+            stages = zip(("logged", "calibrated", "final", "floor"), sizes, strict=True)
+            entry = {stage: dict(zip(("rotation", "vertical"), v, strict=True)) for stage, v in stages}
+            found.append({"seconds": seconds, "n": each.shape[2]} | entry)
+    return found
 
 
 def diagnose_references(sessions, noise, gravity, settings, tests, solutions):

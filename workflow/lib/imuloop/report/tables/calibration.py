@@ -9,6 +9,7 @@ METHODS = {"six_position": "Six-position", "multi_position": "Multi-position", "
 METHOD_WORDS = {
     "multi_position": "poses in many attitudes",
     "six_position": "six faces",
+    "reference_motion": "motion beside a reference",
     "static": "rests only: bias alone",
     "nominal": "data sheet, nothing estimated",
 }
