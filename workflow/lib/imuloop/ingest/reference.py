@@ -281,7 +281,10 @@ def _conventions(reference, t, w, f, declared):
             why = "the reference's clock overlaps with that of the log for less than 50 samples"
             return [f"reference: {why}"], np.eye(3).tolist(), 1.0
         angle = _angles(t, w, start[inside], end[inside])
-        size = np.sqrt((turn[inside] ** 2).sum() / max((angle**2).sum(), 1e-30))
+        # noise and swaps lengthen turns: the median of those that are long
+        lengths = [np.linalg.norm(v, axis=1) for v in (turn[inside], angle)]
+        long = lengths[1] >= np.median(lengths[1])
+        size = np.median(lengths[0][long] / np.maximum(lengths[1][long], 1e-12))
         frame, left = _frame(turn[inside], angle * size)
         known = np.flatnonzero(reference.known)
         force = [np.interp(reference.t[known], t, c) for c in f.T]
