@@ -34,7 +34,7 @@ LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 BRIDGED, SAME_CLOCK = 0.05, 0.1
 # s over which turns are compared, and share of them that may be left where a convention fits
 COMPARED, FITS = 0.1, 0.3
-# cosine from which on gravity lies along an axis of the world
+# cosine of the angle between two worlds from which on they are one
 ALONG = 0.95
 # m; least leap of a place, and how many times what neighbours usually differ by
 LEAP, TIMES = 0.02, 8.0
@@ -269,7 +269,8 @@ def _conventions(reference, t, w, f, declared):
     """Return why the attitudes do not fit the angular rate, the frame, and the share that is left.
 
     Both conventions and orders of the quaternion are tried: what fits is said. Turns alone cannot
-    tell a wrong order from another world; in the right one gravity lies along an axis.
+    tell a wrong order from other axes of body and world: the right one has the places' axes, or, if
+    there are none, the sensor's.
     """
     found = {}
     for order, convention in product(("wxyz", "xyzw"), ("body_to_world", "world_to_body")):
@@ -286,19 +287,17 @@ def _conventions(reference, t, w, f, declared):
         long = lengths[1] >= np.median(lengths[1])
         size = np.median(lengths[0][long] / np.maximum(lengths[1][long], 1e-12))
         frame, left = _frame(turn[inside], angle * size)
-        known = np.flatnonzero(reference.known)
-        force = [np.interp(reference.t[known], t, c) for c in f.T]
-        up = Rotation.from_quat(q[known][:, [1, 2, 3, 0]]).apply(np.transpose(force) @ frame.T)
-        up = np.abs(up.mean(axis=0)).max() / np.linalg.norm(force, axis=0).mean()
-        found[order, convention] = left, size, frame, up
-    left, size, frame, up = found["wxyz", declared]
+        gain = _gain(replace(reference, q=q), t, f, frame) if left < FITS else None
+        axes = -1.0 if gain is None else _alike_axes(gain)
+        found[order, convention] = left, size, frame, axes, np.trace(frame)
+    left, size, frame, axes, _ = found["wxyz", declared]
     fitting = [key for key in found if found[key][0] < FITS]
-    best = max(fitting, key=lambda key: found[key][3], default=None)
-    tilted = best and up < ALONG < found[best][3]
-    if left > FITS or tilted:
+    best = max(fitting, key=lambda key: found[key][3:], default=None)
+    turned = best and -1 < axes < ALONG < found[best][3]
+    if left > FITS or turned:
         why = f"read as {declared} it leaves {left:.0%} of the turns of the gyroscope unexplained"
         if left < FITS:
-            why = f"read as {declared} gravity lies along no axis of the world"
+            why = f"read as {declared} its axes of the world are not those of the places"
         if best:
             order, convention = best
             say = [f"name its columns in the order w, x, y, z: they are {order}"] * (order != "wxyz")
@@ -365,22 +364,33 @@ def _noise(reference):
 
     Of white noise σ they have the variance 20 σ²; motion is smooth over three steps.
     """
-    at = np.flatnonzero(reference.known)
-    whole = at[:-3][at[3:] - at[:-3] == 3]
-    rotation = Rotation.from_quat(reference.q[at][:, [1, 2, 3, 0]])
-    place = np.searchsorted(at, whole)
-    step = [(rotation[place + k].inv() * rotation[place + k + 1]).as_rotvec() for k in range(3)]
-    turn = step[0] - 2 * step[1] + step[2]
-    p = reference.p
-    known = np.flatnonzero(np.isfinite(np.convolve(p[:, 0], np.ones(4), "valid")))
-    third = p[known] - 3 * p[known + 1] + 3 * p[known + 2] - p[known + 3]
-    sizes = (np.median(np.abs(x)) / 0.6745 / 20**0.5 if len(x) else None for x in (turn, third))
-    attitude, where = sizes
-    return {"orientation": float(attitude), "position": None if where is None else float(where)}
+
+    def even(known):
+        """Return four samples on end each, where their steps are alike, (4, m)."""
+        at = np.flatnonzero(known)
+        steps = np.diff(reference.t[at])
+        usual = np.abs(steps / np.median(steps) - 1) < 0.1 if len(steps) else np.zeros(0, bool)
+        first = np.flatnonzero(usual[:-2] & usual[1:-1] & usual[2:]) if len(usual) > 2 else []
+        return np.array([at[np.asarray(first, int) + k] for k in range(4)])
+
+    def size(third):
+        """Return σ by the median of third differences; None without any."""
+        return float(np.median(np.abs(third)) / 0.6745 / 20**0.5) if len(third) else None
+
+    at = even(reference.known)
+    rotation = Rotation.from_quat(np.nan_to_num(reference.q, nan=1.0)[:, [1, 2, 3, 0]])
+    step = [(rotation[at[k]].inv() * rotation[at[k + 1]]).as_rotvec() for k in range(3)]
+    p = reference.p[even(np.isfinite(reference.p[:, 0]))]
+    third = p[0] - 3 * p[1] + 3 * p[2] - p[3]
+    attitude = size(step[0] - 2 * step[1] + step[2])
+    return {"orientation": attitude or 0.0, "position": size(third)}
 
 
-def _places(reference, t, f, frame, declared):
-    """Return why the places do not fit specific force, carried by the attitudes."""
+def _gain(reference, t, f, frame):
+    """Return what takes specific force in the world to the places' second difference, (3, 3).
+
+    None where places or motion are too few.
+    """
     columns = at_instants(reference, t)
     q, p = (np.column_stack([columns[c] for c in names]) for names in (ORIENTATION, POSITION))
     step = float(np.median(np.diff(t)))
@@ -388,34 +398,42 @@ def _places(reference, t, f, frame, declared):
     whole = np.isfinite(p[:, 0]) & np.isfinite(q[:, 0])
     middle = np.arange(k, len(t) - k, max(1, k // 2))
     middle = middle[whole[middle] & whole[middle - k] & whole[middle + k]]
-    if len(middle) < 50:
-        return []
     second = (p[middle - k] - 2 * p[middle] + p[middle + k]) / (k * step) ** 2
     force = np.full((len(t), 3), np.nan)
-    rotation = Rotation.from_quat(q[whole][:, [1, 2, 3, 0]])
-    force[whole] = rotation.apply(f[whole] @ frame.T)
+    if whole.any():
+        force[whole] = Rotation.from_quat(q[whole][:, [1, 2, 3, 0]]).apply(f[whole] @ frame.T)
     weight = np.concatenate([np.arange(1, k + 1), np.arange(k - 1, 0, -1)]) / k**2
-    smooth = np.column_stack([np.convolve(c, weight, "valid") for c in force.T])
-    pushed = smooth[middle - k + 1]
+    pushed = np.column_stack([np.convolve(c, weight, "valid") for c in force.T])[middle - k + 1]
     sound = np.isfinite(pushed[:, 0])
+    if sound.sum() < 50:
+        return None
     pushed, second = (x[sound] - np.median(x[sound], axis=0) for x in (pushed, second))
-    if len(pushed) < 50:
-        return []
     gain = np.linalg.lstsq(pushed, second, rcond=None)[0].T
     left = np.sqrt(((second - pushed @ gain.T) ** 2).sum() / (second**2).sum())
-    if left > 2 * FITS:
-        # hardly any motion, or an arm: nothing is said
+    # hardly any motion, or an arm: nothing is said
+    return gain if left < 2 * FITS else None
+
+
+def _alike_axes(gain):
+    """Return the cosine of the angle between the axes of force and places."""
+    size = np.linalg.det(gain)
+    return (np.trace(gain) / np.cbrt(size) - 1) / 2
+
+
+def _places(reference, t, f, frame, declared):
+    """Return why the places do not fit specific force, carried by the attitudes."""
+    gain = _gain(reference, t, f, frame)
+    if gain is None:
         return []
-    size = np.sign(np.linalg.det(gain)) * np.abs(np.linalg.det(gain)) ** (1 / 3)
+    size = np.cbrt(np.linalg.det(gain))
     unit = (declared.get("units") or {}).get("position", "m")
     for scale in (1e3, 1e2, 1e-3, 1e-2, 10.0, 0.1):
         if abs(abs(size) / scale - 1) < 3 * SCALE:
             fits = next((u for u, m in LENGTH.items() if np.isclose(m * scale, LENGTH[unit])), None)
             say = f": declare units.position: {fits}" if fits else ""
             return [f"reference.position: {scale:g} times as far as specific force says{say}"]
-    turned = (np.trace(gain) / abs(size) - np.sign(size)) / 2
-    if turned < 0.9 and size > 0:
-        angle = np.degrees(np.arccos(np.clip(turned, -1, 1)))
+    if size > 0 and _alike_axes(gain) < ALONG:
+        angle = np.degrees(np.arccos(np.clip(_alike_axes(gain), -1, 1)))
         return [f"reference.position: its axes are {angle:.0f} degrees from those of orientation"]
     if size < 0:
         why = "accelerates against specific force: it is mirrored; change the sign of one axis"
