@@ -97,7 +97,7 @@ def study(seed):
     for sensor in SENSORS:
         found = control["sensors"][sensor]["reference"]
         rows.append(("control", sensor, "", [e["name"] for e in found["effects"]], None))
-        own, known = getattr(calibration, sensor), getattr(truth, "K")[sensor]
+        own, known = getattr(calibration, sensor), truth.K[sensor]
         pulls += [(own.K[k] - known[k]) / own.std[f"K{k}"] for k in range(3)]
     for pair in PAIRS:
         for size in (1.0, 3.0):

@@ -1,4 +1,4 @@
-"""A reference beside a log: what is declared wrongly is told with what fits, what is lost is cut."""
+"""A reference beside a log: what is declared wrongly is told with what fits, losses are cut."""
 
 import json
 
@@ -46,7 +46,9 @@ def conjugate(columns):
 
 
 def last_first(columns):
-    return columns | dict(zip(QUATERNION, [columns[k] for k in ("qx", "qy", "qz", "qw")], strict=True))
+    return columns | dict(
+        zip(QUATERNION, [columns[k] for k in ("qx", "qy", "qz", "qw")], strict=True)
+    )
 
 
 def mirrored(columns):

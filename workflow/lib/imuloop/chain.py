@@ -159,7 +159,7 @@ def calibrate(device):
 
 
 def diagnose(device):
-    """Write diagnosis, calibration, attitude, tables of poses, moves and windows, corrected Allan curves."""
+    """Write diagnosis, calibration, attitude, poses, moves, windows, corrected Allan curves."""
     from imuloop.calibrate.calibrate import with_sessions
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json

@@ -20,6 +20,8 @@ from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns,
 
 # s; length of a window of rotation, and half of one of position
 TURN, HALF = 1.0, 0.2
+# s between windows, which then have no noise of the reference in common
+BETWEEN = 0.03
 # windows of one kind: dense matrices of three times as many rows stay below a second
 MOST_WINDOWS = 300
 # rad; attitudes closer than this have errors of the reference in common: the same markers are seen
@@ -73,8 +75,8 @@ class ReferenceRecording:
     def windows(self, kind):
         """Return session, first, middle and last row of each window, (m,) each.
 
-        Of `kind` rotation, of `TURN` s and one after the other, or position, of twice `HALF` s. No
-        sample is missing in them; where there are too many, they lie farther apart.
+        Of `kind` rotation, of `TURN` s and one soon after the other, or position, of twice `HALF`
+        s. No sample is missing in them; where there are too many, they lie farther apart.
         """
         length = TURN if kind == "rotation" else 2 * HALF
         total = sum(np.ptp(log.t) for log in self.logs)
@@ -101,7 +103,7 @@ def _windows(log, session, kind, length, apart):
             whole = whole and known[middle] and lost[i] == lost[last]
         if whole:
             found.append((session, i, middle, last))
-            i += max(round(apart / step), last - i + (kind == "position"))
+            i += max(round(apart / step), last - i + max(1, round(BETWEEN / step)))
         else:
             i += max(1, count // 20)
     return np.array(found, int).reshape(-1, 4)
@@ -216,7 +218,7 @@ class ReferenceSensor:
 
 
 class Gyroscope(ReferenceSensor):
-    """Rotation over a window: with C the attitude integrated from its start, Q the reference's,
+    """Rotation over a window, C by the gyroscope from its start, Q by the reference.
 
         ε = log(Qᵀ C),     δε = Qᵀ ∫ C δw dt      (rad, on the axes at its end)
 
@@ -284,13 +286,16 @@ class Gyroscope(ReferenceSensor):
         """Return the variance that the noise of both gives each component, rad², (m,)."""
         session, first, _, last = self.windows(recording)
         white = np.mean([self.noise.axes[a].N.square for a in ("gx", "gy", "gz")])
-        length = [np.ptp(recording.logs[s].t[[i, j]]) for s, i, j in zip(session, first, last)]
+        length = [
+            np.ptp(recording.logs[s].t[[i, j]])
+            for s, i, j in zip(session, first, last, strict=True)
+        ]
         own = np.array([log.noise[0] for log in recording.logs])[session]
         return 2 * own**2 + white * np.array(length)
 
 
 class Accelerometer(ReferenceSensor):
-    """Second difference of the place, p, over 2 h: with C the reference's attitude,
+    """Second difference of the place, p, over 2 h, with C the reference's attitude.
 
         r = ∫ tri (C M f) dt / h² - g u - (p(t - h) - 2 p(t) + p(t + h)) / h²      (m/s²)
 
@@ -375,7 +380,7 @@ class Accelerometer(ReferenceSensor):
 
     def floor(self, recording):
         """Return the variance that the noise of both gives each component, (m/s²)², (m,)."""
-        session, first, _, last = self.windows(recording)
+        session, *_ = self.windows(recording)
         weight = self.gathered(recording)[-1]
         white = np.mean([self.noise.axes[a].N.square for a in ("ax", "ay", "az")])
         turn, place = np.array([log.noise for log in recording.logs])[session].T
@@ -395,9 +400,7 @@ def _alike(attitudes):
 def started(sensor, recording):
     """Return the sensor with each session's bias, weights all alike."""
     session = sensor.windows(recording)[0]
-    sensor = replace(
-        sensor, weight=np.ones(len(session)), bias=np.zeros((len(recording.logs), 3))
-    )
+    sensor = replace(sensor, weight=np.ones(len(session)), bias=np.zeros((len(recording.logs), 3)))
     for _ in range(2):
         model = sensor.model_at(None, recording, ())
         sensor = replace(sensor, bias=sensor.bias + model.nuisances[:, :3])

@@ -47,7 +47,7 @@ DEGREE = 180 / np.pi
 
 @dataclass(frozen=True)
 class Reference:
-    """A reference's samples: t, s, (n,); quaternions q, (n, 4), scalar first; place p, m, (n, 3)."""
+    """A reference: t, s, (n,), quaternions q, (n, 4), scalar first, and places p, m, (n, 3)."""
 
     t: np.ndarray
     q: np.ndarray
@@ -104,7 +104,10 @@ def attach(samples_path, file, log_file, declared, session, counts):
         for name, values in columns.items():
             table = table.append_column(name, pa.array(values, pa.float64()))
         known = table.schema.metadata
-        known = {**known, METADATA_KEY: json.dumps(json.loads(known[METADATA_KEY]) | {"reference": figures})}
+        known = {
+            **known,
+            METADATA_KEY: json.dumps(json.loads(known[METADATA_KEY]) | {"reference": figures}),
+        }
         pq.write_table(
             table.replace_schema_metadata(known),
             samples_path,
@@ -136,7 +139,9 @@ def read_series(path, log_format, names, quantity):
         stamps = int(names[0] is not None)
         batches = delimited.text_batches(path, layout, places, 1 << 16, RawLog(), stamps=stamps)
         parts = [pa.Table.from_batches([b]) for b in batches]
-        joined = [pa.concat_arrays([p.column(i).chunk(0) for p in parts]) for i in range(len(places))]
+        joined = [
+            pa.concat_arrays([p.column(i).chunk(0) for p in parts]) for i in range(len(places))
+        ]
         chosen = [
             c if i < stamps else c.to_numpy(zero_copy_only=False) for i, c in enumerate(joined)
         ]
@@ -232,7 +237,9 @@ def _on_clock(reference, t, w):
     grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), step)
     size = np.linalg.norm(turn, axis=1) / (end - start)
     own = np.linalg.norm(w, axis=1)
-    own = np.convolve(own, np.ones(n := max(1, round(COMPARED / np.median(np.diff(t))))) / n, "same")
+    own = np.convolve(
+        own, np.ones(n := max(1, round(COMPARED / np.median(np.diff(t))))) / n, "same"
+    )
     pair = []
     for at, values in (((start + end) / 2, size), (t, own)):
         on_grid = np.interp(grid, at, values, left=np.nan, right=np.nan)
@@ -300,7 +307,9 @@ def _conventions(reference, t, w, f, declared):
             why = f"read as {declared} its axes of the world are not those of the places"
         if best:
             order, convention = best
-            say = [f"name its columns in the order w, x, y, z: they are {order}"] * (order != "wxyz")
+            say = [f"name its columns in the order w, x, y, z: they are {order}"] * (
+                order != "wxyz"
+            )
             say += [f"declare convention: {convention}"] * (convention != declared)
             why += f", as {order}, {convention} it fits: {' and '.join(say)}"
         else:
@@ -308,7 +317,9 @@ def _conventions(reference, t, w, f, declared):
         return [f"reference.orientation: {why}"], frame.tolist(), left
     for factor, text in ((DEGREE, "deg/s taken for rad/s"), (1 / DEGREE, "rad/s for deg/s")):
         if abs(size * factor - 1) < SCALE:
-            why = f"its turns are {size:.3g} times those of the gyroscope: units.angular_rate, {text}"
+            why = (
+                f"its turns are {size:.3g} times those of the gyroscope: units.angular_rate, {text}"
+            )
             return [f"reference.orientation: {why}"], frame.tolist(), left
     if abs(size - 1) > SCALE:
         why = f"its turns are {size:.3g} times those of the gyroscope: wrong unit or full scale"

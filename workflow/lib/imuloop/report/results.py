@@ -139,7 +139,10 @@ def read_device(name, label, folder, sessions):
         {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
         *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
         tuple(read_failures(folder, sessions)),
-        *(pd.read_parquet(folder / f"{table}.parquet") for table in ("poses", "moves", "reference")),
+        *(
+            pd.read_parquet(folder / f"{table}.parquet")
+            for table in ("poses", "moves", "reference")
+        ),
     )
 
 

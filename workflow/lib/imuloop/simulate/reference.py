@@ -61,7 +61,7 @@ def simulate_beside(truth, seed):
     steps = exponential(step_vectors(rate, np.diff(t)))
     q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(steps)])
     attitude = Rotation.from_quat(q[:, [1, 2, 3, 0]])
-    pushed = CubicSpline(t, place)(t, 2) + [0, 0, truth.gravity]
+    pushed = CubicSpline(t, place)(t, 2) + np.array([0, 0, truth.gravity])
     arm, change = np.array(truth.arm), np.gradient(rate, t, axis=0)
     force = attitude.inv().apply(pushed)
     force = force + np.cross(change, arm) + np.cross(rate, np.cross(rate, arm))

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, block_diag
 from scipy.spatial.transform import Rotation
 
-from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import Solution, in_raw_units
 from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
 from imuloop.core.effect import Channels, Effect, FittedEffect
@@ -18,8 +18,8 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
-from imuloop.diagnose.records.poses import Linearized, PoseProblem, _by_effect
 from imuloop.diagnose.records.pose_tables import no_tables
+from imuloop.diagnose.records.poses import Linearized, PoseProblem, _by_effect
 from imuloop.diagnose.verdict import not_testable
 
 # windows at least: three components each, for nine parameters and a part held out
@@ -324,7 +324,9 @@ def errors_over(choices):
         if each.shape[2]:
             sizes = np.sqrt(each.mean(axis=2)).tolist()
             stages = zip(("logged", "calibrated", "final", "floor"), sizes, strict=True)
-            entry = {stage: dict(zip(("rotation", "vertical"), v, strict=True)) for stage, v in stages}
+            entry = {
+                stage: dict(zip(("rotation", "vertical"), v, strict=True)) for stage, v in stages
+            }
             found.append({"seconds": seconds, "n": each.shape[2]} | entry)
     return found
 

@@ -82,7 +82,9 @@ def _arm(device, effect):
             area.set(xlabel=f"{XYZ[view[0]]}, mm", ylabel=f"{XYZ[view[1]]}, mm")
 
     places, errors = (", ".join(number(v, 2) for v in x) for x in (at, std))
-    caption = f"The sensor, from the reference's marker, on its own axes: ({places})\u202fmm, σ {errors}."
+    caption = (
+        f"The sensor, from the reference's marker, on its own axes: ({places})\u202fmm, σ {errors}."
+    )
     columns = {"axis": XYZ, "mm": at, "std_mm": std}
     looks = {"size": (1000, 330), "columns": (1, 1, 1)}
     return drawn(device, "reference_arm", "Where the sensor sits", caption, plot, columns, **looks)
