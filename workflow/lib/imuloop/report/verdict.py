@@ -51,10 +51,8 @@ SLOW_NOISE = (
 )
 # sessions with a reference from which on whole ones are held out
 WHOLE = 3
-ONE_SESSION = (
-    " Held out were parts of the same session, not another: what the reference gets wrong in one "
-    "place it gets wrong there again. Three sessions would tell."
-)
+# of the set-up of a reference, not of the sensor
+BESIDE = ("time_offset", "clock_drift", "lever_arm")
 # share of the floor that its range is worth naming from
 WIDE = 0.1
 # probability of naming one of them by chance, and the share of the residual that is worth naming
@@ -230,7 +228,8 @@ def sentence(sensor, block):
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
         "partly_explained": f"partly explained by {effects}, "
-        + ("something is still missing" if lacking(block) else "not in every part of the data"),
+        + ("something is still missing" if lacking(block) else "not in every part of the data")
+        + (", in the sensor or the reference" if "sessions" in block else ""),
         "unexplained": f"unexplained, {_tried(sensor, block)}",
     }[verdict]
     text = f"{words}: {RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
@@ -253,7 +252,7 @@ def sentence(sensor, block):
         text += SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
     if block.get("sessions", WHOLE) < WHOLE:
-        text += ONE_SESSION
+        text += _within(block)
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
         text += f" Left out, for a knock between two samples: {spoiled} of {of}."
@@ -263,6 +262,19 @@ def sentence(sensor, block):
             f" Reduced χ² of the {RESIDUAL_WORDS[name]} is {number(chi2)}, far below 1, "
             f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected "
             "or filtered before they were logged, and say little of the sensor."
+        )
+    return text
+
+
+def _within(block):
+    """Return what it means that a reference was there in fewer sessions than can be held out."""
+    own = [e["name"] for e in block["effects"] if e["name"] not in BESIDE]
+    text = " Held out were parts of a session, not a session: what the reference gets wrong in one "
+    text += f"attitude it gets wrong there again; {WHOLE} sessions would tell."
+    if own:
+        verb = "is" if len(own) == 1 else "are"
+        text += (
+            f" {joined(own)} {verb} seen within a session only, and left out of the calibration."
         )
     return text
 

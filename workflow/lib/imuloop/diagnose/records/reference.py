@@ -364,7 +364,8 @@ def with_reference(calibration, results):
     """Return the calibration; of a sensor that no poses determine, that beside the reference.
 
     Effects of where a marker sits and how late the reference is are not the sensor's: they are not
-    in it. The gyroscope's axes are turned onto the accelerometer's where places show these.
+    in it; nor is what was held out within a session only. The gyroscope's axes are turned onto the
+    accelerometer's where places show these.
     """
     turned, solution = np.eye(3), {}
     for sensor, result in results.items():
@@ -383,7 +384,7 @@ def with_reference(calibration, results):
             K, T = K * np.diag(whole), whole / np.diag(whole)
         at, kept = [*range(count)], []
         for effect, columns in zip(result.effects, result.columns, strict=True):
-            if effect.name not in BESIDE:
+            if effect.name not in BESIDE and len(result.bias) >= WHOLE:
                 kept.append(effect.effect)
                 at += columns
         order = [(int(n[1]), int(n[2])) for n in names if n[0] == "T"]
