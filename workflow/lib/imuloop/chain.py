@@ -251,7 +251,9 @@ def export(device):
         label = device.label or device.name
         write_exports(
             folder,
-            export_files(read_exported(device.name, label, calibration, noise_path, qualities)),
+            export_files(
+                read_exported(device.name, label, calibration, noise_path, qualities, given[2])
+            ),
         )
 
     def instead(reason, failed):
