@@ -149,10 +149,11 @@ def shapes_beside(sensor, recording):
     """Return the shapes of each effect to try on a sensor beside a reference, and the others."""
     log = recording.logs[0]
     own, other = (log.f, log.w) if sensor == "accelerometer" else (log.w, log.f)
-    found, others = candidates(sensor, "poses", Channels(log.t, own, other, log.temperature))
+    channels = Channels(log.t, own, other, log.temperature)
+    found, others = candidates(sensor, "poses", channels)
     for cls in Effect.library.values():
         if sensor in cls.sensors and {"motion", "reference"} & {*cls.records}:
-            found[cls] = tuple(cls.shapes(None))
+            found[cls] = tuple(cls.shapes(channels))
             others.pop(cls, None)
             if cls.name == "lever_arm":
                 found[cls] = (cls("marker"),)
