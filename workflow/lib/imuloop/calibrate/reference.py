@@ -23,7 +23,7 @@ TURN, HALF = 1.0, 0.2
 # s between windows, which then have no noise of the reference in common
 BETWEEN = 0.03
 # windows of one kind: dense matrices of three times as many rows stay below a second
-MOST_WINDOWS = 300
+MOST_WINDOWS = {"rotation": 600, "position": 300}
 # rad; attitudes closer than this have errors of the reference in common: the same markers are seen
 ALIKE = 0.35
 # degrees of freedom of Student's distribution that are tried for the tails of the reference
@@ -80,7 +80,7 @@ class ReferenceRecording:
         """
         length = TURN if kind == "rotation" else 2 * HALF
         total = sum(np.ptp(log.t) for log in self.logs)
-        apart = max(length, total / MOST_WINDOWS)
+        apart = max(length, total / MOST_WINDOWS[kind])
         return np.concatenate(
             [np.zeros((0, 4), int)]
             + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]

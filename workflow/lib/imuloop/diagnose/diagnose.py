@@ -8,6 +8,7 @@ import numpy as np
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_poses, read_recording, usable, with_sessions
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
 from imuloop.core.model import Calibration
@@ -105,7 +106,9 @@ def diagnose_device(
     gravity_by = force.solution.calibration if force.solution else base.accelerometer
     turn_model = GyroscopePoses(noise, gravity_by, units[1], calibrate_settings)
     seen = directions if force.choices else None
-    turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen)
+    turns = read_turns(sessions, gravity_by)
+    turns = turns.rows() if len(turns) else None
+    turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen, turns)
     found = dict(zip(SENSORS, (force, turn), strict=True))
     solutions = {sensor: each.solution for sensor, each in found.items()}
     for each in found.values():

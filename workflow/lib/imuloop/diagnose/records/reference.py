@@ -52,7 +52,6 @@ class ReferenceResult:
     windows: dict = field(default_factory=dict)  # by column: a row per window
 
 
-@dataclass(frozen=True, eq=False)
 class ReferenceProblem(PoseProblem):
     """Windows of one sensor beside a reference, of noise that is white with heavy tails.
 
@@ -61,25 +60,17 @@ class ReferenceProblem(PoseProblem):
     what is left goes with the attitude.
     """
 
-    # rows R and z of what the poses say of the base model: ``R x - z`` has variance one
-    of_poses: tuple = (np.zeros((0, 0)), np.zeros(0))
-
-    @cached_property
-    def prior_rows(self):
-        """What poses say, which is no effect's."""
-        return {}, self.of_poses[1]
-
     @cached_property
     def common(self):
         """Correlation of what goes with the attitude, (N, N), its mean variance one."""
         found = self.sensor.common(self.recording)
-        return block_diag(found / np.diag(found).mean(), np.zeros((len(self.of_poses[1]),) * 2))
+        return block_diag(found / np.diag(found).mean(), np.zeros((len(self.base_rows[1]),) * 2))
 
     @cached_property
     def floor(self):
         """Variance that the noise as estimated gives each row, (N,)."""
         own = np.repeat(self.sensor.floor(self.recording), 3)
-        return np.append(own, np.ones(len(self.of_poses[1])))
+        return np.append(own, np.ones(len(self.base_rows[1])))
 
     @cached_property
     def measure(self):
@@ -93,7 +84,7 @@ class ReferenceProblem(PoseProblem):
             x, sensor = before.solution.fit.x, replace(self.sensor, weight=before.model.weight)
         else:
             sensor = self.sensor
-        rows, z = self.of_poses
+        rows, z = self.base_rows
         more = sum(len(e.parameters) for e in base)
         known = np.hstack([rows.reshape(len(z), count), np.zeros((len(z), more))])
         for _ in range(3):
@@ -127,7 +118,7 @@ class ReferenceProblem(PoseProblem):
             solution = self.linearized(()).solution
             model = self.sensor.model(solution, self.recording, (effect,))
             own = model.residuals()[1][:, -len(effect.parameters) :]
-            none = np.zeros((len(self.of_poses[1]), own.shape[1]))
+            none = np.zeros((len(self.base_rows[1]), own.shape[1]))
             self._columns[effect] = np.concatenate([own, none])[:, None]
         return self._columns[effect]
 
@@ -183,7 +174,7 @@ def diagnose_reference(sensor, recording, settings, tests, poses=None):
         settings,
         tests + settings.family * len(shapes),
         parts,
-        of_poses=_of_poses(sensor, poses),
+        base_rows=_of_poses(sensor, poses),
     )
     try:
         if reason := problem.lost(()):

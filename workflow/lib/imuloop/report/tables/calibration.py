@@ -10,6 +10,7 @@ METHOD_WORDS = {
     "multi_position": "poses in many attitudes",
     "six_position": "six faces",
     "reference_motion": "motion beside a reference",
+    "known_rotation": "turns of known angles",
     "static": "rests only: bias alone",
     "nominal": "data sheet, nothing estimated",
 }
