@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from bench.commit import commit
+from bench.study import reference
 from bench.study.cases import LIMITS, all_cases
 from bench.study.devices import PLANS
 from bench.study.run import run
@@ -17,13 +18,16 @@ def main():
     parser.add_argument("--first", type=int, default=0, help="seed of the first device")
     parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
     parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
-    parser.add_argument("--records", help="poses or static_record")
+    parser.add_argument("--records", help="poses, static_record, motion; reference")
     parser.add_argument("--sensors", help="accelerometer or gyroscope")
     parser.add_argument("--plan", choices=PLANS, default=PLANS[0], help="devices of poses")
     parser.add_argument("--limits", type=float, default=LIMITS, help="size in detection limits")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--write", type=Path, help="file to write instead of printing")
     options = parser.parse_args()
+    if options.records == "reference":
+        reference.main(options.first, options.seeds, options.workers)
+        return
     cases = [
         case
         for case in all_cases(options.plan, options.limits)

@@ -68,7 +68,9 @@ def all_cases(plan="usual", limits=LIMITS):
             Case("effect", "motion", sensor, (name,))
             for name, effect in sorted(Effect.library.items())
             # those of the poses are tried there
-            if effect.sensors[0] == sensor and effect.records == ("motion",)
+            if effect.sensors[0] == sensor
+            and "motion" in effect.records
+            and "poses" not in effect.records
         ]
     cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
     cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))

@@ -8,7 +8,7 @@ from imuloop.calibrate.poses import gather_poses
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import read_columns
 from imuloop.core.tables import joined
-from imuloop.diagnose.records.pose_tables import MOVES, poses_table
+from imuloop.diagnose.records.pose_tables import MOVES, no_tables, poses_table
 from imuloop.report.verdict import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -126,7 +126,7 @@ def pose_tables(folder, rng):
     moves |= dict(axes)
     moves |= {name: rng.uniform(0, 3, n - 1) for name in ("angle_rad", "speed_rad_s")}
     moves |= {name: values[1:] for name, values in errors.items() if name in MOVES}
-    return {"poses": joined(poses), "moves": moves}
+    return no_tables() | {"poses": joined(poses), "moves": moves}
 
 
 def static_diagnosis(sensor, sessions, verdict, rng):

@@ -12,6 +12,7 @@ rule diagnose:
         attitude_series="results/{device}/attitude.parquet",
         poses="results/{device}/poses.parquet",
         moves="results/{device}/moves.parquet",
+        reference="results/{device}/reference.parquet",
         allan="results/{device}/allan_corrected.parquet",
     log:
         "logs/diagnose/{device}.log",

@@ -18,6 +18,7 @@ rule report_device:
         attitude_series="results/{device}/attitude.parquet",
         poses="results/{device}/poses.parquet",
         moves="results/{device}/moves.parquet",
+        reference="results/{device}/reference.parquet",
         exports="results/{device}/exports.json",
     output:
         page="results/{device}/report.html",

@@ -159,7 +159,7 @@ def calibrate(device):
 
 
 def diagnose(device):
-    """Write diagnosis, calibration, attitude, tables of poses and moves, corrected Allan curves."""
+    """Write diagnosis, calibration, attitude, poses, moves, windows, corrected Allan curves."""
     from imuloop.calibrate.calibrate import with_sessions
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
@@ -251,7 +251,9 @@ def export(device):
         label = device.label or device.name
         write_exports(
             folder,
-            export_files(read_exported(device.name, label, calibration, noise_path, qualities)),
+            export_files(
+                read_exported(device.name, label, calibration, noise_path, qualities, given[2])
+            ),
         )
 
     def instead(reason, failed):

@@ -100,8 +100,9 @@ def resolve(config):
 
     By device: ``label``, ``board`` or None, ``type`` or None, ``gravity`` (m/s^2), ``full_scale``,
     ``nominal``, the stages' settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by
-    role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` of marks in a file),
-    ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``.
+    role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` in files of
+    their own), ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``, ``reference``,
+    ``known_rotation``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -127,6 +128,10 @@ def _device(name, device):
 def _session(session):
     pps = dict(session.get("pps") or {})
     marks = {"pps": sources(pps.pop("file"))["log"]} if "file" in pps else {}
+    reference = dict(session.get("reference") or {})
+    if "file" in reference:
+        marks["reference"] = sources(reference.pop("file"))["log"]
+    known = session.get("sections") or [{k: session[k] for k in ("axis", "angle") if k in session}]
     return {
         "kind": session["kind"],
         "format": session.get("format"),
@@ -136,6 +141,8 @@ def _session(session):
         "rate": session.get("rate"),
         "time_range": session.get("time_range"),
         "pps": pps,
+        "reference": reference,
+        "known_rotation": known if session["kind"] == "known_rotation" else [],
     }
 
 

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
-from imuloop.file_faults import file_faults, marks_faults, path_fault
+from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
 from imuloop.ingest.columns import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
 from imuloop.yaml_traps import yaml_faults
@@ -257,6 +257,8 @@ def _session_faults(name, session, device, replicas, whole):
     text = "time_range" in session and _time_range_fault(session["time_range"])
     if text:
         yield ("time_range",), text
+    if isinstance(session.get("reference"), dict):
+        yield from reference_faults(session, replicas)
     unmarked = list(marks_faults(session.get("pps") or {}, replicas))
     yield from unmarked
     if "file" in session:

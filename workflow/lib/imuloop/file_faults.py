@@ -12,6 +12,7 @@ from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.ingest import used_units
 from imuloop.ingest.pps import read_marks
+from imuloop.ingest.reference import read_series
 from imuloop.ingest.sources import file_name
 
 # where the simulate rule puts a replica's log, relative to the working folder
@@ -54,6 +55,39 @@ def marks_faults(marks, replicas):
         except ImuloopError as error:
             named, _, text = str(error).partition(": ")
             yield (tuple(named.split(".")), text) if named[:4] == "pps." else (key, str(error))
+
+
+def reference_faults(session, replicas):
+    """Yield what is wrong with a session's reference, as far as it can be seen before the run."""
+    reference = session["reference"]
+    if session.get("kind") != "reference_motion":
+        yield ("reference",), "only a session of kind reference_motion has one"
+        return
+    own = "file" in reference
+    source = sources(reference["file"] if own else session.get("file", ""))["log"]
+    path = source.get("path")
+    if own and (text := path_fault(path or file_name(source))):
+        yield ("reference", "file"), text
+        return
+    if path is None or is_stored(path):
+        return
+    if not Path(path).is_file():
+        if own:
+            yield ("reference", "file"), _missing(path, replicas) or f"{path} is no file"
+        return
+    if Path(path).stat().st_size > CHECKED:
+        return
+    form = reference.get("format") if own else session.get("format")
+    for quantity, names in (reference.get("columns") or {}).items():
+        given = [None, *names] if isinstance(names, list) else [names]
+        try:
+            read_series(path, form, given, f"reference.columns.{quantity}")
+        except RejectedLog:
+            return
+        except ImuloopError as error:
+            named, _, text = str(error).partition(": ")
+            key = tuple(named.split(".")) if named.startswith("reference") else ("reference",)
+            yield key, text if named.startswith("reference") else str(error)
 
 
 def file_faults(session, nominal, replicas, whole, marked):

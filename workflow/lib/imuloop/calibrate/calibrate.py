@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import LinAlgError
+from scipy.linalg import LinAlgError, block_diag
 
-from imuloop.calibrate import accelerometer, six_position
-from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate import accelerometer, gyroscope, six_position
+from imuloop.calibrate.known_rotation import read_turns
+from imuloop.calibrate.least_squares import SINGULAR, condition_number
 from imuloop.calibrate.pose_fits import (
     AccelerometerPoses,
     GyroscopePoses,
@@ -30,8 +31,13 @@ from imuloop.core.samples import (
 from imuloop.core.units import RawUnit
 
 # what a calibration rests on, most first
-METHODS = ("multi_position", "six_position", "static", "nominal")
-KINDS = ("multi_position", "six_position", "static")
+METHODS = (
+    *("multi_position", "known_rotation", "six_position", "reference_motion"),
+    *("static", "nominal"),
+)
+# condition number up to which turns determine a gyroscope
+BY_TURNS = 100
+KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
 
 
 def usable(sessions, kind):
@@ -115,28 +121,56 @@ def calibrate_accelerometer(poses, noise, gravity, unit, settings):
     return made or SensorCalibration.nominal(unit, reason)
 
 
-def calibrate_gyroscope(recording, noise, force, unit, settings):
+def calibrate_gyroscope(recording, noise, force, unit, settings, turns=None):
     """Return the multi-position calibration of the gyroscope.
 
     With the bias alone, and the reason, where the rotations do not determine the rest; nominal
     where the noise of an axis is not known. Arguments as of `GyroscopePoses`, `force` its
-    accelerometer.
+    accelerometer; `turns` are KnownTurns, which count beside the poses, and alone where these do
+    not determine it.
     """
     poses, held = recording.poses, None
     if settings.gyroscope_bias == "initial_rest" and len(poses):
         # its error is that of the first rest's mean
         held = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
     sensor = GyroscopePoses(noise, force, unit, settings, held)
-    made, reason = _fitted(sensor, recording, "; bias only")
-    return made or rest_bias(poses, noise, unit, reason)
+    prior = turns.rows() if turns is not None and len(turns) and held is None else None
+    made, reason = _fitted(sensor, recording, "; bias only", prior)
+    return made or by_turns(turns, unit) or rest_bias(poses, noise, unit, reason)
 
 
-def _fitted(sensor, recording, left=""):
-    """Return the calibration of a sensor or None, and why there is none; `left` is what is then."""
+def by_turns(turns, unit):
+    """Return the gyroscope's calibration by KnownTurns alone; None where they do not determine it.
+
+    Its bias is that of the rests in these sessions.
+    """
+    if turns is None or not len(turns):
+        return None
+    rows, z = turns.rows()
+    if not condition_number(rows[:, :9], np.ones(9)) < BY_TURNS:
+        return None
+    left = z - rows[:, 9:] @ turns.bias
+    x = np.linalg.lstsq(rows[:, :9], left, rcond=None)[0]
+    dof, rest = len(z) - 9, left - rows[:, :9] @ x
+    scale = max(1.0, rest @ rest / dof) if dof else 1.0
+    covariance = scale * np.linalg.inv(rows[:, :9].T @ rows[:, :9])
+    # of what the turns themselves let a bias be wrong by
+    bias = np.diag(1 / np.maximum((rows[:, 9:] ** 2).sum(axis=0), 1e-12))
+    x = np.append(x, turns.bias)
+    return in_raw_units(
+        unit, gyroscope.NAMES, x, block_diag(covariance, bias), method="known_rotation"
+    )
+
+
+def _fitted(sensor, recording, left="", prior=None):
+    """Return the calibration of a sensor or None, and why there is none; `left` is what is then.
+
+    `prior` is what other data tell, as of `least_squares.fit`.
+    """
     if reason := sensor.untestable(recording):
         return None, reason
     try:
-        solution = sensor.fit(recording)
+        solution = sensor.fit(recording, prior=prior)
     except LinAlgError:
         return None, f"{SINGULAR}{left}"
     if reason := sensor.lost(solution, recording):
@@ -210,8 +244,10 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     six_sensors = calibrate_six_position(six, model, gravity, units, settings)
     force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
-    turn = calibrate_gyroscope(multi, model, best(force, six_sensors[0]), units[1], settings)
-    if not len(multi.poses) and len(static):
+    known = best(force, six_sensors[0])
+    turns = read_turns(sessions, known)
+    turn = calibrate_gyroscope(multi, model, known, units[1], settings, turns)
+    if not len(multi.poses) and len(static) and turn.method != "known_rotation":
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)
     log = layout(sessions)

@@ -103,7 +103,7 @@ class Effect:
     needs : tuple of str
         Channels without which it cannot be seen: ``temperature``, ``run``.
     records : tuple of str
-        The data in which it is looked for: ``poses``, ``static_record``, ``motion``.
+        The data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``.
     unobservable : str or None
         Why other data than its `records` cannot show it, if so.
     limit : float

@@ -156,10 +156,11 @@ def secant(t, values, seconds, step=None):
     Between two samples values are the cubic that has their `slope` (Catmull and Rom): midway it
     errs by 0.02 % on a sine of a twentieth of the sampling rate, by 0.4 % on one of a tenth. Where
     that instant lies in a gap or beyond the log, and where there is no shift, it is the slope.
-    `step` is the median one of the whole log, s, of which this is a piece.
+    `step` is the median one of the whole log, s, of which this is a piece; `seconds` may differ
+    from sample to sample, (n,).
     """
-    change = slope(t, values)
-    if len(t) < 2 or abs(seconds) < _INSTANT:
+    change, seconds = slope(t, values), np.broadcast_to(seconds, np.shape(t))
+    if len(t) < 2 or np.all(np.abs(seconds) < _INSTANT):
         return change
     k = np.clip(np.searchsorted(t, t + seconds, side="right") - 1, 0, len(t) - 2)
     h = (t[k + 1] - t[k])[:, None]
@@ -167,7 +168,9 @@ def secant(t, values, seconds, step=None):
     shifted = (1 - s) ** 2 * ((1 + 2 * s) * values[k] + h * s * change[k])
     shifted += s**2 * ((3 - 2 * s) * values[k + 1] - h * (1 - s) * change[k + 1])
     whole = (s >= 0) & (s <= 1) & (h <= GAP_STEPS * (step or usual_step(t)))
-    return np.where(whole, (shifted - values) / seconds, change)
+    moved = (np.abs(seconds) >= _INSTANT)[:, None]
+    by = np.where(moved, seconds[:, None], 1.0)
+    return np.where(whole & moved, (shifted - values) / by, change)
 
 
 def moving_mean(t, values, width):

@@ -30,6 +30,8 @@ SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 TEMPERATURE = "temperature"
 # time as the log's stamps have it, s from the first sample; beside a `t` that was rebuilt
 LOGGED_TIME = "t_logged"
+# of a reference beside the samples: quaternion, scalar first, body to world; place, m
+ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
 # a step of time longer than this many median steps is a gap: one sample lost makes it two
 GAP_STEPS = 1.5
 # over a gap of fewer, samples before and after it belong together; a clock that starts again goes

@@ -8,6 +8,7 @@ import numpy as np
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import best, read_poses, read_recording, usable, with_sessions
 from imuloop.calibrate.force import calibrated_force
+from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
 from imuloop.core.model import Calibration
@@ -21,6 +22,11 @@ from imuloop.diagnose.records.pose_diagnosis import (
     pose_candidates,
 )
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
+from imuloop.diagnose.records.reference import (
+    diagnose_references,
+    windows_table,
+    with_reference,
+)
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import not_testable
@@ -100,7 +106,9 @@ def diagnose_device(
     gravity_by = force.solution.calibration if force.solution else base.accelerometer
     turn_model = GyroscopePoses(noise, gravity_by, units[1], calibrate_settings)
     seen = directions if force.choices else None
-    turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen)
+    turns = read_turns(sessions, gravity_by)
+    turns = turns.rows() if len(turns) else None
+    turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen, turns)
     found = dict(zip(SENSORS, (force, turn), strict=True))
     solutions = {sensor: each.solution for sensor, each in found.items()}
     for each in found.values():
@@ -108,6 +116,7 @@ def diagnose_device(
             each.content["why"] = with_sessions(each.content["why"], sessions)
     pair = [(m, each.solution) for m, each in ((force_model, force), (turn_model, turn))]
     motion = diagnose_motion(*pair, recording, settings, tests, shown)
+    beside = diagnose_references(sessions, noise, gravity, settings, tests, solutions)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
     anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
@@ -126,6 +135,7 @@ def diagnose_device(
     )
     final = replace(final, **motion.calibrations)
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
+    final = with_reference(final, beside)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, kind)]
         for kind in ("multi_position", "six_position")
@@ -138,7 +148,7 @@ def diagnose_device(
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
     blocks = {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS}
     return Diagnosed(
-        _content(device, blocks),
+        _content(device, blocks, beside),
         final,
         still.allan,
         dict(zip(SENSORS, (force_model, turn_model), strict=True)),
@@ -151,6 +161,7 @@ def diagnose_device(
         {
             "poses": joined([poses_table(recording.poses, names, residuals), six]),
             "moves": moves_table(recording, names, turned, seen_force, residuals),
+            "reference": windows_table(beside),
         },
         motion.fit,
     )
@@ -161,9 +172,14 @@ def undiagnosed(device, why):
     return _content(device, dict.fromkeys(SENSORS, (not_testable(why),) * len(RECORDS)))
 
 
-def _content(device, blocks):
-    """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`."""
+def _content(device, blocks, beside=()):
+    """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`.
+
+    `beside` are ReferenceResults by sensor.
+    """
     sensors = {sensor: dict(zip(RECORDS, own, strict=True)) for sensor, own in blocks.items()}
+    for sensor in beside:
+        sensors[sensor]["reference"] = beside[sensor].content
     return {"format": FORMAT, "device": device, "sensors": sensors}
 
 

@@ -13,6 +13,12 @@ def own_change(channels, seconds):
 
 
 @in_pieces
+def drifting_change(channels, gained, middle):
+    """Return the same until `gained` seconds per second from the `middle`, s, later, (n, 3)."""
+    return secant(channels.t, channels.output, gained * (channels.t - middle), channels.step)
+
+
+@in_pieces
 def other_slope(channels):
     """Return the rate of change of the other sensor's output, shape (n, 3)."""
     return slope(channels.t, channels.other)

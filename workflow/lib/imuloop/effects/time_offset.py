@@ -10,14 +10,15 @@ class TimeOffset(Effect):
     The other sensor's stamps are the clock: two sensors show what one is late by after the other,
     and a difference of their low-pass filters is the same. Leaves: velocity at the end of a move,
     ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn. From
-    rest to rest attitudes have all arrived: the angle turned is the same.
+    rest to rest attitudes have all arrived: the angle turned is the same. Beside a reference, its
+    clock is the clock, of both sensors.
     """
 
     name = "time_offset"
     parameters = {"dt": "s"}
     equation = "e = y(t) - y(t - Δt)"
     reference = "Furgale et al., IROS 2013, temporal calibration"
-    records = ("motion",)
+    records = ("motion", "reference")
     unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
     limit = LATEST
     reach = REACH + LATEST

@@ -27,11 +27,18 @@ FORMATS = (
 README = "README.txt"
 
 
-def read_exported(device, label, calibration, noise, quality):
+def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     """Return a device as the formats take it, from its JSON files.
 
-    The quality of its sessions gives the temperatures, and the rate where the noise has none.
+    The quality of its sessions gives the temperatures, and the rate where the noise has none; the
+    diagnosis what a reference shows of clock and place.
     """
+    sensors = read_json(diagnosis)["sensors"] if diagnosis else {}
+    beside = {
+        (sensor, effect["name"]): effect["parameters"]
+        for sensor, parts in sensors.items()
+        for effect in parts.get("reference", {}).get("effects", ())
+    }
     content = read_json(noise)
     used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
     longest = max(used, key=lambda found: found["rows"], default={})
@@ -44,6 +51,7 @@ def read_exported(device, label, calibration, noise, quality):
         content["rate_hz"] or longest.get("rate_hz"),
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
+        beside,
     )
 
 

@@ -1,7 +1,7 @@
 """What an export is made of: a device's calibration and noise, its numbers and words as text."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -91,6 +91,23 @@ class Exported:
     rate_hz: float | None
     notes: tuple[str, ...] = ()
     temperature_range: tuple[float, float] | None = None
+    # parameters, SI, of the effects found beside a reference, by sensor and name
+    beside: dict = field(default_factory=dict)
+
+    def reference_lines(self):
+        """Return lines on a reference's clock and place: signs as Kalibr has them between IMUs."""
+        lines = []
+        for (sensor, name), values in self.beside.items():
+            if name == "time_offset":
+                shift = values["dt"]
+                lines.append(
+                    f"{sensor} beside the reference: t_reference = t_imu + shift, shift "
+                    f"{number(shift)} s: what is stamped 10 s was there at {10 + shift:.5f} s"
+                )
+            elif name == "lever_arm":
+                place = numbers(values[f"r{k}"] for k in "xyz")
+                lines.append(f"from the reference's marker to the sensor, its axes, m: {place}")
+        return lines
 
     def sensor(self, name):
         """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
@@ -169,7 +186,7 @@ def number(value):
 
 def numbers(values, separator=", "):
     """Return an array's numbers row by row in one line."""
-    return separator.join(map(number, np.ravel(values)))
+    return separator.join(map(number, np.ravel([*values])))
 
 
 def comment(*lines, mark="#"):

@@ -130,6 +130,7 @@ def kalibr(device):
         + f"update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + noise_left_out(device)
         + calibration_left_out(device, (ARMS,))
+        + comment(*device.reference_lines())
         + size_effect(device)
     )
 

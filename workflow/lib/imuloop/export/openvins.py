@@ -32,6 +32,9 @@ def text(device):
     Tg = np.zeros((3, 3))
     for fitted in device.effects("gyroscope", G):
         Tg = fitted.vector.reshape(3, 3) / scale_g[:, None]
+    found = device.beside.get(("gyroscope", "time_offset"))
+    shift = found["dt"] if found else 0.0
+    words = "s, t_reference = t_imu + time_offset; no camera" if found else "not ours"
     return (
         OPENCV
         + heading(device, "OpenVINS: relative_config_imu of its estimator_config.yaml; all SI")
@@ -46,7 +49,7 @@ def text(device):
         + matrix("T_i_b", np.eye(4), "identity: body axes are the accelerometer's")
         + density_fields(device, KALIBR_KEYS, "  ")
         + '  rostopic: "/imu0"  # not ours: the topic\n'
-        + "  time_offset: 0.0  # not ours\n"
+        + f"  time_offset: {number(shift)}  # {words}\n"
         + f"  update_rate: {number(device.need_rate())}  # Hz, of the logs\n"
         + '  model: "rpng"  # upper triangular Da and Dw, which ours are\n'
         + matrix("Tw", np.linalg.inv(upper), "inverse of Dw; gyroscope's M = T K = R_GYROtoIMU Dw")
@@ -59,6 +62,7 @@ def text(device):
         + comment(
             *range_lines(device, "gyroscope", G, "OpenVINS holds it to no range"),
             *(line for each in SENSORS for line in device.left_out(each, (G,), aligned=True)),
+            *device.reference_lines(),
             "Not carried: covariances of all these, temperature.",
             *device.limits(),
         )

@@ -276,7 +276,7 @@ def _declared(quantity, value, names, headed):
 
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
-    key = quantity if quantity.startswith("pps") else f"columns.{quantity}"
+    key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
     number = f"from 0 to {len(names) - 1}"
     if isinstance(value, int) and not isinstance(value, bool):
         if 0 <= value < len(names):

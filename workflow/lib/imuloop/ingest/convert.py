@@ -34,7 +34,7 @@ class Counts:
 
     `points` are number and time of some rows; `outside_marks` samples before the first and after
     the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
-    dates.
+    dates, `begin_s` how long it is after the log's first stamp, s.
     """
 
     read: int = 0
@@ -48,6 +48,7 @@ class Counts:
     missing_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     impossible_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     start_ns: int | None = None
+    begin_s: float = 0.0
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
@@ -143,6 +144,7 @@ def si_batches(
             continue
         if zero is None:
             zero, first = x[keep][0].item(), rows[keep][0].item()
+            counts.begin_s = float((zero - origin) * scale)
             if stamped:
                 counts.start_ns = _moment(zero, units, absolute, timeline)
         samples = {TIME: (x[keep] - zero) * scale}

@@ -17,6 +17,7 @@ from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
 from imuloop.ingest.raw_log import RawLog, rechunked
+from imuloop.ingest.reference import attach
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.stamps import is_iso, iso_text
 
@@ -41,6 +42,8 @@ def ingest(
     rate=None,
     time_range=None,
     pps=None,
+    reference=None,
+    known_rotation=None,
     nominal=None,
     full_scale=None,
     gravity=STANDARD_GRAVITY,
@@ -59,7 +62,10 @@ def ingest(
     paths : list of path-like
         Files of the log, or its folder, in the order of `sources`.
     sources : dict, optional
-        Role of each file (``log``, or ``acceleration`` and ``angular_rate``) to its source.
+        Role of each file (``log``, or ``acceleration`` and ``angular_rate``; ``reference``) to its
+        source.
+    reference, known_rotation : dict, optional
+        What the config says of a reference, and of turns that are known.
     gravity : float
         Local gravity, m/s^2.
     batch_rows, threads : int
@@ -74,6 +80,7 @@ def ingest(
     roles = sources or (["log"] if len(paths) == 1 else _SENSORS)
     files = dict(zip(roles, paths, strict=True))
     marks_file = files.pop("pps", None)
+    reference_file = files.pop("reference", files.get("log"))
     columns = dict(columns or {})
     entry = {"format": format, "columns": dict(columns), "units": dict(units or {}), "rate": rate}
     entry = {key: value for key, value in entry.items() if value}
@@ -105,6 +112,8 @@ def ingest(
         origin = _origin(device, session, kind, units, raw_units, log_format, source)
         origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
         origin |= {"declared": entry, "sensor_ids": log.sensor_ids}
+        if known_rotation:
+            origin["known_rotation"] = known_rotation
         declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
         with replaced(samples_path) as temporary:
             try:
@@ -140,6 +149,12 @@ def ingest(
                 wrong, doubted = ([fault], []) if many else ([], [fault])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
+            if reference and not (reasons or wrong):
+                own = {"format": format, "columns": columns, "units": units, "rate": rate}
+                beside, wrong = attach(
+                    temporary, reference_file, files.get("log"), reference, own, counts
+                )
+                origin["reference"] = beside
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
             if reasons:

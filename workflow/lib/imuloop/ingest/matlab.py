@@ -25,41 +25,11 @@ def read(paths, columns=None, batch_rows=1 << 16):
     `columns` a sensor is one variable, or three.
     """
     path = paths["log"]
-    with open(path, "rb") as file:
-        head = file.read(_HDF5_AT[-1] + len(_HDF5))
-    arrays, objects = {}, {}
-    if any(head[at:].startswith(_HDF5) for at in _HDF5_AT):
-        # takes long to import
-        import h5py
-
-        with h5py.File(path, "r") as file:
-            _gather_73(file, "", arrays, objects)
-    elif head[126:128] in (b"IM", b"MI"):
-        from scipy.io import loadmat
-
-        # integers as MATLAB has them, however few bytes they were packed into
-        _gather_5(loadmat(path, mat_dtype=True, struct_as_record=False), "", arrays, objects)
-    elif head.startswith(b"# Created by Octave"):
-        raise RejectedLog("Octave's text format is not read; save with -v7")
-    elif head and b"\0" not in head:
+    if _is_text(path):
         log = delimited.read(paths, columns, batch_rows)
         log.notes.append("the file is text, no MATLAB file: read as a table")
         return log
-    else:
-        raise RejectedLog("the file is no MATLAB file of version 5 or 7.3")
-    unread = "".join(
-        f"; {name} is a MATLAB {what}, which only MATLAB reads: save its columns as variables"
-        for name, what in [*objects.items()][:3]
-    )
-    series = {}
-    for name, array in arrays.items():
-        # the longer side is time
-        rows = array if array.shape[0] >= array.shape[1] else array.T
-        if len(rows) > 1 and (labels := column_names(name, rows.shape[1])):
-            native = rows.astype(rows.dtype.newbyteorder("="), copy=False)
-            series |= dict(zip(labels, native.T, strict=True))
-    if not series:
-        raise RejectedLog(f"the file has no variables of numbers over time{unread}")
+    series, unread = variables(path)
     try:
         names = list(series)
         chosen = resolve(names, by_axis(columns))
@@ -80,6 +50,49 @@ def read(paths, columns=None, batch_rows=1 << 16):
     parts = range(0, len(held[0]), batch_rows)
     batches = ([column.slice(begin, batch_rows) for column in held] for begin in parts)
     return table_log(names, chosen, batches, notes=[f"left out: {unread[2:]}"] if unread else [])
+
+
+def _is_text(path):
+    with open(path, "rb") as file:
+        head = file.read(_HDF5_AT[-1] + len(_HDF5))
+    known = head.startswith(b"# Created by Octave") or head[126:128] in (b"IM", b"MI")
+    return bool(head) and b"\0" not in head and not known
+
+
+def variables(path):
+    """Return the columns of a MATLAB file by name, and what it holds that only MATLAB reads."""
+    with open(path, "rb") as file:
+        head = file.read(_HDF5_AT[-1] + len(_HDF5))
+    arrays, objects = {}, {}
+    if any(head[at:].startswith(_HDF5) for at in _HDF5_AT):
+        # takes long to import
+        import h5py
+
+        with h5py.File(path, "r") as file:
+            _gather_73(file, "", arrays, objects)
+    elif head[126:128] in (b"IM", b"MI"):
+        from scipy.io import loadmat
+
+        # integers as MATLAB has them, however few bytes they were packed into
+        _gather_5(loadmat(path, mat_dtype=True, struct_as_record=False), "", arrays, objects)
+    elif head.startswith(b"# Created by Octave"):
+        raise RejectedLog("Octave's text format is not read; save with -v7")
+    else:
+        raise RejectedLog("the file is no MATLAB file of version 5 or 7.3")
+    unread = "".join(
+        f"; {name} is a MATLAB {what}, which only MATLAB reads: save its columns as variables"
+        for name, what in [*objects.items()][:3]
+    )
+    series = {}
+    for name, array in arrays.items():
+        # the longer side is time
+        rows = array if array.shape[0] >= array.shape[1] else array.T
+        if len(rows) > 1 and (labels := column_names(name, rows.shape[1])):
+            native = rows.astype(rows.dtype.newbyteorder("="), copy=False)
+            series |= dict(zip(labels, native.T, strict=True))
+    if not series:
+        raise RejectedLog(f"the file has no variables of numbers over time{unread}")
+    return series, unread
 
 
 def _gather_5(variables, prefix, arrays, objects):

@@ -9,6 +9,7 @@ from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.loop import loop_errors, loop_picture
 from imuloop.report.figures.poses import pose_picture
+from imuloop.report.figures.reference import reference_pictures
 from imuloop.report.figures.residuals import residual_pictures
 from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
 from imuloop.report.figures.time_series import session_pictures
@@ -18,6 +19,8 @@ from imuloop.report.verdict import ABOVE, blocks
 def _residuals(device, sensor, part, block):
     if part == "static_record":
         return []
+    if part == "reference":
+        return reference_pictures(device, sensor, block)
     found = residual_pictures(device, sensor, block) + arm_pictures(device, block)
     return found + composed_pictures(device, sensor, block)
 

@@ -83,6 +83,7 @@ class Device:
     failures: tuple = ()
     poses: pd.DataFrame = field(default_factory=pd.DataFrame)
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
+    reference: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def simulated(self):
@@ -138,7 +139,10 @@ def read_device(name, label, folder, sessions):
         {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
         *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
         tuple(read_failures(folder, sessions)),
-        *(pd.read_parquet(folder / f"{table}.parquet") for table in ("poses", "moves")),
+        *(
+            pd.read_parquet(folder / f"{table}.parquet")
+            for table in ("poses", "moves", "reference")
+        ),
     )
 
 

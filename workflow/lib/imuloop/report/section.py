@@ -15,6 +15,7 @@ from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures.allan import definitions
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.drawing import Picture, write_svg
+from imuloop.report.figures.reference import duration_table
 from imuloop.report.page import write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
 from imuloop.report.results import SENSORS, Device, read_device
@@ -105,7 +106,9 @@ def diagnosis_part(device, sensor, part, block):
     verdict, above = block["verdict"], block["verdict"] in ABOVE
     tables = [diagnosis.steps_table(sensor, part, block)]
     tables += [diagnosis.effect_table(sensor, part, e) for e in block["effects"]]
-    if part == "static_record":
+    if part == "reference":
+        tables.append(duration_table(block))
+    elif part == "static_record":
         tables += [
             diagnosis.heldout_by_session(device, sensor, block),
             *diagnosis.session_tables(device, sensor, block),

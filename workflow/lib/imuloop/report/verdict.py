@@ -11,7 +11,12 @@ from imuloop.report.units import RESIDUAL
 # verdicts from the best news to none
 VERDICTS = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
 WORDS = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
-PARTS = {"poses": "poses", "static_record": "static record", "motion": "motion"}
+PARTS = {
+    "poses": "poses",
+    "static_record": "static record",
+    "motion": "motion",
+    "reference": "beside a reference",
+}
 # whose velocity it is
 BOTH = "sensors"
 RESIDUAL_WORDS = {
@@ -21,6 +26,8 @@ RESIDUAL_WORDS = {
     "bias": "wander of the bias",
     "velocity_vertical": "vertical velocity at the end of a move",
     "velocity_horizontal": "horizontal velocity at the end of a move",
+    "reference_rotation": "error of the rotation over 1 s",
+    "reference_force": "error of specific force over 0.4 s",
 }
 # what is no effect of the library
 FORMULA = {"discovered": "a formula of no known cause"}
@@ -43,6 +50,10 @@ SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
     "record of two hours or more would tell."
 )
+# sessions with a reference from which on whole ones are held out
+WHOLE = 3
+# of the set-up of a reference, not of the sensor
+BESIDE = ("time_offset", "clock_drift", "lever_arm")
 # share of the floor that its range is worth naming from
 WIDE = 0.1
 # probability of naming one of them by chance, and the share of the residual that is worth naming
@@ -86,7 +97,10 @@ def motion_of(diagnosis):
 def blocks(diagnosis):
     """Return every part of a diagnosis: (sensor, part, content)."""
     own = [(s, p, block_of(diagnosis, s, p)) for s in SENSORS for p in ("poses", "static_record")]
-    return [*own, (BOTH, "motion", motion_of(diagnosis))]
+    known = diagnosis.get("sensors", {})
+    beside = [(s, "reference") for s in SENSORS if "reference" in known.get(s, {})]
+    found = [*own, (BOTH, "motion", motion_of(diagnosis))]
+    return found + [(s, part, block_of(diagnosis, s, part)) for s, part in beside]
 
 
 def quoted(sensor, block):
@@ -215,7 +229,8 @@ def sentence(sensor, block):
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
         "partly_explained": f"partly explained by {effects}, "
-        + ("something is still missing" if lacking(block) else "not in every part of the data"),
+        + ("something is still missing" if lacking(block) else "not in every part of the data")
+        + (", in the sensor or the reference" if "sessions" in block else ""),
         "unexplained": f"unexplained, {_tried(sensor, block)}",
     }[verdict]
     text = f"{words}: {RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
@@ -237,6 +252,8 @@ def sentence(sensor, block):
     elif block.get("slow_noise"):
         text += SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
+    if block.get("sessions", WHOLE) < WHOLE:
+        text += _within(block)
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
         text += f" Left out, for a knock between two samples: {spoiled} of {of}."
@@ -246,6 +263,19 @@ def sentence(sensor, block):
             f" Reduced χ² of the {RESIDUAL_WORDS[name]} is {number(chi2)}, far below 1, "
             f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected "
             "or filtered before they were logged, and say little of the sensor."
+        )
+    return text
+
+
+def _within(block):
+    """Return what it means that a reference was there in fewer sessions than can be held out."""
+    own = [e["name"] for e in block["effects"] if e["name"] not in BESIDE]
+    text = " Held out were parts of a session, not a session: what the reference gets wrong in one "
+    text += f"attitude it gets wrong there again; {WHOLE} sessions would tell."
+    if own:
+        verb = "is" if len(own) == 1 else "are"
+        text += (
+            f" {joined(own)} {verb} seen within a session only, and left out of the calibration."
         )
     return text
 
@@ -274,6 +304,10 @@ def answers(diagnosis):
             if still["verdict"] not in ("consistent", "not_testable"):
                 words += f"; at rest {_words(still)}"
         said.append((sensor, max(tested, key=rank, default="not_testable"), words))
+    for sensor in SENSORS:
+        block = block_of(diagnosis, sensor, "reference")
+        if block["verdict"] not in ("consistent", "not_testable"):
+            said.append((f"{sensor} beside a reference", block["verdict"], _words(block)))
     if motion["verdict"] not in ("consistent", "not_testable"):
         said.append(("both in motion", motion["verdict"], _words(motion)))
     return said

@@ -50,20 +50,36 @@ def pose_candidates(sensor, recording):
 
 
 def pose_problem(
-    sensor, recording, settings, tests, fold=None, found=(), information=None, directions=None
+    sensor,
+    recording,
+    settings,
+    tests,
+    fold=None,
+    found=(),
+    information=None,
+    directions=None,
+    base_rows=None,
 ):
     """Return the PoseProblem of a sensor; parts are interleaved without others."""
     available, _ = pose_candidates(sensor.sensor, recording)
     shapes = {cls: s for cls, s in available.items() if cls not in set(map(type, found))}
     if fold is None:
         fold = interleaved(len(recording.poses), settings.folds)
-    return PoseProblem(
+    problem = PoseProblem(
         sensor, recording, shapes, settings, tests, fold, tuple(found), information, directions
     )
+    return replace(problem, base_rows=base_rows) if base_rows else problem
 
 
 def diagnose_poses(
-    sensor, recording, settings, tests=None, found=(), information=None, directions=None
+    sensor,
+    recording,
+    settings,
+    tests=None,
+    found=(),
+    information=None,
+    directions=None,
+    base_rows=None,
 ):
     """Return the PoseResult of one sensor; arguments as of PoseProblem.
 
@@ -72,7 +88,9 @@ def diagnose_poses(
     if reason := sensor.untestable(recording):
         return PoseResult(not_testable(reason))
     tests = tests or len(pose_candidates(sensor.sensor, recording)[0])
-    problem = pose_problem(sensor, recording, settings, tests, None, found, information, directions)
+    problem = pose_problem(
+        *(sensor, recording, settings, tests, None, found, information, directions, base_rows)
+    )
     try:
         if reason := problem.lost(()):
             return PoseResult(not_testable(reason))

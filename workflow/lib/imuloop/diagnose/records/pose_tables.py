@@ -14,6 +14,8 @@ COMPONENTS = {
     "rotation": "12",
     "velocity_vertical": "",
     "velocity_horizontal": "12",
+    "reference_rotation": "xyz",
+    "reference_force": "xyz",
 }
 
 
@@ -32,6 +34,10 @@ _OF_MOVE = (
     "knock_m_s", *_VELOCITY,
 )  # fmt: skip
 POSES = _PLACE | dict.fromkeys(_OF_POSE, float)
+REFERENCE = {"session": object, "residual": object, "start_s": float, "end_s": float}
+REFERENCE |= dict.fromkeys(
+    (*_of_residual("reference_rotation"), *_of_residual("reference_force")), float
+)
 MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 
@@ -93,7 +99,7 @@ def no_tables():
     """Return the tables by name where there is nothing to diagnose."""
     return {
         name: {column: np.zeros(0, kind) for column, kind in columns.items()}
-        for name, columns in (("poses", POSES), ("moves", MOVES))
+        for name, columns in (("poses", POSES), ("moves", MOVES), ("reference", REFERENCE))
     }
 
 

@@ -53,6 +53,8 @@ class PoseProblem:
     # of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses by
     # an accelerometer that did not see them either; None as all poses give it
     directions: object = None
+    # rows R and z of what other data say of the base model: ``R x - z`` has variance one
+    base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
     _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
     scans: ClassVar = {}
@@ -69,21 +71,25 @@ class PoseProblem:
 
     @cached_property
     def prior_rows(self):
-        """What other records say of effects: rows ``R θ - z``, variance one, by effect, and z."""
+        """What other records say: rows ``R θ - z``, variance one, by effect, and z of all.
+
+        The base model's own rows come first.
+        """
+        known = self.base_rows[1]
         if self.information is None:
-            return {}, np.zeros(0)
+            return {}, known
         shapes = (s for own in self.shapes.values() for s in own)
         effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
         if not effects:
-            return {}, np.zeros(0)
+            return {}, known
         information, moment = self.information(effects)
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         size[size == 0] = 1.0
         values, axes = np.linalg.eigh(information / np.outer(size, size))
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
-        rows = _by_effect(roots[:, None] * axes * size, effects)
-        return rows, axes @ (moment / size) / roots
+        rows = np.pad(roots[:, None] * axes * size, ((len(known), 0), (0, 0)))
+        return _by_effect(rows, effects), np.append(known, axes @ (moment / size) / roots)
 
     @cached_property
     def rows(self):
@@ -138,7 +144,9 @@ class PoseProblem:
         effects, count = (*self.found, *base), len(self.sensor.names)
         start = self.linearized(base[:-1]).solution.fit.x if base else None
         _, z = self.prior_rows
-        known = np.hstack([np.zeros((len(z), count)), self._prior(effects)])
+        own = self.base_rows[0].reshape(-1, count)
+        own = np.pad(own, ((0, len(z) - len(own)), (0, 0)))
+        known = np.hstack([own, self._prior(effects)])
         solution = self.sensor.fit(self.recording, effects, start, (known, z) if len(z) else None)
         x = solution.fit.x
         model = self.sensor.model(solution, self.recording)

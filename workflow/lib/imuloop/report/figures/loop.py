@@ -42,6 +42,14 @@ def loop_errors(device):
     motion = motion_of(device.diagnosis)
     if residual := motion["residuals"].get("velocity_vertical"):
         found.append(_of_residual("velocity after a move", residual, motion))
+    block = block_of(device.diagnosis, "gyroscope", "reference")
+    if residual := block["residuals"].get("reference_rotation"):
+        [second] = (e for e in block["by_duration"] if e["seconds"] == 1)
+        logged = second["logged"]["rotation"]
+        found.append(_of_residual("rotation over 1 s", residual, block, logged))
+    block = block_of(device.diagnosis, "accelerometer", "reference")
+    if residual := block["residuals"].get("reference_force"):
+        found.append(_of_residual("specific force", residual, block))
     for sensor in SENSORS:
         block = block_of(device.diagnosis, sensor, "static_record")
         if residual := block["residuals"].get("bias"):

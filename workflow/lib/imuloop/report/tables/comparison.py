@@ -18,7 +18,7 @@ from imuloop.report.units import (
     Display,
     quantities,
 )
-from imuloop.report.verdict import PARTS, rank
+from imuloop.report.verdict import rank
 
 
 class Column(NamedTuple):
@@ -122,6 +122,10 @@ def _cell(figure, display, best):
     if unseen:
         return Cell(limit, below, best, upper)
     return Cell(with_sigma(value, figure["std"], display.factor), below, best, abs(value))
+
+
+# kinds of records of every device
+PARTS = ("poses", "static_record", "motion")
 
 
 def verdict_rank(verdicts):

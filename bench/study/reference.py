@@ -1,0 +1,155 @@
+"""Devices beside a reference: is what nobody declared found, at one detection limit and three?"""
+
+from collections import Counter
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
+
+import numpy as np
+import pandas as pd
+
+from bench.study.chain import ATTITUDE, LIMITS
+from imuloop import chain
+from imuloop.chain import Device
+from imuloop.core.files import read_json
+from imuloop.core.model import Calibration
+from imuloop.simulate.reference import Beside, simulate_beside
+from imuloop.validate.attitude import no_attitude
+
+DECLARED = {
+    "columns": {
+        "time": "t",
+        "orientation": ["qw", "qx", "qy", "qz"],
+        "position": ["px", "py", "pz"],
+    },
+    "units": {},
+    "convention": "body_to_world",
+}
+# what is put in at a time, one effect of each sensor: they are fitted apart
+PAIRS = (
+    {"gyroscope": "time_offset", "accelerometer": "time_offset"},
+    {"gyroscope": "clock_drift", "accelerometer": "lever_arm"},
+    {"gyroscope": "g_sensitivity"},
+)
+SENSORS = ("accelerometer", "gyroscope")
+
+
+def base(seed):
+    """Return a device with T and K of a cheap part, and nothing else."""
+    rng = np.random.default_rng([seed, 1])
+    T = {"gyroscope": np.eye(3) + (1 - np.eye(3)) * rng.normal(0, 0.004, (3, 3))}
+    T["accelerometer"] = np.eye(3) + np.triu(rng.normal(0, 0.004, (3, 3)), 1)
+    return Beside(T=T, K={s: 1 + rng.normal(0, 0.004, 3) for s in SENSORS})
+
+
+def diagnosed(truth, seed, limits=True, declared=DECLARED, change=None, log_change=None):
+    """Return diagnosis.json (None where the log was rejected), quality.json and calibration.
+
+    `change` and `log_change` take the columns of the reference and of the log, and harm them.
+    """
+    none = no_attitude("study", "not asked for")
+    with TemporaryDirectory() as folder, patch(ATTITUDE, return_value=none):
+        folder = Path(folder)
+        for name, columns, harm in zip(
+            ("log", "reference"), simulate_beside(truth, seed), (log_change, change), strict=True
+        ):
+            table = harm(columns) if harm else columns
+            pd.DataFrame(table).to_parquet(folder / f"{name}.parquet", index=False)
+        device = Device("study", folder, {"hand": "reference_motion"}, gravity=truth.gravity)
+        paths = [folder / "log.parquet", folder / "reference.parquet"]
+        sources = {
+            role: {"path": str(path)}
+            for role, path in zip(("log", "reference"), paths, strict=True)
+        }
+        told = {"reference": declared, "sources": sources, "columns": {"time": "t"}}
+        failures = chain.ingest(device, "hand", told, paths)
+        quality = read_json(folder / "hand/quality.json")
+        if failures or quality["status"] != "ok":
+            return None, quality, None
+        with patch(LIMITS, return_value={}) if not limits else patch(ATTITUDE, return_value=none):
+            for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
+                failures += stage(device)
+        if failures:
+            raise RuntimeError(str(failures[0]))
+        calibration = Calibration.from_json(folder / "calibration.json")
+        return read_json(folder / "diagnosis.json"), quality, calibration
+
+
+def put_in(truth, sensor, name, values):
+    """Return a device with an effect, of parameters by name."""
+    if name == "time_offset":
+        return replace(truth, dt=truth.dt | {sensor: values["dt"]})
+    if name == "clock_drift":
+        return replace(truth, drift=values["d"])
+    if name == "lever_arm":
+        return replace(truth, arm=tuple(values.get(f"r{k}", 0.0) for k in "xyz"))
+    G = [[values.get(f"G{i}{j}", 0.0) for j in range(3)] for i in range(3)]
+    return replace(truth, G=np.array(G))
+
+
+def study(seed):
+    """Return what a seed's devices gave: rows of what was asked, and pulls of parameters."""
+    truth, rows, pulls = base(seed), [], []
+    control, _, calibration = diagnosed(truth, seed)
+    rng = np.random.default_rng([seed, 2])
+    for sensor in SENSORS:
+        found = control["sensors"][sensor]["reference"]
+        rows.append(("control", sensor, "", [e["name"] for e in found["effects"]], None))
+        own, known = getattr(calibration, sensor), truth.K[sensor]
+        pulls += [(own.K[k] - known[k]) / own.std[f"K{k}"] for k in range(3)]
+    for pair in PAIRS:
+        for size in (1.0, 3.0):
+            device, put = truth, {}
+            for sensor, name in pair.items():
+                entry = next(
+                    c
+                    for c in control["sensors"][sensor]["reference"]["candidates"]
+                    if c["name"] == name
+                )
+                if not entry["detection_limit"]:
+                    continue
+                parameter = rng.choice(sorted(entry["detection_limit"]))
+                value = size * entry["detection_limit"][parameter] * rng.choice([-1, 1])
+                put[sensor] = {parameter: value}
+                device = put_in(device, sensor, name, put[sensor])
+            found, *_ = diagnosed(device, seed, limits=False)
+            for sensor, values in put.items():
+                effects = found["sensors"][sensor]["reference"]["effects"]
+                names = [e["name"] for e in effects]
+                rows.append((f"{size:g} limits", sensor, pair[sensor], names, values))
+                for effect in effects:
+                    if effect["name"] == pair[sensor]:
+                        pulls += [
+                            (v - values.get(k, 0.0)) / effect["std"][k]
+                            for k, v in effect["parameters"].items()
+                        ]
+    return seed, rows, pulls
+
+
+def main(first, seeds, workers):
+    """Print how often each was found, what else was, and how good the intervals are."""
+    asked, found, more, pulls = Counter(), Counter(), Counter(), []
+    with get_context("fork").Pool(workers) as pool:
+        for seed, rows, own in pool.imap_unordered(study, range(first, first + seeds)):
+            pulls += own
+            for size, sensor, name, names, values in rows:
+                key = size, sensor, name
+                asked[key] += 1
+                found[key] += name in names
+                extra = [n for n in names if n != name]
+                more[size] += bool(extra)
+                if extra or (name and name not in names):
+                    print(f"seed {seed}: {size}, {sensor}, {name} {values}: {names}", flush=True)
+    for key, count in sorted(asked.items()):
+        if key[2]:
+            print(f"{', '.join(key)}: {found[key]} of {count}")
+    for size in ("1 limits", "3 limits"):
+        keys = [k for k in asked if k[0] == size]
+        print(f"{size}: {sum(found[k] for k in keys)} of {sum(asked[k] for k in keys)}")
+        print(f"  something else beside it: {more[size]}")
+    controls = sum(n for k, n in asked.items() if k[0] == "control")
+    print(f"controls with an effect: {more['control']} of {controls} sensors")
+    inside = np.abs(pulls) < 1.96
+    print(f"95 % intervals: {100 * inside.mean():.1f} % of {len(inside)}")

@@ -1,0 +1,150 @@
+"""A reference beside a log: what is declared wrongly is told with what fits, losses are cut."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.samples import read_columns
+from imuloop.ingest.ingest import ingest
+from imuloop.simulate.reference import Beside, simulate_beside
+
+QUATERNION, PLACE = ["qw", "qx", "qy", "qz"], ["px", "py", "pz"]
+DECLARED = {
+    "columns": {"time": "t", "orientation": QUATERNION, "position": PLACE},
+    "units": {},
+    "convention": "body_to_world",
+}
+SEED = 12160
+
+
+def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x: x):
+    """Return quality.json and the samples of a simulated session."""
+    pair = simulate_beside(truth or Beside(duration_s=60.0), SEED)
+    paths = []
+    for name, columns, harm in zip(("log", "reference"), pair, (log, reference), strict=True):
+        paths.append(folder / f"{name}.parquet")
+        pd.DataFrame(harm(columns)).to_parquet(paths[-1], index=False)
+    results = {f"{k}_path": folder / f"{k}.out" for k in ("samples", "quality")}
+    ingest(
+        device="d",
+        session="s",
+        kind="reference_motion",
+        paths=paths,
+        sources={"log": {"path": "log.parquet"}, "reference": {"path": "reference.parquet"}},
+        columns={"time": "t"},
+        reference=DECLARED | (declared or {}),
+        **results,
+    )
+    quality = json.loads(results["quality_path"].read_text())
+    return quality, read_columns(results["samples_path"])
+
+
+def conjugate(columns):
+    return columns | {name: -columns[name] for name in QUATERNION[1:]}
+
+
+def last_first(columns):
+    return columns | dict(
+        zip(QUATERNION, [columns[k] for k in ("qx", "qy", "qz", "qw")], strict=True)
+    )
+
+
+def mirrored(columns):
+    return columns | {"py": -columns["py"]}
+
+
+def in_mm(columns):
+    return columns | {name: 1e3 * columns[name] for name in PLACE}
+
+
+def in_degrees(columns):
+    return columns | {name: np.degrees(columns[name]) for name in ("gx", "gy", "gz")}
+
+
+def test_sound_reference_is_beside_the_samples(tmp_path):
+    quality, samples = made(tmp_path)
+    told = quality["reference"]
+    assert quality["status"] == "ok"
+    # as simulated: 0.2 degrees, 1 mm, 3 % lost, 0.5 % swapped in runs of five
+    assert told["noise"]["orientation"] == pytest.approx(np.radians(0.2), rel=0.1)
+    assert told["noise"]["position"] == pytest.approx(1e-3, rel=0.1)
+    assert told["lost"] == pytest.approx(0.03 * 6000, rel=0.5)
+    assert told["swapped"] == 5 * told["swaps"] > 0
+    assert not told["clock"]["own"]
+    known = np.isfinite(samples["qw"])
+    assert 0.9 < known.mean() < 1
+    size = np.linalg.norm([samples[k][known] for k in QUATERNION], axis=0)
+    np.testing.assert_allclose(size, 1, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("harm", "says"),
+    [
+        ({"reference": conjugate}, "declare convention: world_to_body"),
+        ({"reference": last_first}, "they are xyzw"),
+        ({"reference": mirrored}, "mirrored"),
+        ({"reference": in_mm}, "declare units.position: mm"),
+        ({"log": in_degrees}, "deg/s"),
+    ],
+)
+def test_wrong_declaration_is_told_with_what_fits(tmp_path, harm, says):
+    quality, samples = made(tmp_path, **harm)
+    assert quality["status"] == "rejected"
+    assert quality["misdeclared"]
+    assert len(quality["reasons"]) == 1
+    assert says in quality["reasons"][0]
+    assert not len(samples["t"])
+
+
+def test_declared_as_it_is_all_are_sound(tmp_path):
+    for harm, declared in (
+        (conjugate, {"convention": "world_to_body"}),
+        (in_mm, {"units": {"position": "mm"}}),
+    ):
+        quality, _ = made(tmp_path, declared=declared, reference=harm)
+        assert quality["status"] == "ok", quality["reasons"]
+
+
+def test_half_of_the_reference_lost_is_counted(tmp_path):
+    quality, samples = made(tmp_path, Beside(duration_s=60.0, lost=0.5))
+    assert quality["status"] == "ok"
+    assert quality["reference"]["lost"] == pytest.approx(3000, rel=0.2)
+    assert 0.3 < np.isfinite(samples["qw"]).mean() < 0.6
+
+
+def test_clock_of_its_own_is_found_by_the_rates(tmp_path):
+    quality, samples = made(tmp_path, Beside(duration_s=60.0, clock=(3.0, 0.0)))
+    clock = quality["reference"]["clock"]
+    assert clock["own"]
+    # what is left is for the diagnosis, of 0.1 s at most
+    assert clock["offset_s"] == pytest.approx(-3.0, abs=0.01)
+    assert 0.9 < np.isfinite(samples["qw"]).mean()
+
+
+def test_reference_in_the_log_itself(tmp_path):
+    log, reference = simulate_beside(Beside(duration_s=60.0, lost=0.0, swapped=0.0), SEED)
+    at = np.searchsorted(reference["t"], log["t"] + 1e-9) - 1
+    same = {name: reference[name][at] for name in (*QUATERNION, *PLACE)}
+    # rows between two of the reference are lost
+    odd = np.abs(reference["t"][at] - log["t"]) > 1e-6
+    for column in same.values():
+        column[odd] = np.nan
+    path = tmp_path / "log.csv"
+    pd.DataFrame(log | same).to_csv(path, index=False)
+    declared = DECLARED | {"columns": {"orientation": QUATERNION, "position": PLACE}}
+    ingest(
+        device="d",
+        session="s",
+        kind="reference_motion",
+        paths=[path],
+        columns={"time": "t"},
+        reference=declared,
+        samples_path=tmp_path / "samples",
+        quality_path=tmp_path / "quality",
+    )
+    quality = json.loads((tmp_path / "quality").read_text())
+    assert quality["status"] == "ok"
+    assert quality["reference"]["lost"] == odd.sum()
+    assert quality["reference"]["coverage"] > 0.99

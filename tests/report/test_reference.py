@@ -1,0 +1,89 @@
+"""What the report shows of a sensor beside a reference: its numbers, and what they do not say."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.report.figures.reference import duration_table, reference_pictures
+from imuloop.report.verdict import UNTESTED, answers, blocks, sentence
+
+RESIDUAL = {
+    "unit": "m/s^2",
+    "n": 4,
+    "floor": 0.01,
+    "before": 0.06,
+    "after": 0.02,
+    "chi2_before": 30.0,
+    "chi2_after": 4.0,
+}
+ARM = {
+    "name": "lever_arm",
+    "constants": {"origin": "marker"},
+    "parameters": {"rx": 0.001, "ry": -0.002, "rz": 0.008},
+    "std": {"rx": 1e-4, "ry": 2e-4, "rz": 3e-4},
+}
+
+
+def block(**more):
+    residuals = {"reference_force": RESIDUAL}
+    kept = {"verdict": "partly_explained", "residuals": residuals, "effects": [ARM], "sessions": 1}
+    return {key: [] for key in ("candidates", "confounded", "correlates")} | kept | more
+
+
+def pictures(tmp_path, content):
+    values = {
+        f"reference_force_{k}": [0.05, 0.06, 0.07, 0.06] for k in ("before", "after", "floor")
+    }
+    table = pd.DataFrame(
+        {
+            "session": ["a", "a", "b", "b"],
+            "residual": "reference_force",
+            "start_s": [0.0, 1.0, 0.0, 1.0],
+            "end_s": [0.4, 1.4, 0.4, 1.4],
+            **values,
+        }
+    )
+    device = SimpleNamespace(name="d", figures=tmp_path, reference=table)
+    return reference_pictures(device, "accelerometer", content)
+
+
+def test_pictures_show_every_window_and_the_arm(tmp_path):
+    over_time, arm = pictures(tmp_path, block())
+    for picture in (over_time, arm):
+        assert picture.svg.startswith("<svg")
+    assert "falls from 6.12 mg to 2.04 mg" in over_time.caption.replace("\u202f", " ")
+    assert "(1.0, −2.0, 8.0)" in arm.caption
+    columns = pd.read_csv(tmp_path / "accelerometer_reference_force.csv")
+    assert len(columns) == 4
+
+
+def test_durations_are_in_degrees_beside_the_floor():
+    sizes = {"rotation": np.radians(0.2), "vertical": np.radians(0.1)}
+    stages = dict.fromkeys(("logged", "calibrated", "final", "floor"), sizes)
+    table = duration_table({"by_duration": [{"seconds": 0.1, "n": 7} | stages]})
+    assert [row[0] for row in table.rows] == ["0.1\u202fs"] * 2
+    assert table.rows[0][2:] == ("0.200",) * 4 + ("7",)
+    assert table.rows[1][2:6] == ("0.100",) * 4
+    assert duration_table({}) is None
+
+
+@pytest.mark.parametrize(("sessions", "said"), [(1, True), (2, True), (3, False)])
+def test_fewer_than_three_sessions_are_said_to_be_few(sessions, said):
+    text = sentence("accelerometer", block(sessions=sessions))
+    assert ("not a session" in text) == said
+    # an arm is of the set-up, and belongs to no calibration anyway
+    assert "left out of the calibration" not in text
+    more = [ARM, ARM | {"name": "quadratic"}]
+    text = sentence("accelerometer", block(sessions=sessions, effects=more))
+    assert ("quadratic is seen within a session only" in text) == said
+
+
+def test_sensor_beside_a_reference_is_a_part_and_an_answer_of_its_own():
+    parts = {"poses": UNTESTED, "static_record": UNTESTED, "motion": UNTESTED}
+    sensors = {"accelerometer": parts | {"reference": block()}, "gyroscope": parts}
+    found = blocks({"sensors": sensors})
+    assert ("accelerometer", "reference") in [each[:2] for each in found]
+    assert ("gyroscope", "reference") not in [each[:2] for each in found]
+    assert "accelerometer beside a reference" in [each[0] for each in answers({"sensors": sensors})]

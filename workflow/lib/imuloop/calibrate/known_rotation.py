@@ -1,0 +1,115 @@
+"""Turns of a known angle, or at a known rate: a reference of one number each."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.calibrate.gyroscope import NAMES, unpack
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_columns, read_metadata
+from imuloop.core.segments import STATIC
+from imuloop.core.units import DEGREE
+
+# rad; standard deviation of an end of a turn that is made by hand against an edge, half a turn's
+# worth on each axis
+BY_HAND = 0.005
+# cosine of 20 degrees: gravity so near to the axis is the axis, of a turn on a level table
+LEVEL = 0.94
+
+
+@dataclass(frozen=True)
+class KnownTurns:
+    """Turns about fixed axes: ``T K (a - b L) = θ u``, with a the integral of the rate as logged.
+
+    `turned` a, rad as logged, (m, 3); `seconds` L, (m,); `target` θ u, rad on body axes, (m, 3);
+    `bias` of the rests beside them, rad/s as logged, (3,).
+    """
+
+    turned: np.ndarray
+    seconds: np.ndarray
+    target: np.ndarray
+    bias: np.ndarray
+
+    def __len__(self):
+        return len(self.seconds)
+
+    def select(self, keep):
+        """Return the turns of an index or mask."""
+        own = (self.turned[keep], self.seconds[keep], self.target[keep])
+        return KnownTurns(*own, self.bias)
+
+    def start(self):
+        """Return T, K and b as the turns alone have them, nominal where they do not say: (12,)."""
+        raw = self.turned - self.seconds[:, None] * self.bias
+        found = np.eye(3)
+        if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
+            found = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
+        K = np.diag(found)
+        T = found / K
+        off = [T[int(name[1]), int(name[2])] for name in NAMES[:6]]
+        return np.concatenate([off, K, self.bias])
+
+    def rows(self):
+        """Return rows R, (3 m, 12), and z of what they say: ``R x - z`` has variance one."""
+        x = self.start()
+        T, K, b = unpack(x)
+        raw = self.turned - self.seconds[:, None] * b
+        m = len(self)
+        derivative = np.zeros((m, 3, 12))
+        for k, name in enumerate(NAMES[:6]):
+            i, j = int(name[1]), int(name[2])
+            derivative[:, i, k] = K[j] * raw[:, j]
+        derivative[:, :, 6:9] = raw[:, None] * T
+        derivative[:, :, 9:] = -self.seconds[:, None, None] * (T * K)
+        left = (K * raw) @ T.T - self.target
+        z = derivative @ x - left
+        return derivative.reshape(3 * m, 12) / BY_HAND, z.ravel() / BY_HAND
+
+    def errors(self, calibration):
+        """Return what a SensorCalibration leaves of each turn, rad, (m, 3)."""
+        gain = calibration.T * calibration.K / calibration.raw_unit.scale
+        bias = calibration.raw_unit.to_si(calibration.b)
+        return (self.turned - self.seconds[:, None] * bias) @ gain.T - self.target
+
+
+def read_turns(sessions, force):
+    """Return the KnownTurns of a device; sessions as of `calibrate.usable`.
+
+    The axis is the one declared; gravity's direction by the accelerometer `force`, at the start of
+    the turn, where it lies along it.
+    """
+    found, rests = [], []
+    for session in sessions.values():
+        known = read_metadata(session["samples"]).get("known_rotation")
+        if session["kind"] != "known_rotation" or not known:
+            continue
+        samples = read_columns(session["samples"])
+        t = samples[TIME]
+        if not len(t):
+            continue
+        w, f = (
+            np.column_stack([samples[c] for c in axes]) for axes in (ANGULAR_RATE, ACCELERATION)
+        )
+        table = read_columns(session["segments"])
+        still = np.asarray(table["kind"]) == STATIC
+        means = np.column_stack([table[f"{c}_mean"][still] for c in ANGULAR_RATE])
+        rests.append((means, table["n"][still]))
+        for turn in known:
+            first, last = np.searchsorted(t, [turn.get("start", t[0]), turn.get("end", t[-1])])
+            last = min(last, len(t) - 1)
+            if last - first < 2:
+                continue
+            rows, length = slice(first, last + 1), t[last] - t[first]
+            turned = (np.diff(t[rows])[:, None] * (w[rows][1:] + w[rows][:-1]) / 2).sum(axis=0)
+            angle = turn["angle"] if "angle" in turn else turn["rate"] * length
+            axis = np.eye(3)["xyz".index(turn["axis"][-1])]
+            axis = -axis if turn["axis"][0] == "-" else axis
+            up = force.aligned(f[max(first - 10, 0) : first + 10]).mean(axis=0)
+            up /= np.linalg.norm(up)
+            if abs(up @ axis) > LEVEL:
+                axis = up * np.sign(up @ axis)
+            found.append((turned, length, angle * DEGREE * axis))
+    means, n = (np.concatenate(x) for x in zip(*rests, strict=True)) if rests else ([], [])
+    bias = np.average(means, axis=0, weights=n) if len(n) else np.zeros(3)
+    turned, seconds, target = zip(*found, strict=True) if found else ([], [], [])
+    shaped = (np.reshape(turned, (-1, 3)), np.array(seconds), np.reshape(target, (-1, 3)))
+    return KnownTurns(*shaped, bias)

@@ -1,0 +1,434 @@
+"""A sensor beside a reference: its rotations against known attitudes, its force against places."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import gammaln
+
+from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
+from imuloop.calibrate.least_squares import FitResult, _covariance
+from imuloop.calibrate.pose_fits import Solution
+from imuloop.calibrate.poses import Rotations
+from imuloop.calibrate.recording import Log
+from imuloop.core.effect import Channels, effect_design
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns, read_metadata
+
+# s; length of a window of rotation, and half of one of position
+TURN, HALF = 1.0, 0.2
+# s between windows, which then have no noise of the reference in common
+BETWEEN = 0.03
+# windows of one kind: dense matrices of three times as many rows stay below a second
+MOST_WINDOWS = {"rotation": 600, "position": 300}
+# rad; attitudes closer than this have errors of the reference in common: the same markers are seen
+ALIKE = 0.35
+# degrees of freedom of Student's distribution that are tried for the tails of the reference
+TAILS = (3.0, 4.0, 6.0, 10.0, 30.0, 1e3)
+
+
+@dataclass(frozen=True)
+class ReferenceLog(Log):
+    """The log of a session with its reference at the same instants, not-a-number where lost.
+
+    `attitude`, (N, 3, 3), takes axes near the sensor's to the world's: the reference's own times
+    the rotation between both bodies, as far as whole turns show it. The rest of that rotation is
+    fitted. `place`, (N, 3), is in metres; `noise` the standard deviations of both, rad and m.
+    """
+
+    attitude: np.ndarray
+    place: np.ndarray
+    noise: tuple[float, float]
+
+
+def read_reference(sessions):
+    """Return the ReferenceRecording of a device; sessions as of `calibrate.calibrate.usable`."""
+    chosen = {}
+    for name, session in sessions.items():
+        known = read_metadata(session["samples"]).get("reference")
+        if session["kind"] != "reference_motion" or known is None or "noise" not in known:
+            continue
+        samples = read_columns(session["samples"])
+        q = np.column_stack([samples[c] for c in ORIENTATION])
+        attitude = np.full((len(q), 3, 3), np.nan)
+        seen = np.isfinite(q[:, 0])
+        turned = Rotation.from_quat(q[seen][:, [1, 2, 3, 0]]).as_matrix()
+        attitude[seen] = turned @ np.array(known["frame"])
+        place = np.column_stack([samples[c] for c in POSITION])
+        noise = (known["noise"]["orientation"], known["noise"]["position"] or 0.0)
+        log = Log.of(samples)
+        chosen[name] = ReferenceLog(log.t, log.f, log.w, log.temperature, attitude, place, noise)
+    return ReferenceRecording(tuple(chosen), tuple(chosen.values()))
+
+
+@dataclass(frozen=True)
+class ReferenceRecording:
+    """The usable reference sessions of a device."""
+
+    names: tuple[str, ...]
+    logs: tuple[ReferenceLog, ...]
+    _designs: dict = field(default_factory=dict, repr=False)
+
+    def windows(self, kind):
+        """Return session, first, middle and last row of each window, (m,) each.
+
+        Of `kind` rotation, of `TURN` s and one soon after the other, or position, of twice `HALF`
+        s. No sample is missing in them; where there are too many, they lie farther apart.
+        """
+        length = TURN if kind == "rotation" else 2 * HALF
+        total = sum(np.ptp(log.t) for log in self.logs)
+        apart = max(length, total / MOST_WINDOWS[kind])
+        return np.concatenate(
+            [np.zeros((0, 4), int)]
+            + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
+        ).T
+
+
+def _windows(log, session, kind, length, apart):
+    """Return session, first, middle and last row of the windows of a log, (m, 4)."""
+    step = np.median(np.diff(log.t))
+    broken = np.concatenate([[0], np.cumsum(np.diff(log.t) > GAP_STEPS * step)])
+    known = np.isfinite(log.attitude[:, 0, 0])
+    if kind == "position":
+        lost = np.cumsum(~known)
+        known = known & np.isfinite(log.place[:, 0])
+    count, half, found, i = round(length / step), round(length / step / 2), [], 0
+    while i + count < len(log.t):
+        middle, last = i + half, i + (2 * half if kind == "position" else count)
+        whole = known[i] and known[last] and broken[i] == broken[last]
+        if kind == "position":
+            whole = whole and known[middle] and lost[i] == lost[last]
+        if whole:
+            found.append((session, i, middle, last))
+            i += max(round(apart / step), last - i + max(1, round(BETWEEN / step)))
+        else:
+            i += max(1, count // 20)
+    return np.array(found, int).reshape(-1, 4)
+
+
+@dataclass(frozen=True)
+class ReferenceModel:
+    """Residuals of m windows, three components each, less what each session's nuisances take up.
+
+    The bias is that of a session, and so is the tilt of the world's vertical. By weights W,
+
+        r → r - B (Bᵀ W B)⁻¹ Bᵀ W r,     B = ∂r/∂(nuisances),
+
+    and the derivative alike: what is left says nothing of them.
+    """
+
+    values: np.ndarray  # (m, 3)
+    derivative: np.ndarray  # (m, 3, p)
+    nuisance: np.ndarray  # (m, 3, q)
+    session: np.ndarray  # (m,)
+    weight: np.ndarray  # (m,): inverse variance
+    x: np.ndarray
+
+    @cached_property
+    def nuisances(self):
+        """What each session's nuisances are, (s, q)."""
+        return np.array([self._solved(s)[:, 0] for s in range(self.session.max() + 1)])
+
+    def _solved(self, s):
+        own = self.session == s
+        root = np.sqrt(self.weight[own])[:, None, None]
+        b = (root * self.nuisance[own]).reshape(-1, self.nuisance.shape[2])
+        both = np.concatenate([self.values[own, :, None], self.derivative[own]], axis=2)
+        return np.linalg.lstsq(b, -(root * both).reshape(len(b), -1), rcond=1e-12)[0]
+
+    def residuals(self, x=None):
+        """Return the residuals, (3 m,), and their derivative, (3 m, p), at the model's own x."""
+        both = np.concatenate([self.values[..., None], self.derivative], axis=2)
+        for s in range(self.session.max(initial=-1) + 1):
+            own = self.session == s
+            both[own] += self.nuisance[own] @ self._solved(s)
+        both = both.reshape(-1, both.shape[2])
+        return both[:, 0], both[:, 1:]
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceSensor:
+    """A sensor beside a reference; `weight`, (m,), are inverse variances of its windows."""
+
+    noise: NoiseModel
+    gravity: float
+    weight: np.ndarray | None = None
+    # of each session, SI as logged: biases to start from
+    bias: np.ndarray | None = None
+    axes = ()
+
+    def rows(self, recording):
+        """Return the window that each residual is of, twice, (N, 2), and its kind, (N,)."""
+        window = np.repeat(np.arange(len(self.windows(recording)[0])), 3)
+        return np.column_stack([window, window]), np.zeros(len(window), int)
+
+    def windows(self, recording):
+        """Return the windows of a recording."""
+        return recording.windows(self.of)
+
+    def start(self, effects=()):
+        """Return parameters to start from: as logged."""
+        return np.concatenate([self.first, np.zeros(sum(len(e.parameters) for e in effects))])
+
+    def model(self, solution, recording, shapes=()):
+        """Return the model about a solution, with more effects."""
+        return self.model_at(solution.fit.x, recording, (*solution.effects, *shapes))
+
+    def design(self, recording, effects, values, gain):
+        """Return the derivative of e over whole logs, (N, 3, p) by session."""
+        found = []
+        for log, b in zip(recording.logs, self.bias, strict=True):
+            own, other = (log.f, log.w) if self.sensor == "accelerometer" else (log.w, log.f)
+            channels = Channels(log.t, gain * (own - b), other, log.temperature)
+            found.append(effect_design(effects, channels, values))
+        return found
+
+    def fit(self, recording, effects=(), start=None, prior=None):
+        """Return the Solution for a recording: weighted least squares, a few Gauss-Newton steps."""
+        x = self.start(effects)
+        if start is not None:
+            x[: len(start)] = start
+        root = np.repeat(np.sqrt(self.weight), 3)
+        for _ in range(3):
+            r, jacobian = self.model_at(x, recording, effects).residuals()
+            white = np.column_stack([r, jacobian]) * root[:, None]
+            if prior is not None:
+                known, z = prior
+                white = np.concatenate([white, np.column_stack([known @ x - z, known])])
+            size = np.linalg.norm(white[:, 1:], axis=0)
+            size[size == 0] = 1.0
+            step = np.linalg.lstsq(white[:, 1:] / size, -white[:, 0], rcond=1e-10)[0] / size
+            x = x + step
+            if np.all(np.abs(step) * size < 1e-4):
+                break
+        left = white[:, 0] + white[:, 1:] @ step
+        fit = FitResult(
+            x, _covariance(white[:, 1:]), left @ left, len(left) - len(x), jacobian, left
+        )
+        return Solution(tuple(effects), fit)
+
+    def lost(self, solution, recording):
+        """Return why a fit is none, or None if it is one."""
+        if np.all(np.abs(solution.fit.x[: len(self.first)] - self.first) < 0.3):
+            return None
+        return "axes or scale factors come out more than 0.3 from those of the data sheet"
+
+
+class Gyroscope(ReferenceSensor):
+    """Rotation over a window, C by the gyroscope from its start, Q by the reference.
+
+        ε = log(Qᵀ C),     δε = Qᵀ ∫ C δw dt      (rad, on the axes at its end)
+
+    A rotation between the two bodies is the antisymmetric part of T: it refers to the reference's
+    body, turned as `ReferenceLog.attitude` says.
+    """
+
+    sensor, of, names = "gyroscope", "rotation", gyroscope.NAMES[:9]
+    first = np.array([0.0] * 6 + [1.0] * 3)
+    kinds: ClassVar = {"reference_rotation": ("rad", 3)}
+
+    def gathered(self, recording):
+        """Return the Rotations of the windows, rates less the session's bias, and Q, (m, 3, 3)."""
+        key = "gyroscope", self.bias.tobytes()
+        if key not in recording._designs:
+            session, first, _, last = self.windows(recording)
+            at = np.minimum(first[:, None] + np.arange(np.max(last - first) + 1), last[:, None])
+            logs = recording.logs
+            t, w = (
+                np.array([v(logs[s], self.bias[s])[i] for s, i in zip(session, at, strict=True)])
+                for v in (lambda log, _: log.t, lambda log, b: log.w - b)
+            )
+            ends = zip(session, first, last, strict=True)
+            Q = [logs[s].attitude[i].T @ logs[s].attitude[j] for s, i, j in ends]
+            place = np.arange(len(first))
+            rotations = Rotations(place, t[:, 0], t[:, -1], t, w, np.zeros((0, 3)), None)
+            recording._designs[key] = rotations, np.array(Q), at
+        return recording._designs[key]
+
+    def model_at(self, x, recording, effects):
+        """Return the ReferenceModel at parameters x."""
+        x = self.start(effects) if x is None else x
+        x = np.append(x, np.zeros(len(self.start(effects)) - len(x)))
+        session = self.windows(recording)[0]
+        rotations, Q, at = self.gathered(recording)
+        designs = self.design(recording, effects, x[9:], x[6:9])
+        design = np.array([designs[s][i] for s, i in zip(session, at, strict=True)])
+        turn = GyroscopeModel(
+            np.zeros((0, 3)), np.zeros((0, 3, design.shape[3])), rotations, design, np.zeros((0, 3))
+        )
+        path = turn.path(np.concatenate([x[:9], np.zeros(3), x[9:]]))
+        values = Rotation.from_matrix(Q.swapaxes(1, 2) @ path.last).as_rotvec()
+        change = Q.swapaxes(1, 2) @ path.turn
+        derivative = np.concatenate([change[:, :, :9], change[:, :, 12:]], axis=2)
+        return ReferenceModel(values, derivative, change[:, :, 9:12], session, self.weight, x)
+
+    def common(self, recording):
+        """Return the covariance of the residuals if the reference errs by 1 rad with attitude.
+
+        An error δ of its own axes at both ends changes ε by ``Qᵀ δ₀ - δ₁``.
+        """
+        session, first, _, last = self.windows(recording)
+        _, Q, _ = self.gathered(recording)
+        ends = [
+            np.array([recording.logs[s].attitude[i] for s, i in zip(session, rows, strict=True)])
+            for rows in (first, last)
+        ]
+        m, both = len(Q), np.concatenate(ends)
+        gain = np.concatenate([Q.swapaxes(1, 2), np.tile(-np.eye(3), (m, 1, 1))])
+        parts = _alike(both)[:, :, None, None] * np.einsum("iab,jcb->ijac", gain, gain)
+        parts = parts.reshape(2, m, 2, m, 3, 3).sum(axis=(0, 2))
+        return parts.swapaxes(1, 2).reshape(3 * m, 3 * m)
+
+    def floor(self, recording):
+        """Return the variance that the noise of both gives each component, rad², (m,)."""
+        session, first, _, last = self.windows(recording)
+        white = np.mean([self.noise.axes[a].N.square for a in ("gx", "gy", "gz")])
+        length = [
+            np.ptp(recording.logs[s].t[[i, j]])
+            for s, i, j in zip(session, first, last, strict=True)
+        ]
+        own = np.array([log.noise[0] for log in recording.logs])[session]
+        return 2 * own**2 + white * np.array(length)
+
+
+class Accelerometer(ReferenceSensor):
+    """Second difference of the place, p, over 2 h, with C the reference's attitude.
+
+        r = ∫ tri (C M f) dt / h² - g u - (p(t - h) - 2 p(t) + p(t + h)) / h²      (m/s²)
+
+    M, a small rotation, is what is left between the two bodies; u is up, its tilt and the bias
+    are those of a session.
+    """
+
+    sensor, of = "accelerometer", "position"
+    names = (*accelerometer.NAMES[:6], "m0", "m1", "m2")
+    first = np.array([0.0] * 3 + [1.0] * 3 + [0.0] * 3)
+    kinds: ClassVar = {"reference_force": ("m/s^2", 3)}
+
+    def gathered(self, recording):
+        """Return attitude times weight, (m, k, 3, 3), force, rows, second difference and up."""
+        if "accelerometer" not in recording._designs:
+            session, first, middle, last = self.windows(recording)
+            at = np.minimum(first[:, None] + np.arange(np.max(last - first) + 1), last[:, None])
+            logs, rows = recording.logs, list(zip(session, at, strict=True))
+            C, f, t = (
+                np.array([getattr(logs[s], name)[i] for s, i in rows])
+                for name in ("attitude", "f", "t")
+            )
+            h = (t[:, -1] - t[:, 0]) / 2
+            middle_s = np.array([logs[s].t[i] for s, i in zip(session, middle, strict=True)])
+            steps = np.diff(t, axis=1)
+            trapezoid = (np.pad(steps, ((0, 0), (1, 0))) + np.pad(steps, ((0, 0), (0, 1)))) / 2
+            weight = np.maximum(h[:, None] - np.abs(t - middle_s[:, None]), 0) * trapezoid
+            weight /= weight.sum(axis=1, keepdims=True)
+            ends = zip(session, first, middle, last, strict=True)
+            place = [logs[s].place[[i, j, k]] for s, i, j, k in ends]
+            second = np.array([p[0] - 2 * p[1] + p[2] for p in place]) / h[:, None] ** 2
+            carried = C * weight[..., None, None]
+            mean = np.einsum("mkij,mkj->mi", carried, f) - second
+            up = np.array([np.median(mean[session == s], axis=0) for s in range(len(logs))])
+            up = (up / np.linalg.norm(up, axis=1)[:, None])[session]
+            recording._designs["accelerometer"] = carried, f, at, second, up, weight
+        return recording._designs["accelerometer"]
+
+    def model_at(self, x, recording, effects):
+        """Return the ReferenceModel at parameters x."""
+        x = self.start(effects) if x is None else x
+        x = np.append(x, np.zeros(len(self.start(effects)) - len(x)))
+        session = self.windows(recording)[0]
+        carried, f, at, second, up, _ = self.gathered(recording)
+        T, K, _ = accelerometer.unpack(np.concatenate([x[:6], np.zeros(3)]))
+        M = Rotation.from_rotvec(x[6:9]).as_matrix()
+        designs = self.design(recording, effects, x[9:], K)
+        design = np.array([designs[s][i] for s, i in zip(session, at, strict=True)])
+        raw = f - self.bias[session][:, None]
+        output = K * raw - design @ x[9:]
+        (m, k), MT = f.shape[:2], M @ T
+        turned = carried.swapaxes(1, 2).reshape(m, 3, 3 * k)
+        aligned = output @ T.T
+        values = (turned @ (aligned @ M.T).reshape(m, 3 * k, 1))[..., 0]
+        values = values - self.gravity * up - second
+        of_output = np.einsum("mkai,mkj->maij", carried @ M, output, optimize=True)
+        of_raw = np.einsum("mkai,mkj->maij", carried, raw, optimize=True)
+        rows, columns = accelerometer.UPPER
+        turn = cross_matrix((aligned @ M.T).reshape(-1, 3)).reshape(m, 3 * k, 3)
+        derivative = [
+            of_output[:, :, rows, columns],
+            np.einsum("maij,ij->maj", of_raw, MT),
+            -turned @ turn,
+            -turned @ (MT @ design).reshape(m, 3 * k, design.shape[3]),
+        ]
+        bias = -carried.sum(axis=1) @ (MT * K)
+        nuisance = np.concatenate([bias, -self.gravity * cross_matrix(up)], axis=2)
+        derivative = np.concatenate(derivative, axis=2)
+        return ReferenceModel(values, derivative, nuisance, session, self.weight, x)
+
+    def common(self, recording):
+        """Return the covariance of the residuals if the reference errs by 1 rad with attitude.
+
+        An error δ of its own axes tilts gravity: it changes r by ``-g u × C δ``.
+        """
+        session, _, middle, _ = self.windows(recording)
+        rows = zip(session, middle, strict=True)
+        C = np.array([recording.logs[s].attitude[i] for s, i in rows])
+        gain = self.gravity * cross_matrix(self.gathered(recording)[4]) @ C
+        parts = _alike(C)[:, :, None, None] * np.einsum("iab,jcb->ijac", gain, gain)
+        return parts.swapaxes(1, 2).reshape((3 * len(C),) * 2)
+
+    def floor(self, recording):
+        """Return the variance that the noise of both gives each component, (m/s²)², (m,)."""
+        session, *_ = self.windows(recording)
+        weight = self.gathered(recording)[-1]
+        white = np.mean([self.noise.axes[a].N.square for a in ("ax", "ay", "az")])
+        turn, place = np.array([log.noise for log in recording.logs])[session].T
+        squares = (weight**2).sum(axis=1)
+        step = np.array([np.median(np.diff(log.t)) for log in recording.logs])[session]
+        own = self.gravity**2 * turn**2 + white / step
+        return own * squares + 6 * place**2 / HALF**4
+
+
+def _alike(attitudes):
+    """Return the correlation of the reference's errors at attitudes, (n, n)."""
+    flat = attitudes.reshape(len(attitudes), 9)
+    # 1 - cos of the angle between them
+    return np.exp(-(3 - flat @ flat.T) / 2 / ALIKE**2)
+
+
+def started(sensor, recording):
+    """Return the sensor with each session's bias, weights all alike."""
+    session = sensor.windows(recording)[0]
+    sensor = replace(sensor, weight=np.ones(len(session)), bias=np.zeros((len(recording.logs), 3)))
+    for _ in range(2):
+        model = sensor.model_at(None, recording, ())
+        sensor = replace(sensor, bias=sensor.bias + model.nuisances[:, :3])
+    return sensor
+
+
+def spread(values, floor):
+    """Return the variance of each of m windows by residuals, (m, 3), not below the noise, (m,).
+
+    Student's distribution of scale² ``floor + e²``: both e and its degrees of freedom ν are those
+    of the largest likelihood, and a window's variance is that over its weight ``(ν + 3) / (ν +
+    |r|² / scale²)``.
+
+    References
+    ----------
+    Lange, Little, Taylor, J. Am. Stat. Assoc. 84 (1989) 881.
+    """
+    square, best = (values**2).sum(axis=1), None
+    for dof in TAILS:
+        excess = np.median(square) / 3
+        for _ in range(100):
+            scale = floor + excess
+            weight = (dof + 3) / (dof + square / scale)
+            # EM where the excess rules, and its fixed point where it is next to nothing
+            excess = excess * np.mean(weight * square / scale / scale) / np.mean(3 / scale)
+        scale = floor + excess
+        terms = 1.5 * np.log(dof * np.pi * scale) + (dof + 3) / 2 * np.log1p(square / dof / scale)
+        loss = terms.sum() - len(square) * (gammaln((dof + 3) / 2) - gammaln(dof / 2))
+        if best is None or loss < best[0]:
+            best = loss, scale * (dof + square / scale) / (dof + 3), excess
+    return best[1]
