@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
+from imuloop.discover.family import discover_type
 
 RECORDINGS, CHIPS = ("exp_1", "exp_5"), range(1, 9)
 # counts of the chip: 2048 per g, 16.4 per deg/s; 16 g and 2000 deg/s
@@ -104,6 +105,14 @@ def main():
                     if search := part.get("discovered"):
                         found = (search[k] for k in ("status", "searched", "chance", "formula"))
                         print(recording, device.name, sensor, "beyond the library:", *found)
+            for sensor, joint in discover_type("array", devices)["sensors"].items():
+                ratios = [
+                    min(kind["ratio"] for kind in each["residuals"].values())
+                    for each in joint["devices"].values()
+                    if each["has"]
+                ]
+                found = (joint[k] for k in ("status", "searched", "chance", "formula"))
+                print(recording, sensor, "jointly:", *found, *(f"{r:.2f}" for r in ratios))
             content = related(folder, devices)
             arms, std, nominal = places(content)
             apart = 1e3 * np.sqrt(((arms - nominal) ** 2).sum(axis=1).mean())

@@ -19,7 +19,7 @@ LEVEL = 0.01
 # probability of what is left beside a formula, below which it is not all: more than noise
 FLOOR = 0.05
 # share of the searches without a part that have to give the same name, or one of its imitators
-AGREED = 0.7
+AGREED = 0.8
 # rows for each parameter of a form
 ROWS = 4
 # draws of each kind, in all data and where a part is held out
@@ -138,15 +138,16 @@ def constancy(problem, rows, space, chosen):
 
     Were the formula another, what is left would go with ``d s``: d is the fitted sum of the
     columns, s its own size, the order of the poses, their half, temperature, the components of
-    gravity's direction u or their products. The smallest p-value of these, times their number. What
-    another reference temperature would add is no other formula.
+    gravity's direction u or products of two or four of these. The smallest p-value of these, times
+    their number. What another reference temperature would add is no other formula.
     """
     poses = problem.recording.poses
     order = np.linspace(-1, 1, len(poses))
     u = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
-    pairs = [u[:, i] * u[:, j] for i, j in combinations_with_replacement(range(3), 2)]
+    axes = (c for degree in (2, 4) for c in combinations_with_replacement(range(3), degree))
+    products = [u[:, list(c)].prod(axis=1) for c in axes]
     warmth = [] if poses.temperature is None else [poses.temperature - poses.temperature.mean()]
-    scalars = np.column_stack([order, np.sign(order), u, *pairs, *warmth])
+    scalars = np.column_stack([order, np.sign(order), u, *products, *warmth])
     moved = tuple(k for k, term in enumerate(space.terms) if term in _moved(space, chosen))
     moved = whitened(rows, replace(space, candidates=(moved,)), chosen).kept[0] if moved else ()
     fit = in_sample(rows, space.columns[:, list(chosen)])[0]
