@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import gammaln
 
-from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate import accelerometer
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
 from imuloop.calibrate.least_squares import FitResult, _covariance
 from imuloop.calibrate.pose_fits import Solution
@@ -22,8 +22,9 @@ from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns,
 TURN, HALF = 1.0, 0.2
 # s between windows, which then have no noise of the reference in common
 BETWEEN = 0.03
-# windows of one kind: dense matrices of three times as many rows stay below a second
-MOST_WINDOWS = {"rotation": 600, "position": 300}
+# windows of one kind, of several sessions up to three times as many: dense matrices have three times as many
+# rows
+MOST_WINDOWS = 200
 # rad; attitudes closer than this have errors of the reference in common: the same markers are seen
 ALIKE = 0.35
 # degrees of freedom of Student's distribution that are tried for the tails of the reference
@@ -80,7 +81,7 @@ class ReferenceRecording:
         """
         length = TURN if kind == "rotation" else 2 * HALF
         total = sum(np.ptp(log.t) for log in self.logs)
-        apart = max(length, total / MOST_WINDOWS[kind])
+        apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 3))
         return np.concatenate(
             [np.zeros((0, 4), int)]
             + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
@@ -113,7 +114,8 @@ def _windows(log, session, kind, length, apart):
 class ReferenceModel:
     """Residuals of m windows, three components each, less what each session's nuisances take up.
 
-    The bias is that of a session, and so is the tilt of the world's vertical. By weights W,
+    Those are its bias, what is left of the rotation between both bodies, which are put together
+    anew, and the tilt of the world's vertical. By weights W,
 
         r → r - B (Bᵀ W B)⁻¹ Bᵀ W r,     B = ∂r/∂(nuisances),
 
@@ -159,6 +161,8 @@ class ReferenceSensor:
     # of each session, SI as logged: biases to start from
     bias: np.ndarray | None = None
     axes = ()
+    # parameters of the base model: misalignment, then scale factors
+    first: ClassVar = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 
     def rows(self, recording):
         """Return the window that each residual is of, twice, (N, 2), and its kind, (N,)."""
@@ -192,7 +196,7 @@ class ReferenceSensor:
         if start is not None:
             x[: len(start)] = start
         root = np.repeat(np.sqrt(self.weight), 3)
-        for _ in range(3):
+        for _ in range(3 if start is None else 2):
             r, jacobian = self.model_at(x, recording, effects).residuals()
             white = np.column_stack([r, jacobian]) * root[:, None]
             if prior is not None:
@@ -222,12 +226,10 @@ class Gyroscope(ReferenceSensor):
 
         ε = log(Qᵀ C),     δε = Qᵀ ∫ C δw dt      (rad, on the axes at its end)
 
-    A rotation between the two bodies is the antisymmetric part of T: it refers to the reference's
-    body, turned as `ReferenceLog.attitude` says.
+    T is symmetric: an antisymmetric part is a rotation between the two bodies, each session's own.
     """
 
-    sensor, of, names = "gyroscope", "rotation", gyroscope.NAMES[:9]
-    first = np.array([0.0] * 6 + [1.0] * 3)
+    sensor, of, names = "gyroscope", "rotation", ("S01", "S02", "S12", "K0", "K1", "K2")
     kinds: ClassVar = {"reference_rotation": ("rad", 3)}
 
     def gathered(self, recording):
@@ -254,16 +256,27 @@ class Gyroscope(ReferenceSensor):
         x = np.append(x, np.zeros(len(self.start(effects)) - len(x)))
         session = self.windows(recording)[0]
         rotations, Q, at = self.gathered(recording)
-        designs = self.design(recording, effects, x[9:], x[6:9])
+        designs = self.design(recording, effects, x[6:], x[3:6])
         design = np.array([designs[s][i] for s, i in zip(session, at, strict=True)])
         turn = GyroscopeModel(
             np.zeros((0, 3)), np.zeros((0, 3, design.shape[3])), rotations, design, np.zeros((0, 3))
         )
-        path = turn.path(np.concatenate([x[:9], np.zeros(3), x[9:]]))
+        path = turn.path(np.concatenate([x[[0, 1, 0, 2, 1, 2]], x[3:6], np.zeros(3), x[6:]]))
         values = Rotation.from_matrix(Q.swapaxes(1, 2) @ path.last).as_rotvec()
         change = Q.swapaxes(1, 2) @ path.turn
-        derivative = np.concatenate([change[:, :, :9], change[:, :, 12:]], axis=2)
-        return ReferenceModel(values, derivative, change[:, :, 9:12], session, self.weight, x)
+        # T01 T02 T10 T12 T20 T21
+        axes = change[:, :, [0, 1, 3]] + change[:, :, [2, 4, 5]]
+        turned = change[:, :, [5, 1, 2]] - change[:, :, [3, 4, 0]]
+        derivative = np.concatenate([axes, change[:, :, 6:9], change[:, :, 12:]], axis=2)
+        nuisance = np.concatenate([change[:, :, 9:12], turned], axis=2)
+        return ReferenceModel(values, derivative, nuisance, session, self.weight, x)
+
+    @staticmethod
+    def unpack(x):
+        """Return T and K of parameters."""
+        T = np.eye(3)
+        T[[0, 0, 1], [1, 2, 2]] = T[[1, 2, 2], [0, 0, 1]] = x[:3]
+        return T, x[3:6]
 
     def common(self, recording):
         """Return the covariance of the residuals if the reference errs by 1 rad with attitude.
@@ -299,13 +312,12 @@ class Accelerometer(ReferenceSensor):
 
         r = ∫ tri (C M f) dt / h² - g u - (p(t - h) - 2 p(t) + p(t + h)) / h²      (m/s²)
 
-    M, a small rotation, is what is left between the two bodies; u is up, its tilt and the bias
-    are those of a session.
+    M, a small rotation between the two bodies, the tilt of u, which is up, and the bias are those
+    of a session.
     """
 
     sensor, of = "accelerometer", "position"
-    names = (*accelerometer.NAMES[:6], "m0", "m1", "m2")
-    first = np.array([0.0] * 3 + [1.0] * 3 + [0.0] * 3)
+    names = accelerometer.NAMES[:6]
     kinds: ClassVar = {"reference_force": ("m/s^2", 3)}
 
     def gathered(self, recording):
@@ -340,31 +352,35 @@ class Accelerometer(ReferenceSensor):
         x = np.append(x, np.zeros(len(self.start(effects)) - len(x)))
         session = self.windows(recording)[0]
         carried, f, at, second, up, _ = self.gathered(recording)
-        T, K, _ = accelerometer.unpack(np.concatenate([x[:6], np.zeros(3)]))
-        M = Rotation.from_rotvec(x[6:9]).as_matrix()
-        designs = self.design(recording, effects, x[9:], K)
+        T, K = self.unpack(x)
+        designs = self.design(recording, effects, x[6:], K)
         design = np.array([designs[s][i] for s, i in zip(session, at, strict=True)])
         raw = f - self.bias[session][:, None]
-        output = K * raw - design @ x[9:]
-        (m, k), MT = f.shape[:2], M @ T
+        output, (m, k) = K * raw - design @ x[6:], f.shape[:2]
         turned = carried.swapaxes(1, 2).reshape(m, 3, 3 * k)
         aligned = output @ T.T
-        values = (turned @ (aligned @ M.T).reshape(m, 3 * k, 1))[..., 0]
+        values = (turned @ aligned.reshape(m, 3 * k, 1))[..., 0]
         values = values - self.gravity * up - second
-        of_output = np.einsum("mkai,mkj->maij", carried @ M, output, optimize=True)
+        of_output = np.einsum("mkai,mkj->maij", carried, output, optimize=True)
         of_raw = np.einsum("mkai,mkj->maij", carried, raw, optimize=True)
         rows, columns = accelerometer.UPPER
-        turn = cross_matrix((aligned @ M.T).reshape(-1, 3)).reshape(m, 3 * k, 3)
+        turn = cross_matrix(aligned.reshape(-1, 3)).reshape(m, 3 * k, 3)
         derivative = [
             of_output[:, :, rows, columns],
-            np.einsum("maij,ij->maj", of_raw, MT),
-            -turned @ turn,
-            -turned @ (MT @ design).reshape(m, 3 * k, design.shape[3]),
+            np.einsum("maij,ij->maj", of_raw, T),
+            -turned @ (T @ design).reshape(m, 3 * k, design.shape[3]),
         ]
-        bias = -carried.sum(axis=1) @ (MT * K)
-        nuisance = np.concatenate([bias, -self.gravity * cross_matrix(up)], axis=2)
+        bias = -carried.sum(axis=1) @ (T * K)
+        tilt = -self.gravity * cross_matrix(up)
+        nuisance = np.concatenate([bias, -turned @ turn, tilt], axis=2)
         derivative = np.concatenate(derivative, axis=2)
         return ReferenceModel(values, derivative, nuisance, session, self.weight, x)
+
+    @staticmethod
+    def unpack(x):
+        """Return T and K of parameters."""
+        T, K, _ = accelerometer.unpack(np.append(x[:6], np.zeros(3)))
+        return T, K
 
     def common(self, recording):
         """Return the covariance of the residuals if the reference errs by 1 rad with attitude.

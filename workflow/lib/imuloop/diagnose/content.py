@@ -88,6 +88,8 @@ def _candidate(sensor, choices, cls):
     elif cls in choice.failed:
         low, high = choice.failed[cls]
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
+        if high < 1:
+            why = problem.lost((*choice.base, trial.effect)) or "the fit with it is none"
     elif trial.impossible:
         why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
     elif name := twin(search, choice.base, cls):

@@ -6,8 +6,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import Solution, in_raw_units
 from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
@@ -30,6 +32,12 @@ COMMON = (0.0, 0.3, 1.0, 3.0)
 SLIPS = "a reference that slips on the device tilts gravity, and so looks like a changing bias"
 # s; over which attitudes are integrated for the report
 DURATIONS = (0.1, 0.3, 1.0, 3.0, 10.0)
+# median square of what is left, over that of the noise, from which on a reference may err itself
+ABOVE = 1.5
+WITHIN = (
+    "in fewer than three sessions, what a reference gets wrong with attitude could look the same: "
+    "more is left than its noise"
+)
 # of the set-up, not of the sensor
 BESIDE = ("time_offset", "clock_drift", "lever_arm")
 # sessions from which on whole ones are held out: without two of them one is left to learn from
@@ -49,6 +57,7 @@ class ReferenceResult:
     # of each session, and the variance of their mean, SI as logged
     bias: np.ndarray | None = None
     bias_variance: np.ndarray | None = None
+    frame: np.ndarray | None = None  # rad, what is left of the rotation between both bodies, too
     windows: dict = field(default_factory=dict)  # by column: a row per window
 
 
@@ -87,7 +96,7 @@ class ReferenceProblem(PoseProblem):
         rows, z = self.base_rows
         more = sum(len(e.parameters) for e in base)
         known = np.hstack([rows.reshape(len(z), count), np.zeros((len(z), more))])
-        for _ in range(3):
+        for _ in range(2 if base else 3):
             solution = sensor.fit(self.recording, base, x, (known, z))
             model, x = sensor.model(solution, self.recording), solution.fit.x
             values, jacobian = model.residuals()
@@ -122,8 +131,25 @@ class ReferenceProblem(PoseProblem):
             self._columns[effect] = np.concatenate([own, none])[:, None]
         return self._columns[effect]
 
+    def nearest(self, base):
+        """Return the residuals about the fit with these very effects.
+
+        Without an offset in time the windows of fast turns are those of the tails: by their weights
+        a part would be predicted from the slow ones alone.
+        """
+        return self.linearized(base)
+
     def lost(self, base, out=frozenset()):
-        """Return why the fit of all data is none, or None; parts are held out of many windows."""
+        """Return why effects do not count, or the fit of all data is none; None if they do.
+
+        A reference that leaves more than its noise may err with attitude, as effects of the sensor
+        do: one session, or two, cannot tell.
+        """
+        own = any(effect.name not in BESIDE for effect in base)
+        if own and len(self.recording.logs) < WHOLE:
+            values = self.linearized(base).values
+            if np.median(values**2 / self.floor) > ABOVE * chi2.ppf(0.5, 1):
+                return WITHIN
         return None if out else super().lost(base)
 
     def slow(self, effect):
@@ -187,25 +213,25 @@ def diagnose_reference(sensor, recording, settings, tests, poses=None):
 def _of_poses(sensor, poses):
     """Return rows R and z of what the poses say of the base model's parameters.
 
-    The gyroscope's T refers to the accelerometer there, and to the reference here: a rotation of
-    it, the antisymmetric part, is open.
+    The gyroscope's T refers to the accelerometer there, and to the reference here: its
+    antisymmetric part, a rotation, is open.
     """
-    count = 9 if sensor.sensor == "gyroscope" else 6
     if poses is None:
         return np.zeros((0, len(sensor.names))), np.zeros(0)
-    information = np.linalg.inv(poses.fit.scaled_covariance[:count, :count])
+    count = 9 if sensor.sensor == "gyroscope" else 6
+    x, covariance = poses.fit.x[:count], poses.fit.scaled_covariance[:count, :count]
     if sensor.sensor == "gyroscope":
-        # T01 T02 T10 T12 T20 T21
-        turn = np.zeros((count, 3))
-        turn[[0, 2], 2], turn[[1, 4], 1], turn[[3, 5], 0] = (-1, 1), (1, -1), (-1, 1)
-        seen = information @ turn
-        information = information - seen @ np.linalg.solve(turn.T @ seen, seen.T)
+        # of T01 T02 T10 T12 T20 T21 the symmetric part
+        part = np.zeros((6, 9))
+        part[[0, 1, 2], [0, 1, 3]] = part[[0, 1, 2], [2, 4, 5]] = 0.5
+        part[[3, 4, 5], [6, 7, 8]] = 1.0
+        x, covariance = part @ x, part @ covariance @ part.T
+    information = np.linalg.inv(covariance)
     size = np.sqrt(np.diag(information))
     values, axes = np.linalg.eigh(information / np.outer(size, size))
     shown = values > 1e-9 * values.max()
     rows = np.sqrt(values[shown])[:, None] * axes[:, shown].T * size
-    z = rows @ poses.fit.x[:count]
-    return np.hstack([rows, np.zeros((len(rows), len(sensor.names) - count))]), z
+    return rows, rows @ x
 
 
 def _parts(recording, session, first, count):
@@ -259,6 +285,7 @@ def _diagnosed(choices, others, windows):
         covariance,
         bias,
         variance,
+        model.nuisances[:, 3:6],
         place | {"residual": np.full(len(session), kind, object)} | columns,
     )
 
@@ -283,8 +310,8 @@ def errors_over(choices):
             solution = problem.fitted(base, out)
             model = sensor.model(solution, recording)
             bias, x = sensor.bias[s] + model.nuisances[s, :3], solution.fit.x
-            T, K, _ = gyroscope.unpack(np.append(x[:9], np.zeros(3)))
-            e = sensor.design(recording, base, x[9:], K)[s] @ x[9:]
+            T, K = sensor.unpack(x)
+            e = sensor.design(recording, base, x[6:], K)[s] @ x[6:]
             rates.append((K * (log.w - bias) - e) @ T.T)
         t, C = log.t[rows], log.attitude[rows]
         up = np.nanmean(np.einsum("nij,nj->ni", C, log.f[rows]), axis=0)
@@ -359,21 +386,21 @@ def with_reference(calibration, results):
     in it; nor is what was held out within a session only. The gyroscope's axes are turned onto the
     accelerometer's where places show these.
     """
-    turned, solution = np.eye(3), {}
-    for sensor, result in results.items():
+    known = {s: r for s, r in results.items() if r.solution is not None}
+    solution, turned = {}, np.zeros((1, 3))
+    if len(known) == 2:
+        turned = known["gyroscope"].frame - known["accelerometer"].frame
+    for sensor, result in known.items():
         own = getattr(calibration, sensor)
-        if result.solution is None or own.method not in ("nominal", "static"):
+        if own.method not in ("nominal", "static"):
             continue
-        x, covariance = result.solution.fit.x, result.covariance
-        if sensor == "accelerometer":
-            turned = Rotation.from_rotvec(x[6:9]).as_matrix()
-            count, names = 6, accelerometer.NAMES
-            T, K, _ = accelerometer.unpack(np.append(x[:6], np.zeros(3)))
-        else:
-            count, names = 9, gyroscope.NAMES
-            T, K, _ = gyroscope.unpack(np.append(x[:9], np.zeros(3)))
-            whole = turned.T @ T
-            K, T = K * np.diag(whole), whole / np.diag(whole)
+        x, covariance, count = result.solution.fit.x, result.covariance, 6
+        names, model = accelerometer.NAMES, Accelerometer
+        if sensor == "gyroscope":
+            names, model = gyroscope.NAMES, Gyroscope
+        T, K = model.unpack(x)
+        if sensor == "gyroscope":
+            T = T + cross_matrix(turned.mean(axis=0)[None])[0]
         at, kept = [*range(count)], []
         for effect, columns in zip(result.effects, result.columns, strict=True):
             if effect.name not in BESIDE and len(result.bias) >= WHOLE:
@@ -382,10 +409,18 @@ def with_reference(calibration, results):
         order = [(int(n[1]), int(n[2])) for n in names if n[0] == "T"]
         values = [*(T[i] for i in order), *K, *result.bias.mean(axis=0)]
         values = np.append(values, x[at[count:]])
-        spread_ = np.zeros((len(values),) * 2)
-        places = [*range(count), *range(count + 3, len(values))]
-        spread_[np.ix_(places, places)] = covariance[np.ix_(at, at)]
-        spread_[range(count, count + 3), range(count, count + 3)] = result.bias_variance
+        # what each parameter is of those of the fit; T of a gyroscope is symmetric but for the turn
+        gain = np.zeros((len(values), len(at)))
+        for row, (i, j) in enumerate(order):
+            gain[row, [(0, 1), (0, 2), (1, 2)].index((min(i, j), max(i, j)))] = 1.0
+        first = len(order)
+        gain[range(first, first + 3), range(3, 6)] = 1.0
+        gain[range(first + 6, len(values)), range(6, len(at))] = 1.0
+        spread_ = gain @ covariance[np.ix_(at, at)] @ gain.T
+        spread_[range(first + 3, first + 6), range(first + 3, first + 6)] = result.bias_variance
+        if sensor == "gyroscope" and len(turned) > 1:
+            own_turn = (turned.var(axis=0, ddof=1) / len(turned))[[2, 1, 2, 0, 1, 0]]
+            spread_[range(6), range(6)] += own_turn
         made = in_raw_units(
             own.raw_unit, names, values, spread_, method="reference_motion", effects=kept
         )
