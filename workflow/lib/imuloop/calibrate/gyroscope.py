@@ -89,9 +89,7 @@ class GyroscopeModel:
     def _path(self, x):
         T, K, b = unpack(x)
         rotations = self.rotations
-        raw = rotations.w - b
-        effects = self.rotation_design @ x[12:] + self.rotation_known
-        rates = (K * raw - effects) @ T.T
+        rates = (K * (rotations.w - b) - self.effects(x)) @ T.T
         half = exponential(step_vectors(rates, rotations.steps, rotations.uneven) / 2)
         after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
@@ -102,6 +100,12 @@ class GyroscopeModel:
             matrix(after[:, -1]), turn, mean, middle, rotations.steps, after, self._added(middle)
         )
 
+    def effects(self, x):
+        """Return e along the rotations, rad/s, (m, k, 3)."""
+        known = np.zeros(self.rotations.w.shape) + self.rotation_known
+        # those of a search are hundreds, and zero about the fit without them
+        return known + self.rotation_design @ x[12:] if x[12:].any() else known
+
     def summed(self, middle, x):
         """Return ``∫ A (dw/dx) dt`` and ``∫ A dt`` of matrices A in the middle of each step.
 
@@ -109,8 +113,7 @@ class GyroscopeModel:
         """
         T, K, b = unpack(x)
         (m, steps), dt = middle.shape[:2], self.rotations.steps[..., None]
-        raw = self.rotations.w - b
-        effects = self.rotation_design @ x[12:] + self.rotation_known
+        raw, effects = self.rotations.w - b, self.effects(x)
         # moments of A with what each step turns by: entry of A, axis
         entries = middle.reshape(m, steps, 9).swapaxes(1, 2)
         of_raw = (entries @ (midpoints(raw) * dt)).reshape(m, 3, 3, 3)

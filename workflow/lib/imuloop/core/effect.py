@@ -190,7 +190,9 @@ def effect_design(effects, channels, values=()):
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
     x, at = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
     parts = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, at, strict=True)]
-    return np.concatenate([np.zeros((len(channels.t), 3, 0)), *parts], axis=2)
+    # one alone, of a search hundreds of products, is no copy
+    none = np.zeros((len(channels.t), 3, 0))
+    return parts[0] if len(parts) == 1 else np.concatenate([none, *parts], axis=2)
 
 
 @dataclass(frozen=True)
