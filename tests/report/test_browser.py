@@ -182,6 +182,12 @@ def test_a_stretch_that_is_dragged_over_fills_the_picture(page, curves):
     assert labels(curves) != whole
     page.mouse.dblclick(x, y)
     assert labels(curves) == whole
+    # what begins outside is no stretch
+    page.mouse.move(x, box["y"] + box["height"] + 40)
+    page.mouse.down()
+    page.mouse.move(x, y, steps=3)
+    page.mouse.up()
+    assert labels(curves) == whole
 
 
 def test_values_at_the_cursor_are_those_of_the_file(page, curves, results):

@@ -46,13 +46,14 @@ const axis = (node, start, end, scale, ...ends) => {
 };
 const area = (group) => {
   const marks = [...group.querySelectorAll(":scope > g:has([clip-path]):not([data-axis])")];
-  const clip = marks[0].querySelector("[clip-path]").getAttribute("clip-path").slice(5, -1);
+  const clip = group.querySelector("[clip-path]").getAttribute("clip-path").slice(5, -1);
   const frame = document.getElementById(clip).firstElementChild;
   const [x, y, width, height] = ["x", "y", "width", "height"].map((k) => +frame.getAttribute(k));
   const inner = make(group, "svg", { x, y, width, height, preserveAspectRatio: "none" });
-  marks[0].before(inner);
+  marks[0]?.before(inner);
   inner.append(...marks);
-  const lines = marks.filter((m) => m.dataset.curve && m.firstElementChild.style.fill === "none");
+  const drawn = (m) => m.dataset.curve && m.firstElementChild.style.fill === "none";
+  const lines = marks.filter((m) => drawn(m) && m.firstElementChild.getAttribute("d").trim());
   const curves = lines.map((mark) => {
     const at = numbers(mark.firstElementChild.getAttribute("d"));
     return { mark, points: at.flatMap((p, i) => (i % 2 ? [] : [[p, at[i + 1]]])) };
@@ -112,7 +113,8 @@ const tools = (svg, bar) => {
     if (bar.hidden || !a || event.pointerType === "touch") return;
     const [u, v, s] = [+from.value, +to.value, (x - a.x) / a.width];
     if (event.type === "pointerdown") start = s;
-    if (event.type === "pointerup" && Math.abs(s - start) > 0.01)
+    if (event.type === "pointermove" && !event.buttons) start = null;
+    if (event.type === "pointerup" && start !== null && Math.abs(s - start) > 0.01)
       [from.value, to.value] = [Math.min(s, start), Math.max(s, start)].map((w) => u + w * (v - u));
     if (event.type === "pointerup") start = null;
     cursor.value = s;
