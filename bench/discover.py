@@ -173,6 +173,7 @@ class Outcome:
     left: float = 1.0  # as of a Discovery
     agreed: float = 0.0
     constant: float = 1.0
+    lead: float = np.inf
 
 
 def _noise(truth, whole=False):
@@ -302,7 +303,7 @@ def outcome(name, limits, plan, seed):
         found.effect is not None, right, bool(found.found.candidates), against,
         space.effect(found.found.columns).formula, found.found.margin, len(found.found.candidates),
         min((k["ratio_ci95"][1] for k in found.kinds.values()), default=np.nan),
-        found.left, found.agreed, found.constant,
+        found.left, found.agreed, found.constant, found.lead,
     )  # fmt: skip
 
 

@@ -43,6 +43,14 @@ def test_a_column_that_stands_for_a_power_outside_the_space_is_no_name(seed):
     assert found.structure and not found.named and found.constant < LEVEL
 
 
+def test_a_column_that_stands_for_a_change_of_sign_is_no_name():
+    found = outcome("sign_midway", 4.0, "forty", 13301)
+    # all else would name it
+    assert found.chosen == 1 and found.margin > MARGIN and found.left >= FLOOR
+    assert found.agreed >= AGREED and found.constant >= LEVEL and found.upper < 1
+    assert found.structure and not found.named and found.lead < MARGIN
+
+
 def test_a_form_that_a_part_held_out_has_rows_for_in_all_data_is_not_lost():
     # seven parameters, of 41 poses; of the 36 that the first part leaves they are too many by ROWS
     assert outcome("cross_coupling", 4.0, "forty", 13001).against_known < 1.3

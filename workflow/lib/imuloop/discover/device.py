@@ -120,6 +120,7 @@ def _entry(discovery, fitted, sensor):
 def content(discovery):
     """Return what diagnosis.json holds of a search."""
     space, found = discovery.space, discovery.found
+    margin = min(found.margin, discovery.lead)
 
     def text(candidate):
         return "; ".join(space.terms[c] for c in space.candidates[candidate])
@@ -132,7 +133,7 @@ def content(discovery):
         "searched": len(space.candidates),
         "chance": found.chances[0] if found.chances else 1.0,
         "formula": "; ".join(space.terms[c] for c in found.columns),
-        "margin": found.margin if np.isfinite(found.margin) else None,
+        "margin": margin if np.isfinite(margin) else None,
         "left": discovery.left,
         "agreed": discovery.agreed,
         "constant": discovery.constant,

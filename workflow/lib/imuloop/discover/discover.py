@@ -10,7 +10,7 @@ from imuloop.core.precision import precision
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import chi_square
 from imuloop.diagnose.variance import Part, likely_sizes, total
-from imuloop.discover.pursuit import Pursued, Rows, log_p, pursue, whitened
+from imuloop.discover.pursuit import MARGIN, Pursued, Rows, log_p, pursue, whitened
 from imuloop.discover.space import Space, space_of
 
 # probability, over the whole space, that chance gives a composed effect, and over all it may
@@ -20,6 +20,8 @@ LEVEL = 0.01
 FLOOR = 0.05
 # share of the searches without a part that have to give the same name, or one of its imitators
 AGREED = 0.8
+# shares of the poses after which something may be the other way round
+CHANGES = (0.25, 0.5, 0.75)
 # rows for each parameter of a form
 ROWS = 4
 # draws of each kind, in all data and where a part is held out
@@ -47,6 +49,8 @@ class Discovery:
         Share of the searches without a part that give the same name, or an imitator's.
     constant : float
         Probability that chance lets its size depend as much on anything (`constancy`).
+    lead : float
+        By how much it is better than columns whose sign changes midway; -2 log likelihood.
     shown : dict of str to dict
         Of each kind, row by row, SI: the composed ``input``, fitted, and what of it the residual
         has ``before`` and ``after``; empty if nothing was found.
@@ -59,6 +63,7 @@ class Discovery:
     left: float = 1.0
     agreed: float = 0.0
     constant: float = 1.0
+    lead: float = np.inf
     shown: dict = field(default_factory=dict)
 
     @property
@@ -69,7 +74,7 @@ class Discovery:
     @property
     def effect(self):
         """The effect where one formula is enough, down to the noise, and confirmed; else None."""
-        enough = self.left >= FLOOR and self.constant >= LEVEL
+        enough = self.left >= FLOOR and self.constant >= LEVEL and self.lead >= MARGIN
         certain = self.found.named and enough and self.agreed >= AGREED
         return self.space.effect(self.found.columns) if certain and self.confirmed else None
 
@@ -108,10 +113,11 @@ def discover(problem, base=(), level=LEVEL, space=None):
     space = space or space_of(problem)
     rows = rows_of(problem, base)
     found = pursue(rows, space, level=level, draws=DRAWS, seed=problem.settings.seed)
-    kinds, errors, left, agreed, constant, shown = {}, (), 1.0, 0.0, 1.0, {}
+    kinds, errors, left, agreed, constant, lead, shown = {}, (), 1.0, 0.0, 1.0, np.inf, {}
     if found.candidates:
         fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
         constant = constancy(problem, rows, space, found.columns)
+        lead = lead_over_changes(rows, space, found.columns)
         *errors, without = held_out(problem, rows, space, fold, level)
         alike = {found.candidates[0], *found.imitators}
         agreed = np.mean([w.named and w.candidates[0] in alike for w in without])
@@ -121,7 +127,7 @@ def discover(problem, base=(), level=LEVEL, space=None):
         for kind in kinds:
             own = problem.of_kind(kind)
             shown[kind] = {name: values[own].tolist() for name, values in series.items()}
-    return Discovery(space, found, kinds, errors, left, float(agreed), constant, shown)
+    return Discovery(space, found, kinds, errors, left, float(agreed), constant, lead, shown)
 
 
 def chance_of_left(rows, columns):
@@ -161,6 +167,23 @@ def constancy(problem, rows, space, chosen):
     white = whitened(rows, others, tuple(range(k)))
     (least,), _ = log_p(white, white.residual[:, None])
     return float(min(m * np.exp(least), 1.0))
+
+
+def lead_over_changes(rows, space, chosen):
+    """Return by how much chosen columns are better than any that changes its sign midway.
+
+    -2 log likelihood, as `Whitened.scores`; columns of the space, at `CHANGES`, but for imitators.
+    """
+    number = rows.piece + 0.5
+    signs = (np.sign(number - share * (rows.piece.max() + 1)) for share in CHANGES)
+    changed = [space.columns * sign[:, None] for sign in signs]
+    columns, count = np.hstack([space.columns, *changed]), space.columns.shape[1]
+    candidates = (tuple(chosen), *((k,) for k in range(count, columns.shape[1])))
+    white = whitened(rows, replace(space, columns=columns, candidates=candidates), (), about=chosen)
+    scores = white.scores()
+    order = (k for k in np.argsort(-scores, kind="stable") if k and np.isfinite(scores[k]))
+    best = next((scores[k] for k in order if not white.imitates(0, k)), -np.inf)
+    return float(min(scores[0] - best, 1e6))
 
 
 def _moved(space, chosen):
