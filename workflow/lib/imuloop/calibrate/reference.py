@@ -22,7 +22,8 @@ from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns,
 TURN, HALF = 1.0, 0.2
 # s between windows, which then have no noise of the reference in common
 BETWEEN = 0.03
-# windows of one kind of a session, and of up to three: dense matrices have three times as many rows
+# windows of one kind, of several sessions up to three times as many: dense matrices have three
+# rows for each
 MOST_WINDOWS = 200
 # rad; attitudes closer than this have errors of the reference in common: the same markers are seen
 ALIKE = 0.35
