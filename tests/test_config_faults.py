@@ -8,6 +8,7 @@ from imuloop.config import merge
 from imuloop.config_faults import config_faults
 
 SHA = "0" * 64
+MOVED, BODY = "kind: reference_motion, file: poses.csv", "convention: body_to_world"
 
 
 def test_smallest_entry_works(faults):
@@ -16,7 +17,7 @@ def test_smallest_entry_works(faults):
     )
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "config/measured.yaml"])
+@pytest.mark.parametrize("name", ["config.yaml", "config/measured.yaml", "config/reference.yaml"])
 def test_shipped_configs_have_no_fault(repository, schema, name, monkeypatch):
     monkeypatch.chdir(repository)
     replicas = {
@@ -39,6 +40,31 @@ ONE_FAULT = {
     "kind": (
         session("kind: statc, file: poses.csv"),
         "devices.imu.sessions.a.kind: 'statc' is not a kind of session; did you mean 'static'?",
+    ),
+    "no reference": (
+        session("kind: reference_motion, file: poses.csv"),
+        "devices.imu.sessions.a.reference: missing; a needs it",
+    ),
+    "reference of another kind": (
+        session(f"{SOUND}, reference: {{columns: {{orientation: [a, b, c, d]}}, {BODY}}}"),
+        "devices.imu.sessions.a.reference: only a session of kind reference_motion has one",
+    ),
+    "convention": (
+        session(
+            f"{MOVED}, reference: {{columns: {{orientation: [0, 1, 2, 3]}}, "
+            "convention: body_to_wolrd}}".replace("}}", "}")
+        ),
+        "devices.imu.sessions.a.reference.convention: 'body_to_wolrd' is not a convention; did you "
+        "mean 'body_to_world'?",
+    ),
+    "column of a reference": (
+        session(f"{MOVED}, reference: {{columns: {{orientation: [qw, ax, ay, az]}}, {BODY}}}"),
+        "devices.imu.sessions.a.reference.columns.orientation: no column 'qw'; there are t, ax, "
+        "ay, az, gx, gy, gz, note",
+    ),
+    "known rotation without an angle": (
+        session("kind: known_rotation, file: poses.csv, axis: x"),
+        "devices.imu.sessions.a.angle: missing; a needs it",
     ),
     "format": (
         session(f"{SOUND}, format: netcdf4"),

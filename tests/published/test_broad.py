@@ -1,0 +1,74 @@
+"""BROAD, published as synchronised: an offset in time that nobody declared, in one trial alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop import chain
+from imuloop.chain import Device
+from imuloop.core.files import read_json
+
+TRIAL = "03_undisturbed_slow_rotation_C.mat"
+
+
+@pytest.fixture(scope="module")
+def device(recordings, tmp_path_factory):
+    """Return the device of one trial after its diagnosis."""
+    folder = tmp_path_factory.mktemp("broad")
+    device = Device("broad", folder, {"trial": "reference_motion"}, gravity=9.8128)
+    told = {
+        "format": "matlab",
+        "columns": {"acceleration": "imu_acc", "angular_rate": "imu_gyr"},
+        "rate": 2000 / 7,
+        "reference": {
+            "columns": {
+                "orientation": [f"opt_quat.{k}" for k in range(4)],
+                "position": [f"opt_pos.{k}" for k in "xyz"],
+            },
+            "convention": "body_to_world",
+        },
+    }
+    assert chain.ingest(device, "trial", told, [recordings(TRIAL)]) == []
+    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
+        assert stage(device) == []
+    return device
+
+
+def found(device, sensor):
+    """Return the diagnosis of a sensor beside the reference, and its effects by name."""
+    block = read_json(device.file("diagnosis.json"))["sensors"][sensor]["reference"]
+    return block, {effect["name"]: effect for effect in block["effects"]}
+
+
+def test_gyroscope_is_late_and_nothing_else(device):
+    block, effects = found(device, "gyroscope")
+    assert list(effects) == ["time_offset"]
+    late = effects["time_offset"]
+    # an earlier fit to this trial, apart from the library: 4.17 +- 0.03 ms
+    assert late["parameters"]["dt"] == pytest.approx(-0.0041, abs=1.5e-4)
+    assert late["std"]["dt"] <= 1e-4
+    residual = block["residuals"]["reference_rotation"]
+    assert residual["after"] <= 0.4 * residual["before"]
+
+
+def test_accelerometer_is_late_and_off_the_marker(device):
+    block, effects = found(device, "accelerometer")
+    assert set(effects) == {"time_offset", "lever_arm"}
+    arm = np.array([effects["lever_arm"]["parameters"][f"r{k}"] for k in "xyz"])
+    # a plain least-squares fit of second differences of C r, apart from the library
+    np.testing.assert_allclose(arm, [-0.86e-3, 2.37e-3, 7.9e-3], atol=1.5e-3)
+    assert block["residuals"]["reference_force"]["after"] <= 0.03
+
+
+def test_windows_are_those_of_the_diagnosis(device):
+    table = pd.read_parquet(device.file("reference.parquet"))
+    for sensor, kind in (
+        ("gyroscope", "reference_rotation"),
+        ("accelerometer", "reference_force"),
+    ):
+        residual = found(device, sensor)[0]["residuals"][kind]
+        own = table[table["residual"] == kind]
+        assert len(own) == residual["n"]
+        for when in ("before", "after"):
+            size = np.sqrt((own[f"{kind}_{when}"] ** 2).mean())
+            assert size == pytest.approx(residual[when], rel=1e-9)
