@@ -61,14 +61,6 @@ def test_what_settles_counts_from_the_last_turn():
     assert np.all(settling[T == 14.0 + 5.0, 3:] > 0.3)
 
 
-def test_nothing_settles_before_the_first_turn():
-    c = log()
-    rate = c.other.copy()
-    rate[T < 10] = 0.0
-    found = after_turn(Channels(T, c.output, rate), "accelerometer")
-    assert not found[T < 10].any() and found[T >= 10].all()
-
-
 def test_a_log_in_pieces_gives_the_same():
     c, past, found = log(), {}, []
     for i in range(0, 600, 150):
