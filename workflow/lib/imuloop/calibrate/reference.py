@@ -22,7 +22,7 @@ from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns,
 TURN, HALF = 1.0, 0.2
 # s between windows, which then have no noise of the reference in common
 BETWEEN = 0.03
-# windows of one kind, of several sessions up to three times as many: dense matrices have three
+# windows of one kind, of several sessions half as many again: dense matrices have three
 # rows for each
 MOST_WINDOWS = 200
 # rad; attitudes closer than this have errors of the reference in common: the same markers are seen
@@ -81,7 +81,7 @@ class ReferenceRecording:
         """
         length = TURN if kind == "rotation" else 2 * HALF
         total = sum(np.ptp(log.t) for log in self.logs)
-        apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 3))
+        apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 1.5))
         return np.concatenate(
             [np.zeros((0, 4), int)]
             + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
