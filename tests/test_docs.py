@@ -155,7 +155,7 @@ def results(tmp_path, monkeypatch):
     block = {"verdict": "explained", "residuals": {}, "effects": [formula]}
     block["discovered"] = search | {"residuals": {}}
     sensors = {"accelerometer": {"poses": block}}
-    for device in ("my_imu", "xsens_mti", "thermal_chamber", "cats_tag", "mpu9150_1"):
+    for device in ("my_imu", "xsens_mti", "thermal_chamber", "cats_tag", "mpu9150_1", "broad"):
         folder = tmp_path / "results" / device
         folder.mkdir(parents=True)
         calibration.to_json(folder / "calibration.json")
@@ -206,7 +206,9 @@ def test_commands_work(results, tmp_path, command):
         config = tmp_path / "mine.yaml"
         config.write_text("devices: {my_imu: {sessions: {rest: {kind: static, file: log.csv}}}}")
         places = {"REPO/Snakefile": REPOSITORY / "Snakefile", "WORKDIR": tmp_path, "CONFIG": config}
-        places["config/measured.yaml"] = REPOSITORY / "config/measured.yaml"
+        places |= {
+            f"config/{n}.yaml": REPOSITORY / f"config/{n}.yaml" for n in ("measured", "reference")
+        }
         arguments = [str(places.get(word, word)) for word in arguments]
         if "-s" not in arguments:
             arguments = ["-s", str(REPOSITORY / "Snakefile"), "-d", str(tmp_path), *arguments]
