@@ -8,15 +8,18 @@ from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 
-TRIAL = "03_undisturbed_slow_rotation_C.mat"
+TRIALS = (
+    "03_undisturbed_slow_rotation_C.mat",
+    "07_undisturbed_fast_rotation_B.mat",
+    "16_undisturbed_fast_translation_B.mat",
+)
 
 
-@pytest.fixture(scope="module")
-def device(recordings, tmp_path_factory):
-    """Return the device of one trial after its diagnosis."""
-    folder = tmp_path_factory.mktemp("broad")
-    device = Device("broad", folder, {"trial": "reference_motion"}, gravity=9.8128)
-    told = {
+def diagnosed(folder, logs):
+    """Return the device of some trials after its diagnosis."""
+    names = [log.name[:2] for log in logs]
+    device = Device("broad", folder, dict.fromkeys(names, "reference_motion"), gravity=9.8128)
+    declared = {
         "format": "matlab",
         "columns": {"acceleration": "imu_acc", "angular_rate": "imu_gyr"},
         "rate": 2000 / 7,
@@ -28,10 +31,17 @@ def device(recordings, tmp_path_factory):
             "convention": "body_to_world",
         },
     }
-    assert chain.ingest(device, "trial", told, [recordings(TRIAL)]) == []
+    for name, log in zip(names, logs, strict=True):
+        assert chain.ingest(device, name, declared, [log]) == []
     for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
         assert stage(device) == []
     return device
+
+
+@pytest.fixture(scope="module")
+def device(recordings, tmp_path_factory):
+    """Return the device of one trial."""
+    return diagnosed(tmp_path_factory.mktemp("broad"), [recordings(TRIALS[0])])
 
 
 def found(device, sensor):
@@ -72,3 +82,15 @@ def test_windows_are_those_of_the_diagnosis(device):
         for when in ("before", "after"):
             size = np.sqrt((own[f"{kind}_{when}"] ** 2).mean())
             assert size == pytest.approx(residual[when], rel=1e-9)
+
+
+@pytest.mark.study
+def test_each_trial_is_predicted_by_the_others(recordings, tmp_path):
+    device = diagnosed(tmp_path, [recordings(trial) for trial in TRIALS])
+    _, effects = found(device, "gyroscope")
+    assert list(effects) == ["time_offset"]
+    windows = pd.read_parquet(device.file("reference.parquet"))
+    windows = windows[windows["residual"] == "reference_rotation"]
+    for (_, of), most in zip(windows.groupby("session"), (0.40, 0.20, 0.35), strict=True):
+        before, after = (of[f"reference_rotation_{k}"] for k in ("before", "after"))
+        assert (after**2).mean() <= most**2 * (before**2).mean()

@@ -51,7 +51,9 @@ def _over_time(device, sensor, name, residual, table, changed):
 
     def plot(area):
         if changed:
-            area.plot(seconds / size, before, "o", color=ORANGE, mfc=PAGE, ms=3, label="before")
+            area.plot(
+                seconds / size, before, "o", color=ORANGE, mfc=PAGE, mew=1, ms=3, label="before"
+            )
         area.plot(seconds / size, after, "o", color=BLUE, ms=3, label="after")
         area.plot(seconds / size, floor, color=INK, ls="--", lw=1, label="floor from noise")
         for session, start in starts.items() if len(starts) > 1 else ():
