@@ -87,8 +87,12 @@ def test_windows_are_those_of_the_diagnosis(device):
 @pytest.mark.study
 def test_each_trial_is_predicted_by_the_others(recordings, tmp_path):
     device = diagnosed(tmp_path, [recordings(trial) for trial in TRIALS])
-    _, effects = found(device, "gyroscope")
+    block, effects = found(device, "gyroscope")
     assert list(effects) == ["time_offset"]
+    # degrees, as the README has them
+    for key, size in {"before": 1.42, "after": 0.253, "floor": 0.0154}.items():
+        printed = np.degrees(block["residuals"]["reference_rotation"][key])
+        assert printed == pytest.approx(size, rel=5e-3)
     windows = pd.read_parquet(device.file("reference.parquet"))
     windows = windows[windows["residual"] == "reference_rotation"]
     for (_, of), most in zip(windows.groupby("session"), (0.40, 0.20, 0.35), strict=True):
