@@ -43,7 +43,7 @@ def recording(truth, seed=12160):
 def test_derivative_is_that_of_the_residuals(cls):
     known = recording(CLEAN)
     sensor = started(cls(NOISE, 9.80665), known)
-    marker = find_effect("lever_arm")("marker")
+    marker = find_effect("lever_arm")(marker=1)
     effects = (find_effect("g_sensitivity")(),) if cls is Gyroscope else (marker,)
     rng = np.random.default_rng(1)
     x = sensor.start(effects) + rng.normal(0, 1e-3, len(sensor.start(effects)))
@@ -73,7 +73,7 @@ def test_gyroscope_gives_back_offset_scale_and_axes():
 def test_accelerometer_gives_back_where_it_sits():
     own = replace(CLEAN, dt={"accelerometer": 0.002}, arm=(0.02, -0.01, 0.03))
     known = recording(own)
-    effects = (find_effect("time_offset")(), find_effect("lever_arm")("marker"))
+    effects = (find_effect("time_offset")(), find_effect("lever_arm")(marker=1))
     sensor = started(Accelerometer(NOISE, 9.80665), known)
     x = sensor.fit(known, effects).fit.x
     assert x[6] == pytest.approx(0.002, abs=1e-4)

@@ -20,7 +20,7 @@ RESIDUAL = {
 }
 ARM = {
     "name": "lever_arm",
-    "constants": {"origin": "marker"},
+    "constants": {"marker": 1},
     "parameters": {"rx": 0.001, "ry": -0.002, "rz": 0.008},
     "std": {"rx": 1e-4, "ry": 2e-4, "rz": 3e-4},
 }

@@ -22,6 +22,7 @@ class ClockDrift(Effect):
     equation = "e = y(t) - y(t - d (t - t_m))"
     reference = "Furgale et al., IROS 2013, temporal calibration"
     records = ("reference",)
+    unobservable = "only a reference has another clock"
     # crystals are good to some 100 ppm, RC oscillators to 1 %
     limit = 0.02
     reach = REACH + LATEST

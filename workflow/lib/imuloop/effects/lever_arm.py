@@ -22,8 +22,8 @@ class LeverArm(Effect):
     From a `marker` whose position a reference gives the common arm is seen: all axes sit at r.
     """
 
-    # from where arms are: that of z, or a marker
-    origin: str = "z"
+    # 1: from a reference's marker
+    marker: int = 0
 
     name = "lever_arm"
     sensors = ("accelerometer",)
@@ -34,11 +34,12 @@ class LeverArm(Effect):
     unobservable = "it acts only while the device turns, and residuals are taken at rest"
     # of what is called one sensor
     limit = 0.1
+    bounds: ClassVar = {"marker": (0, 1)}
     reach = REACH
     of_marker: ClassVar[dict[str, str]] = {f"r{i}": "m" for i in AXES}
 
     def __post_init__(self):
-        if self.origin == "marker":
+        if self.marker:
             object.__setattr__(self, "parameters", self.of_marker)
 
     def design(self, channels):
@@ -47,7 +48,7 @@ class LeverArm(Effect):
         # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
         own = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)
         own = own + np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
-        if self.origin == "marker":
+        if self.marker:
             return own
         found = np.zeros((len(w), 3, 6))
         found[:, 0, :3], found[:, 1, 3:] = own[:, 0], own[:, 1]

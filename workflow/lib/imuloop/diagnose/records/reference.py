@@ -173,7 +173,7 @@ def shapes_beside(sensor, recording):
             found[cls] = tuple(cls.shapes(channels))
             others.pop(cls, None)
             if cls.name == "lever_arm":
-                found[cls] = (cls("marker"),)
+                found[cls] = (cls(marker=1),)
     if sensor == "accelerometer":
         for cls in [cls for cls in found if cls.timed]:
             del found[cls]

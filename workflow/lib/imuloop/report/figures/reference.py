@@ -38,7 +38,7 @@ def reference_pictures(device, sensor, block):
     for name, residual in block["residuals"].items():
         table = device.reference[device.reference["residual"] == name].reset_index(drop=True)
         found.append(_over_time(device, sensor, name, residual, table, bool(block["effects"])))
-    arms = [e for e in block["effects"] if e["constants"].get("origin") == "marker"]
+    arms = [e for e in block["effects"] if e["constants"].get("marker")]
     return found + [_arm(device, effect) for effect in arms]
 
 
