@@ -102,10 +102,10 @@ def fit(residuals, x0, covariance, prior=None):
         if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
             break
     own = r[: len(jacobian)]
-    return FitResult(x, _covariance(white), float(chi2), len(r) - len(x), jacobian, own)
+    return FitResult(x, covariance_of(white), float(chi2), len(r) - len(x), jacobian, own)
 
 
-def _covariance(white):
+def covariance_of(white):
     """Return ``(Wᵀ W)⁻¹``, from the singular values of W with columns of length one."""
     length = np.linalg.norm(white, axis=0)
     if not (np.isfinite(length).all() and length.all()):

@@ -10,7 +10,7 @@ from scipy.special import gammaln
 
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
-from imuloop.calibrate.least_squares import FitResult, _covariance
+from imuloop.calibrate.least_squares import FitResult, covariance_of
 from imuloop.calibrate.pose_fits import Solution
 from imuloop.calibrate.poses import Rotations
 from imuloop.calibrate.recording import Log
@@ -210,7 +210,7 @@ class ReferenceSensor:
                 break
         left = white[:, 0] + white[:, 1:] @ step
         fit = FitResult(
-            x, _covariance(white[:, 1:]), left @ left, len(left) - len(x), jacobian, left
+            x, covariance_of(white[:, 1:]), left @ left, len(left) - len(x), jacobian, left
         )
         return Solution(tuple(effects), fit)
 

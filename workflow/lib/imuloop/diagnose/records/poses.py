@@ -89,7 +89,7 @@ class PoseProblem:
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
         rows = np.pad(roots[:, None] * axes * size, ((len(known), 0), (0, 0)))
-        return _by_effect(rows, effects), np.append(known, axes @ (moment / size) / roots)
+        return by_effect(rows, effects), np.append(known, axes @ (moment / size) / roots)
 
     @cached_property
     def rows(self):
@@ -154,7 +154,7 @@ class PoseProblem:
         values = np.append(values, known @ x - z)
         jacobian = np.concatenate([jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
-        own = _by_effect(jacobian[:, None, nuisances:], base)
+        own = by_effect(jacobian[:, None, nuisances:], base)
         covariance, slow = self.noise_parts(solution)
         estimated = np.array([part.size for part in slow])
         # what is missing in a model need not follow the noise: the residual of a long rest is no
@@ -303,7 +303,7 @@ class PoseProblem:
     def _by_constants(self, base, x):
         """Return what the logarithm of each fitted constant changes in the residuals, (N,) each."""
         effects, found = (*self.found, *base), []
-        for effect, values in _by_effect(x[len(self.sensor.names) :], effects).items():
+        for effect, values in by_effect(x[len(self.sensor.names) :], effects).items():
             if effect.moved(2.0) != effect:
                 up, down = (self.added(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
                 found.append((up - down) / (2 * np.log(1.05)))
@@ -324,7 +324,7 @@ class PoseProblem:
         start = solution.fit.x.copy()
         # the nuisances: the base model, and what other records show
         start[: len(nuisance[0])] += nuisance[0]
-        x = _by_effect(start[count:], solution.effects)
+        x = by_effect(start[count:], solution.effects)
         for effect, vector in vectors.items():
             x[effect] = x.get(effect, 0.0) + vector
         effects = (*self.found, *base)
@@ -334,7 +334,7 @@ class PoseProblem:
         return replace(solution, effects=effects, fit=fit)
 
 
-def _by_effect(values, effects):
+def by_effect(values, effects):
     """Return the last axis of values, one entry a parameter, by effect."""
     ends = pairwise(np.cumsum([0, *(len(e.parameters) for e in effects)]))
     return {e: values[..., i:j] for e, (i, j) in zip(effects, ends, strict=True)}

@@ -21,7 +21,7 @@ from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
-from imuloop.diagnose.records.poses import Linearized, PoseProblem, _by_effect
+from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
 from imuloop.diagnose.verdict import not_testable
 
 # windows at least: three components each, for nine parameters and a part held out
@@ -104,7 +104,7 @@ class ReferenceProblem(PoseProblem):
             sensor = replace(sensor, weight=1 / variance)
         values = np.append(values, known @ x - z)
         jacobian = np.concatenate([jacobian, known])
-        own = _by_effect(jacobian[:, None, count:], base)
+        own = by_effect(jacobian[:, None, count:], base)
 
         size = np.median(variance)
         white = np.diag(np.append(np.repeat(variance, 3), np.ones(len(z))))
