@@ -1,10 +1,13 @@
 """imu_tk's and OpenVINS' files, read and applied as these tools do, give our calibrated samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from export.devices import carried, device, samples
 from export.test_densities import opencv
+from imuloop.core.effect import Channels, find_effect
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
 from imuloop.export.openvins import OPENVINS
@@ -61,3 +64,15 @@ def test_openvins(board):
     a, w = through_openvins(board, table)
     np.testing.assert_allclose(a, expected[list(ACCELERATION)], rtol=0, atol=2e-13)
     np.testing.assert_allclose(w, expected[list(ANGULAR_RATE)], rtol=0, atol=2e-14)
+
+
+def test_an_offset_beside_a_reference_has_the_sign_of_the_effect():
+    text = OPENVINS.text(replace(device(), beside={("gyroscope", "time_offset"): {"dt": -0.004}}))
+    # what reads t at t is, where the effect is taken out, the value that is stamped 4 ms later
+    t = np.arange(0, 1, 0.01)
+    ramp = np.repeat(t[:, None], 3, axis=1)
+    effect = find_effect("time_offset")()
+    e = -0.004 * effect.design_at(Channels(t, ramp, ramp, None), (-0.004,))[..., 0]
+    np.testing.assert_allclose((ramp - e)[5:-5], ramp[5:-5] + 0.004, rtol=0, atol=1e-9)
+    assert opencv(text)["imu0"]["time_offset"] == -0.004
+    assert "stamped 10 s was there at 9.99600 s" in text
