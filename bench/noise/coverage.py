@@ -10,7 +10,7 @@ TITLE = "Coverage of the intervals"
 INTRODUCTION = """
 Records of {length:,.0f} s at 10 Hz, {seeds} of each kind. By chance a true coverage of 95 % is
 found outside 92 to 98 % with a probability of {chance:.0%}. The bound is for terms that are
-identifiable in half of the records or more."""
+identifiable in half of the records or more. q and tc are of a Gauss–Markov process."""
 # 10,000 s
 LENGTH = 100_000
 SCENARIOS = (
@@ -79,19 +79,23 @@ def _counts(scenario, made):
     return total
 
 
+def _content(counts):
+    """Return the coefficients that the records of a scenario hold, as text."""
+    return ", ".join(f"{name} = {truth:g}" for name, (truth, *_) in counts.items())
+
+
 def text(outcomes):
     """Return the introduction and the table, a row per kind of record, in it its coefficients."""
     rows, seeds = [], len(outcomes[SCENARIOS[0]])
     for scenario, made in outcomes.items():
-        terms, *cells = [], [], [], []
-        for name, (truth, given, inside, limits, hold, always) in _counts(scenario, made).items():
-            terms.append(f"{name} = {truth:g}")
+        counted, cells = _counts(scenario, made), ([], [], [])
+        for _, given, inside, limits, hold, always in counted.values():
             counts = ((inside, given), (hold, limits), (always, given + limits))
             for cell, (part, whole) in zip(cells, counts, strict=True):
                 cell.append(f"{part}/{whole}" if whole else "–")
-        rows.append((scenario.label, *map(", ".join, (terms, *cells))))
+        rows.append((_content(counted), *map(", ".join, cells)))
     header = (
-        "records", "coefficients", "identifiable: interval holds it",
+        "records", "identifiable: interval holds it",
         "not identifiable: upper limit holds it", "upper limit, all",
     )  # fmt: skip
     count = np.arange(np.ceil(LOW * seeds - 1e-9), np.floor(HIGH * seeds + 1e-9) + 1)
@@ -104,9 +108,10 @@ def checks(outcomes):
     """Yield what is required, its bound, of which case, what was found and whether it is met."""
     what, bound = "95 % intervals of coefficients hold the truth", "92–98 %"
     for scenario, made in outcomes.items():
-        for name, (_, given, inside, *_) in _counts(scenario, made).items():
+        counted = _counts(scenario, made)
+        for name, (_, given, inside, *_) in counted.items():
             if given >= MOSTLY * len(made):
-                case, met = f"{name} in {scenario.label}", within(inside / given, given)
+                case, met = f"{name} where {_content(counted)}", within(inside / given, given)
                 yield what, bound, case, share(inside, given), met
 
 

@@ -74,7 +74,7 @@ def curves(outcomes):
                 cells.append(f"failed: {found[name]}")
                 continue
             last, base = found[name], found[BASE]["seconds"]
-            cells.append(f"{last['seconds']:.3g} ({last['seconds'] / base:.2f} ×)")
+            cells.append(f"{last['seconds']:.3g} ({last['seconds'] / base:.2f}×)")
         shown = distribution or f"**{name}**"
         if last and distribution:
             shown += f" {last['version']}"

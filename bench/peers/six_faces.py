@@ -81,7 +81,7 @@ def compare(rounds, environment):
             best[name], version = min(each["seconds"] for each in found[1:]), found[0]["version"]
             made[name] = parameters(name, timed)[0]
             shown = f"imucal {version}" if version else "**imuloop**"
-            time = f"{1e3 * best[name]:.2f} ms ({best[name] / best['imuloop, faces']:.2f} ×)"
+            time = f"{1e3 * best[name]:.2f} ms ({best[name] / best['imuloop, faces']:.2f}×)"
             rows.append((shown, time, *errors(parameters(name, simulated), truth), WHAT[name]))
     text = table(("", "time", "scale factor", "bias", "misalignment", "computes"), rows)
     text += (
