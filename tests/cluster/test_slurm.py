@@ -10,8 +10,8 @@ import pytest
 from cluster.conftest import ENVIRONMENT, command, contents, run, write_config, write_devices
 from workflow.conftest import copied
 
-# longest time from the end of a job to Snakemake's word of it, s
-REPORTED = 60
+# longest time from the end of a job to Snakemake's word of it, s: the plugin's pauses grow to it
+REPORTED = 180
 # what is added to the script of the segmentation
 HARM = """
 import time
@@ -151,13 +151,13 @@ def take_too_much(repository, profile, folder):
     return queue(work), [log.read_text() for log in logs]
 
 
-def test_a_failing_job_is_reported_within_a_minute_with_a_log_that_says_why(started):
+def test_a_failing_job_is_reported_within_minutes_with_a_log_that_says_why(started):
     ended, reported = started["fail"].result()
     assert 0 <= reported[0][0] - ended[0] < REPORTED
     assert "segment broken: on purpose" in reported[0][1].read_text()
 
 
-def test_a_cancelled_job_is_reported_within_a_minute(started):
+def test_a_cancelled_job_is_reported_within_minutes(started):
     ended, reported = started["fail"].result()
     assert 0 <= reported[1][0] - ended[1] < REPORTED
     assert "CANCELLED" in reported[1][1].read_text()
