@@ -183,3 +183,6 @@ def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
     assert "times less" not in loop_words([error(final=1.95e-3)])
     assert "calibrated. Noise" in loop_words([error()]) and loop_words([]) == ""
     assert loop_picture("a", []) is None
+    # an error far below what slow noise may give is still in the picture
+    area = loop_picture("a", [error(calibrated=2e-4, slow_noise=True)]).figure().axes[0]
+    assert area.get_xlim()[0] < 2e-4 / error()["floor"]

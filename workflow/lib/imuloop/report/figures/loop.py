@@ -92,10 +92,10 @@ def loop_words(errors):
 
 def draw_loop(area, errors):
     """Draw a row per error: its sizes over the floor of its noise, on a logarithmic axis."""
-    labelled, largest = set(), 1.0
+    labelled, smallest, largest = set(), 1.0, 1.0
     for row, error in enumerate(errors):
         sizes = {s: error[s] / error["floor"] for s in STAGES if error[s] is not None}
-        largest = max(largest, *sizes.values())
+        smallest, largest = min(smallest, *sizes.values()), max(largest, *sizes.values())
         area.plot([*sizes.values()], [row] * len(sizes), color=GRID, lw=2, zorder=1)
         for stage, size in sizes.items():
             words, colour, mark = STAGES[stage]
@@ -114,7 +114,7 @@ def draw_loop(area, errors):
             )
     area.axvline(1, color=INK, lw=1, ls="--", label="noise alone", zorder=1)
     area.set_xscale("log")
-    area.set_xlim(0.5, max(2 * largest, 8))
+    area.set_xlim(smallest / 2 or 0.5, max(2 * largest, 8))
     area.set_ylim(len(errors) - 0.4, -0.6)
     area.set_yticks(range(len(errors)), [error["what"] for error in errors])
     area.grid(False, axis="y")
