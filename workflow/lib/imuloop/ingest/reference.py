@@ -1,13 +1,11 @@
 """A reference beside a log: attitudes and places of a body on the device, on the log's clock."""
 
 import json
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
@@ -16,53 +14,24 @@ from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     METADATA_KEY,
-    ORIENTATION,
-    POSITION,
     TIME,
     read_columns,
 )
 from imuloop.ingest import delimited, matlab
+from imuloop.ingest.attitudes import COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import position
+from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, stamp_array, stamp_values
 from imuloop.ingest.text_layout import find_layout
 
-# m in each unit of a position
-LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-# s; up to here lost samples are bridged by a cubic, and clocks count as one
-BRIDGED, SAME_CLOCK = 0.05, 0.1
-# s over which turns are compared, and share of them that may be left where a convention fits
-COMPARED, FITS = 0.1, 0.3
-# cosine of the angle between two worlds from which on they are one
-ALONG = 0.95
+# s; up to here clocks count as one
+SAME_CLOCK = 0.1
 # m; least leap of a place, and how many times what neighbours usually differ by
 LEAP, TIMES = 0.02, 8.0
 # rad; a marker that is taken for another turns the body by more, within blocks of so many s
 SWAPPED, BLOCK = 0.2, 2.0
-# to 10 % the two scales of a sensor and its reference may differ
-SCALE = 0.1
-DEGREE = 180 / np.pi
-
-
-@dataclass(frozen=True)
-class Reference:
-    """A reference: t, s, (n,), quaternions q, (n, 4), scalar first, and places p, m, (n, 3)."""
-
-    t: np.ndarray
-    q: np.ndarray
-    p: np.ndarray
-
-    @property
-    def known(self):
-        """Which samples have an attitude."""
-        return np.isfinite(self.q[:, 0])
-
-    def without(self, cut):
-        """Return the same with what is cut as not-a-number."""
-        q, p = self.q.copy(), self.p.copy()
-        q[cut], p[cut] = np.nan, np.nan
-        return replace(self, q=q, p=p)
 
 
 def attach(samples_path, file, log_file, declared, session, counts):
@@ -90,14 +59,14 @@ def attach(samples_path, file, log_file, declared, session, counts):
     found, shift = _on_clock(raw, t, w)
     figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
     f = np.column_stack([samples[c] for c in ACCELERATION])
-    reasons, frame, residual = _conventions(found, t, w, f, declared["convention"])
+    reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
     figures |= {"unexplained": residual, "frame": frame}
     if not reasons:
         if declared["convention"] == "world_to_body":
             found = replace(found, q=found.q * [1, -1, -1, -1])
         found, jumps = _without_jumps(found, t, w, np.array(frame))
         figures |= jumps | {"noise": _noise(found)}
-        reasons = _places(found, t, f, np.array(frame), declared)
+        reasons = place_faults(found, t, f, np.array(frame), declared)
     if not reasons:
         columns = at_instants(found, t)
         figures["coverage"] = float(np.isfinite(columns["qw"]).mean())
@@ -204,28 +173,6 @@ def _read(file, log_file, declared, session, counts):
     return Reference(t[order], q[order], p[order]), figures
 
 
-def turns(reference, seconds=COMPARED):
-    """Return times of start and end, s, and rotation vectors between, rad on body axes, (m, 3)."""
-    known = np.flatnonzero(reference.known)
-    t = reference.t[known]
-    last = np.searchsorted(t, t + seconds)
-    first = np.flatnonzero(last < len(t))
-    last = last[first]
-    near = t[last] - t[first] < 1.5 * seconds
-    first, last = first[near], last[near]
-    rotation = Rotation.from_quat(reference.q[known][:, [1, 2, 3, 0]])
-    return t[first], t[last], (rotation[first].inv() * rotation[last]).as_rotvec()
-
-
-def _angles(t, w, start, end):
-    """Return the integral of the angular rate from start to end, (m, 3)."""
-    steps = np.diff(t)[:, None] * (w[1:] + w[:-1]) / 2
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    ends = (np.column_stack([np.interp(x, t, c) for c in total.T]) for x in (start, end))
-    first, last = ends
-    return last - first
-
-
 def _on_clock(reference, t, w):
     """Return the reference on the samples' clock, and its offset, s: where rates look alike.
 
@@ -257,76 +204,6 @@ def _on_clock(reference, t, w):
     return replace(reference, t=reference.t + shift), float(shift)
 
 
-def _frame(turn, angle):
-    """Return the rotation that takes the sensor's turns to the reference's, and what it leaves.
-
-    Least squares of the vectors (Kabsch), the worst tenth left out the second time; the share of
-    the reference's turns that is left, root mean square.
-    """
-    keep = np.ones(len(turn), bool)
-    for _ in range(2):
-        u, _, v = np.linalg.svd(turn[keep].T @ angle[keep])
-        frame = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-        left = np.linalg.norm(turn - angle @ frame.T, axis=1)
-        keep = left <= np.quantile(left, 0.9)
-    return frame, float(np.sqrt((left[keep] ** 2).mean() / (turn[keep] ** 2).sum(axis=1).mean()))
-
-
-def _conventions(reference, t, w, f, declared):
-    """Return why the attitudes do not fit the angular rate, the frame, and the share that is left.
-
-    Both conventions and orders of the quaternion are tried: what fits is said. Turns alone cannot
-    tell a wrong order from other axes of body and world: the right one has the places' axes, or, if
-    there are none, the sensor's.
-    """
-    found = {}
-    for order, convention in product(("wxyz", "xyzw"), ("body_to_world", "world_to_body")):
-        q = reference.q if order == "wxyz" else reference.q[:, [3, 0, 1, 2]]
-        q = q * [1, -1, -1, -1] if convention == "world_to_body" else q
-        start, end, turn = turns(replace(reference, q=q))
-        inside = (start >= t[0]) & (end <= t[-1])
-        if inside.sum() < 50:
-            why = "the reference's clock overlaps with that of the log for less than 50 samples"
-            return [f"reference: {why}"], np.eye(3).tolist(), 1.0
-        angle = _angles(t, w, start[inside], end[inside])
-        # noise and swaps lengthen turns: the median of those that are long
-        lengths = [np.linalg.norm(v, axis=1) for v in (turn[inside], angle)]
-        long = lengths[1] >= np.median(lengths[1])
-        size = np.median(lengths[0][long] / np.maximum(lengths[1][long], 1e-12))
-        frame, left = _frame(turn[inside], angle * size)
-        gain = _gain(replace(reference, q=q), t, f, frame) if left < FITS else None
-        axes = -1.0 if gain is None else _alike_axes(gain)
-        found[order, convention] = left, size, frame, axes, np.trace(frame)
-    left, size, frame, axes, _ = found["wxyz", declared]
-    fitting = [key for key in found if found[key][0] < FITS]
-    best = max(fitting, key=lambda key: found[key][3:], default=None)
-    turned = best and -1 < axes < ALONG < found[best][3]
-    if left > FITS or turned:
-        why = f"read as {declared} it leaves {left:.0%} of the turns of the gyroscope unexplained"
-        if left < FITS:
-            why = f"read as {declared} its axes of the world are not those of the places"
-        if best:
-            order, convention = best
-            say = [f"name its columns in the order w, x, y, z: they are {order}"] * (
-                order != "wxyz"
-            )
-            say += [f"declare convention: {convention}"] * (convention != declared)
-            why += f", as {order}, {convention} it fits: {' and '.join(say)}"
-        else:
-            why += ", and no other convention or order of the quaternion fits"
-        return [f"reference.orientation: {why}"], frame.tolist(), left
-    for factor, text in ((DEGREE, "deg/s taken for rad/s"), (1 / DEGREE, "rad/s for deg/s")):
-        if abs(size * factor - 1) < SCALE:
-            why = (
-                f"its turns are {size:.3g} times those of the gyroscope: units.angular_rate, {text}"
-            )
-            return [f"reference.orientation: {why}"], frame.tolist(), left
-    if abs(size - 1) > SCALE:
-        why = f"its turns are {size:.3g} times those of the gyroscope: wrong unit or full scale"
-        return [f"reference.orientation: {why}"], frame.tolist(), left
-    return [], frame.tolist(), left
-
-
 def _without_jumps(reference, t, w, frame):
     """Return the reference without swaps of markers and leaps, and how much was cut.
 
@@ -334,7 +211,7 @@ def _without_jumps(reference, t, w, frame):
     it is off. Of blocks of `BLOCK` s that of most samples is right.
     """
     start, end, turn = turns(reference)
-    bias = np.median((_angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
+    bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
     steps = Rotation.from_rotvec(step_vectors((w - bias) @ frame.T, np.diff(t)))
     after = prefix_product(steps.as_quat()[:, [3, 0, 1, 2]])
     at = np.flatnonzero(reference.known & (reference.t >= t[0]) & (reference.t <= t[-1]))
@@ -395,86 +272,3 @@ def _noise(reference):
     third = p[0] - 3 * p[1] + 3 * p[2] - p[3]
     attitude = size(step[0] - 2 * step[1] + step[2])
     return {"orientation": attitude or 0.0, "position": size(third)}
-
-
-def _gain(reference, t, f, frame):
-    """Return what takes specific force in the world to the places' second difference, (3, 3).
-
-    None where places or motion are too few.
-    """
-    columns = at_instants(reference, t)
-    q, p = (np.column_stack([columns[c] for c in names]) for names in (ORIENTATION, POSITION))
-    step = float(np.median(np.diff(t)))
-    k = max(1, round(0.2 / step))
-    whole = np.isfinite(p[:, 0]) & np.isfinite(q[:, 0])
-    middle = np.arange(k, len(t) - k, max(1, k // 2))
-    middle = middle[whole[middle] & whole[middle - k] & whole[middle + k]]
-    second = (p[middle - k] - 2 * p[middle] + p[middle + k]) / (k * step) ** 2
-    force = np.full((len(t), 3), np.nan)
-    if whole.any():
-        force[whole] = Rotation.from_quat(q[whole][:, [1, 2, 3, 0]]).apply(f[whole] @ frame.T)
-    weight = np.concatenate([np.arange(1, k + 1), np.arange(k - 1, 0, -1)]) / k**2
-    pushed = np.column_stack([np.convolve(c, weight, "valid") for c in force.T])[middle - k + 1]
-    sound = np.isfinite(pushed[:, 0])
-    if sound.sum() < 50:
-        return None
-    pushed, second = (x[sound] - np.median(x[sound], axis=0) for x in (pushed, second))
-    gain = np.linalg.lstsq(pushed, second, rcond=None)[0].T
-    left = np.sqrt(((second - pushed @ gain.T) ** 2).sum() / (second**2).sum())
-    # hardly any motion, or an arm: nothing is said
-    return gain if left < 2 * FITS else None
-
-
-def _alike_axes(gain):
-    """Return the cosine of the angle between the axes of force and places."""
-    size = np.linalg.det(gain)
-    return (np.trace(gain) / np.cbrt(size) - 1) / 2
-
-
-def _places(reference, t, f, frame, declared):
-    """Return why the places do not fit specific force, carried by the attitudes."""
-    gain = _gain(reference, t, f, frame)
-    if gain is None:
-        return []
-    size = np.cbrt(np.linalg.det(gain))
-    unit = (declared.get("units") or {}).get("position", "m")
-    for scale in (1e3, 1e2, 1e-3, 1e-2, 10.0, 0.1):
-        if abs(abs(size) / scale - 1) < 3 * SCALE:
-            fits = next((u for u, m in LENGTH.items() if np.isclose(m * scale, LENGTH[unit])), None)
-            say = f": declare units.position: {fits}" if fits else ""
-            return [f"reference.position: {scale:g} times as far as specific force says{say}"]
-    if size > 0 and _alike_axes(gain) < ALONG:
-        angle = np.degrees(np.arccos(np.clip(_alike_axes(gain), -1, 1)))
-        return [f"reference.position: its axes are {angle:.0f} degrees from those of orientation"]
-    if size < 0:
-        why = "accelerates against specific force: it is mirrored; change the sign of one axis"
-        return [f"reference.position: {why}, or of orientation's vector part"]
-    return []
-
-
-def at_instants(reference, t):
-    """Return the reference at instants, s, by column: cubics between samples, over short losses."""
-    found = {name: np.full(len(t), np.nan) for name in (*ORIENTATION, *POSITION)}
-    known = np.flatnonzero(reference.known)
-    q = reference.q[known]
-    # of the two quaternions of an attitude that near the one before
-    q = q * np.cumprod(np.append(1, np.where((q[1:] * q[:-1]).sum(axis=1) < 0, -1, 1)))[:, None]
-    places = np.flatnonzero(np.isfinite(reference.p[:, 0]))
-    for names, at, values in (
-        (ORIENTATION, known, q),
-        (POSITION, places, reference.p[places]),
-    ):
-        times = reference.t[at]
-        usual = np.median(np.diff(reference.t))
-        breaks = np.flatnonzero(np.diff(times) > max(BRIDGED, 1.5 * usual)) + 1
-        for part in np.split(np.arange(len(at)), breaks):
-            if len(part) < 4:
-                continue
-            own = times[part]
-            inside = np.flatnonzero((t >= own[0] - 1e-9) & (t <= own[-1] + 1e-9))
-            value = CubicSpline(own, values[part])(t[inside])
-            if names is ORIENTATION:
-                value = value / np.linalg.norm(value, axis=1, keepdims=True)
-            for name, column in zip(names, value.T, strict=True):
-                found[name][inside] = column
-    return found
