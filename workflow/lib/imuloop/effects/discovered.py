@@ -41,13 +41,13 @@ _FACTOR = re.compile(r"(abs_)?([fwvq][xyz]|[TRt]|s\d+)(?:\^(\d))?")
 def after_turn(channels, sensor):
     """Return what settles after a turn, ``exp(-s/τ)`` each, and the turn's last mean rate, (n, 6).
 
-    At the start of a log, before any turn, it is as after a turn of rate zero.
+    Before the first turn of a log nothing settles, and the rate is zero.
     """
     t, past = channels.t, channels.past
     rate = channels.other if sensor == "accelerometer" else channels.output
     lag = None if past is None else past.setdefault("lag", {})
     mean = first_order_lag(t, rate, TURN, lag)
-    end, last = t[0], np.zeros(3)
+    end, last = -np.inf, np.zeros(3)
     if past is not None and "t" in past:
         k = max(np.searchsorted(past["t"], t[0]) - 1, 0)
         end, last = past["end"][k], past["last"][k]
