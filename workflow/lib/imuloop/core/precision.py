@@ -12,5 +12,8 @@ def precision(covariance):
     nothing of symmetry. Raises a LinAlgError if Σ is not positive definite.
     """
     root = cholesky(covariance, lower=True)
-    half, _ = dpotri(root, lower=1)
-    return np.tril(half) + np.tril(half, -1).T, root
+    # of the lower half, above which there are zeros
+    inverse, _ = dpotri(root, lower=1)
+    inverse = inverse + inverse.T
+    np.einsum("ii->i", inverse)[:] /= 2
+    return inverse, root

@@ -60,7 +60,7 @@ def held_out_operator(weights, jacobian, folds):
         # W is what the weights of all rows leave without those that are hidden
         lost = np.linalg.solve(weights[np.ix_(hidden, hidden)], across @ design)
         weighted = weights[np.ix_(seen, seen)] @ design - across.T @ lost
-        gain = np.linalg.lstsq(design.T @ weighted, weighted.T, rcond=SINGULAR)[0]
+        gain = np.linalg.pinv(design.T @ weighted, SINGULAR, hermitian=True) @ weighted.T
         operator[np.ix_(held, held)] = np.eye(held.sum())
         operator[np.ix_(held, seen)] = -jacobian[held] @ gain
     return operator
