@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from markupsafe import Markup
 from matplotlib import cycler
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
 from pyarrow import csv
@@ -33,7 +34,6 @@ STYLE = {
     "svg.fonttype": "none",
     # labels are other people's text
     "text.parse_math": False,
-    "savefig.transparent": True,
     "font.size": 11,
     "axes.labelsize": 11,
     "xtick.labelsize": 11,
@@ -62,6 +62,7 @@ STYLE = {
     "ytick.major.size": 0,
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
+CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
 # the width that a picture has beside another, px
 WIDE = 500
 # powers of ten that are written out
@@ -132,9 +133,11 @@ class Picture:
     @cached_property
     def svg(self):
         """The drawing, in colours that need no page."""
-        drawn, file, salt = self.figure(), io.StringIO(), {"svg.hashsalt": self.name}
-        with matplotlib.rc_context(STYLE | salt):
-            drawn.savefig(file, format="svg", metadata={"Date": None})
+        file = io.StringIO()
+        with matplotlib.rc_context(STYLE | CLEAR | {"svg.hashsalt": self.name}):
+            drawn = self.figure()
+            # `savefig` would lay it out twice
+            FigureCanvasSVG(drawn).print_svg(file, metadata={"Date": None})
         titles = getattr(drawn, "titles", {})
         alt, digits = f"{self.kind}. {self.caption}", 2 if self.zoom else 1
         return _clean(file.getvalue(), alt, titles, digits)
