@@ -5,7 +5,7 @@ import pytest
 
 from imuloop.core.effect import Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
-from imuloop.discover.space import formulas, monomials
+from imuloop.discover.space import Space, formulas, monomials
 from imuloop.effects.discovered import Discovered, after_turn
 
 RNG = np.random.default_rng(3)
@@ -81,3 +81,9 @@ def test_a_formula_goes_through_json():
     effect = Discovered("x: fy^2*fz", "accelerometer", 22.0)
     fitted = FittedEffect(effect, {"c0x": 2e-5}, {"c0x": 1e-6}, {"c0x": (-900.0, 900.0)})
     assert FittedEffect.from_dict(fitted.to_dict()) == fitted
+
+
+def test_a_time_constant_is_no_name_of_its_own():
+    terms = ("z: s3", "z: s30", "z: s3*qy", "x: s3")
+    own = Space("accelerometer", 25.0, terms, np.zeros((1, 4)), tuple((k,) for k in range(4)))
+    assert [own.kin(0, k) for k in range(4)] == [True, True, False, False]

@@ -18,7 +18,8 @@ from imuloop.discover.space import Space, space_of
 LEVEL = 0.01
 # probability of what is left beside a formula, below which it is not all: more than noise
 FLOOR = 0.05
-# share of the searches without a part that have to give the same name, or one of its imitators
+# share of the searches without a part that have to give the same name, whatever its time constant,
+# or one of its imitators
 AGREED = 0.8
 # shares of the poses after which something may be the other way round
 CHANGES = (0.25, 0.5, 0.75)
@@ -119,8 +120,12 @@ def discover(problem, base=(), level=LEVEL, space=None):
         constant = constancy(problem, rows, space, found.columns)
         lead = lead_over_changes(rows, space, found.columns)
         *errors, without = held_out(problem, rows, space, fold, level)
-        alike = {found.candidates[0], *found.imitators}
-        agreed = np.mean([w.named and w.candidates[0] in alike for w in without])
+        first, alike = found.candidates[0], found.imitators
+        same = (
+            w.named and (w.candidates[0] in alike or space.kin(first, w.candidates[0]))
+            for w in without
+        )
+        agreed = np.mean(list(same))
         composed, after = in_sample(rows, space.columns[:, list(found.columns)])
         kinds = held_out_kinds(problem, fold, errors)
         series = {"input": composed, "before": composed + after, "after": after}

@@ -206,7 +206,8 @@ class Pursued:
     margin : float
         By how much the first is better than the best that is no imitator; -2 log likelihood.
     imitators : tuple of int
-        Candidates within `MARGIN` of the first, that take its place, best first.
+        Candidates within `MARGIN` of the first, that take its place, best first: its columns with
+        other time constants, too.
     """
 
     candidates: tuple = ()
@@ -256,7 +257,7 @@ def pursue(rows, space, *, level, draws, seed):
     if not chosen:
         return Pursued(chances=tuple(chances))
     order = [int(k) for k in np.argsort(-scores, kind="stable") if np.isfinite(scores[k])]
-    alike = [k for k in order if k == chosen[0] or first.imitates(chosen[0], k)]
+    alike = [k for k in order if space.kin(chosen[0], k) or first.imitates(chosen[0], k)]
     unlike = max((scores[k] for k in order if k not in set(alike)), default=-np.inf)
     near = [k for k in alike if k != chosen[0] and scores[k] > scores[chosen[0]] - MARGIN]
     margin = float(min(scores[chosen[0]] - unlike, 1e6))

@@ -1,5 +1,6 @@
 """The space of composed effects: made of what was logged, not listed."""
 
+import re
 from dataclasses import dataclass, replace
 from itertools import combinations, combinations_with_replacement
 
@@ -29,6 +30,13 @@ class Space:
         """Return the effect that has some columns."""
         formula = "; ".join(self.terms[c] for c in columns)
         return Discovered(formula, self.sensor, self.reference_temperature)
+
+    def kin(self, candidate, other):
+        """Return whether two candidates differ by the time constants of what settles, or less."""
+        return self._timeless(candidate) == self._timeless(other)
+
+    def _timeless(self, candidate):
+        return [re.sub(r"\bs\d+", "s", self.terms[c]) for c in self.candidates[candidate]]
 
     def degree(self, candidate):
         """Return the largest sum of powers in a candidate's terms."""
