@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from export.devices import (
     COLD,
@@ -20,6 +22,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.export.autopilots import ARDUPILOT, PX4
+from imuloop.simulate.reference import Beside, simulate_beside
 
 # float32: half a unit of its last place, relative
 HALF = 2.0**-24
@@ -167,6 +170,48 @@ def test_px4_has_the_device_ids_of_the_log_and_their_slots():
     # nothing else changes but the accelerometer's slot
     moved = {name.replace("ACC0", "ACC2").replace("TC_A0", "TC_A2"): v for name, v in plain.items()}
     assert found == moved
+
+
+def test_px4_finds_the_imu_of_a_simulated_reference_by_its_own_formulas():
+    late, arm = 0.012, (0.05, -0.02, 0.08)
+    dt = dict.fromkeys(SENSORS, late)
+    clean = {"attitude_noise": 0.0, "place_noise": 0.0, "lost": 0.0, "swapped": 0.0}
+    log, seen = simulate_beside(Beside(duration_s=40.0, dt=dt, arm=arm, **clean), 12180)
+    board = beside(late, arm)
+    found = Px4.load(PX4.text(board))
+    t, p = seen["t"], np.column_stack([seen[f"p{k}"] for k in "xyz"])
+    R = Rotation.from_quat(np.column_stack([seen[f"q{k}"] for k in "xyzw"]))
+    rate = RotationSpline(t, R)(t, 1)
+
+    def left(delay, place):
+        """Return what is left of the log at `t - delay`, the IMU at `p - R place`."""
+        w, f = (
+            np.column_stack([np.interp(t - delay, log["t"], log[f"{s}{k}"]) for k in "xyz"])
+            for s in "ga"
+        )
+        force = R.apply(f) - CubicSpline(t, p - R.apply(place))(t, 2)
+        return [np.std((x - x.mean(axis=0))[50:-50]) for x in (w - rate, force)]
+
+    delay, place = found["EKF2_EV_DELAY"] / 1e3, vector(found, "EKF2_EV_POS_{}")
+    right = left(delay, place)
+    for wrong in (left(-delay, place), left(0, place)):
+        assert right[0] < wrong[0] / 5
+    for wrong in (left(delay, -place), left(delay, 0 * place)):
+        assert right[1] < wrong[1] / 5
+
+
+def test_px4_takes_no_reference_whose_stamps_are_early():
+    text = PX4.text(beside(-0.0041, (0.0, 0.0, 0.0)))
+    assert "EKF2_EV_DELAY" not in Px4.load(text)
+    assert "Not carried: the reference's stamps less the IMU's, -4.1 ms" in text
+    assert "EKF2" not in PX4.text(device())
+
+
+def beside(dt, arm):
+    """Return a device with what was found beside a reference."""
+    place = dict(zip(("rx", "ry", "rz"), arm, strict=True))
+    known = {("gyroscope", "time_offset"): {"dt": dt}, ("accelerometer", "lever_arm"): place}
+    return replace(device(), beside=known)
 
 
 def test_ardupilots_one_range_is_what_both_effects_have_in_common():

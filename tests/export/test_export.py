@@ -86,6 +86,22 @@ def test_results_are_read_back(tmp_path, of_noise, expected):
     assert export_files(found).keys() == export_files(board).keys()
 
 
+@pytest.mark.parametrize("own", [False, True])
+def test_offset_of_a_clock_that_began_apart_is_not_exported(tmp_path, own):
+    *results, qualities = _results(tmp_path, device(), None)
+    quality = read_json(qualities[0])
+    write_json(qualities[0], quality | {"reference": {"clock": {"offset_s": 0.0, "own": own}}})
+    effects = [
+        {"name": "time_offset", "parameters": {"dt": 0.01}},
+        {"name": "clock_drift", "parameters": {"d": 1e-5}},
+    ]
+    diagnosis = {"sensors": {"gyroscope": {"reference": {"effects": effects}}}}
+    write_json(tmp_path / "diagnosis.json", diagnosis)
+    found = read_exported("board", "B", *results, qualities, tmp_path / "diagnosis.json")
+    assert (("gyroscope", "time_offset") in found.beside) is not own
+    assert ("gyroscope", "clock_drift") in found.beside
+
+
 def test_the_report_links_what_is_there(tmp_path):
     write_exports(tmp_path / "exports", {})
     assert listed(tmp_path / "exports.json") == []

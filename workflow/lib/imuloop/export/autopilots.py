@@ -19,6 +19,8 @@ REAL32, INT32 = 9, 6
 NAMES = {"accelerometer": ("ACC", "A", "ACC"), "gyroscope": ("GYRO", "G", "GYR")}
 # degC, about which ArduPilot's polynomial counts, and the scale of its coefficients
 REFERENCE, SCALE = 35.0, 1e6
+# ms, the range of PX4's EKF2_EV_DELAY
+MOST_DELAY = 300
 HELD = "INS_TCAL1 holds both sensors to what they have in common"
 THERMOMETER = "The thermometer of the log must be the one of this sensor."
 
@@ -119,7 +121,36 @@ def px4(device):
             body += triple(px4_line, f"{thermal}X{k}_{{}}", c / scale, "012")
         for end, value in zip(("TREF", "TMIN", "TMAX"), (reference, *span), strict=True):
             body += px4_line(thermal + end, value)
-    return body
+    return body + external_vision(device)
+
+
+def external_vision(device):
+    """Return PX4's parameters of a reference's clock and place, as it takes external vision.
+
+    A pose with the stamp t counts for the IMU's ``t - EKF2_EV_DELAY``, and where the IMU is follows
+    from ``p - R (EKF2_EV_POS - EKF2_IMU_POS)``: ours are t_reference = t_imu + shift, and r from
+    the marker to the sensor, so that DELAY is the shift and EV_POS is IMU_POS - r.
+
+    References
+    ----------
+    PX4, src/modules/ekf2: params_external_vision.yaml, EKF/estimator_interface.cpp
+    (setExtVisionData), EKF/aid_sources/external_vision/ev_pos_control.cpp.
+    """
+    body = ""
+    shift = 1e3 * device.beside.get(("gyroscope", "time_offset"), {}).get("dt", np.nan)
+    if 0 <= shift <= MOST_DELAY:
+        words = "The reference's stamps less the IMU's, ms, where PX4 gets the stamps of the log"
+        body += comment(words) + px4_line("EKF2_EV_DELAY", shift)
+    elif np.isfinite(shift):
+        body += comment(
+            f"Not carried: the reference's stamps less the IMU's, {shift:.4g} ms; EKF2_EV_DELAY is "
+            f"from 0 to {MOST_DELAY} ms"
+        )
+    if arm := device.beside.get(("accelerometer", "lever_arm")):
+        words = "From the IMU to the reference's marker, m; add EKF2_IMU_POS_* where it is not 0"
+        values = [-arm[f"r{k}"] for k in "xyz"]
+        body += comment(words) + triple(px4_line, "EKF2_EV_POS_{}", values)
+    return "#\n" + body if body else ""
 
 
 def ardupilot(device):

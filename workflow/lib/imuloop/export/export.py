@@ -34,13 +34,16 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     diagnosis what a reference shows of clock and place.
     """
     sensors = read_json(diagnosis)["sensors"] if diagnosis else {}
+    content = read_json(noise)
+    used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
+    # a reference whose clock began apart has no offset that holds in the next recording
+    own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in used)
     beside = {
         (sensor, effect["name"]): effect["parameters"]
         for sensor, parts in sensors.items()
         for effect in parts.get("reference", {}).get("effects", ())
+        if not (own_clock and effect["name"] == "time_offset")
     }
-    content = read_json(noise)
-    used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
     longest = max(used, key=lambda found: found["rows"], default={})
     spans = [span for found in used if (span := found["temperature_range"])]
     return Exported(
