@@ -52,6 +52,14 @@ def test_offset_drift_and_arm_are_found_alone_and_in_size():
         sizes = [row[k]["rotation"] for k in ("logged", "calibrated", "final", "floor")]
         assert sizes == sorted(sizes, reverse=True)
         assert row["final"]["vertical"] < row["final"]["rotation"]
+    series = diagnosis["sensors"]["gyroscope"]["reference"]["series"]
+    assert series["t_s"][-1] - series["t_s"][0] == pytest.approx(10.0, abs=0.1)
+    for vertical in ("reference", "sensor"):
+        np.testing.assert_allclose(np.linalg.norm(series[vertical], axis=1), 1, atol=1e-5)
+    apart = np.linalg.norm(np.subtract(series["reference"], series["sensor"]), axis=1)
+    assert (apart <= np.array(series["final"]) + 1e-5).all()
+    means = [np.mean(np.square(series[k])) for k in ("logged", "calibrated", "final")]
+    assert means == sorted(means, reverse=True)
 
 
 def test_device_without_effects_is_consistent():

@@ -45,7 +45,12 @@ def pictures(tmp_path, content):
             **values,
         }
     )
-    device = SimpleNamespace(name="d", figures=tmp_path, reference=table)
+    cut = {"lost": [[0.1, 0.3], [1.0, 1.1]], "swapped": [], "leaps": [[1.5, 2.0]]}
+    sessions = [
+        SimpleNamespace(name="a", quality={}),
+        SimpleNamespace(name="b", quality={"reference": {"cut": cut}}),
+    ]
+    device = SimpleNamespace(name="d", figures=tmp_path, reference=table, sessions=sessions)
     return reference_pictures(device, "accelerometer", content)
 
 
@@ -56,7 +61,42 @@ def test_pictures_show_every_window_and_the_arm(tmp_path):
     assert "falls from 6.12 mg to 2.04 mg" in over_time.caption.replace("\u202f", " ")
     assert "(1.0, −2.0, 8.0)" in arm.caption
     columns = pd.read_csv(tmp_path / "accelerometer_reference_force.csv")
-    assert len(columns) == 4
+    assert columns["cut"].dropna().tolist() == ["lost", "lost", "leaps"]
+    assert len(columns) == 4 + 3 and columns["after"].notna().sum() == 4
+
+
+def test_what_was_cut_of_a_reference_is_drawn_by_reason_and_counted(tmp_path):
+    over_time, _ = pictures(tmp_path, block())
+    said = "lost 0.300 s in 2 stretches and leaps of place 0.500 s in 1 stretch."
+    assert said in over_time.caption.replace("\u202f", " ")
+    [area] = over_time.figure().axes
+    strips = {c.get_label(): c.get_paths() for c in area.collections}
+    assert {label: len(paths) for label, paths in strips.items()} == {
+        "lost": 2,
+        "leaps of place": 1,
+    }
+    # session b follows a, which ends at 1.4 s, and its own last stretch
+    ends = strips["leaps of place"][0].get_extents().intervalx
+    np.testing.assert_allclose(ends, [1.4 + 1.5, 1.4 + 2.0])
+
+
+def test_series_shows_reference_and_gyroscope_and_each_stage(tmp_path):
+    t = np.linspace(0, 10, 51)
+    up = np.column_stack([np.sin(t), np.cos(t), 0 * t])
+    series = {"session": "a", "t_s": t, "reference": up, "sensor": up}
+    series |= {"logged": 0.02 * t, "calibrated": 0.01 * t, "final": 0.001 * t}
+    content = block(series=series, residuals={})
+    picture, _ = pictures(tmp_path, content)
+    _, below = picture.figure().axes
+    lines = {line.get_label(): line.get_ydata() for line in below.lines}
+    np.testing.assert_allclose(lines["with the effects"], np.degrees(0.001 * t))
+    assert list(lines) == ["as logged", "calibrated", "with the effects"]
+    # root mean square of 0.02 t is 0.02 · 10/√3
+    assert "6.6° as logged, 3.3° calibrated, 0.33° with the effects" in picture.caption
+    assert len(pd.read_csv(tmp_path / "gyroscope_reference_series.csv")) == 51
+    # without effects there are two stages
+    alone, *_ = pictures(tmp_path, content | {"effects": []})
+    assert len(alone.figure().axes[1].lines) == 2
 
 
 def test_durations_are_in_degrees_beside_the_floor():

@@ -18,7 +18,7 @@ from imuloop.core.samples import (
     read_columns,
 )
 from imuloop.ingest import delimited, matlab
-from imuloop.ingest.attitudes import COMPARED, Reference, angles, at_instants, turns
+from imuloop.ingest.attitudes import BRIDGED, COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import position
 from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
@@ -64,8 +64,9 @@ def attach(samples_path, file, log_file, declared, session, counts):
     if not reasons:
         if declared["convention"] == "world_to_body":
             found = replace(found, q=found.q * [1, -1, -1, -1])
+        whole = found
         found, jumps = _without_jumps(found, t, w, np.array(frame))
-        figures |= jumps | {"noise": _noise(found)}
+        figures |= jumps | {"noise": _noise(found), "cut": _stretches(whole, found)}
         reasons = place_faults(found, t, f, np.array(frame), declared)
     if not reasons:
         columns = at_instants(found, t)
@@ -245,6 +246,24 @@ def _without_jumps(reference, t, w, frame):
     p[leaps] = np.nan
     figures = {"swaps": swaps, "swapped": swapped, "leaps": int(leaps.sum())}
     return replace(reference, p=p), figures
+
+
+def _stretches(whole, cut):
+    """Return start and end, s, of what a reference lacks, by reason; not what a cubic bridges."""
+
+    def runs(missing, least):
+        edges = np.flatnonzero(np.diff(np.pad(missing, 1).astype(int)))
+        first, last = np.maximum(edges[::2] - 1, 0), np.minimum(edges[1::2], len(missing) - 1)
+        spans = np.column_stack([whole.t[first], whole.t[last]])
+        return spans[np.ptp(spans, axis=1) > least].tolist()
+
+    bridged = max(BRIDGED, 1.5 * np.median(np.diff(whole.t)))
+    placed, left = (np.isfinite(each.p[:, 0]) for each in (whole, cut))
+    return {
+        "lost": runs(~whole.known, bridged),
+        "swapped": runs(whole.known & ~cut.known, 0.0),
+        "leaps": runs(placed & ~left & cut.known, 0.0),
+    }
 
 
 def _noise(reference):

@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from imuloop.calibrate import accelerometer, gyroscope
@@ -14,11 +13,11 @@ from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import Solution, in_raw_units
 from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
 from imuloop.core.effect import Channels, Effect, FittedEffect
-from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.records.carried import carried, errors_over, series
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
@@ -30,8 +29,6 @@ LEAST_WINDOWS = 20
 # all that is left
 COMMON = (0.0, 0.3, 1.0, 3.0)
 SLIPS = "a reference that slips on the device tilts gravity, and so looks like a changing bias"
-# s; over which attitudes are integrated for the report
-DURATIONS = (0.1, 0.3, 1.0, 3.0, 10.0)
 # median square of what is left, over that of the noise, from which on a reference may err itself
 ABOVE = 1.5
 WITHIN = (
@@ -261,7 +258,10 @@ def _diagnosed(choices, others, windows):
     content = judged | search_content(problem.sensor.sensor, choices, fitted, others, [])
     content["sessions"] = len(problem.recording.logs)
     if problem.sensor.sensor == "gyroscope":
-        content["by_duration"] = errors_over(choices)
+        parts = carried(choices)
+        content["by_duration"] = errors_over(parts)
+        if shown := series(parts, problem.recording.names):
+            content["series"] = shown
     session, first, last = windows
     names, logs = np.array(problem.recording.names, dtype=object), problem.recording.logs
     place = {
@@ -288,66 +288,6 @@ def _diagnosed(choices, others, windows):
         model.nuisances[:, 3:6],
         place | {"residual": np.full(len(session), kind, object)} | columns,
     )
-
-
-def errors_over(choices):
-    """Return root mean square errors of attitude and of the vertical after some times, rad.
-
-    Each part of the data is integrated by models that never saw it: ``logged`` as it is,
-    ``calibrated`` with T, K and its session's bias, ``final`` with the effects that the search
-    chooses without the part; ``floor`` is what white noise of both alone gives.
-    """
-    problem, found = choices.problem, []
-    sensor, recording, parts = problem.sensor, problem.recording, problem.fold_of_pose
-    session, first, _, last = sensor.windows(recording)
-    starts = {(p, s) for p, s in zip(parts.tolist(), session.tolist(), strict=True)}
-    squares = {seconds: [] for seconds in DURATIONS}
-    for part, s in sorted(starts):
-        own, log, out = (parts == part) & (session == s), recording.logs[s], frozenset({part})
-        rows = slice(first[own].min(), last[own].max() + 1)
-        rates = [log.w]
-        for base in ((), choices.nested(out)):
-            solution = problem.fitted(base, out)
-            model = sensor.model(solution, recording)
-            bias, x = sensor.bias[s] + model.nuisances[s, :3], solution.fit.x
-            T, K = sensor.unpack(x)
-            e = sensor.design(recording, base, x[6:], K)[s] @ x[6:]
-            rates.append((K * (log.w - bias) - e) @ T.T)
-        t, C = log.t[rows], log.attitude[rows]
-        up = np.nanmean(np.einsum("nij,nj->ni", C, log.f[rows]), axis=0)
-        up /= np.linalg.norm(up)
-        steps, attitudes = np.diff(t), []
-        for w in rates:
-            q = prefix_product(exponential(step_vectors(w[rows], steps)))
-            attitudes.append(np.concatenate([np.eye(3)[None], matrix(q)]))
-        for seconds in DURATIONS:
-            count = round(seconds / np.median(steps))
-            i = np.arange(0, len(t) - count, max(1, count // 2))
-            j = i + count
-            known = np.isfinite(C[i, 0, 0]) & np.isfinite(C[j, 0, 0])
-            known &= t[j] - t[i] < 1.5 * seconds
-            i, j = i[known], j[known]
-            turn = C[i].swapaxes(1, 2) @ C[j]
-            row = []
-            for A in attitudes:
-                moved = turn.swapaxes(1, 2) @ A[i].swapaxes(1, 2) @ A[j]
-                error = Rotation.from_matrix(moved).as_rotvec() if len(i) else np.zeros((0, 3))
-                along = np.einsum("nj,nj->n", error, np.einsum("nij,i->nj", C[j], up))
-                row.append(((error**2).sum(axis=1), (error**2).sum(axis=1) - along**2))
-            white = np.mean([sensor.noise.axes[a].N.square for a in ("gx", "gy", "gz")])
-            floor = np.full(len(i), 2 * log.noise[0] ** 2 + white * seconds)
-            row.append((3 * floor, 2 * floor))
-            squares[seconds].append(np.array(row))
-    for seconds, each in squares.items():
-        each = np.concatenate(each, axis=2)
-        if each.shape[2]:
-            sizes = np.sqrt(each.mean(axis=2)).tolist()
-            stages = zip(("logged", "calibrated", "final", "floor"), sizes, strict=True)
-            entry = {
-                stage: dict(zip(("rotation", "vertical"), v, strict=True)) for stage, v in stages
-            }
-            found.append({"seconds": seconds, "n": each.shape[2]} | entry)
-    return found
 
 
 def diagnose_references(sessions, noise, gravity, settings, tests, solutions):

@@ -24,7 +24,7 @@ from imuloop.report.numbers import superscript
 INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"
 # colours that are told apart with any colour vision
 PALETTE = ("#0244af", "#b13311", "#048e8b", "#c369cf", "#d87d15", "#4e90ff", "#937851")
-BLUE, VERMILLION, GREEN, PURPLE, ORANGE, _, _ = PALETTE
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, _, BROWN = PALETTE
 # colours of the axes x, y, z in every picture
 AXES = (BLUE, VERMILLION, GREEN)
 # what the page has in the place of each colour, light or dark
