@@ -101,6 +101,10 @@ ONE_FAULT = {
         session(SOUND, "board: 2nd,"),
         "devices.imu.board: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)",
     ),
+    "reserved for all": (
+        "devices: {figures: {sessions: {a: {kind: static, file: poses.csv}}}}",
+        "devices.figures: 'figures' is reserved for pictures of all; name it otherwise",
+    ),
     "reserved device": (
         "devices: {boards: {board: wing, sessions: {a: {kind: static, file: poses.csv}}}}",
         "devices.boards: 'boards' is reserved where a device names a board; name it otherwise",

@@ -45,18 +45,22 @@ def test_the_best_is_the_one_whose_interval_lies_below_all_others():
     assert best_words([named[0]] * 2) == ["gyroscope – no difference beyond the 95 % intervals"]
 
 
-def test_two_allan_curves_are_compared_where_both_are_and_one_is_told():
+def test_two_allan_curves_are_compared_where_both_are_and_one_is_told(tmp_path):
     def device(label, level):
         curve = {"tau_s": [0.1, 10.0], "adev": [level, level]}
         return {"label": label, "allan": {"ax": curve}}
 
     one, two = device("A", 2e-3), device("B", 1e-3)
-    (picture,) = allan_comparison([one], together=True)
+    (picture,) = allan_comparison([one], tmp_path, together=True)
     assert picture.caption == "Accelerometer x: over 1.0 s 0.00200 m/s²."
-    (picture,) = allan_comparison([one, two], together=True)
+    (picture,) = allan_comparison([one, two], tmp_path, together=True)
     assert picture.caption.endswith(
         "over 1.0 s B is steadiest, 0.00100 m/s²; A least, 0.00200 m/s²."
     )
+    with open(tmp_path / "comparison_allan_ax.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["device"] for row in rows] == ["A", "A", "B", "B"]
+    assert {float(row["adev_m/s^2"]) for row in rows} == {1e-3, 2e-3}
 
 
 @pytest.fixture(scope="module")

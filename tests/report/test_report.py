@@ -135,10 +135,11 @@ def test_every_figure_has_alt_text_with_numbers_a_caption_and_its_numbers(page, 
     assert all((results / name).is_file() for name in linked)
     written = {str(p.relative_to(results)) for p in results.rglob("figures/*.csv")}
     assert written == linked - {"comparison.csv"}
-    # and each of a device as a file, of the whole loop too
+    # and each as a file, the whole loop's and those of all devices too
     linked = {e["href"] for e in page.all("a") if e["href"].endswith(".svg")}
     written = {str(p.relative_to(results)) for p in results.rglob("figures/*.svg")}
-    assert len(linked) > 30 and linked == {p for p in written if not p.endswith("/loop.svg")}
+    assert len(linked) > 30 and linked == written
+    assert {"board/figures/loop.svg", "figures/comparison_allan_ax.svg"} <= linked
 
 
 def test_tables_have_caption_scope_and_units(page):

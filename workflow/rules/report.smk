@@ -74,6 +74,13 @@ rule report:
             category="Comparison",
             labels={"figure": "a row a device, SI"},
         ),
+        figures=report(
+            directory("results/figures"),
+            patterns=["{figure}.svg"],
+            caption="../report/figure.rst",
+            category="Comparison",
+            labels={"figure": "{figure}"},
+        ),
     log:
         "logs/report/report.log",
     benchmark:

@@ -217,6 +217,8 @@ def _meaning_faults(config, wrong, replicas):
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return
     devices = merged_devices(config)
+    if "figures" in devices:
+        yield ("devices", "figures"), "'figures' is reserved for pictures of all; name it otherwise"
     for key in ("board", "type"):
         if f"{key}s" in devices and any(key in d for d in devices.values() if isinstance(d, dict)):
             yield (

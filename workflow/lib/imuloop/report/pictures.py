@@ -7,7 +7,7 @@ from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.composed import composed_pictures
 from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.correlations import correlation_matrices
-from imuloop.report.figures.loop import loop_errors, loop_picture
+from imuloop.report.figures.loop import device_loop
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.reference import reference_pictures
 from imuloop.report.figures.residuals import residual_pictures
@@ -40,7 +40,7 @@ def _only(picture):
 
 # what is drawn of a device, by kind; of each of its sessions; of each record of a sensor
 OF_DEVICE = {
-    "loop": lambda device: _only(loop_picture(device.name, loop_errors(device))),
+    "loop": lambda device: _only(device_loop(device)),
     "poses": lambda device: _only(pose_picture(device)),
     "correlations": correlation_matrices,
     "attitude": lambda device: attitude_part(device)["pictures"],

@@ -10,6 +10,7 @@ from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
 from imuloop.report.composed import type_part
 from imuloop.report.figures import comparison as figures
+from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.loop import loop_picture
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
@@ -31,7 +32,7 @@ def write_report(folders, provenance, report_path, comparison_path, boards=(), t
         What made the report: `commit`, `command`, `versions`, `config` (resolved), …; single
         values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
-        HTML and CSV file to write.
+        HTML and CSV file to write; pictures of all devices go into ``figures`` beside the latter.
     boards : sequence of path-like
         board.json of each board.
     types : sequence of path-like
@@ -44,6 +45,12 @@ def write_report(folders, provenance, report_path, comparison_path, boards=(), t
     together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:
         tables.write_comparison(temporary, devices)
+    drawings = Path(comparison_path).with_name("figures")
+    drawings.mkdir(exist_ok=True)
+    allan = figures.allan_comparison(devices, drawings, together)
+    intervals = figures.parameter_comparison(devices, drawings, together)
+    for picture in (*allan, *intervals):
+        write_svg(drawings, picture.stem, picture)
     write_page(
         report_path,
         "report.html.j2",
@@ -66,8 +73,8 @@ def write_report(folders, provenance, report_path, comparison_path, boards=(), t
         bounded=RANGE,
         exports=[sorted(read_json(folder / "exports.json")["sha256"]) for folder in folders],
         verdict_words=WORDS,
-        allan=figures.allan_comparison(devices, together),
-        intervals=figures.parameter_comparison(devices, comparison, together),
+        allan=allan,
+        intervals=intervals,
         styles=[figures.line_style(i) for i in range(len(devices))],
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},

@@ -33,9 +33,10 @@ def write_section(name, label, folder, sessions):
     device = read_device(name, label, folder, sessions)
     _empty(device.figures)
     values = content(device)
-    for picture in (*pictures(device, "loop"), *_inside(values)):
+    whole = pictures(device, "loop")
+    for picture in (*whole, *_inside(values)):
         write_svg(device.figures, picture.stem, picture)
-    _write(device, "section.html.j2", **values)
+    _write(device, "section.html.j2", whole, **values)
 
 
 def write_failed(name, label, folder, sessions, failed):
@@ -43,16 +44,17 @@ def write_failed(name, label, folder, sessions, failed):
     failures = (*read_failures(folder, sessions), (None, Failure(**failed)))
     device = Device(name, label, Path(folder), failures=failures)
     _empty(device.figures)
-    _write(device, "failed.html.j2", steps=next_steps(device))
+    _write(device, "failed.html.j2", [], steps=next_steps(device))
 
 
-def _write(device, template, **values):
+def _write(device, template, whole, **values):
     section = device.folder / "section.html"
     write(section, template, device=device, **values)
     write_json(device.folder / "summary.json", summarise(device, values["steps"]))
     # text was escaped when it was written; links are those of a page in the folder above
     text = section.read_text("utf-8").replace(f'href="{device.name}/', 'href="')
     looks = {"device": device.name, "label": device.title, "section": Markup(text)}
+    looks["loop_of"] = whole[0] if whole else None
     write_page(device.folder / "report.html", "device.html.j2", **looks)
 
 

@@ -13,9 +13,10 @@ from imuloop.report.figures.drawing import (
     Picture,
     entitle,
     fill,
+    write_csv,
 )
 from imuloop.report.numbers import number
-from imuloop.report.results import SENSORS, UNITS, XYZ
+from imuloop.report.results import FILE_UNITS, SENSORS, UNITS, XYZ
 from imuloop.report.summary import PAIRS
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT
 
@@ -50,11 +51,18 @@ def shortened(label, most):
     return label if len(label) <= most else f"{label[: most - 1]}…"
 
 
-def allan_comparison(summaries, together):
+def _drawn(folder, stem, kind, caption, plot, numbers, size, zoom=False):
+    """Return a `Picture` of all devices; the numbers behind it are written into the folder."""
+    write_csv(folder, stem, numbers)
+    csv = f"{folder.name}/{stem}.csv"
+    return Picture(f"all.{stem}", kind, caption, plot, size, csv, zoom=zoom)
+
+
+def allan_comparison(summaries, folder, together):
     """Return six pictures: the Allan deviation of one axis of all devices, given summary.json.
 
     Where the devices are shown together there is a line per device; else the band of all, and who
-    stands out.
+    stands out. Their numbers are written into the folder.
     """
     pictures = []
     for sensor, channels in SENSORS.items():
@@ -66,7 +74,7 @@ def allan_comparison(summaries, together):
             ]
             if curves:
                 one = _allan_lines if together else _allan_band
-                pictures.append(one(f"comparison.allan_{channel}", sensor, axis, curves))
+                pictures.append(one(folder, f"comparison_allan_{channel}", sensor, axis, curves))
     return pictures
 
 
@@ -75,7 +83,7 @@ def _at(grid, tau, adev):
     return np.interp(np.log(grid), np.log(tau), np.log(adev), left=np.nan, right=np.nan)
 
 
-def _allan_lines(name, sensor, axis, curves):
+def _allan_lines(folder, stem, sensor, axis, curves):
     def plot(area):
         for i, label, tau, adev in curves:
             colour, dash = line_style(i)
@@ -96,10 +104,16 @@ def _allan_lines(name, sensor, axis, curves):
         if len(levels) > 1:
             caption += f"{best} is steadiest, {number(least)} {unit}; {worst} least, "
         caption += f"{number(most)} {unit}"
-    return Picture(name, "Allan deviation", f"{caption}.", plot, (380, 270), zoom=True)
+    numbers = {
+        "device": np.repeat([c[1] for c in curves], [len(c[2]) for c in curves]),
+        "tau_s": np.concatenate([c[2] for c in curves]),
+        f"adev_{FILE_UNITS[sensor]}": np.concatenate([c[3] for c in curves]),
+    }
+    looks = {"size": (380, 270), "zoom": True}
+    return _drawn(folder, stem, "Allan deviation", f"{caption}.", plot, numbers, **looks)
 
 
-def _allan_band(name, sensor, axis, curves):
+def _allan_band(folder, stem, sensor, axis, curves):
     # times that at least half of the devices have
     ends = [np.median([c[2][k] for c in curves]) for k in (0, -1)]
     common = float(np.clip(1.0, *ends))
@@ -127,7 +141,10 @@ def _allan_band(name, sensor, axis, curves):
         f"median is {number(middle[at])} {UNITS[sensor]}, nine of ten lie between "
         f"{number(low[at])} and {number(high[at])}; {_named(distances, named)}"
     )
-    return Picture(name, "Allan deviation", f"{caption}.", plot, (470, 270), zoom=True)
+    columns = zip(("p5", "median", "p95"), (low, middle, high), strict=True)
+    numbers = {"tau_s": grid, **{f"adev_{k}_{FILE_UNITS[sensor]}": v for k, v in columns}}
+    looks = {"size": (470, 270), "zoom": True}
+    return _drawn(folder, stem, "Allan deviation", f"{caption}.", plot, numbers, **looks)
 
 
 def _labels(sensor):
@@ -162,11 +179,8 @@ def _named(distances, named):
     return text + ("; …" if count > len(named) else "")
 
 
-def parameter_comparison(summaries, csv, together):
-    """Return pictures of bias, scale factor error and misalignment, as `allan_comparison` does.
-
-    `csv` is the path of comparison.csv from the report's folder.
-    """
+def parameter_comparison(summaries, folder, together):
+    """Return pictures of bias, scale factor error and misalignment, as `allan_comparison` does."""
     pictures = []
     for key, (words, display, names) in INTERVALS.items():
         found = [(s["label"], s["axes"][key]) for s in summaries if key in s["axes"]]
@@ -177,12 +191,14 @@ def parameter_comparison(summaries, csv, together):
                 np.array([r[k] for _, r in found], float) * display.factor for k in ("value", "std")
             )
             one = _intervals if together else _spread
-            of = (f"comparison.{key}", words, display.unit, names, labels, value, std, csv)
-            pictures.append(one(*of))
+            looks = one(words, display.unit, names, labels, value, std)
+            numbers = {"device": np.repeat(labels, len(names)), "axis": names * len(labels)}
+            numbers |= {f"value_{display.unit}": value.ravel(), f"std_{display.unit}": std.ravel()}
+            pictures.append(_drawn(folder, f"comparison_{key}", numbers=numbers, **looks))
     return pictures
 
 
-def _intervals(name, words, unit, names, labels, value, std, csv):
+def _intervals(words, unit, names, labels, value, std):
     count, shown = len(labels), np.flatnonzero(np.isfinite(value).any(axis=0))
 
     def plot(area):
@@ -207,10 +223,10 @@ def _intervals(name, words, unit, names, labels, value, std, csv):
     listed = ", ".join(f"{label} {number(v)} {unit}" for v, label in size)
     caption = f"{words.capitalize()}, {largest}: {listed}."
     height = 90 + (34 if len(shown) <= 3 else 52) * count
-    return Picture(name, "Intervals", caption, plot, (380, height), csv)
+    return {"kind": "Intervals", "caption": caption, "plot": plot, "size": (380, height)}
 
 
-def _spread(name, words, unit, names, labels, value, _, csv):
+def _spread(words, unit, names, labels, value, _):
     shown = np.flatnonzero(np.isfinite(value).any(axis=0))
     names, value = [names[j] for j in shown], value[:, shown]
     distances = far_out(value)
@@ -248,4 +264,4 @@ def _spread(name, words, unit, names, labels, value, _, csv):
         f"of ten: {spans}; {_named(distances.max(axis=1), named)}."
     )
     size = (440, 60 + 100 * len(shown))
-    return Picture(name, "Spread", caption, plot, size, csv)
+    return {"kind": "Spread", "caption": caption, "plot": plot, "size": size}

@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, SENSORS
 from imuloop.core.units import DEGREE
-from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture
+from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture, write_csv
 from imuloop.report.numbers import joined, number
 from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import FORMULA, block_of, motion_of
@@ -111,6 +111,8 @@ def draw_loop(area, errors):
                 ha="center",
                 va="top" if last else "bottom",
                 fontsize=10,
+                # the line of the noise does not strike it through
+                bbox={"fc": PAGE, "ec": "none", "pad": 1},
             )
     area.axvline(1, color=INK, lw=1, ls="--", label="noise alone", zorder=1)
     area.set_xscale("log")
@@ -131,4 +133,14 @@ def loop_picture(name, errors):
         loop_words(errors),
         lambda area: draw_loop(area, errors),
         (500, 80 + 42 * len(errors)),
+        f"{name}/figures/loop.csv",
     )
+
+
+def device_loop(device):
+    """Return the picture of a device's errors, the numbers of which are written; None without."""
+    errors = loop_errors(device)
+    if errors:
+        keys = ("what", "unit", *STAGES, "floor")
+        write_csv(device.figures, "loop", {k: [e[k] for e in errors] for k in keys})
+    return loop_picture(device.name, errors)
