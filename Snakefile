@@ -6,8 +6,9 @@ from snakemake.utils import min_version
 
 min_version("9.27")
 
-# every script inherits this path, on a cluster too
-sys.path.insert(0, f"{workflow.current_basedir}/workflow/lib")
+
+include: "workflow/rules/library.smk"
+
 
 if not workflow.configfiles:
     from imuloop.config_faults import unreadable

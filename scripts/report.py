@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import imuloop
 from imuloop.chain import report
 from imuloop.job_log import open_log
 from imuloop.report.provenance import provenance
@@ -11,7 +12,7 @@ open_log(snakemake.log[0], "report")
 
 report(
     [Path(path).parent for path in snakemake.input.sections],
-    provenance(Path(snakemake.scriptdir).parent, params.command, params.config),
+    provenance(Path(imuloop.__file__).parents[3], params.command, params.config),
     output.report,
     output.comparison,
     snakemake.input.boards,

@@ -4,8 +4,11 @@ import hashlib
 import json
 import os
 import re
+import shutil
+import subprocess
 
 import pandas as pd
+import pytest
 import yaml
 
 from imuloop import chain
@@ -142,19 +145,40 @@ def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(checkout
     assert [(tmp_path / path).exists() for path in cached.values()] == [True, False]
 
 
-def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path):
+def git(folder, *words):
+    """Run git in a folder, as somebody."""
+    who = ("-c", "user.name=a", "-c", "user.email=a@b")
+    subprocess.run(["git", "-C", folder, *who, *words], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("where", ["clone", "github"])
+def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path, where):
     (tmp_path / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
     config = {"imu": {"defaults": QUICK, "devices": {"resting": RESTING}}}
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    snakefile, environment = f'"{checkout}/Snakefile"', {}
+    if where == "github":
+        snakefile = 'github("owner/imuloop", path="Snakefile", tag="v0")'
+        host = tmp_path / "host/owner/imuloop"
+        shutil.copytree(checkout, host, ignore=shutil.ignore_patterns(".snakemake", "__pycache__"))
+        for words in (("init", "-q"), ("add", "-A"), ("commit", "-qm", "a"), ("tag", "v0")):
+            git(host, *words)
+        # git asks a folder instead of the host, and Snakemake keeps its clone here
+        environment = {"GIT_CONFIG_COUNT": "1", "GIT_CONFIG_VALUE_0": "https://github.com/"}
+        environment["GIT_CONFIG_KEY_0"] = f"url.{tmp_path}/host/.insteadOf"
+        environment["XDG_CACHE_HOME"] = str(tmp_path / "cache")
     (tmp_path / "Snakefile").write_text(
         'configfile: "config.yaml"\n'
-        f'module imuloop:\n    snakefile: "{checkout}/Snakefile"\n    config: config["imu"]\n'
+        f'module imuloop:\n    snakefile: {snakefile}\n    config: config["imu"]\n'
         "use rule * from imuloop as imu_*\n"
     )
     made = "results/resting/rest/segments.parquet"
-    done = snakemake(tmp_path, tmp_path, target=made, config=None)
+    done = snakemake(tmp_path, tmp_path, target=made, config=None, **environment)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / made).read_bytes() == (finished[0] / made).read_bytes()
+    # nothing is fetched or made again
+    again = snakemake(tmp_path, tmp_path, "-n", target=made, config=None, **environment)
+    assert "Nothing to be done" in again.stdout + again.stderr
 
 
 def test_a_target_that_names_nothing_is_refused(finished, checkout):

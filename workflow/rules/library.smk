@@ -1,0 +1,16 @@
+"""The library in the path of every script, on a cluster too."""
+
+import sys
+from pathlib import Path
+
+rules_folder = workflow.current_basedir
+if hasattr(rules_folder, "hosted_repo"):
+    # of a module by github() Snakemake has single files: all of them come out of its clone
+    clone = rules_folder.hosted_repo.repo
+    commit = clone.commit(rules_folder.ref).hexsha
+    checkout = Path(".snakemake/imuloop", commit).absolute()
+    if not checkout.exists():
+        clone.git.worktree("add", "--force", "--detach", checkout, commit)
+    rules_folder = checkout / "workflow/rules"
+
+sys.path.insert(0, str(Path(str(rules_folder)).with_name("lib")))
