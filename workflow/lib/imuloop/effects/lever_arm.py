@@ -36,6 +36,7 @@ class LeverArm(Effect):
     limit = 0.1
     bounds: ClassVar = {"marker": (0, 1)}
     reach = REACH
+    of_place = "e = dw/dt × r + w × (w × r)"
     of_marker: ClassVar[dict[str, str]] = {f"r{i}": "m" for i in AXES}
 
     def __post_init__(self):

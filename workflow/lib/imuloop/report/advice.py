@@ -83,6 +83,11 @@ _LOOK = (
     "Nothing that it was compared with explains much of it: look in the pictures for poses or "
     "times that stand out."
 )
+_LOOK_BESIDE = (
+    "Nothing that it was compared with explains much of it: see in the picture when it is large. "
+    "In fast turns suspect the filters and the full scale of both, in some attitudes markers that "
+    "are hidden or slip, all along the smoothing of the reference."
+)
 
 
 def what_next(block):
@@ -91,7 +96,8 @@ def what_next(block):
         return structure
     probe, moves = leading(block), block.get("moves", {})
     spoiled = moves.get("left_out", 0) > MANY * moves.get("all", 0)
-    return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, _LOOK)
+    look = _LOOK_BESIDE if "sessions" in block else _LOOK
+    return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, look)
 
 
 def _structure(block):

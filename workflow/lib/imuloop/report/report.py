@@ -47,8 +47,10 @@ def write_report(folders, provenance, report_path, comparison_path, boards=(), t
         tables.write_comparison(temporary, devices)
     drawings = Path(comparison_path).with_name("figures")
     drawings.mkdir(exist_ok=True)
-    allan = figures.allan_comparison(devices, drawings, together)
-    intervals = figures.parameter_comparison(devices, drawings, together)
+    # one device is compared with none: its own part has its curves
+    several = devices if len(devices) > 1 else ()
+    allan = figures.allan_comparison(several, drawings, together)
+    intervals = figures.parameter_comparison(several, drawings, together)
     for picture in (*allan, *intervals):
         write_svg(drawings, picture.stem, picture)
     write_page(

@@ -79,8 +79,10 @@ def content(device):
     def tables(make):
         return [table for sensor in SENSORS if (table := make(device, sensor))]
 
+    parts = [diagnosis_part(device, *each) for each in blocks(device.diagnosis)]
     return {
-        "parts": [diagnosis_part(device, *each) for each in blocks(device.diagnosis)],
+        # what could not be tested comes last
+        "parts": sorted(parts, key=lambda p: p["verdict"] == "not_testable"),
         "steps": next_steps(device),
         "exports": listed(device.folder / "exports.json"),
         "rejected": [s for s in device.sessions if s.rejected],

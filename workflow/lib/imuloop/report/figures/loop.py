@@ -16,6 +16,12 @@ STAGES = {
     "calibrated": ("calibrated", ORANGE, "D"),
     "final": ("with the effects found", BLUE, "o"),
 }
+# of the words beside a mark, px: two marks may lie side by side
+PLACES = {
+    "logged": ((9, 0), "left", "center"),
+    "calibrated": ((0, 8), "center", "bottom"),
+    "final": ((0, -9), "center", "top"),
+}
 # factor from which on an error is said to have fallen
 WORTH_SAYING = 1.1
 
@@ -102,21 +108,21 @@ def draw_loop(area, errors):
             key = {} if words in labelled else {"label": words}
             labelled.add(words)
             area.plot(size, row, mark, color=colour, mec=PAGE, mew=1, ms=9, **key)
-            last = stage == "final"
+            where, across, upright = PLACES[stage]
             area.annotate(
                 RESIDUAL[error["unit"]].text(error[stage], 2),
                 (size, row),
-                (0, -9 if last else 8),
+                where,
                 textcoords="offset points",
-                ha="center",
-                va="top" if last else "bottom",
+                ha=across,
+                va=upright,
                 fontsize=10,
                 # the line of the noise does not strike it through
                 bbox={"fc": PAGE, "ec": "none", "pad": 1},
             )
     area.axvline(1, color=INK, lw=1, ls="--", label="noise alone", zorder=1)
     area.set_xscale("log")
-    area.set_xlim(smallest / 2 or 0.5, max(2 * largest, 8))
+    area.set_xlim(smallest / 2 or 0.5, max(4 * largest, 8))
     area.set_ylim(len(errors) - 0.4, -0.6)
     area.set_yticks(range(len(errors)), [error["what"] for error in errors])
     area.grid(False, axis="y")

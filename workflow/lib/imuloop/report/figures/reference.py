@@ -136,7 +136,7 @@ def _over_time(device, sensor, name, residual, table, changed):
         area.set(xlabel=f"time, {unit}", ylabel=f"error, {display.unit}")
 
     words = RESIDUAL_WORDS[name]
-    caption = f"{words[0].upper()}{words[1:]}, held out: {change(residual, changed)}."
+    caption = f"{words[0].upper()}{words[1:]}: {change(residual, changed)}."
     if len(cuts):
         lengths = (cuts["end_s"] - cuts["start_s"]).groupby(cuts["cut"], sort=False)
         parts = [

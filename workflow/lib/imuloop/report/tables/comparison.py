@@ -125,19 +125,24 @@ def _cell(figure, display, best):
 
 
 # kinds of records of every device
-PARTS = ("poses", "static_record", "motion")
+PARTS = {
+    "poses": "poses",
+    "static_record": "at\u00a0rest",
+    "motion": "motion",
+    "reference": "reference",
+}
 
 
 def verdict_rank(verdicts):
-    """Return what the column of verdicts is sorted by: poses, then static record, then motion."""
-    poses, still, motion = (rank(verdicts[part]["verdict"]) for part in PARTS)
-    return 100 * poses + 10 * still + motion
+    """Return what the column of verdicts is sorted by: poses, then the others."""
+    order = [rank(verdicts[part]["verdict"]) if part in verdicts else 0 for part in PARTS]
+    return sum(10**k * each for k, each in enumerate(reversed(order)))
 
 
 def verdict_parts(verdicts):
     """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
-    words = {"poses": "poses", "static_record": "at\u00a0rest", "motion": "motion"}
-    return [(p, words[p]) for p in PARTS if verdicts[p]["verdict"] != "not_testable"]
+    known = ((p, words) for p, words in PARTS.items() if p in verdicts)
+    return [(p, words) for p, words in known if verdicts[p]["verdict"] != "not_testable"]
 
 
 def filter_cells(summary):
@@ -176,7 +181,8 @@ def _row(summary):
     row["simulated"] = str(summary["simulated"]).lower()
     for sensor, units in FIGURE_UNITS.items():
         for part in PARTS:
-            row[f"{sensor}_{part}_verdict"] = summary["verdicts"][sensor][part]["verdict"]
+            found = summary["verdicts"][sensor].get(part, {"verdict": "not_testable"})
+            row[f"{sensor}_{part}_verdict"] = found["verdict"]
         for name, unit in units.items():
             figure = summary["figures"].get(f"{sensor}_{name}", {})
             for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):

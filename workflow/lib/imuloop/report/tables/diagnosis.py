@@ -6,6 +6,7 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.samples import ACCELERATION
+from imuloop.effects.time_offset import TimeOffset
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.numbers import (
     NO_NUMBER,
@@ -106,6 +107,10 @@ def effect_table(sensor, part, effect):
             label = f"run to run, {axis}: 1 σ, 95 % interval {ends}"
             rows.append((label, shown.size(value), shown.unit, number(value), typeset(si)))
     note = f"{known.equation} ({known.reference})." if known else ""
+    if effect["constants"].get("marker"):
+        note = note.replace(known.equation, known.of_place)
+    elif part == "reference" and effect["name"] == TimeOffset.name:
+        note += " What is stamped t was there at t + dt by the reference's clock."
     if constants := constants_text(effect["constants"]):
         note = f"{note} Of the shapes that were tried this one is best: {constants}.".strip()
     return Table(
