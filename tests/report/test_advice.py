@@ -154,6 +154,26 @@ def test_a_first_rest_is_long_enough_for_flicker_to_limit_it(first):
     assert "Begin" not in first(diagnosis=content, noise=noise(B=coefficient(3e-4)))
 
 
+def test_what_both_sensors_leave_beside_a_reference_is_one_step(good):
+    content = diagnosis()
+    for sensor, name, unit in (
+        ("accelerometer", "reference_force", "m/s^2"),
+        ("gyroscope", "reference_rotation", "rad"),
+    ):
+        sizes = {"before": 0.03, "after": 0.02, "floor": 0.001, "unit": unit, "n": 90}
+        residual = sizes | {"chi2_before": 900.0, "chi2_after": 400.0}
+        content["sensors"][sensor]["reference"] = {
+            "verdict": "unexplained",
+            "sessions": 3,
+            "residuals": {name: residual},
+            **{k: [] for k in ("effects", "candidates", "confounded", "correlates")},
+        }
+    steps = [s.replace("\u202f", " ") for s in next_steps(good(diagnosis=content))]
+    [step] = [s for s in steps if "eside a reference" in s]
+    assert "accelerometer 2.0 mg (0.10 mg), gyroscope 1.1° (0.057°)." in step
+    assert "markers" in step
+
+
 def test_a_first_session_is_as_long_as_the_readme_says(good, first, repository):
     step = first(sessions=good().sessions[1:])
     assert "Record a multi_position session" in step

@@ -190,6 +190,7 @@ def _unexplained(device):
     found, text = undersampled(block_of(device.diagnosis, "gyroscope"))
     if found:
         yield 1 - found["others"] / np.hypot(found["error"], found["others"]), text
+    of_both = {}
     for sensor, part, block in blocks(device.diagnosis):
         if block["verdict"] not in ABOVE:
             continue
@@ -207,14 +208,24 @@ def _unexplained(device):
         _, residual = quoted(sensor, block)
         after, floor = residual["after"], residual["floor"]
         gain, size, earth = 1 - floor / after if after else 0.0, misfit(block), ""
+        held, least = (shown(residual, key, 2) for key in ("after", "floor"))
+        if part == "reference":
+            of_both.setdefault(what_next(block), []).append((gain, f"{sensor} {held} ({least})"))
+            continue
         if gain > 0:
-            held, least = (shown(residual, key, 2) for key in ("after", "floor"))
             size = f" Held-out error {held}, floor {least}."
             if sensor == "gyroscope" and residual["unit"] == "rad/s":
                 earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
         # with structure in it no parameter is known as well as its σ says
         gain = 1.0 if _structure(block) else max(gain, 0.0)
         yield gain, f"{lacks}.{size}{earth} {what_next(block)}"
+    for text, found in of_both.items():
+        gains, sizes = zip(*found, strict=True)
+        yield (
+            max(*gains, 0.0),
+            "Beside a reference something is left, of the sensor or of the reference. Held-out "
+            f"error (floor): {', '.join(sizes)}. {text}",
+        )
 
 
 def _clipped(device):

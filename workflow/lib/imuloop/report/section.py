@@ -80,6 +80,10 @@ def content(device):
         return [table for sensor in SENSORS if (table := make(device, sensor))]
 
     parts = [diagnosis_part(device, *each) for each in blocks(device.diagnosis)]
+    told = [p["next_step"] for p in parts]
+    # the same of two sensors once
+    for i, p in enumerate(parts):
+        p["next_step"] = "" if told[i] in told[:i] else told[i]
     return {
         # what could not be tested comes last
         "parts": sorted(parts, key=lambda p: p["verdict"] == "not_testable"),

@@ -166,11 +166,11 @@ def _arm(device, effect):
     span = 1.2 * (np.abs(at) + std).max()
 
     def plot(areas):
-        for area, view in zip(areas, ([0, 1], [0, 2], [1, 2]), strict=True):
+        for area, view in zip(areas, ([0, 1], [0, 2]), strict=True):
             area.plot(0, 0, "s", color=INK, ms=6, label=None if view[1] == 2 else "marker")
             looks = {"color": BLUE, "label": None if view[1] == 2 else "sensor, 1 σ"}
             area.plot(*(at[view][:, None] + ellipse(np.diag(std[view] ** 2))), **looks)
-            area.plot(*at[view], "o", color=BLUE, ms=5)
+            area.plot(*at[view], "o", color=BLUE, ms=3)
             area.set(xlim=(-span, span), ylim=(-span, span), box_aspect=1)
             area.set(xlabel=f"{XYZ[view[0]]}, mm", ylabel=f"{XYZ[view[1]]}, mm")
 
@@ -179,5 +179,5 @@ def _arm(device, effect):
         f"The sensor, from the reference's marker, on its own axes: ({places})\u202fmm, σ {errors}."
     )
     columns = {"axis": XYZ, "mm": at, "std_mm": std}
-    looks = {"size": (1000, 330), "columns": (1, 1, 1)}
+    looks = {"size": (440, 260), "columns": (1, 1)}
     return drawn(device, "reference_arm", "Where the sensor sits", caption, plot, columns, **looks)
