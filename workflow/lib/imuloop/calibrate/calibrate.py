@@ -38,15 +38,17 @@ METHODS = (
 # condition number up to which turns determine a gyroscope
 BY_TURNS = 100
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
+# of sessions whose rests are poses in any attitude
+POSED = ("multi_position", "reference_motion")
 
 
-def usable(sessions, kind):
-    """Return (session, segments) of each session of one kind that was not rejected.
+def usable(sessions, *kinds):
+    """Return (session, segments) of each session of some kinds that was not rejected.
 
     Takes ``kind``, ``samples`` and ``segments`` (paths) of each session by name; the segments that
     it gives are a dict of arrays.
     """
-    chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] == kind]
+    chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] in kinds]
     return [(session, table) for session, table in chosen if len(table["kind"])]
 
 
@@ -75,11 +77,11 @@ def read_poses(sessions, kind):
 
 
 def read_recording(sessions, longest_rotation):
-    """Return the Recording of the multi-position sessions, without poses if there is none.
+    """Return the Recording of the sessions of kinds `POSED`, without poses if there is none.
 
     Takes sessions as `usable` does, and the longest rotation, s.
     """
-    chosen = usable(sessions, "multi_position")
+    chosen = usable(sessions, *POSED)
     columns = (TIME, *CHANNELS, TEMPERATURE)
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
     return record(samples, [table for _, table in chosen], longest_rotation)

@@ -79,13 +79,15 @@ class ReferenceRecording:
         Of `kind` rotation, of `TURN` s and one soon after the other, or position, of twice `HALF`
         s. No sample is missing in them; where there are too many, they lie farther apart.
         """
-        length = TURN if kind == "rotation" else 2 * HALF
-        total = sum(np.ptp(log.t) for log in self.logs)
-        apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 1.5))
-        return np.concatenate(
-            [np.zeros((0, 4), int)]
-            + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
-        ).T
+        if kind not in self._designs:
+            length = TURN if kind == "rotation" else 2 * HALF
+            total = sum(np.ptp(log.t) for log in self.logs)
+            apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 1.5))
+            self._designs[kind] = np.concatenate(
+                [np.zeros((0, 4), int)]
+                + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
+            ).T
+        return self._designs[kind]
 
 
 def _windows(log, session, kind, length, apart):
@@ -191,13 +193,15 @@ class ReferenceSensor:
         return found
 
     def fit(self, recording, effects=(), start=None, prior=None):
-        """Return the Solution for a recording: weighted least squares, a few Gauss-Newton steps."""
-        x = self.start(effects)
-        if start is not None:
-            x[: len(start)] = start
+        """Return the Solution for a recording, and its model.
+
+        Weighted least squares, a few Gauss-Newton steps from the model `start`, as logged without.
+        """
+        model = start or self.model_at(None, recording, effects)
+        x, model = model.x, replace(model, weight=self.weight)
         root = np.repeat(np.sqrt(self.weight), 3)
         for _ in range(3 if start is None else 2):
-            r, jacobian = self.model_at(x, recording, effects).residuals()
+            r, jacobian = model.residuals()
             white = np.column_stack([r, jacobian]) * root[:, None]
             if prior is not None:
                 known, z = prior
@@ -206,13 +210,14 @@ class ReferenceSensor:
             size[size == 0] = 1.0
             step = np.linalg.lstsq(white[:, 1:] / size, -white[:, 0], rcond=1e-10)[0] / size
             x = x + step
+            model = self.model_at(x, recording, effects)
             if np.all(np.abs(step) * size < 1e-4):
                 break
         left = white[:, 0] + white[:, 1:] @ step
         fit = FitResult(
             x, covariance_of(white[:, 1:]), left @ left, len(left) - len(x), jacobian, left
         )
-        return Solution(tuple(effects), fit)
+        return Solution(tuple(effects), fit), model
 
     def lost(self, solution, recording):
         """Return why a fit is none, or None if it is one."""
@@ -434,17 +439,16 @@ def spread(values, floor):
     ----------
     Lange, Little, Taylor, J. Am. Stat. Assoc. 84 (1989) 881.
     """
-    square, best = (values**2).sum(axis=1), None
-    for dof in TAILS:
-        excess = np.median(square) / 3
-        for _ in range(100):
-            scale = floor + excess
-            weight = (dof + 3) / (dof + square / scale)
-            # EM where the excess rules, and its fixed point where it is next to nothing
-            excess = excess * np.mean(weight * square / scale / scale) / np.mean(3 / scale)
+    square, dof = (values**2).sum(axis=1), np.array(TAILS)[:, None]
+    excess = np.full_like(dof, np.median(square) / 3)
+    for _ in range(100):
         scale = floor + excess
-        terms = 1.5 * np.log(dof * np.pi * scale) + (dof + 3) / 2 * np.log1p(square / dof / scale)
-        loss = terms.sum() - len(square) * (gammaln((dof + 3) / 2) - gammaln(dof / 2))
-        if best is None or loss < best[0]:
-            best = loss, scale * (dof + square / scale) / (dof + 3), excess
-    return best[1]
+        weight = (dof + 3) / (dof + square / scale)
+        # EM where the excess rules, and its fixed point where it is next to nothing
+        excess *= (weight * square / scale**2).sum(axis=1, keepdims=True)
+        excess /= (3 / scale).sum(axis=1, keepdims=True)
+    scale = floor + excess
+    terms = 1.5 * np.log(dof * np.pi * scale) + (dof + 3) / 2 * np.log1p(square / dof / scale)
+    terms += gammaln(dof / 2) - gammaln((dof + 3) / 2)
+    variance = scale * (dof + square / scale) / (dof + 3)
+    return variance[np.argmin(terms.sum(axis=1))]

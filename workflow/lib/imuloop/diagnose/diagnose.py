@@ -6,7 +6,14 @@ import numpy as np
 
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.calibrate import best, read_poses, read_recording, usable, with_sessions
+from imuloop.calibrate.calibrate import (
+    POSED,
+    best,
+    read_poses,
+    read_recording,
+    usable,
+    with_sessions,
+)
 from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
@@ -137,8 +144,8 @@ def diagnose_device(
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
     final = with_reference(final, beside)
     names, faces = (
-        [name for name, session in sessions.items() if usable({name: session}, kind)]
-        for kind in ("multi_position", "six_position")
+        [name for name, session in sessions.items() if usable({name: session}, *kinds)]
+        for kinds in (POSED, ("six_position",))
     )
     residuals = force.residuals | turn.residuals | motion.residuals
     # with the effects of the rotations alone: those at rest may need what is not logged here

@@ -52,15 +52,15 @@ def held_out_operator(weights, jacobian, folds):
     """
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
-    operator = np.zeros_like(weights)
+    operator, product = np.zeros_like(weights), weights @ jacobian
     for part in set(folds[:, 0].tolist()) - {-1}:
         held, hidden = folds[:, 0] == part, (folds == part).any(axis=1)
         seen = ~hidden
-        design, across = jacobian[seen], weights[np.ix_(hidden, seen)]
-        # W is what the weights of all rows leave without those that are hidden
-        lost = np.linalg.solve(weights[np.ix_(hidden, hidden)], across @ design)
-        weighted = weights[np.ix_(seen, seen)] @ design - across.T @ lost
-        gain = np.linalg.pinv(design.T @ weighted, SINGULAR, hermitian=True) @ weighted.T
+        # W J is what the weights of all rows leave without those that are hidden
+        lost = np.linalg.solve(weights[np.ix_(hidden, hidden)], product[hidden])
+        weighted = product[seen] - weights[np.ix_(seen, hidden)] @ lost
+        own = jacobian[seen].T @ weighted
+        gain = np.linalg.pinv(own, SINGULAR, hermitian=True) @ weighted.T
         operator[np.ix_(held, held)] = np.eye(held.sum())
         operator[np.ix_(held, seen)] = -jacobian[held] @ gain
     return operator

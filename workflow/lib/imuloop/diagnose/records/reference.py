@@ -84,22 +84,20 @@ class ReferenceProblem(PoseProblem):
         return np.sqrt(1 / np.diag(self.linearized().evidence.blocks[0].noise.precision[0]))
 
     def _made(self, base):
-        count, x = len(self.sensor.names), None
+        count, sensor, model = len(self.sensor.names), self.sensor, None
         if base:
             before = self.linearized(base[:-1])
-            x, sensor = before.solution.fit.x, replace(self.sensor, weight=before.model.weight)
-        else:
-            sensor = self.sensor
+            sensor = replace(sensor, weight=before.model.weight)
+            model = sensor.model_at(before.solution.fit.x, self.recording, base)
         rows, z = self.base_rows
         more = sum(len(e.parameters) for e in base)
         known = np.hstack([rows.reshape(len(z), count), np.zeros((len(z), more))])
         for _ in range(2 if base else 3):
-            solution = sensor.fit(self.recording, base, x, (known, z))
-            model, x = sensor.model(solution, self.recording), solution.fit.x
+            solution, model = sensor.fit(self.recording, base, model, (known, z))
             values, jacobian = model.residuals()
             variance = spread(values.reshape(-1, 3), self.floor[: len(values) : 3])
             sensor = replace(sensor, weight=1 / variance)
-        values = np.append(values, known @ x - z)
+        values = np.append(values, known @ model.x - z)
         jacobian = np.concatenate([jacobian, known])
         own = by_effect(jacobian[:, None, count:], base)
 
