@@ -26,6 +26,15 @@ def off(effect, truth):
     return [abs(value - true) / std for value, std, true in pairs]
 
 
+def errors(of, truth, sensor):
+    """Return how far T and K of a calibration are from the truth, in standard errors."""
+    true = {f"T{i}{j}": truth.T[sensor][i, j] for i in range(3) for j in range(3) if i != j}
+    own = {name: of.T[int(name[1]), int(name[2])] for name in true}
+    true |= {f"K{k}": truth.K[sensor][k] for k in range(3)}
+    own |= {f"K{k}": of.K[k] for k in range(3)}
+    return [(own[name] - true[name]) / of.std[name] for name in true if name in of.std]
+
+
 def test_offset_drift_and_arm_are_found_alone_and_in_size():
     # late all along: an offset that drift takes through zero is no offset, alone
     own = {"gyroscope": -0.009, "accelerometer": 0.003}
@@ -43,8 +52,7 @@ def test_offset_drift_and_arm_are_found_alone_and_in_size():
     for sensor in effects:
         of = getattr(calibration, sensor)
         assert of.method == "reference_motion"
-        errors = [(of.K[k] - truth.K[sensor][k]) / of.std[f"K{k}"] for k in range(3)]
-        assert np.abs(errors).max() < 3.5
+        assert np.abs(errors(of, truth, sensor)).max() < 3.5
     # over longer times errors grow, and effects make them less
     table = diagnosis["sensors"]["gyroscope"]["reference"]["by_duration"]
     assert [row["seconds"] for row in table] == [0.1, 0.3, 1.0, 3.0, 10.0]
@@ -96,3 +104,19 @@ def test_clock_of_its_own_is_handled_or_named(clock, drift):
     assert ("clock_drift" in effects) == bool(drift)
     if drift:
         assert max(off(effects["clock_drift"], [drift])) < 3
+
+
+def test_rests_beside_a_reference_are_poses_of_one_solution():
+    truth = replace(base(SEED), rests=24, duration_s=400.0)
+    diagnosis, _, calibration = diagnosed(truth, SEED, limits=False)
+    for sensor, parts in diagnosis["sensors"].items():
+        of = getattr(calibration, sensor)
+        assert of.method == "multi_position"
+        assert parts["motion"]["verdict"] == parts["reference"]["verdict"] == "consistent", sensor
+        assert np.abs(errors(of, truth, sensor)).max() < 3.5
+    # better known than by motion alone
+    alone, _, by_motion = diagnosed(replace(truth, rests=0), SEED, limits=False)
+    assert "1 pose found" in alone["sensors"]["accelerometer"]["poses"]["why"]
+    assert by_motion.gyroscope.method == "reference_motion"
+    for name in ("K0", "K1", "K2"):
+        assert calibration.gyroscope.std[name] < by_motion.gyroscope.std[name]

@@ -136,10 +136,21 @@ class ReferenceModel:
         """What each session's nuisances are, (s, q)."""
         return np.array([self._solved(s)[:, 0] for s in range(self.session.max() + 1)])
 
-    def _solved(self, s):
+    def mean_covariance(self, covariance):
+        """Return the covariance of the sessions' mean nuisances, (q, q), by that of x, (p, p)."""
+        count = self.session.max() + 1
+        slope = sum(self._solved(s)[:, 1:] for s in range(count)) / count
+        own = sum(np.linalg.pinv(b.T @ b) for b in map(self._white, range(count)))
+        return own / count**2 + slope @ covariance @ slope.T
+
+    def _white(self, s):
         own = self.session == s
         root = np.sqrt(self.weight[own])[:, None, None]
-        b = (root * self.nuisance[own]).reshape(-1, self.nuisance.shape[2])
+        return (root * self.nuisance[own]).reshape(-1, self.nuisance.shape[2])
+
+    def _solved(self, s):
+        own, b = self.session == s, self._white(s)
+        root = np.sqrt(self.weight[own])[:, None, None]
         both = np.concatenate([self.values[own, :, None], self.derivative[own]], axis=2)
         return np.linalg.lstsq(b, -(root * both).reshape(len(b), -1), rcond=1e-12)[0]
 

@@ -23,6 +23,7 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.motion import diagnose_motion
+from imuloop.diagnose.records.one_solution import with_reference
 from imuloop.diagnose.records.pose_diagnosis import (
     diagnose_poses,
     directions_without,
@@ -32,7 +33,6 @@ from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.reference import (
     diagnose_references,
     windows_table,
-    with_reference,
 )
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
@@ -123,7 +123,6 @@ def diagnose_device(
             each.content["why"] = with_sessions(each.content["why"], sessions)
     pair = [(m, each.solution) for m, each in ((force_model, force), (turn_model, turn))]
     motion = diagnose_motion(*pair, recording, settings, tests, shown)
-    beside = diagnose_references(sessions, noise, gravity, settings, tests, solutions)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
     anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
@@ -142,6 +141,7 @@ def diagnose_device(
     )
     final = replace(final, **motion.calibrations)
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
+    beside = diagnose_references(sessions, noise, gravity, settings, tests, final)
     final = with_reference(final, beside)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]

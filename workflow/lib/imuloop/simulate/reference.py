@@ -12,6 +12,7 @@ from imuloop.core.rotation import exponential, prefix_product, step_vectors
 GRID, RATE, REFERENCE_RATE = 2000.0, 200.0, 100.0
 # rad/s and m, root mean square of an axis; Hz, of the fastest motion
 TURNS, PLACES, FASTEST = 1.2, 0.12, 1.5
+REST = 8.0
 # rad/s/√Hz and m/s²/√Hz
 WHITE = {"gyroscope": 1e-4, "accelerometer": 1e-3}
 
@@ -36,6 +37,7 @@ class Beside:
     lost: float = 0.03
     swapped: float = 0.005
     clock: tuple = (0.0, 0.0)  # s, and s per s, by which the reference's stamps are too late
+    rests: int = 0  # beside the first, of `REST` s, evenly spread
     gravity: float = 9.80665
 
 
@@ -47,17 +49,24 @@ def _wander(rng, t, size):
     return size * waves / np.sqrt(6)
 
 
+def _after(t, when):
+    """Return what goes from 0 to 1 about an instant, s, in some tenths of a second."""
+    return 1 / (1 + np.exp(-np.clip((t - when) / 0.3, -50, 50)))
+
+
 def simulate_beside(truth, seed):
     """Return the columns of a log, ``t ax … gz``, and of its reference, ``t qw … px …``, SI.
 
-    The device rests for 10 s, and is turned and carried about afterwards.
+    The device rests for 10 s, and is turned and carried about afterwards, but for its `rests`.
     """
     rng = np.random.default_rng(seed)
     # some time before and after, for sensors that are late
     t = np.arange(-0.5, truth.duration_s + 0.5, 1 / GRID)
-    start = 1 / (1 + np.exp(-np.clip((t - 10.0) / 0.3, -50, 50)))
-    rate = _wander(rng, t, TURNS) * start[:, None]
-    place = _wander(rng, t, PLACES) * start[:, None]
+    moves = _after(t, 10.0)
+    for begin in np.linspace(10.0, truth.duration_s - REST, truth.rests + 1)[1:]:
+        moves = moves + _after(t, begin + REST) - _after(t, begin)
+    rate = _wander(rng, t, TURNS) * moves[:, None]
+    place = _wander(rng, t, PLACES) * moves[:, None]
     steps = exponential(step_vectors(rate, np.diff(t)))
     q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(steps)])
     attitude = Rotation.from_quat(q[:, [1, 2, 3, 0]])

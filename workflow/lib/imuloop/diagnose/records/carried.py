@@ -51,7 +51,7 @@ def carried(choices):
             model = sensor.model(solution, recording)
             bias, x = sensor.bias[s] + model.nuisances[s, :3], solution.fit.x
             T, K = sensor.unpack(x)
-            e = sensor.design(recording, base, x[6:], K)[s] @ x[6:]
+            e = sensor.design(recording, solution.effects, x[6:], K)[s] @ x[6:]
             rates.append((K * (log.w - bias) - e) @ T.T)
         t, C = log.t[rows], log.attitude[rows]
         up = np.nanmean(np.einsum("nij,nj->ni", C, log.f[rows]), axis=0)

@@ -7,10 +7,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, block_diag
 from scipy.stats import chi2
 
-from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import Solution, in_raw_units
+from imuloop.calibrate.pose_fits import Solution
 from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.diagnose.candidates import candidates
@@ -18,6 +16,7 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.carried import carried, errors_over, series
+from imuloop.diagnose.records.one_solution import BESIDE, WHOLE, of_records
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
@@ -35,10 +34,6 @@ WITHIN = (
     "in fewer than three sessions, what a reference gets wrong with attitude could look the same: "
     "more is left than its noise"
 )
-# of the set-up, not of the sensor
-BESIDE = ("time_offset", "clock_drift", "lever_arm")
-# sessions from which on whole ones are held out: without two of them one is left to learn from
-WHOLE = 3
 
 
 @dataclass(frozen=True)
@@ -51,10 +46,10 @@ class ReferenceResult:
     effects: tuple = ()  # FittedEffect each
     columns: tuple = ()  # of each effect the places of its parameters in the solution
     covariance: np.ndarray | None = None  # of the solution's parameters
-    # of each session, and the variance of their mean, SI as logged
+    # of each session, (s, 3): SI as logged, and what is left of the rotation between both bodies
     bias: np.ndarray | None = None
-    bias_variance: np.ndarray | None = None
-    frame: np.ndarray | None = None  # rad, what is left of the rotation between both bodies, too
+    frame: np.ndarray | None = None
+    variance: np.ndarray | None = None  # of the mean of both, (6,)
     windows: dict = field(default_factory=dict)  # by column: a row per window
 
 
@@ -84,16 +79,16 @@ class ReferenceProblem(PoseProblem):
         return np.sqrt(1 / np.diag(self.linearized().evidence.blocks[0].noise.precision[0]))
 
     def _made(self, base):
-        count, sensor, model = len(self.sensor.names), self.sensor, None
+        effects, sensor, model = (*self.found, *base), self.sensor, None
         if base:
             before = self.linearized(base[:-1])
             sensor = replace(sensor, weight=before.model.weight)
-            model = sensor.model_at(before.solution.fit.x, self.recording, base)
+            model = sensor.model_at(before.solution.fit.x, self.recording, effects)
         rows, z = self.base_rows
-        more = sum(len(e.parameters) for e in base)
-        known = np.hstack([rows.reshape(len(z), count), np.zeros((len(z), more))])
+        count, more = rows.shape[1], sum(len(e.parameters) for e in base)
+        known = np.hstack([rows, np.zeros((len(z), more))])
         for _ in range(2 if base else 3):
-            solution, model = sensor.fit(self.recording, base, model, (known, z))
+            solution, model = sensor.fit(self.recording, effects, model, (known, z))
             values, jacobian = model.residuals()
             variance = spread(values.reshape(-1, 3), self.floor[: len(values) : 3])
             sensor = replace(sensor, weight=1 / variance)
@@ -176,17 +171,20 @@ def shapes_beside(sensor, recording):
     return found, others
 
 
-def diagnose_reference(sensor, recording, settings, tests, poses=None):
+def diagnose_reference(sensor, recording, settings, tests, own):
     """Return the ReferenceResult of a sensor, a `calibrate.reference.ReferenceSensor`.
 
     `tests` is the number of tests of the device's other records, which share the significance,
-    `poses` the Solution that the poses give, None without one.
+    `own` the SensorCalibration by these.
     """
     session, first, _, last = sensor.windows(recording)
     if len(session) < LEAST_WINDOWS:
         why = f"{len(session)} windows with a reference, at least {LEAST_WINDOWS} needed"
         return ReferenceResult(not_testable(why))
     shapes, others = shapes_beside(sensor.sensor, recording)
+    known = of_records(sensor, own)
+    shapes = {c: s for c, s in shapes.items() if c not in set(map(type, known.effects))}
+    others |= {type(e): ("added", "found in other records") for e in known.effects}
     parts = _parts(recording, session, first, settings.folds)
     problem = ReferenceProblem(
         started(sensor, recording),
@@ -195,7 +193,8 @@ def diagnose_reference(sensor, recording, settings, tests, poses=None):
         settings,
         tests + settings.family * len(shapes),
         parts,
-        base_rows=_of_poses(sensor, poses),
+        known.effects,
+        base_rows=known.rows(),
     )
     try:
         if reason := problem.lost(()):
@@ -203,30 +202,6 @@ def diagnose_reference(sensor, recording, settings, tests, poses=None):
         return _diagnosed(Choices(problem), others, (session, first, last))
     except LinAlgError:
         return ReferenceResult(not_testable(SINGULAR))
-
-
-def _of_poses(sensor, poses):
-    """Return rows R and z of what the poses say of the base model's parameters.
-
-    The gyroscope's T refers to the accelerometer there, and to the reference here: its
-    antisymmetric part, a rotation, is open.
-    """
-    if poses is None:
-        return np.zeros((0, len(sensor.names))), np.zeros(0)
-    count = 9 if sensor.sensor == "gyroscope" else 6
-    x, covariance = poses.fit.x[:count], poses.fit.scaled_covariance[:count, :count]
-    if sensor.sensor == "gyroscope":
-        # of T01 T02 T10 T12 T20 T21 the symmetric part
-        part = np.zeros((6, 9))
-        part[[0, 1, 2], [0, 1, 3]] = part[[0, 1, 2], [2, 4, 5]] = 0.5
-        part[[3, 4, 5], [6, 7, 8]] = 1.0
-        x, covariance = part @ x, part @ covariance @ part.T
-    information = np.linalg.inv(covariance)
-    size = np.sqrt(np.diag(information))
-    values, axes = np.linalg.eigh(information / np.outer(size, size))
-    shown = values > 1e-9 * values.max()
-    rows = np.sqrt(values[shown])[:, None] * axes[:, shown].T * size
-    return rows, rows @ x
 
 
 def _parts(recording, session, first, count):
@@ -246,6 +221,7 @@ def _diagnosed(choices, others, windows):
     judged, columns = judged_residuals(choices, (kind,), len(problem.sensor.kinds) * 2)
     solution, x = problem.linearized(added).solution, problem.linearized(added).solution.fit.x
     covariance, at = problem.covariance(added), len(problem.sensor.names)
+    at += sum(len(e.parameters) for e in problem.found)
     std, fitted, columns_of = np.sqrt(np.diag(covariance)), [], []
     for effect in added:
         own = [*range(at, at + len(effect.parameters))]
@@ -269,11 +245,11 @@ def _diagnosed(choices, others, windows):
     }
     model = problem.linearized(added).model
     bias = problem.sensor.bias + model.nuisances[:, :3]
-    # of one session by its windows, of several also by how they differ
-    root = np.sqrt(model.weight)[:, None, None] * model.nuisance
-    variance = np.diag(np.linalg.pinv(np.einsum("mai,maj->ij", root, root)))[:3]
+    # as the windows show, and as sessions differ
+    variance = np.diag(model.mean_covariance(covariance))[:6]
     if len(bias) > 1:
-        variance = np.maximum(variance, bias.var(axis=0, ddof=1) / len(bias))
+        found = np.hstack([bias, model.nuisances[:, 3:6]])
+        variance = np.maximum(variance, found.var(axis=0, ddof=1) / len(bias))
     return ReferenceResult(
         content,
         solution,
@@ -282,17 +258,17 @@ def _diagnosed(choices, others, windows):
         tuple(columns_of),
         covariance,
         bias,
-        variance,
         model.nuisances[:, 3:6],
+        variance,
         place | {"residual": np.full(len(session), kind, object)} | columns,
     )
 
 
-def diagnose_references(sessions, noise, gravity, settings, tests, solutions):
+def diagnose_references(sessions, noise, gravity, settings, tests, calibration):
     """Return the ReferenceResult of each sensor, empty of a device without such a session.
 
     Takes sessions as `calibrate.calibrate.usable` does, the NoiseModel, local gravity, m/s^2, the
-    number of tests of the other records and the Solutions of the poses, by sensor.
+    number of tests of the other records and the Calibration by these.
     """
     kinds = [session["kind"] for session in sessions.values()]
     if "reference_motion" not in kinds:
@@ -300,8 +276,8 @@ def diagnose_references(sessions, noise, gravity, settings, tests, solutions):
     recording = read_reference(sessions)
     found = {}
     for sensor in (Accelerometer(noise, gravity), Gyroscope(noise, gravity)):
-        poses = solutions[sensor.sensor]
-        found[sensor.sensor] = diagnose_reference(sensor, recording, settings, tests, poses)
+        own = getattr(calibration, sensor.sensor)
+        found[sensor.sensor] = diagnose_reference(sensor, recording, settings, tests, own)
     return found
 
 
@@ -315,52 +291,3 @@ def windows_table(results):
             own = result.windows.get(name, missing)
             table[name] = np.concatenate([column, np.asarray(own, column.dtype)])
     return table
-
-
-def with_reference(calibration, results):
-    """Return the calibration; of a sensor that no poses determine, that beside the reference.
-
-    Effects of where a marker sits and how late the reference is are not the sensor's: they are not
-    in it; nor is what was held out within a session only. The gyroscope's axes are turned onto the
-    accelerometer's where places show these.
-    """
-    known = {s: r for s, r in results.items() if r.solution is not None}
-    solution, turned = {}, np.zeros((1, 3))
-    if len(known) == 2:
-        turned = known["gyroscope"].frame - known["accelerometer"].frame
-    for sensor, result in known.items():
-        own = getattr(calibration, sensor)
-        if own.method not in ("nominal", "static"):
-            continue
-        x, covariance, count = result.solution.fit.x, result.covariance, 6
-        names, model = accelerometer.NAMES, Accelerometer
-        if sensor == "gyroscope":
-            names, model = gyroscope.NAMES, Gyroscope
-        T, K = model.unpack(x)
-        if sensor == "gyroscope":
-            T = T + cross_matrix(turned.mean(axis=0)[None])[0]
-        at, kept = [*range(count)], []
-        for effect, columns in zip(result.effects, result.columns, strict=True):
-            if effect.name not in BESIDE and len(result.bias) >= WHOLE:
-                kept.append(effect.effect)
-                at += columns
-        order = [(int(n[1]), int(n[2])) for n in names if n[0] == "T"]
-        values = [*(T[i] for i in order), *K, *result.bias.mean(axis=0)]
-        values = np.append(values, x[at[count:]])
-        # what each parameter is of those of the fit; T of a gyroscope is symmetric but for the turn
-        gain = np.zeros((len(values), len(at)))
-        for row, (i, j) in enumerate(order):
-            gain[row, [(0, 1), (0, 2), (1, 2)].index((min(i, j), max(i, j)))] = 1.0
-        first = len(order)
-        gain[range(first, first + 3), range(3, 6)] = 1.0
-        gain[range(first + 6, len(values)), range(6, len(at))] = 1.0
-        spread_ = gain @ covariance[np.ix_(at, at)] @ gain.T
-        spread_[range(first + 3, first + 6), range(first + 3, first + 6)] = result.bias_variance
-        if sensor == "gyroscope" and len(turned) > 1:
-            own_turn = (turned.var(axis=0, ddof=1) / len(turned))[[2, 1, 2, 0, 1, 0]]
-            spread_[range(6), range(6)] += own_turn
-        made = in_raw_units(
-            own.raw_unit, names, values, spread_, method="reference_motion", effects=kept
-        )
-        solution[sensor] = made
-    return replace(calibration, **solution)
