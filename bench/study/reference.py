@@ -44,30 +44,34 @@ def base(seed):
     return Beside(T=T, K={s: 1 + rng.normal(0, 0.004, 3) for s in SENSORS})
 
 
-def diagnosed(truth, seed, limits=True, declared=DECLARED, change=None, log_change=None):
+def diagnosed(
+    truth, seed, limits=True, declared=DECLARED, change=None, log_change=None, sessions=1
+):
     """Return diagnosis.json (None where the log was rejected), quality.json and calibration.
 
-    `change` and `log_change` take the columns of the reference and of the log, and harm them.
+    `change` and `log_change` take the columns of the reference and of the log, and harm them; of
+    several sessions each moves and rests in its own way.
     """
     none = no_attitude("study", "not asked for")
     with TemporaryDirectory() as folder, patch(ATTITUDE, return_value=none):
-        folder = Path(folder)
-        for name, columns, harm in zip(
-            ("log", "reference"), simulate_beside(truth, seed), (log_change, change), strict=True
-        ):
-            table = harm(columns) if harm else columns
-            pd.DataFrame(table).to_parquet(folder / f"{name}.parquet", index=False)
-        device = Device("study", folder, {"hand": "reference_motion"}, gravity=truth.gravity)
-        paths = [folder / "log.parquet", folder / "reference.parquet"]
-        sources = {
-            role: {"path": str(path)}
-            for role, path in zip(("log", "reference"), paths, strict=True)
-        }
-        told = {"reference": declared, "sources": sources, "columns": {"time": "t"}}
-        failures = chain.ingest(device, "hand", told, paths)
-        quality = read_json(folder / "hand/quality.json")
-        if failures or quality["status"] != "ok":
-            return None, quality, None
+        folder, names = Path(folder), [f"hand_{k}" for k in range(sessions)]
+        kinds = dict.fromkeys(names, "reference_motion")
+        device = Device("study", folder, kinds, gravity=truth.gravity)
+        for k, session in enumerate(names):
+            paths = [folder / f"{session}_{role}.parquet" for role in ("log", "reference")]
+            tables = simulate_beside(truth, [seed, k] if k else seed)
+            for path, columns, harm in zip(paths, tables, (log_change, change), strict=True):
+                table = harm(columns) if harm else columns
+                pd.DataFrame(table).to_parquet(path, index=False)
+            sources = {
+                role: {"path": str(path)}
+                for role, path in zip(("log", "reference"), paths, strict=True)
+            }
+            told = {"reference": declared, "sources": sources, "columns": {"time": "t"}}
+            failures = chain.ingest(device, session, told, paths)
+            quality = read_json(folder / session / "quality.json")
+            if failures or quality["status"] != "ok":
+                return None, quality, None
         with patch(LIMITS, return_value={}) if not limits else patch(ATTITUDE, return_value=none):
             for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
                 failures += stage(device)
@@ -84,7 +88,8 @@ def put_in(truth, sensor, name, values):
     if name == "clock_drift":
         return replace(truth, drift=values["d"])
     if name == "lever_arm":
-        return replace(truth, arm=tuple(values.get(f"r{k}", 0.0) for k in "xyz"))
+        arm = [[values.get(f"r{k}", values.get(f"r{i}{k}", 0.0)) for k in "xyz"] for i in "xyz"]
+        return replace(truth, arm=np.array(arm))
     G = [[values.get(f"G{i}{j}", 0.0) for j in range(3)] for i in range(3)]
     return replace(truth, G=np.array(G))
 

@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.study.reference import base, diagnosed
+from imuloop.core.effect import Channels, find_effect
 
 SEED = 12170
 QUATERNION = ["qw", "qx", "qy", "qz"]
@@ -120,3 +122,31 @@ def test_rests_beside_a_reference_are_poses_of_one_solution():
     assert by_motion.gyroscope.method == "reference_motion"
     for name in ("K0", "K1", "K2"):
         assert calibration.gyroscope.std[name] < by_motion.gyroscope.std[name]
+
+
+def test_arm_of_each_axis_is_found_and_applied():
+    arm = np.array([[0.05, 0.0, 0.01], [0.0, 0.04, -0.01], [0.01, 0.0, -0.02]])
+    truth = replace(base(SEED), arm=arm)
+    diagnosis, _, calibration = diagnosed(truth, SEED, limits=False, sessions=3)
+    effects = found(diagnosis)["accelerometer"]
+    assert set(effects) == {"lever_arm", "size_effect"}
+    # from the marker to the z axis, and from there
+    assert max(off(effects["lever_arm"], arm[2])) < 3.5
+    assert max(off(effects["size_effect"], (arm[:2] - arm[2]).ravel())) < 3.5
+    (own,) = calibration.accelerometer.effects
+    assert own.effect == find_effect("lever_arm")()
+    assert own.values == effects["size_effect"]["parameters"]
+    # as a calibration is applied
+    t = np.arange(0, 2, 0.01)
+    turning = np.column_stack([np.sin(3 * t), np.cos(2 * t), 0.3 * t])
+    samples = {"t": t} | dict.fromkeys(("ax", "ay", "az"), 0.0 * t)
+    samples |= dict(zip(("gx", "gy", "gz"), turning.T, strict=True))
+    still = replace(calibration.accelerometer, effects=())
+    parts = (calibration, replace(calibration, accelerometer=still))
+    with_arms, without = (
+        np.column_stack([c.apply(pd.DataFrame(samples))[k] for k in ("ax", "ay", "az")])
+        for c in parts
+    )
+    w = calibration.gyroscope.aligned(turning)
+    e = own.output(Channels(t, 0 * w, w))
+    np.testing.assert_allclose(without - with_arms, e @ still.T.T, atol=1e-9)

@@ -22,13 +22,14 @@ class Beside:
     """What a device has that its data sheet does not say, and how good its reference is; SI.
 
     `dt` and `drift` are by sensor and as of the effects time_offset and clock_drift, `arm` from
-    marker to sensor, `G` the gyroscope's sensitivity to specific force, T and K of both sensors.
+    marker to sensor, (3,), or to each of its axes, (3, 3), `G` the gyroscope's sensitivity to
+    specific force, T and K of both sensors.
     """
 
     duration_s: float = 120.0
     dt: dict = field(default_factory=dict)
     drift: float = 0.0
-    arm: tuple = (0.0, 0.0, 0.0)
+    arm: np.ndarray | tuple = (0.0, 0.0, 0.0)
     G: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     T: dict = field(default_factory=dict)
     K: dict = field(default_factory=dict)
@@ -71,9 +72,10 @@ def simulate_beside(truth, seed):
     q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(steps)])
     attitude = Rotation.from_quat(q[:, [1, 2, 3, 0]])
     pushed = CubicSpline(t, place)(t, 2) + np.array([0, 0, truth.gravity])
-    arm, change = np.array(truth.arm), np.gradient(rate, t, axis=0)
-    force = attitude.inv().apply(pushed)
-    force = force + np.cross(change, arm) + np.cross(rate, np.cross(rate, arm))
+    change, force = np.gradient(rate, t, axis=0), attitude.inv().apply(pushed)
+    for axis, arm in enumerate(np.broadcast_to(truth.arm, (3, 3))):
+        turned = np.cross(change, arm) + np.cross(rate, np.cross(rate, arm))
+        force[:, axis] += turned[:, axis]
     log = {"t": np.arange(0, truth.duration_s, 1 / RATE)}
     middle = log["t"][-1] / 2
     true = {"accelerometer": force, "gyroscope": rate}

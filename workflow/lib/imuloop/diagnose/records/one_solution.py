@@ -10,6 +10,8 @@ from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.pose_fits import as_logged, in_raw_units
 from imuloop.calibrate.reference import Accelerometer, Gyroscope
+from imuloop.effects.lever_arm import LeverArm
+from imuloop.effects.size_effect import SizeEffect
 
 # of the set-up, not of the sensor
 BESIDE = ("time_offset", "clock_drift", "lever_arm")
@@ -122,7 +124,8 @@ def with_reference(calibration, results):
         kept, more = [], []
         for effect, columns in zip(result.effects, result.columns, strict=True):
             if effect.name not in BESIDE and len(result.bias) >= WHOLE:
-                kept.append(effect.effect)
+                arms = isinstance(effect.effect, SizeEffect)
+                kept.append(LeverArm() if arms else effect.effect)
                 more += columns
         if own.method in UNFITTED:
             solution[sensor] = _alone(sensor, own, result, turned, kept, more)
