@@ -72,6 +72,19 @@ def test_offset_drift_and_arm_are_found_alone_and_in_size():
     assert means == sorted(means, reverse=True)
 
 
+# from -4 to 4 ms within the log, and from -4 to 8: neither alone lowers the error of all parts
+@pytest.mark.parametrize(
+    "truth", [{"clock_drift": 6.7e-5}, {"clock_drift": 1e-4, "time_offset": 2e-3}]
+)
+def test_offset_that_drifts_through_zero_is_named(truth):
+    late = {"gyroscope": truth.get("time_offset", 0.0)}
+    device = replace(base(SEED), dt=late, drift=truth["clock_drift"])
+    effects = found(diagnosed(device, SEED, limits=False)[0])["gyroscope"]
+    assert set(effects) == set(truth)
+    for name, true in truth.items():
+        assert max(off(effects[name], [true])) < 3
+
+
 def test_device_without_effects_is_consistent():
     # one of forty devices is above its floor by chance, as that of SEED
     diagnosis, *_ = diagnosed(base(SEED + 1), SEED + 1, limits=False)
@@ -98,7 +111,10 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
     assert verdict == "unexplained"
 
 
-@pytest.mark.parametrize(("clock", "drift"), [((3.0, 0.0), 0.0), ((0.0, 5e-4), 5e-4)])
+# 50 and 500 ppm
+@pytest.mark.parametrize(
+    ("clock", "drift"), [((3.0, 0.0), 0.0), ((0.0, 5e-5), 5e-5), ((0.0, 5e-4), 5e-4)]
+)
 def test_clock_of_its_own_is_handled_or_named(clock, drift):
     diagnosis, quality, _ = diagnosed(replace(base(SEED), clock=clock), SEED, limits=False)
     effects = found(diagnosis)["gyroscope"]

@@ -12,3 +12,5 @@ class SizeEffect(LeverArm):
 
     name = "size_effect"
     records = ("reference",)
+    # elsewhere `lever_arm` says it
+    unobservable = None
