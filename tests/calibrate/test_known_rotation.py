@@ -1,7 +1,4 @@
-"""Turns of a known angle or rate: what comes back, held out too, and beside imucal's result."""
-
-import json
-from pathlib import Path
+"""Turns of a known angle or rate: what comes back, held out too."""
 
 import numpy as np
 import pandas as pd
@@ -18,9 +15,6 @@ from imuloop.core.units import RawUnit
 K = np.array([1.02, 0.985, 1.004])
 T = np.array([[1.0, 0.006, -0.004], [0.003, 1.0, 0.002], [-0.005, 0.001, 1.0]])
 BIAS = np.array([0.004, -0.002, 0.001])
-# scale factors by imucal 2.6.0, FerrarisCalibration of its example session: logged over true
-IMUCAL = np.array([1.027924, 0.982428, 0.99831])
-RATE = 102.4
 
 
 def calibrated(folder, kinds, declared, paths):
@@ -75,33 +69,6 @@ def test_turn_held_out_is_predicted_by_the_others(turntable):
         errors = turns.errors(made)[k]
         # half a degree over a full turn, of those about z, whose axis gravity gives, too
         assert np.linalg.norm(errors) < np.radians(0.5) * np.linalg.norm(turns.target[k]) / 6.28
-
-
-def test_ferraris_session_has_the_scale_that_imucal_finds(recordings, tmp_path):
-    path = recordings("example_ferraris_session.csv")
-    marks = json.loads(Path(recordings("example_ferraris_session_list.json")).read_text())
-    # about each axis backwards
-    sections = [
-        {"axis": f"-{axis}", "angle": 360}
-        | {end: marks[f"{axis}_rot"][end] / RATE for end in ("start", "end")}
-        for axis in "xyz"
-    ]
-    declared = {
-        "columns": {
-            "acceleration": ["acc_x", "acc_y", "acc_z"],
-            "angular_rate": ["gyr_x", "gyr_y", "gyr_z"],
-        },
-        "units": {"angular_rate": "deg/s"},
-        "rate": RATE,
-        "known_rotation": sections,
-    }
-    kinds = {"faces": "six_position", "turns": "known_rotation"}
-    device = calibrated(tmp_path, kinds, declared, dict.fromkeys(kinds, path))
-    found = Calibration.from_json(device.file("multi_position.json")).gyroscope
-    assert found.method == "known_rotation"
-    np.testing.assert_allclose(np.radians(1) / found.K, IMUCAL, rtol=3e-4)
-    # imucal refers T to the turns as if they were square to each other: to 1 degree they are
-    assert np.abs(found.T - np.eye(3)).max() < 0.02
 
 
 def test_turns_about_one_axis_determine_nothing_alone(turntable):
