@@ -64,7 +64,7 @@ def test_gyroscope_gives_back_offset_scale_and_axes():
     own = replace(CLEAN, dt={"gyroscope": -0.004}, K={"gyroscope": K}, T={"gyroscope": T})
     known, effects = recording(own), (find_effect("time_offset")(),)
     sensor = started(Gyroscope(NOISE, 9.80665), known)
-    x = sensor.fit(known, effects).fit.x
+    x = sensor.fit(known, effects)[0].fit.x
     assert x[6] == pytest.approx(-0.004, abs=1e-4)
     np.testing.assert_allclose(x[3:6], K, atol=5e-4)
     np.testing.assert_allclose(x[:3], [0.004, -0.0015, 0.0], atol=5e-4)
@@ -75,7 +75,7 @@ def test_accelerometer_gives_back_where_it_sits():
     known = recording(own)
     effects = (find_effect("time_offset")(), find_effect("lever_arm")(marker=1))
     sensor = started(Accelerometer(NOISE, 9.80665), known)
-    x = sensor.fit(known, effects).fit.x
+    x = sensor.fit(known, effects)[0].fit.x
     assert x[6] == pytest.approx(0.002, abs=1e-4)
     # from the marker to the sensor
     np.testing.assert_allclose(x[7:], [0.02, -0.01, 0.03], atol=5e-4)

@@ -114,6 +114,8 @@ class Effect:
         How far about a point the effect looks, s; what it remembers besides is in `Channels.past`.
     lasting : bool
         Whether a device that had it in one record has it in the next.
+    hidden_by : tuple of str
+        Effects without which its own can look like none, as theirs without it.
     bounds : dict of str to (float, float)
         Least and largest value of a constant, where not any number will do.
     """
@@ -130,6 +132,7 @@ class Effect:
     timed: ClassVar[bool] = False
     reach: ClassVar[float] = 0.0
     lasting: ClassVar[bool] = True
+    hidden_by: ClassVar[tuple[str, ...]] = ()
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 
     library: ClassVar[dict[str, type]] = {}

@@ -115,17 +115,16 @@ class Choices:
             wide, ratio = self._lower(base, best, out)
             if wide:
                 return wide, failed
-            failed[best.classes] = ratio
-        # errors of another effect can hide that one lowers them; so can each of two those of both,
-        # as an offset in time and its drift, which is none in the middle
-        for first in [search.trial(base, cls) for cls in failed if type(cls) is not tuple]:
-            tried = set()
-            while more := search.best((*base, *first.effects), tried):
+            classes = tuple(map(type, best.effects))
+            failed[classes if len(classes) > 1 else classes[0]] = ratio
+        # errors of another effect can hide that one lowers them
+        for first in (search.trial(base, cls) for cls in failed if type(cls) is not tuple):
+            banned = {c for c in failed if getattr(c, "name", None) not in first.effect.hidden_by}
+            if more := search.best((*base, *first.effects), banned):
                 both = replace(first, effects=(*first.effects, *more.effects))
                 wide, _ = self._lower(base, both, out)
                 if wide:
                     return wide, failed
-                tried.add(more.classes)
         return base, failed
 
     def _lower(self, base, trial, out):

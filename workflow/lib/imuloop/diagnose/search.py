@@ -35,12 +35,6 @@ class Trial:
         return self.effects[0]
 
     @property
-    def classes(self):
-        """The effect's type; a tuple of types of a pair."""
-        classes = tuple(map(type, self.effects))
-        return classes if len(classes) > 1 else classes[0]
-
-    @property
     def p_value(self):
         """Probability of such a pattern without the effect, at most 1."""
         return float(min(1.0, np.exp(self.log_p)))

@@ -11,6 +11,7 @@ class SizeEffect(LeverArm):
     """
 
     name = "size_effect"
+    equation = "that of `lever_arm`"
     records = ("reference",)
     # elsewhere `lever_arm` says it
     unobservable = None
