@@ -78,10 +78,7 @@ ONE_FAULT = {
         session(SOUND, "noise: {views: [psd, hadamrd]},"),
         "devices.imu.noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?",
     ),
-    "missing key": (
-        session("file: poses.csv"),
-        "devices.imu.sessions.a.kind: missing; a needs it",
-    ),
+    "missing key": (session("file: poses.csv"), "devices.imu.sessions.a.kind: missing; a needs it"),
     "nothing": (session(SOUND, "label: ,"), "devices.imu.label: nothing is given"),
     "no devices": ("devices: {}", "devices: empty"),
     "device name": (
@@ -171,10 +168,7 @@ ONE_FAULT = {
         session(SOUND, "gravity: 98,"),
         "devices.imu.gravity: 98 is greater than the maximum of 9.9",
     ),
-    "in the defaults": (
-        session(SOUND) + "\ndefaults: {label: 3}",
-        "defaults.label: 3 is not text",
-    ),
+    "in the defaults": (session(SOUND) + "\ndefaults: {label: 3}", "defaults.label: 3 is not text"),
     "mirror": (session(SOUND) + "\nmirror: nowhere", "mirror: there is no folder nowhere"),
     "twice": (
         "devices:\n  imu: {sessions: {a: {kind: static, file: poses.csv}}}\n"

@@ -48,11 +48,7 @@ def refused(run, write):
 def test_phyphox(log, run, write, kind, separator, decimal):
     done = run(write(phyphox(log, kind, separator, decimal)))
     check(done, log)
-    assert done.metadata["units"] == {
-        "time": "s",
-        "acceleration": "m/s^2",
-        "angular_rate": "rad/s",
-    }
+    assert done.metadata["units"] == {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s"}
     assert done.quality["warnings"][0] == "an export of phyphox"
     assert done.quality["rows"] == 500
 

@@ -26,21 +26,14 @@ MPU9150 = {
     "columns": {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]},
     "rate": 100,
 }
-ADIS16405 = {
-    "kind": "static",
-    "units": {"acceleration": "g", "angular_rate": "deg/s"},
-    "rate": 100,
-}
+ADIS16405 = {"kind": "static", "units": {"acceleration": "g", "angular_rate": "deg/s"}, "rate": 100}
 
 
 def array(chip, **changed):
     """What is declared of a chip of the array."""
     columns = {"time": "t_us", "acceleration": [f"a{x}{chip}" for x in "xyz"]}
     columns["angular_rate"] = [f"g{x}{chip}" for x in "xyz"]
-    nominal = {
-        "acceleration": {"scale": 0.0047884},
-        "angular_rate": {"scale": 0.001064225},
-    }
+    nominal = {"acceleration": {"scale": 0.0047884}, "angular_rate": {"scale": 0.001064225}}
     units = {"time": "us", **COUNTS}
     return {
         "kind": "multi_position",

@@ -193,9 +193,7 @@ def test_temperature_of_a_slow_clock():
     np.testing.assert_allclose(table["temperature"][inside], 20 + 4 * table["stamp"][inside])
     assert log.found["temperature"] == "baro.temperature"
     assert log.units == {"temperature": "K"}
-    assert log.notes == [
-        "temperature of baro interpolated linearly onto the stamps of imu",
-    ]
+    assert log.notes == ["temperature of baro interpolated linearly onto the stamps of imu"]
     assert not raw_log([stream(), thermometer], {"temperature": None}).temperature
 
 

@@ -143,10 +143,7 @@ def test_px4s_own_numbers_of_its_sensors(run, single, write):
     number = {"device_id": np.full(500, 1310988, dtype="u4")}
     accel, gyro = sensor(single, "accel", 0, **number), sensor(single, "gyro", 0)
     found = ids(accel, gyro, CAL_ACC0_ID=7, CAL_ACC1_ID=1310988, CAL_GYRO0_ID=9, CAL_GYRO1_ID=0)
-    assert found == {
-        "accelerometer": {"id": 1310988, "slot": 1},
-        "gyroscope": {"id": 9, "slot": 0},
-    }
+    assert found == {"accelerometer": {"id": 1310988, "slot": 1}, "gyroscope": {"id": 9, "slot": 0}}
     # which of two was logged is not known
     assert ids(combined(single), CAL_ACC0_ID=7, CAL_ACC1_ID=8, CAL_GYRO2_ID=9) == {
         "gyroscope": {"id": 9, "slot": 2}

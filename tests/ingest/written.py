@@ -137,8 +137,7 @@ def sensor_logger(log, named, about=("android", "false")):
     t = BEGUN + np.rint(log.t.to_numpy() * 1e9).astype(np.int64)
     members = {
         f"{file}.csv": table(
-            ["time", "seconds_elapsed", "z", "y", "x"],
-            [t, log.t, *(log[c] for c in columns[::-1])],
+            ["time", "seconds_elapsed", "z", "y", "x"], [t, log.t, *(log[c] for c in columns[::-1])]
         )
         for file, columns in named.items()
     }

@@ -128,12 +128,7 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
 
 SHORT = Sampling(RATE, (0,), (4000,), (0,))
 SHORT_BASIS = modes([SHORT])
-SLOW = {
-    "white": {},
-    "flicker": {"B": 6e-3},
-    "walk": {"K": 4e-3},
-    "hump": {"hump": (0.02, 10.0)},
-}
+SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump": (0.02, 10.0)}}
 
 
 def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):

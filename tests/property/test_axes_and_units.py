@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibrate.devices import (
-    ACCELERATION_UNIT,
-    RATE_UNIT,
-    IndependentMeans,
-    known_noise,
-    recording,
-)
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, IndependentMeans, known_noise, recording
 from imuloop.calibrate.accelerometer import unpack
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.pose_fits import AccelerometerPoses
@@ -25,14 +19,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.units import RawUnit
 from imuloop.simulate.truth import example_truth
-from property.strategies import (
-    G,
-    directions,
-    misalignments,
-    seeds,
-    signed_permutations,
-    vectors,
-)
+from property.strategies import G, directions, misalignments, seeds, signed_permutations, vectors
 
 SETTINGS = CalibrateSettings()
 ERROR = 2e-3

@@ -72,10 +72,7 @@ def test_accelerometer_is_late_and_off_the_marker(device):
 
 def test_windows_are_those_of_the_diagnosis(device):
     table = pd.read_parquet(device.file("reference.parquet"))
-    for sensor, kind in (
-        ("gyroscope", "reference_rotation"),
-        ("accelerometer", "reference_force"),
-    ):
+    for sensor, kind in (("gyroscope", "reference_rotation"), ("accelerometer", "reference_force")):
         residual = found(device, sensor)[0]["residuals"][kind]
         own = table[table["residual"] == kind]
         assert len(own) == residual["n"]

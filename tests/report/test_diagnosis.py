@@ -10,9 +10,7 @@ from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.figures.bias import temperatures
 from imuloop.report.section import diagnosis_part
-from imuloop.report.tables.candidates import (
-    ranked,
-)
+from imuloop.report.tables.candidates import ranked
 from imuloop.report.tables.diagnosis import effect_table, largest_difference
 from imuloop.report.units import data_sheet
 from imuloop.report.verdict import UNTESTED, answers, blocks, leading, sentence, too_quiet

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop.calibrate.calibrate import (
-    calibrate_accelerometer,
-    calibrate_gyroscope,
-)
+from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError
@@ -17,9 +14,7 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.simulate.truth import Noise, example_truth
 from imuloop.validate.drift import check_drift, holm
-from imuloop.validate.drift_residuals import (
-    OldParameters,
-)
+from imuloop.validate.drift_residuals import OldParameters
 
 SEEDS = 100
 
