@@ -24,14 +24,12 @@ def hurried(name):
 
 
 def verdicts(device):
-    """Return the diagnosis of both sensors of a device that is ingested."""
     with hurried(device.name):
         stages(device)
     return read_json(device.file("diagnosis.json"))["sensors"]
 
 
 def diagnosed(folder, log, kind="multi_position", **settings):
-    """Return the diagnosis of both sensors of one log."""
     device = chain.Device("imu", folder, {"log": kind}, **settings)
     log.to_parquet(folder / "log.parquet", index=False)
     assert chain.ingest(device, "log", {}, [folder / "log.parquet"]) == []
@@ -39,5 +37,4 @@ def diagnosed(folder, log, kind="multi_position", **settings):
 
 
 def blank(figure, file, **how):
-    """Save nothing of a figure, for tests that look at none."""
     file.write("<svg></svg>")

@@ -272,7 +272,6 @@ def linked_hard(path):
 
 @pytest.fixture
 def log(device, tmp_path):
-    """A raw log and its calibration in a folder of their own."""
     folder = tmp_path / "in"
     folder.mkdir()
     for name in ("1.csv", "calibration.json", "noise.json"):

@@ -53,7 +53,6 @@ def fitted(name, **constants):
 
 
 def put(path, value):
-    """Return what puts a value at a path of keys, or takes away what is there."""
     *parents, last = [int(key) if key.isdigit() else key for key in path.split(".")]
 
     def change(content):

@@ -27,7 +27,6 @@ class IndependentMeans:
 
 
 def known(value):
-    """Return the coefficient of a noise of which all is known."""
     return Coefficient(float(value), (float(value), float(value)), float(value), True)
 
 
@@ -42,13 +41,11 @@ def known_noise(truth):
 
 
 def recorded(*samples):
-    """Return the poses and rotations of sessions."""
     segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
     return record(list(samples), segments, 30.0)
 
 
 def recording(truth, seed, session="multi_position"):
-    """Return the poses and rotations of a simulated session."""
     return recorded(simulate_session(truth, session, seed))
 
 

@@ -24,7 +24,6 @@ RATE = 102.4
 
 
 def calibrated(folder, kinds, declared, paths):
-    """Return the device after its calibration."""
     device = Device("d", folder, kinds)
     for name in kinds:
         own = {k: v for k, v in declared.items() if k != "known_rotation" or name == "turns"}

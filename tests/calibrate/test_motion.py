@@ -41,7 +41,6 @@ def motion(truth, one):
 
 
 def values(name, seed=0):
-    """Return random values of an effect's parameters."""
     effect = find_effect(name)()
     drawn = SIZE[name] * np.random.default_rng(seed).uniform(0.5, 1.5, len(effect.parameters))
     return effect, dict(zip(effect.parameters, drawn.tolist(), strict=True))
@@ -74,7 +73,6 @@ def test_what_was_put_in_comes_back(name):
 
 
 def injected(name, true, truth):
-    """Return a device with an effect."""
     extra = lambda now: physics.EFFECTS[name](now, true, {})  # noqa: E731
     return with_effects(truth, [Injected(find_effect(name).sensors[0], name, true, extra=extra)])
 

@@ -28,7 +28,6 @@ CLEAN = Beside(duration_s=60.0, attitude_noise=0.0, place_noise=0.0, lost=0.0, s
 
 
 def recording(truth, seed=12160):
-    """Return a ReferenceRecording of one simulated session."""
     log, reference = simulate_beside(truth, seed)
     own = slice(None, None, 2)
     f, w = (np.column_stack([log[f"{s}{k}"][own] for k in "xyz"]) for s in "ag")

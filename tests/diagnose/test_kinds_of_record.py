@@ -42,7 +42,7 @@ class Column:
 
 
 class Beside(Column):
-    """The candidate beside which others are tested."""
+    pass
 
 
 BESIDE, CANDIDATE, LIKE_IT = Beside(0), Column(1), Column(2)
@@ -81,7 +81,6 @@ class Linear:
         return *left, len(fit) - fit.shape[1]
 
     def p_value(self, base, candidate, out, least):
-        """Return the p-value of generalised least squares, by the book."""
         before, after, dof = self.squares(base, candidate, out)
         return f_distribution.sf((before - after) / max(least, after / dof), 1, dof)
 

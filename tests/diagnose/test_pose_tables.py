@@ -49,7 +49,6 @@ def session(turns):
 
 
 def moves(made, names, residuals):
-    """Return the table of moves of the gyroscope that logged them."""
     gain = {f"G{i}{j}": GAIN * (i == j) for i in range(3) for j in range(3)}
     effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 0.0))
     force = calibrated_force(SensorCalibration.nominal(ACCELERATION_UNIT, ""), made, None)
@@ -59,7 +58,6 @@ def moves(made, names, residuals):
 
 @pytest.fixture(scope="module")
 def two():
-    """A recording of two sessions, of three and two poses."""
     slanted = np.array([0.0, 0.6, 0.8])
     logs = [session([((0, 0, 1), 90), ((1, 0, 0), -40)]), session([(slanted, 200)])]
     return record(*zip(*logs, strict=True), 30.0)

@@ -98,7 +98,6 @@ def test_bias_scale_lost_rows_and_a_narrow_range_change_nothing(kind, swapped):
 
 
 def about_x(rng):
-    """A device turned to and fro about its x axis alone."""
     t = np.arange(6000) / 100
     angle = 1.2 * np.sin(2 * np.pi * t / 6) * (t > 6)
     force = 9.8 * np.array([0 * t, np.sin(angle), np.cos(angle)])

@@ -36,7 +36,6 @@ def sampled(table, columns, instance=0, shift=0):
 
 @pytest.fixture
 def single(log):
-    """The log in single precision."""
     return log.astype(np.float32)
 
 

@@ -14,7 +14,6 @@ from imuloop.ingest import convert
 
 @pytest.fixture
 def path(log, tmp_path):
-    """The log as CSV."""
     log.to_csv(tmp_path / "log.csv", index=False)
     return tmp_path / "log.csv"
 

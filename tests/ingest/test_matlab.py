@@ -59,7 +59,6 @@ BOTH = pytest.mark.parametrize("save", [save_5, save_73])
 
 @pytest.fixture
 def arrays(log):
-    """The log as a time and a matrix a sensor."""
     return {"t": log.t.to_numpy()} | {name: log[axes].to_numpy() for name, axes in SENSORS.items()}
 
 
@@ -69,7 +68,6 @@ def path(tmp_path):
 
 
 def counts(kind):
-    """Return whole numbers of a type, none beyond what float64 holds."""
     low, high = max(np.iinfo(kind).min, -(2**53)), min(np.iinfo(kind).max, 2**53)
     return np.random.default_rng(0).integers(low, high, (300, 6), kind)
 
@@ -150,8 +148,6 @@ def test_other_files_are_rejected(run, path, content, reason):
 
 
 def opaque(name, what):
-    """Return a MATLAB object as version 5 keeps it."""
-
     def element(kind, content):
         return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
 

@@ -11,8 +11,6 @@ pytestmark = pytest.mark.usefixtures("in_process")
 
 @pytest.fixture
 def write(log, tmp_path):
-    """Write the log as NetCDF; give its path."""
-
     def call(units="seconds since 2021-09-20 08:52:00", order=("time", "axis"), kind="f8"):
         path = tmp_path / "log.nc"
         with netCDF4.Dataset(path, "w") as data:

@@ -19,8 +19,6 @@ STEPS = 10_000_000 * np.arange(500)
 
 @pytest.fixture
 def write(tmp_path):
-    """Write a zip of name -> text; give its path."""
-
     def call(members, method=zipfile.ZIP_DEFLATED):
         path = tmp_path / "log.zip"
         with zipfile.ZipFile(path, "w", method) as archive:
@@ -33,8 +31,6 @@ def write(tmp_path):
 
 @pytest.fixture
 def refused(run, write):
-    """Give the reason for which a zip is rejected."""
-
     def call(members):
         path = members if hasattr(members, "read_bytes") else write(members)
         (reason,) = run(path).quality["reasons"]

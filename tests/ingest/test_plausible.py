@@ -30,7 +30,6 @@ ADIS16405 = {"kind": "static", "units": {"acceleration": "g", "angular_rate": "d
 
 
 def array(chip, **changed):
-    """What is declared of a chip of the array."""
     columns = {"time": "t_us", "acceleration": [f"a{x}{chip}" for x in "xyz"]}
     columns["angular_rate"] = [f"g{x}{chip}" for x in "xyz"]
     nominal = {"acceleration": {"scale": 0.0047884}, "angular_rate": {"scale": 0.001064225}}
@@ -45,7 +44,6 @@ def array(chip, **changed):
 
 @pytest.fixture
 def taken(run):
-    """Ingest a table or files, give quality.json."""
     return lambda *log, **declared: run(*log, **declared).quality
 
 

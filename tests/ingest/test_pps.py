@@ -54,7 +54,6 @@ def ingested(run, tmp_path):
 
 
 def by_formula(counters, marks):
-    """Return GNSS times, one sample after the other, as the formula is written."""
     found = []
     c, t = marks.counter.to_numpy(), marks.gnss.to_numpy()
     for c2 in counters:

@@ -10,8 +10,6 @@ from imuloop.core.samples import Samples
 
 @pytest.fixture
 def measured(log, run):
-    """Quality of the log after a change."""
-
     def call(**declared):
         return run(log, **declared).quality
 

@@ -20,7 +20,6 @@ SEED = 12160
 
 
 def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x: x):
-    """Return quality.json and the samples of a simulated session."""
     pair = simulate_beside(truth or Beside(duration_s=60.0), SEED)
     paths = []
     for name, columns, harm in zip(("log", "reference"), pair, (log, reference), strict=True):

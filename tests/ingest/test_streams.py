@@ -14,13 +14,11 @@ GYRO = [f"gyro.{axis}" for axis in "xyz"]
 
 
 def stream(name="imu", fields=(*ACC, *GYRO), stamps=None, **units):
-    """Return a stream of noise at 100 Hz."""
     stamps = np.arange(ROWS) / 100 if stamps is None else stamps
     return Stream(name, stamps, {key: RNG.normal(size=len(stamps)) for key in fields}, units)
 
 
 def arrays(log):
-    """Return all that a log gives, as arrays."""
     table = pa.Table.from_batches(list(log.batches))
     return {name: table[name].to_numpy() for name in table.column_names}
 

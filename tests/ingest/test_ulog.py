@@ -25,8 +25,6 @@ TYPES |= {"u4": "uint32_t"}
 
 @pytest.fixture
 def write(tmp_path):
-    """Write topics, a list of (name, instance, fields); give the path."""
-
     def call(*topics, name="log.ulg", dropouts=(), parameters=None):
         log = ULog(None)
         log._initial_parameters.update(parameters or {})

@@ -28,7 +28,6 @@ class Measured:
     folder: Path
 
     def of(self, device):
-        """Return the folder of a device's results, or skip with the recording that is missing."""
         folder = self.folder / device
         if not folder.exists():
             if reason := missing(device):

@@ -16,7 +16,6 @@ TRIALS = (
 
 
 def diagnosed(folder, logs):
-    """Return the device of some trials after its diagnosis."""
     names = [log.name[:2] for log in logs]
     device = Device("broad", folder, dict.fromkeys(names, "reference_motion"), gravity=9.8128)
     declared = {
@@ -40,7 +39,6 @@ def diagnosed(folder, logs):
 
 @pytest.fixture(scope="module")
 def device(recordings, tmp_path_factory):
-    """Return the device of one trial."""
     return diagnosed(tmp_path_factory.mktemp("broad"), [recordings(TRIALS[0])])
 
 

@@ -17,7 +17,6 @@ UNITS = RawUnit("m/s^2", 1.0), RawUnit("rad/s", 1.0)
 
 
 def gyroscope(samples, noise):
-    """Return the gyroscope and the number of rotations behind it."""
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     made, settings = record([samples], [segments], 30.0), CalibrateSettings()
     force = calibrate_accelerometer(made.poses, noise, GRAVITY, UNITS[0], settings)

@@ -30,7 +30,6 @@ def candidates(found):
 
 
 def sizes(candidate):
-    """Return the coefficients of a candidate in their standard errors."""
     return np.array([v / candidate["std"][k] for k, v in candidate["parameters"].items()])
 
 

@@ -17,7 +17,6 @@ ODD = "unit_05"
 
 
 def _scaled(summary, factor):
-    """Return the summary of a device whose noise and biases are larger."""
     for channel in summary["allan"].values():
         channel["adev"] = [factor * v for v in channel["adev"]]
     for key in ("accelerometer_bias", "gyroscope_bias"):

@@ -22,7 +22,6 @@ RESIDUAL = {
 
 
 def diagnosis(verdict, left_out=0, **effects):
-    """Return a diagnosis of motion alone, effects by sensor."""
     common = {
         "verdict": verdict,
         "residuals": {"velocity_vertical": RESIDUAL},

@@ -33,7 +33,6 @@ def record(board):
 
 
 def row_of(table, start):
-    """Return a row as a mapping of its columns."""
     (row,) = [r for r in table.rows if r[0].startswith(start)]
     cells = [cell.replace(THIN, " ") for cell in row]
     return dict(zip(table.columns, cells, strict=True))

@@ -29,7 +29,6 @@ def device(accelerometer=None, gyroscope=None, session=SHORT, **changes):
 
 
 def calibrated(sensor, raw, e):
-    """``x = T (K (raw - b) - e)``, written out."""
     return (((raw - sensor.b) * sensor.K) - e) @ sensor.T.T
 
 

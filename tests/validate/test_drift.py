@@ -25,7 +25,6 @@ def white(sensor):
 
 @pytest.fixture(scope="module")
 def truth():
-    """A device at 25 Hz with white noise and 24 poses: small, so that many can be made."""
     made = example_truth(rate=25.0)
     session = replace(made.sessions["multi_position"], poses=24, initial_rest_s=20.0)
     return replace(
@@ -43,7 +42,6 @@ def noise(truth):
 
 @pytest.fixture(scope="module")
 def still(truth):
-    """The recording with next to no noise, which noise is drawn for again and again."""
     quiet = [
         replace(s, noise=Noise(N=tuple(1e-3 * np.array(s.noise.N))))
         for s in (truth.accelerometer, truth.gyroscope)
@@ -112,12 +110,10 @@ def test_each_parameter_scatters_by_its_error(unchanged, sensor):
 
 
 def moved_force(values):
-    """Scale factor of z by 0.2 %, bias of x by 10 mm/s^2, in raw units."""
     return values / [1, 1, 1.002] + np.array([0.01, 0, 0])
 
 
 def moved_turn(values):
-    """Bias of y by 1 mrad/s."""
     return values + np.array([0, 1e-3, 0])
 
 
