@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from scipy.signal import butter, lfilter
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
@@ -288,14 +287,3 @@ def test_noise_far_below_the_step_is_not_stuck(run):
     assert found["rows_a_value"] == {"acceleration": 1, "angular_rate": 1}
     assert found["copies"] == []
     assert found["silent_at_rest"] == []
-
-
-def test_measured_sessions_have_none(repository, recordings, run):
-    devices = yaml.safe_load((repository / "config/measured.yaml").read_text())["devices"]
-    for device, entry in devices.items():
-        for declared in map(dict, entry["sessions"].values()):
-            source = declared.pop("file")
-            sources = [source] if "url" in source else source.values()
-            paths = [recordings(s["url"].rsplit("/", 1)[1]) for s in sources]
-            done = run(*paths, **declared, nominal=entry.get("nominal"))
-            assert done.quality["warnings"] == [], device
