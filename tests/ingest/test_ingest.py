@@ -84,7 +84,6 @@ def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
         ({"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean 's'\?"),
         ({"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
         ({"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
-        ({"columns": {"time": None}}, "no time column"),
         ({"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
     ],
 )

@@ -7,6 +7,7 @@ import pytest
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
+from quick import stages
 
 TRIALS = (
     "03_undisturbed_slow_rotation_C.mat",
@@ -32,8 +33,7 @@ def diagnosed(folder, logs):
     }
     for name, log in zip(names, logs, strict=True):
         assert chain.ingest(device, name, declared, [log]) == []
-    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-        assert stage(device) == []
+    stages(device)
     return device
 
 
