@@ -4,18 +4,10 @@ That each listed face is a pose, and no turn is, tests/segment/test_recordings.p
 """
 
 import json
+from itertools import product
 
 import numpy as np
 import pandas as pd
-
-FACES = {
-    "x_p": (0, 1),
-    "x_a": (0, -1),
-    "y_p": (1, 1),
-    "y_a": (1, -1),
-    "z_p": (2, 1),
-    "z_a": (2, -1),
-}
 
 
 def test_six_faces_calibrate_the_accelerometer(measured, recordings):
@@ -24,9 +16,11 @@ def test_six_faces_calibrate_the_accelerometer(measured, recordings):
     sections = json.loads(recordings("example_ferraris_session_list.json").read_text())
     columns = ["acc_x", "acc_y", "acc_z"]
     extremes = np.zeros((3, 2))
-    for name, (axis, sign) in FACES.items():
-        part = log.iloc[sections[name]["start"] : sections[name]["end"]]
-        extremes[axis, (1 - sign) // 2] = part[columns[axis]].mean()
+    # each axis along gravity, x_p, and against it, x_a
+    for axis, side in product(range(3), range(2)):
+        section = sections[f"{'xyz'[axis]}_{'pa'[side]}"]
+        part = log.iloc[section["start"] : section["end"]]
+        extremes[axis, side] = part[columns[axis]].mean()
     scale = 2 * 9.80665 / (extremes[:, 0] - extremes[:, 1])
     bias = extremes.mean(axis=1)
     fitted = measured.json("ferraris", "six_position")["accelerometer"]
