@@ -41,6 +41,11 @@ def known_noise(truth):
     return NoiseModel(truth.name, axes)
 
 
+def planned(truth, session="multi_position", **changes):
+    """Return a device with one of its sessions alone, the plan of it changed."""
+    return replace(truth, sessions={session: replace(truth.sessions[session], **changes)})
+
+
 def recorded(*samples):
     segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
     return record(list(samples), segments, 30.0)

@@ -1,12 +1,11 @@
 """The tables of poses and moves: their rows, what was measured, and the errors that are left."""
 
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, recording
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned, recording
 from diagnose.models import pose_sensors
 from diagnose.test_search import with_g_sensitivity
 from imuloop.calibrate.force import calibrated_force
@@ -99,9 +98,7 @@ def test_without_a_pose_the_columns_are_the_same(two):
 
 
 def test_the_errors_of_the_tables_are_those_of_the_diagnosis(no_limits):
-    truth = example_truth()
-    plan = replace(truth.sessions["multi_position"], poses=20)
-    truth = with_g_sensitivity(replace(truth, sessions={"multi_position": plan}), np.eye(3) * 4e-4)
+    truth = with_g_sensitivity(planned(example_truth(), poses=20), np.eye(3) * 4e-4)
     made, settings = recording(truth, 1), DiagnoseSettings(folds=3, draws=100)
     sensors = pose_sensors(truth, made)
     force, turn = (diagnose_poses(own, made, settings) for own in sensors.values())

@@ -1,11 +1,10 @@
 """Axes of the two sensors that do not fit: reported, with what mends them; never in good logs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 
+from calibrate.devices import planned
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.ingest.axes import KEPT, Axes, Thinned
 from imuloop.simulate.simulate import simulate_session
@@ -15,10 +14,8 @@ KINDS = {"multi_position": {"poses": 10, "initial_rest_s": 10.0}, "six_position"
 MIRRORED = "swapped or mirrored axes, a left-handed frame"
 
 
-def simulated(kind, seed=7, **changed):
-    truth = example_truth()
-    sessions = {kind: replace(truth.sessions[kind], **KINDS[kind], **changed)}
-    return simulate_session(replace(truth, sessions=sessions), kind, seed)
+def simulated(kind, seed=7):
+    return simulate_session(planned(example_truth(), kind, **KINDS[kind]), kind, seed)
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,11 @@
 """Faults put into logs of a known good device: each found and named, and none in good logs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
 
+from calibrate.devices import planned
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
 from imuloop.core.units import DEGREE
 from imuloop.simulate.simulate import simulate_session
@@ -19,10 +18,8 @@ STEPS = {**dict.fromkeys(ACCELERATION, 0.0048), **dict.fromkeys(ANGULAR_RATE, 0.
 
 def good_log(kind, seed=5):
     """Seventy seconds at rest, or eight poses; in steps, with a thermometer that warms up."""
-    truth = example_truth()
     changed = {"static": {"duration_s": 70.0}, "multi_position": {"poses": 8}}[kind]
-    sessions = {kind: replace(truth.sessions[kind], **changed)}
-    log = simulate_session(replace(truth, sessions=sessions), kind, seed)
+    log = simulate_session(planned(example_truth(), kind, **changed), kind, seed)
     for name, step in STEPS.items():
         log[name] = np.round(log[name] / step) * step
     noise = np.random.default_rng(seed).normal(size=len(log))

@@ -1,6 +1,5 @@
 """What is declared wrongly and shown by gravity, and the honest logs that nothing is said of."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -8,6 +7,7 @@ import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
 
+from calibrate.devices import planned
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import DEGREE
 from imuloop.simulate.simulate import simulate_session
@@ -44,9 +44,7 @@ def taken(run):
 
 
 def simulated(session, seed=5, truth=None, **changed):
-    truth = truth or example_truth()
-    plan = replace(truth.sessions[session], **changed)
-    return simulate_session(replace(truth, sessions={session: plan}), session, seed)
+    return simulate_session(planned(truth or example_truth(), session, **changed), session, seed)
 
 
 def test_measured_turns_agree_with_gravity(recordings, taken):

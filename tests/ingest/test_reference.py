@@ -6,16 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.study.reference import DECLARED
 from imuloop.core.samples import read_columns
 from imuloop.ingest.ingest import ingest
 from imuloop.simulate.reference import Beside, simulate_beside
 
-QUATERNION, PLACE = ["qw", "qx", "qy", "qz"], ["px", "py", "pz"]
-DECLARED = {
-    "columns": {"time": "t", "orientation": QUATERNION, "position": PLACE},
-    "units": {},
-    "convention": "body_to_world",
-}
+QUATERNION, PLACE = (DECLARED["columns"][name] for name in ("orientation", "position"))
 SEED = 12160
 
 

@@ -1,11 +1,9 @@
 """The coach: from the first rest to done, with the σ that the calibration has at the end."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned
 from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.model import Calibration
@@ -20,9 +18,7 @@ UNITS = ACCELERATION_UNIT, RATE_UNIT
 
 @pytest.fixture(scope="module")
 def samples():
-    made = example_truth(rate=50.0)
-    plan = replace(made.sessions["multi_position"], poses=30, initial_rest_s=60.0)
-    truth = replace(made, sessions={"multi_position": plan})
+    truth = planned(example_truth(rate=50.0), poses=30, initial_rest_s=60.0)
     return simulate_session(truth, "multi_position", 1)
 
 

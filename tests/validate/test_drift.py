@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
@@ -24,14 +24,8 @@ def white(sensor):
 
 @pytest.fixture(scope="module")
 def truth():
-    made = example_truth(rate=25.0)
-    session = replace(made.sessions["multi_position"], poses=24, initial_rest_s=20.0)
-    return replace(
-        made,
-        accelerometer=white(made.accelerometer),
-        gyroscope=white(made.gyroscope),
-        sessions={"multi_position": session},
-    )
+    made = planned(example_truth(rate=25.0), poses=24, initial_rest_s=20.0)
+    return replace(made, accelerometer=white(made.accelerometer), gyroscope=white(made.gyroscope))
 
 
 @pytest.fixture(scope="module")
