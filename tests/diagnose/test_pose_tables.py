@@ -1,6 +1,5 @@
 """The tables of poses and moves: their rows, what was measured, and the errors that are left."""
 
-
 import numpy as np
 import pandas as pd
 import pytest

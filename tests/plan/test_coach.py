@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bench.study.chain import through
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned
 from imuloop import chain
 from imuloop.__main__ import main
@@ -47,8 +48,7 @@ def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
     device = chain.Device("device", tmp_path, {"poses": "multi_position"})
     samples.to_parquet(tmp_path / "log.parquet", index=False)
     assert chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"]) == []
-    for stage in (chain.segment, chain.noise, chain.calibrate):
-        assert stage(device) == []
+    through(device, (chain.segment, chain.noise, chain.calibrate))
     made = Calibration.from_json(tmp_path / "multi_position.json")
     found = look(samples, 1e4, noise=rest_noise(samples))
     for sensor in SENSORS:
