@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
+from bench.study.chain import sound, through
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -32,12 +33,6 @@ def recorded(name):
     """Return the path of a file of the recordings."""
     (path,) = Path(os.environ["IMULOOP_MIRROR"]).rglob(name)
     return path
-
-
-def sound(failures):
-    """Raise what failed in a stage."""
-    if failures:
-        raise RuntimeError(str(failures[0]))
 
 
 def ingested(recording, chip, folder):
@@ -58,8 +53,7 @@ def ingested(recording, chip, folder):
 def calibrated(folder, recording, chip):
     """Return the Device of a chip in a recording, its results up to the calibration in a folder."""
     device = ingested(recording, chip, Path(folder) / recording / f"chip_{chip}")
-    for stage in (chain.segment, chain.noise, chain.calibrate):
-        sound(stage(device))
+    through(device, (chain.segment, chain.noise, chain.calibrate))
     return device
 
 

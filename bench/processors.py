@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.measured import REPOSITORY, devices, ingested, missing
-from imuloop import chain
+from bench.study.chain import through
 from imuloop.core.errors import ImuloopError
 
 # what computes, the published figures and the report apart, and without the long simulations
@@ -86,10 +86,7 @@ def made_by(kind, name, folder):
 
 def make(name, folder):
     """Make the results of a device in this process."""
-    device = ingested(name, folder)
-    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-        if failures := stage(device):
-            raise ImuloopError(str(failures[0]))
+    through(ingested(name, folder))
 
 
 def compared(folder, first, other):

@@ -1,8 +1,6 @@
 """A simulated device with logs and a calibration."""
 
-from dataclasses import replace
-
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
 from imuloop import Calibration
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.settings import CalibrateSettings
@@ -12,9 +10,7 @@ from imuloop.simulate.truth import example_truth
 
 def calibrated_device(folder, poses, rest, *seeds):
     """Write noise.json and a log of poses for each seed; return the calibration by the first."""
-    made = example_truth(rate=50.0)
-    plan = replace(made.sessions["multi_position"], poses=poses, initial_rest_s=rest)
-    truth = replace(made, sessions={"multi_position": plan})
+    truth = planned(example_truth(rate=50.0), poses=poses, initial_rest_s=rest)
     for seed in seeds:
         simulate_session(truth, "multi_position", seed).to_csv(folder / f"{seed}.csv", index=False)
     noise, recorded, settings = known_noise(truth), recording(truth, seeds[0]), CalibrateSettings()

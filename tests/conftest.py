@@ -34,13 +34,11 @@ class Together(LoadScopeScheduling):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Return the scheduler of all runs on several workers."""
     return Together(config, log)
 
 
 @pytest.fixture(scope="session")
 def repository():
-    """Top folder of the project."""
     return REPOSITORY
 
 
@@ -65,13 +63,11 @@ class Recordings:
 
 @pytest.fixture(scope="session")
 def recordings():
-    """Find a measured recording by its file name."""
     return Recordings()
 
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Have no picture drawn."""
     from quick import blank
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", blank)

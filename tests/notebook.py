@@ -30,12 +30,10 @@ def run(notebook):
 
 
 def code_cells(notebook):
-    """Return the code cells of a notebook."""
     return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
 
 
 def text(outputs):
-    """Return the lines that a cell printed."""
     return "".join("".join(out["text"]) for out in outputs if out["output_type"] == "stream")
 
 

@@ -3,16 +3,10 @@
 from contextlib import contextmanager
 from unittest.mock import patch
 
-from bench.study.chain import ATTITUDE, LIMITS
+from bench.study.chain import ATTITUDE, LIMITS, through
 from imuloop import chain
 from imuloop.core.files import read_json
 from imuloop.validate.attitude import no_attitude
-
-
-def stages(device):
-    """Do all stages from the segments to the diagnosis; none fails."""
-    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-        assert stage(device) == []
 
 
 @contextmanager
@@ -24,14 +18,12 @@ def hurried(name):
 
 
 def verdicts(device):
-    """Return the diagnosis of both sensors of a device that is ingested."""
     with hurried(device.name):
-        stages(device)
+        through(device)
     return read_json(device.file("diagnosis.json"))["sensors"]
 
 
 def diagnosed(folder, log, kind="multi_position", **settings):
-    """Return the diagnosis of both sensors of one log."""
     device = chain.Device("imu", folder, {"log": kind}, **settings)
     log.to_parquet(folder / "log.parquet", index=False)
     assert chain.ingest(device, "log", {}, [folder / "log.parquet"]) == []
@@ -39,5 +31,4 @@ def diagnosed(folder, log, kind="multi_position", **settings):
 
 
 def blank(figure, file, **how):
-    """Save nothing of a figure, for tests that look at none."""
     file.write("<svg></svg>")

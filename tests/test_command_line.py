@@ -80,10 +80,6 @@ def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
         command = ["apply", calibration, tmp_path / name, "-o", out]
         assert line in one_line_error(command, capsys)
         assert not out.exists()
-    command = ["apply", calibration, "log.csv", "-o", out]
-    for content, words in (("{", "no JSON"), ("[1]", "calibration.json")):
-        calibration.write_text(content)
-        assert words in one_line_error(command, capsys)
 
 
 @pytest.fixture(scope="module")
@@ -272,7 +268,6 @@ def linked_hard(path):
 
 @pytest.fixture
 def log(device, tmp_path):
-    """A raw log and its calibration in a folder of their own."""
     folder = tmp_path / "in"
     folder.mkdir()
     for name in ("1.csv", "calibration.json", "noise.json"):
@@ -370,15 +365,9 @@ def test_help_has_an_example(command, capsys):
     assert f"  imuloop {command} " in capsys.readouterr().out
 
 
-def test_what_is_no_calibration_is_one_line(device, tmp_path, capsys):
-    for name, content in (
-        ("noise.json", (device / "noise.json").read_text()),
-        ("list.json", "[1]"),
-        ("empty.json", "{}"),
-    ):
-        (tmp_path / name).write_text(content)
-        arguments = ["apply", tmp_path / name, device / "1.csv", "-o", tmp_path / "out.csv"]
-        assert name in one_line_error(arguments, capsys)
+def test_one_result_in_the_place_of_another_is_one_line(device, tmp_path, capsys):
+    arguments = ["apply", device / "noise.json", device / "1.csv", "-o", tmp_path / "out.csv"]
+    assert "noise.json" in one_line_error(arguments, capsys)
     (tmp_path / "calibration.json").write_text((device / "calibration.json").read_text())
     (tmp_path / "noise.json").write_text("{}")
     found = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)

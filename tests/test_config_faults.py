@@ -7,9 +7,6 @@ from entries import REPLICAS, SOUND, session
 from imuloop.config import merge
 from imuloop.config_faults import config_faults
 
-SHA = "0" * 64
-MOVED, BODY = "kind: reference_motion, file: poses.csv", "convention: body_to_world"
-
 
 def test_smallest_entry_works(faults):
     assert (
@@ -28,180 +25,131 @@ def test_shipped_configs_have_no_fault(repository, schema, name, monkeypatch):
     assert config_faults(yaml.safe_load(path.read_text()), {name: path}, schema, replicas) == []
 
 
-ONE_FAULT = {
-    "unit": (
-        session(f"{SOUND}, units: {{time: sec}}"),
-        "devices.imu.sessions.a.units.time: 'sec' is not a unit; did you mean 's'?",
+# what is declared and, below it, its fault: of a session, beside a file where none is named; of a
+# device
+SESSION = """
+    units: {time: sec}
+    units.time: 'sec' is not a unit; did you mean 's'?
+    kind: statc, file: poses.csv
+    kind: 'statc' is not a kind of session; did you mean 'static'?
+    kind: reference_motion, file: poses.csv
+    reference: missing; a needs it
+    reference: {columns: {orientation: [a, b, c, d]}, convention: body_to_world}
+    reference: only a session of kind reference_motion has one
+    kind: known_rotation, file: poses.csv, axis: x
+    angle: missing; a needs it
+    format: netcdf4
+    format: 'netcdf4' is not a format; did you mean 'netcdf'?
+    file: poses.csv
+    kind: missing; a needs it
+    kind: static, file: data/none.csv
+    file: there is no file data/none.csv
+    kind: static, file: data/simulated/iphone6/static.parquet
+    file: there is no replica 'iphone6'; did you mean 'iphone_6'?
+    kind: static, file: {url: 'https://a/b.csv', sha256: abc}
+    file.sha256: 'abc' is not a SHA-256 (64 digits 0-9 a-f)
+    format: imu_tk
+    file: format imu_tk is read from acceleration and angular_rate, given log
+    units: {acceleration: count}
+    units.acceleration: 'count' needs the device's nominal.acceleration
+    columns: {acceleration: acc}
+    columns.acceleration: 'acc' is not a list of three columns x, y, z
+    time_range: [5, 1]
+    time_range: the start is not before the end
+    time_range: ['2021-09-20T10:00', null]
+    time_range: '2021-09-20T10:00' is a date, but the log's stamps are not; give seconds
+    kind: static, file: counts.csv
+    file: acceleration in counts needs nominal.acceleration.scale and .offset
+    time_range: [12:30:00, 50000]
+    time_range.0: 12:30:00 is 45000 to YAML; write '12:30:00' with quotes, or 45000
+    columns: {acceleration: [ax, ax, az]}
+    columns.acceleration: ['ax', 'ax', 'az'] names a column twice
+"""
+DEVICE = """
+    units: {time: sec}
+    units.time: 'sec' is not a unit; did you mean 's'?
+    lable: x
+    lable: unknown key; did you mean 'label'?
+    noise: {views: [psd, hadamrd]}
+    noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?
+    label:
+    label: nothing is given
+    type: 2nd
+    type: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)
+    board: 2nd
+    board: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)
+    gravity: 98
+    gravity: 98 is greater than the maximum of 9.9
+    full_scale: {acceleration: 1e3}
+    full_scale.acceleration: 1e3 is text to YAML, no number; write 1.0e+3
+    label: on
+    label: on is true to YAML; write 'on' with quotes, or true
+"""
+MOVED = "kind: reference_motion, file: poses.csv, reference: {columns: {orientation: "
+COLUMNS = "there are t, ax, ay, az, gx, gy, gz, note"
+LONG = [
+    (
+        MOVED + "[0, 1, 2, 3]}, convention: body_to_wolrd}",
+        "reference.convention: 'body_to_wolrd' is not a convention; did you mean 'body_to_world'?",
     ),
-    "unit of all logs": (
-        session(SOUND, "units: {time: sec},"),
-        "devices.imu.units.time: 'sec' is not a unit; did you mean 's'?",
+    (
+        MOVED + "[qw, ax, ay, az]}, convention: body_to_world}",
+        f"reference.columns.orientation: no column 'qw'; {COLUMNS}",
     ),
-    "kind": (
-        session("kind: statc, file: poses.csv"),
-        "devices.imu.sessions.a.kind: 'statc' is not a kind of session; did you mean 'static'?",
+    (
+        f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}",
+        f"columns.acceleration: no column 'azz'; {COLUMNS}; did you mean 'az'?",
     ),
-    "no reference": (
-        session("kind: reference_motion, file: poses.csv"),
-        "devices.imu.sessions.a.reference: missing; a needs it",
+    (
+        "kind: static, file: bare.csv, columns: {acceleration: [0, 1, 2], angular_rate: [3, 4, 5]}",
+        "rate: missing; bare.csv has no time column of a usual name (no header, 6 columns); give "
+        "it, or name the column in columns.time",
     ),
-    "reference of another kind": (
-        session(f"{SOUND}, reference: {{columns: {{orientation: [a, b, c, d]}}, {BODY}}}"),
-        "devices.imu.sessions.a.reference: only a session of kind reference_motion has one",
+    (
+        f"{SOUND}, columns: {{time: note}}",
+        "file: time column 'note' holds neither numbers nor ISO 8601 stamps; name the right one in "
+        "columns.time",
     ),
-    "convention": (
-        session(
-            f"{MOVED}, reference: {{columns: {{orientation: [0, 1, 2, 3]}}, "
-            "convention: body_to_wolrd}}".replace("}}", "}")
-        ),
-        "devices.imu.sessions.a.reference.convention: 'body_to_wolrd' is not a convention; did you "
-        "mean 'body_to_world'?",
-    ),
-    "column of a reference": (
-        session(f"{MOVED}, reference: {{columns: {{orientation: [qw, ax, ay, az]}}, {BODY}}}"),
-        "devices.imu.sessions.a.reference.columns.orientation: no column 'qw'; there are t, ax, "
-        "ay, az, gx, gy, gz, note",
-    ),
-    "known rotation without an angle": (
-        session("kind: known_rotation, file: poses.csv, axis: x"),
-        "devices.imu.sessions.a.angle: missing; a needs it",
-    ),
-    "format": (
-        session(f"{SOUND}, format: netcdf4"),
-        "devices.imu.sessions.a.format: 'netcdf4' is not a format; did you mean 'netcdf'?",
-    ),
-    "unknown key": (
-        session(SOUND, "lable: x,"),
-        "devices.imu.lable: unknown key; did you mean 'label'?",
-    ),
-    "view": (
-        session(SOUND, "noise: {views: [psd, hadamrd]},"),
-        "devices.imu.noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?",
-    ),
-    "missing key": (
-        session("file: poses.csv"),
-        "devices.imu.sessions.a.kind: missing; a needs it",
-    ),
-    "nothing": (session(SOUND, "label: ,"), "devices.imu.label: nothing is given"),
-    "no devices": ("devices: {}", "devices: empty"),
-    "device name": (
-        "devices: {1imu: {sessions: {a: {kind: static, file: poses.csv}}}}",
+]
+STATIC = "sessions: {a: {kind: static, file: poses.csv}}}"
+RESERVED = "is reserved where a device names a board; name it otherwise"
+WHOLE = [
+    ("devices: {}", "devices: empty"),
+    (
+        f"devices: {{1imu: {{{STATIC}}}",
         "devices.1imu: '1imu' is not a name (a letter, then up to 63 letters, digits, _ or -)",
     ),
-    "reserved name": (
-        "devices: {imu: {sessions: {exports: {kind: static, file: poses.csv}}}}",
-        "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; "
-        "name the session otherwise",
+    (
+        f"devices: {{imu: {{{STATIC.replace('a:', 'exports:')}}}",
+        "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; name the "
+        "session otherwise",
     ),
-    "type": (
-        session(SOUND, "type: 2nd,"),
-        "devices.imu.type: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)",
-    ),
-    "board": (
-        session(SOUND, "board: 2nd,"),
-        "devices.imu.board: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)",
-    ),
-    "reserved for all": (
-        "devices: {figures: {sessions: {a: {kind: static, file: poses.csv}}}}",
+    (f"devices: {{boards: {{board: wing, {STATIC}}}", f"devices.boards: 'boards' {RESERVED}"),
+    (
+        f"devices: {{figures: {{{STATIC}}}",
         "devices.figures: 'figures' is reserved for pictures of all; name it otherwise",
     ),
-    "reserved device": (
-        "devices: {boards: {board: wing, sessions: {a: {kind: static, file: poses.csv}}}}",
-        "devices.boards: 'boards' is reserved where a device names a board; name it otherwise",
-    ),
-    "missing file": (
-        session("kind: static, file: data/none.csv"),
-        "devices.imu.sessions.a.file: there is no file data/none.csv",
-    ),
-    "replica": (
-        session("kind: static, file: data/simulated/iphone6/static.parquet"),
-        "devices.imu.sessions.a.file: there is no replica 'iphone6'; did you mean 'iphone_6'?",
-    ),
-    "hash": (
-        session("kind: static, file: {url: 'https://a/b.csv', sha256: abc}"),
-        "devices.imu.sessions.a.file.sha256: 'abc' is not a SHA-256 (64 digits 0-9 a-f)",
-    ),
-    "format of two files": (
-        session(f"{SOUND}, format: imu_tk"),
-        "devices.imu.sessions.a.file: format imu_tk is read from acceleration and angular_rate, "
-        "given log",
-    ),
-    "counts": (
-        session(f"{SOUND}, units: {{acceleration: count}}"),
-        "devices.imu.sessions.a.units.acceleration: "
-        "'count' needs the device's nominal.acceleration",
-    ),
-    "one text for three": (
-        session(f"{SOUND}, columns: {{acceleration: acc}}"),
-        "devices.imu.sessions.a.columns.acceleration: 'acc' is not a list of three columns x, y, z",
-    ),
-    "unknown column": (
-        session(f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}"),
-        "devices.imu.sessions.a.columns.acceleration: no column 'azz'; "
-        "there are t, ax, ay, az, gx, gy, gz, note; did you mean 'az'?",
-    ),
-    "no clock": (
-        session(
-            "kind: static, file: bare.csv, "
-            "columns: {acceleration: [0, 1, 2], angular_rate: [3, 4, 5]}"
-        ),
-        "devices.imu.sessions.a.rate: missing; bare.csv has no time column of a usual name "
-        "(no header, 6 columns); give it, or name the column in columns.time",
-    ),
-    "range order": (
-        session(f"{SOUND}, time_range: [5, 1]"),
-        "devices.imu.sessions.a.time_range: the start is not before the end",
-    ),
-    "a date for a clock without": (
-        session(f"{SOUND}, time_range: ['2021-09-20T10:00', null]"),
-        "devices.imu.sessions.a.time_range: '2021-09-20T10:00' is a date, but the log's stamps "
-        "are not; give seconds",
-    ),
-    "time that is none": (
-        session(f"{SOUND}, columns: {{time: note}}"),
-        "devices.imu.sessions.a.file: time column 'note' holds neither numbers nor ISO 8601 "
-        "stamps; name the right one in columns.time",
-    ),
-    "counts by the log's word": (
-        session("kind: static, file: counts.csv"),
-        "devices.imu.sessions.a.file: acceleration in counts needs nominal.acceleration.scale "
-        "and .offset",
-    ),
-    "gravity": (
-        session(SOUND, "gravity: 98,"),
-        "devices.imu.gravity: 98 is greater than the maximum of 9.9",
-    ),
-    "in the defaults": (
-        session(SOUND) + "\ndefaults: {label: 3}",
-        "defaults.label: 3 is not text",
-    ),
-    "mirror": (session(SOUND) + "\nmirror: nowhere", "mirror: there is no folder nowhere"),
-    "twice": (
-        "devices:\n  imu: {sessions: {a: {kind: static, file: poses.csv}}}\n"
-        "  imu: {sessions: {a: {kind: static, file: poses.csv}}}",
+    (f"{session(SOUND)}\ndefaults: {{label: 3}}", "defaults.label: 3 is not text"),
+    (f"{session(SOUND)}\nmirror: nowhere", "mirror: there is no folder nowhere"),
+    (
+        f"devices:\n  imu: {{{STATIC}\n  imu: {{{STATIC}",
         "devices.imu: given twice (again in line 3); only one would count",
     ),
-    "1e-3": (
-        session(SOUND, "full_scale: {acceleration: 1e3},"),
-        "devices.imu.full_scale.acceleration: 1e3 is text to YAML, no number; write 1.0e+3",
-    ),
-    "on": (
-        session(SOUND, "label: on,"),
-        "devices.imu.label: on is true to YAML; write 'on' with quotes, or true",
-    ),
-    "12:30:00": (
-        session(f"{SOUND}, time_range: [12:30:00, 50000]"),
-        "devices.imu.sessions.a.time_range.0: 12:30:00 is 45000 to YAML; "
-        "write '12:30:00' with quotes, or 45000",
-    ),
-    "a column twice": (
-        session(f"{SOUND}, columns: {{acceleration: [ax, ax, az]}}"),
-        "devices.imu.sessions.a.columns.acceleration: ['ax', 'ax', 'az'] names a column twice",
-    ),
-}
+]
 
 
-@pytest.mark.parametrize(("text", "line"), ONE_FAULT.values(), ids=ONE_FAULT)
+def one_fault():
+    for table, of in ((SESSION, "devices.imu.sessions.a."), (DEVICE, "devices.imu.")):
+        lines = [line.strip() for line in table.strip().splitlines()]
+        for keys, fault in zip(lines[::2], lines[1::2], strict=True):
+            beside = "" if keys.startswith(("kind:", "file:")) else f"{SOUND}, "
+            text = session(SOUND, f"{keys} ,") if table is DEVICE else session(f"{beside}{keys}")
+            yield pytest.param(text, of + fault, id=f"{of}{keys}")
+    yield from ((session(keys), f"devices.imu.sessions.a.{fault}") for keys, fault in LONG)
+    yield from WHOLE
+
+
+@pytest.mark.parametrize(("text", "line"), list(one_fault()))
 def test_a_fault_names_its_key_and_the_remedy(faults, text, line):
     assert faults(text) == [line]
 

@@ -48,7 +48,6 @@ def each_document():
 
 
 def blocks(document, language):
-    """Return the fenced blocks of one language of a document."""
     return re.findall(rf"^ *```{language}\n(.*?)^ *```", document.read_text(), re.M | re.S)
 
 
@@ -61,7 +60,6 @@ def all_blocks(language):
 
 
 def anchors(document):
-    """Return the anchors that the headings of a document make."""
     headings = re.findall(r"^#+ (.+)$", document.read_text(), re.M)
     plain = [re.sub(r"[^\w -]", "", heading).strip().lower() for heading in headings]
     return [heading.replace(" ", "-") for heading in plain]
@@ -108,7 +106,6 @@ def test_modules_exist_and_nothing_of_one_machine_is_named(document):
 
 
 def write_log(path, columns):
-    """Write a small log that has the declared columns."""
     wanted = {"time": "t", "acceleration": CHANNELS[:3], "angular_rate": CHANNELS[3:]} | columns
     if isinstance(wanted["acceleration"][0], int):
         path.write_text("0 0 9.8 0 0 0\n" * 400)
@@ -184,7 +181,6 @@ def test_python_runs(results, monkeypatch, block):
 
 
 def commands():
-    """Return the distinct command lines of all documents."""
     lines = [line for block in all_blocks("sh") for line in block.values[0].splitlines()]
     # those with plugins for clusters are run where these are: tests/cluster
     return sorted({line for line in lines if line and not line.startswith(("#", ".venv-cluster"))})
@@ -237,7 +233,6 @@ def rows(document):
 
 
 def schema_keys(node):
-    """Yield every name of a property in a schema."""
     if isinstance(node, dict):
         yield from node.get("properties", {})
         for child in node.values():

@@ -82,10 +82,7 @@ def test_marks_of_one_pulse_per_second(faults, tmp_path):
         ("{file: none.csv}", f"{key}.file: there is no file none.csv"),
         ("{file: .}", f"{key}.file: . is a folder, not a file"),
         ("{file: text.csv}", f"{key}.file: the file is not a table of numbers in rows and columns"),
-        (
-            "{file: marks.csv, counter: q}",
-            f"{key}.counter: no column 'q'; there are c, gnss",
-        ),
+        ("{file: marks.csv, counter: q}", f"{key}.counter: no column 'q'; there are c, gnss"),
         (
             "{counter: gx, time: q}",
             f"{key}.time: no column 'q'; there are t, ax, ay, az, gx, gy, gz, note",

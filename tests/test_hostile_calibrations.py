@@ -17,17 +17,7 @@ from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS
 
 MISSING = object()
-SENSOR_KEYS = (
-    "raw_unit",
-    "raw_scale",
-    "raw_offset",
-    "method",
-    "T",
-    "K",
-    "b",
-    "covariance",
-    "effects",
-)
+SENSOR_KEYS = "raw_unit raw_scale raw_offset method T K b covariance effects".split()
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +43,6 @@ def fitted(name, **constants):
 
 
 def put(path, value):
-    """Return what puts a value at a path of keys, or takes away what is there."""
     *parents, last = [int(key) if key.isdigit() else key for key in path.split(".")]
 
     def change(content):
@@ -154,6 +143,8 @@ TEXT = b'{"format": 1, "device": "d", "gravity": 9.8, '
 FILES = {
     "empty": b"",
     "no JSON": b"{",
+    "nothing in it": b"{}",
+    "a list": b"[1]",
     "UTF-16": '{"format": 1}'.encode("utf-16"),
     "key twice": TEXT + b'"gravity": 1.0}',
     "NaN": TEXT + b'"x": NaN}',

@@ -34,7 +34,6 @@ EXTRAS = "report deviations workflow matlab netcdf dataflash ros ulog".split()
 
 
 def imported(path):
-    """Return the dotted names that a file imports."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -43,7 +42,6 @@ def imported(path):
 
 
 def stage(name):
-    """Return the stage of a dotted name of the library."""
     return name.removeprefix("imuloop.").partition(".")[0]
 
 

@@ -8,11 +8,12 @@ import pytest
 from matplotlib.figure import Figure
 
 import imuloop
+from bench.study.chain import through
 from calibrated import calibrated_device
 from imuloop import chain
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from quick import hurried, stages
+from quick import hurried
 
 FORCE, TURN = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
@@ -39,7 +40,7 @@ def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
     device = chain.Device("device", tmp_path, {"poses": "multi_position"})
     assert chain.ingest(device, "poses", {}, [path]) == []
     with hurried("device"):
-        stages(device)
+        through(device)
     assert chain.export(device) == []
     theirs = imuloop.Calibration.from_json(tmp_path / "calibration.json")
     for sensor in ("accelerometer", "gyroscope"):

@@ -17,7 +17,6 @@ def schemas():
 
 
 def target(schemas, name, key):
-    """Return what a reference stands for."""
     while "$ref" in key and "description" not in key:
         file, _, path = key["$ref"].partition("#/")
         name = file or name

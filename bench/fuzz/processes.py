@@ -3,12 +3,15 @@
 import multiprocessing
 import os
 import resource
+import sys
 import tempfile
 import time
 from collections import deque
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from pathlib import Path
+
+import pyarrow as pa
 
 # in memory, where there is such a place
 QUICK = Path("/dev/shm")
@@ -24,8 +27,15 @@ def scratch():
         yield Path(folder)
 
 
-def limit_memory():
-    """Hold this process to `MEMORY` more than it has, and let it leave no core."""
+def confine(terminal=os.devnull):
+    """Send what this process prints to a file; hold it to `MEMORY` more than it has."""
+    sys.dont_write_bytecode = True
+    with open(terminal, "wb") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    # threads for tables of a few rows cost more than they save
+    pa.set_cpu_count(1)
+    pa.set_io_thread_count(1)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

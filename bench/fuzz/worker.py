@@ -10,12 +10,11 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
 from bench.fuzz.cases import case
-from bench.fuzz.processes import MEMORY, limit_memory
+from bench.fuzz.processes import MEMORY, confine
 from bench.fuzz.seeds import ROWS, SIX
 from imuloop.config import resolve
 from imuloop.config_faults import config_faults, unreadable
@@ -43,21 +42,14 @@ def serve(pipe, numbers, seeds, folder):
     Python tells what it opens for writing. A library in C does not: its current folder, home and
     place of temporary files are inside of the worker's folder, in which nothing else may appear.
     """
-    sys.dont_write_bytecode = True
     # numbers near the largest overflow; what counts is the results
     warnings.simplefilter("ignore")
-    quiet = os.open(os.devnull, os.O_WRONLY)
-    # libraries print on broken files
-    os.dup2(quiet, 1)
-    os.dup2(quiet, 2)
     folder = Path(tempfile.mkdtemp(dir=folder))
     work, home = folder / "a/work", folder / "home"
     os.environ |= dict.fromkeys(("HOME", "TMPDIR", "SQLITE_TMPDIR"), str(home))
     tempfile.tempdir = str(work)
-    # threads for tables of a few rows cost more than they save
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
-    limit_memory()
+    # libraries print on broken files
+    confine()
     outside, watching = [], False
 
     def watch(event, arguments):

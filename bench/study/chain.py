@@ -31,6 +31,18 @@ ATTITUDE = "imuloop.validate.attitude.validate_attitude"
 MOTION = "imuloop.diagnose.diagnose.diagnose_motion"
 
 
+def sound(failures):
+    """Raise what failed in a stage."""
+    if failures:
+        raise RuntimeError(str(failures[0]))
+
+
+def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
+    """Do the stages of a device, by default those up to the diagnosis; raise what fails."""
+    for stage in stages:
+        sound(stage(device))
+
+
 def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
     """Return diagnosis.json of a simulated device, its motion and noise by a seed.
 
@@ -44,15 +56,11 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
         folder = Path(folder)
         kinds = {name: plan.kind for name, plan in truth.sessions.items()}
         device = Device(truth.name, folder, kinds, gravity=truth.gravity)
-        failures = []
         for name in kinds:
             path = folder / f"{name}.parquet"
             write_log(path, simulate_session(truth, name, seed), log_metadata(truth, name))
-            failures += chain.ingest(device, name, {}, [path])
-        for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-            failures += stage(device)
-        if failures:
-            raise RuntimeError(str(failures[0]))
+            sound(chain.ingest(device, name, {}, [path]))
+        through(device)
         diagnosis = read_json(folder / "diagnosis.json")
         return (diagnosis, also(truth, device.sessions, folder)) if also else diagnosis
 

@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 
-from bench.study.chain import ATTITUDE, LIMITS
+from bench.study.chain import ATTITUDE, LIMITS, through
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -73,10 +73,7 @@ def diagnosed(
             if failures or quality["status"] != "ok":
                 return None, quality, None
         with patch(LIMITS, return_value={}) if not limits else patch(ATTITUDE, return_value=none):
-            for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-                failures += stage(device)
-        if failures:
-            raise RuntimeError(str(failures[0]))
+            through(device)
         calibration = Calibration.from_json(folder / "calibration.json")
         return read_json(folder / "diagnosis.json"), quality, calibration
 

@@ -59,7 +59,6 @@ def slipped(truth, seed, degrees):
 
 
 def log(truth, t, f, w, *seed):
-    """Return the raw log of a device."""
     columns = {TIME: t}
     for sensor, x, names in (
         (truth.accelerometer, f, ACCELERATION),
@@ -80,7 +79,6 @@ def logs(seed=1, truth=None, changed=lambda t, f, w: (f, w)):
 
 
 def calibrated(folder, logs, like=()):
-    """Return the devices of a board, calibrated by their own logs or as others; no diagnosis."""
     found = []
     for k, (name, each) in enumerate(zip(NAMES, logs, strict=False)):
         device = chain.Device(name, folder / name, {"poses": SESSION})

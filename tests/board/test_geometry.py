@@ -13,7 +13,6 @@ SEEDS = range(3)
 
 @pytest.fixture(scope="module")
 def found(board):
-    """board.json of each seed."""
     return [relate("wing", board(seed)[1]) for seed in SEEDS]
 
 

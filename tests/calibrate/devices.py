@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import record
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.units import RawUnit
@@ -27,7 +28,6 @@ class IndependentMeans:
 
 
 def known(value):
-    """Return the coefficient of a noise of which all is known."""
     return Coefficient(float(value), (float(value), float(value)), float(value), True)
 
 
@@ -41,15 +41,34 @@ def known_noise(truth):
     return NoiseModel(truth.name, axes)
 
 
+def planned(truth, session="multi_position", **changes):
+    """Return a device with one of its sessions alone, the plan of it changed."""
+    return replace(truth, sessions={session: replace(truth.sessions[session], **changes)})
+
+
 def recorded(*samples):
-    """Return the poses and rotations of sessions."""
     segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
     return record(list(samples), segments, 30.0)
 
 
 def recording(truth, seed, session="multi_position"):
-    """Return the poses and rotations of a simulated session."""
     return recorded(simulate_session(truth, session, seed))
+
+
+def poses_of(f):
+    """Return poses of 5 s each with these mean specific forces, (n, 3), at rest."""
+    n = len(f)
+    start = 10.0 * np.arange(n)
+    return Poses(
+        np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
+        np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
+    )  # fmt: skip
+
+
+def slopes(function, x, step=1e-6):
+    """Return the derivative of a function by differences, a column per parameter."""
+    steps = np.eye(len(x)) * step
+    return np.transpose([(function(x + h) - function(x - h)) / (2 * step) for h in steps])
 
 
 def noiseless(truth):

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, IndependentMeans, known_noise
+from calibrate.devices import ACCELERATION_UNIT, IndependentMeans, known_noise, poses_of, slopes
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.calibrate import calibrate_accelerometer
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import AccelerometerPoses, direction_unknown
-from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.simulate.truth import example_truth
@@ -26,13 +25,7 @@ def poses_at(directions, truth=TRUTH):
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
     T = np.eye(3)
     T[(0, 0, 1), (1, 2, 2)] = truth[:3]
-    f = np.linalg.solve(T, G * u.T).T / truth[3:6] + truth[6:]
-    n = len(f)
-    start = np.arange(n) * 10.0
-    return Poses(
-        np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
-        np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
-    )  # fmt: skip
+    return poses_of(np.linalg.solve(T, G * u.T).T / truth[3:6] + truth[6:])
 
 
 def spread(n=30, seed=0):
@@ -65,11 +58,8 @@ def test_the_derivative_is_that_of_differences():
         design = rng.normal(size=(12, 3, columns)) * 1e-2
         model = AccelerometerModel(poses_at(spread(12)).f, design, G)
         x = np.concatenate([TRUTH, [0.3, -0.2][:columns]])
-        numeric = [
-            (model.residuals(x + h)[0] - model.residuals(x - h)[0]) / 2e-6
-            for h in np.eye(len(x)) * 1e-6
-        ]
-        np.testing.assert_allclose(model.residuals(x)[1], np.transpose(numeric), atol=tolerance)
+        numeric = slopes(lambda x, model=model: model.residuals(x)[0], x)
+        np.testing.assert_allclose(model.residuals(x)[1], numeric, atol=tolerance)
 
 
 def test_the_covariance_of_residuals_is_that_of_simulated_means():

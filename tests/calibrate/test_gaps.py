@@ -20,7 +20,6 @@ SEEDS = 5
 
 
 def calibrated(log):
-    """Return accelerometer and gyroscope, and the recording of a log."""
     made, settings = recorded(log), CalibrateSettings()
     force = calibrate_accelerometer(made.poses, NOISE, TRUTH.gravity, ACCELERATION_UNIT, settings)
     return force, calibrate_gyroscope(made, NOISE, force, RATE_UNIT, settings), made

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401
+from bench.study.chain import through
 from imuloop import chain
 from imuloop.calibrate.calibrate import by_turns
 from imuloop.calibrate.known_rotation import read_turns
@@ -18,13 +19,11 @@ BIAS = np.array([0.004, -0.002, 0.001])
 
 
 def calibrated(folder, kinds, declared, paths):
-    """Return the device after its calibration."""
     device = Device("d", folder, kinds)
     for name in kinds:
         own = {k: v for k, v in declared.items() if k != "known_rotation" or name == "turns"}
         assert chain.ingest(device, name, own, [paths[name]]) == []
-    for stage in (chain.segment, chain.noise, chain.calibrate):
-        assert stage(device) == []
+    through(device, (chain.segment, chain.noise, chain.calibrate))
     return device
 
 

@@ -1,13 +1,11 @@
 """The motion between the rests: its model against derivatives, drawn noise and known effects."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from bench.study import physics
 from bench.study.devices import Injected, with_effects
-from calibrate.devices import noiseless, recording
+from calibrate.devices import noiseless, planned, recording
 from diagnose.models import pose_sensors
 from imuloop.calibrate.motion import MotionPoses
 from imuloop.core.effect import find_effect
@@ -21,10 +19,8 @@ SIZE = dict(zip(NAMES, (1e-3, 3e-4, 5e-3, 5e-4, 2e-3), strict=True))
 
 def short(rate=200.0, poses=20):
     """Return a device whose moves last 1 to 2 s."""
-    truth = example_truth()
-    plan = replace(truth.sessions["multi_position"], poses=poses, move_s=(1.0, 2.0))
-    plan = replace(plan, turns_about_vertical=0, temperature=None)
-    return replace(truth, rate=rate, sessions={"multi_position": plan})
+    plan = {"poses": poses, "move_s": (1.0, 2.0), "turns_about_vertical": 0, "temperature": None}
+    return planned(example_truth(rate=rate), **plan)
 
 
 def motion(truth, one):
@@ -41,7 +37,6 @@ def motion(truth, one):
 
 
 def values(name, seed=0):
-    """Return random values of an effect's parameters."""
     effect = find_effect(name)()
     drawn = SIZE[name] * np.random.default_rng(seed).uniform(0.5, 1.5, len(effect.parameters))
     return effect, dict(zip(effect.parameters, drawn.tolist(), strict=True))
@@ -74,7 +69,6 @@ def test_what_was_put_in_comes_back(name):
 
 
 def injected(name, true, truth):
-    """Return a device with an effect."""
     extra = lambda now: physics.EFFECTS[name](now, true, {})  # noqa: E731
     return with_effects(truth, [Injected(find_effect(name).sensors[0], name, true, extra=extra)])
 

@@ -25,7 +25,6 @@ QUICK = {"diagnose": {"draws": 100, "folds": 3}}
 
 
 def needs_plugin(name):
-    """Skip where a plugin of Snakemake is not installed."""
     if importlib.util.find_spec(f"snakemake_{name}") is None:
         pytest.skip(f"snakemake_{name} is not installed here: make cluster")
 
@@ -47,7 +46,6 @@ def write_devices(folder, names):
 
 
 def write_config(folder, devices, name="config.yaml"):
-    """Write a config of devices with few draws and folds."""
     (folder / name).write_text(yaml.safe_dump({"defaults": QUICK, "devices": devices}))
 
 
@@ -69,7 +67,6 @@ def command(repository, folder, *arguments, target="results/report.html"):
 
 
 def run(repository, folder, *arguments, target="results/report.html", **environment):
-    """Run the workflow; return the finished process."""
     return subprocess.run(
         command(repository, folder, *arguments, target=target),
         **{"cwd": folder, "env": ENVIRONMENT | environment, "capture_output": True, "text": True},
@@ -77,7 +74,6 @@ def run(repository, folder, *arguments, target="results/report.html", **environm
 
 
 def contents(folder):
-    """Return the bytes of every result file by its path."""
     files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 

@@ -8,7 +8,6 @@ SETTINGS = CalibrateSettings()
 
 
 def accelerometer_poses(truth, noise=None):
-    """Return how the accelerometer is fitted, by the noise of the truth or another."""
     noise = noise or known_noise(truth)
     return AccelerometerPoses(noise, truth.gravity, ACCELERATION_UNIT, SETTINGS)
 
@@ -20,6 +19,5 @@ def gyroscope_poses(force, recording, effects=()):
 
 
 def pose_sensors(truth, recording, noise=None):
-    """Return how both are fitted."""
     force = accelerometer_poses(truth, noise)
     return {"accelerometer": force, "gyroscope": gyroscope_poses(force, recording)}

@@ -35,7 +35,6 @@ def root(n, flicker=0.0, walk=0.0):
 
 
 def record(values, session="s", warm=True, stretch=None):
-    """Return the record of means (n, 3) at rest."""
     n = len(values)
     t = windows(n).mean(axis=1)
     warmth = temperature(n) if warm else None

@@ -27,15 +27,11 @@ class Column:
 
 @dataclass(frozen=True)
 class Other(Column):
-    """Another class of candidates."""
-
     name = "other"
 
 
 @dataclass(frozen=True)
 class Third(Column):
-    """One more."""
-
     name = "third"
 
 
@@ -106,5 +102,4 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
 
 
 def search(*arguments, **more):
-    """Return a search that sees all of `rows`."""
     return Search(rows(*arguments, **more), frozenset())

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import recording
+from calibrate.devices import planned, recording
 from diagnose.models import accelerometer_poses
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, harmonics
@@ -31,10 +31,8 @@ def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(no_l
         u = channels.output / np.linalg.norm(channels.output, axis=1, keepdims=True)
         return 0.006 * (harmonics(u, degree) @ pattern)[:, None] * u
 
-    truth = example_truth()
-    multi = replace(truth.sessions["multi_position"], poses=70)
-    force = replace(truth.accelerometer, extra=extra)
-    truth = replace(truth, accelerometer=force, sessions={"multi_position": multi})
+    truth = planned(example_truth(), poses=70)
+    truth = replace(truth, accelerometer=replace(truth.accelerometer, extra=extra))
     model, settings = accelerometer_poses(truth), DiagnoseSettings(folds=5)
     content = diagnose_poses(model, recording(truth, 0), settings, tests=20).content
     assert (content["verdict"], content["effects"]) == ("unexplained", [])

@@ -56,7 +56,6 @@ SHAPES = [pytest.param(shape, id=str(shape)) for name in LIBRARY for shape in sh
 
 
 def fitted(effect, seed=0, size=1.0):
-    """Return the effect with random values of its parameters."""
     values = np.random.default_rng(seed).normal(scale=size, size=len(effect.parameters))
     return FittedEffect(effect, dict(zip(effect.parameters, values.tolist(), strict=True)), {})
 

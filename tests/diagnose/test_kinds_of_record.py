@@ -9,10 +9,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import f as f_distribution
 
+from diagnose import rows
 from diagnose.records import LENGTH, windows
 from imuloop.calibrate import least_squares
 from imuloop.calibrate.pose_fits import Solution
-from imuloop.core.effect import Channels, Effect
+from imuloop.core.effect import Channels
 from imuloop.diagnose.evidence import Hypotheses
 from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.poses import PoseProblem
@@ -27,22 +28,15 @@ ROWS = (30, 45)
 LEVEL = np.repeat([0, 1], ROWS)
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(rows.Column):
     """A candidate: one column of the problem, on the first axis."""
-
-    number: int
-    name = "column"
-    parameters = {"p": "1"}  # noqa: RUF012
-    limit = np.inf
-    together, moved = Effect.together, Effect.moved
 
     def in_session(self, channels, session, windows):
         return channels.other[:, [self.number], None] * np.eye(3)[0][:, None]
 
 
 class Beside(Column):
-    """The candidate beside which others are tested."""
+    pass
 
 
 BESIDE, CANDIDATE, LIKE_IT = Beside(0), Column(1), Column(2)
@@ -81,7 +75,6 @@ class Linear:
         return *left, len(fit) - fit.shape[1]
 
     def p_value(self, base, candidate, out, least):
-        """Return the p-value of generalised least squares, by the book."""
         before, after, dof = self.squares(base, candidate, out)
         return f_distribution.sf((before - after) / max(least, after / dof), 1, dof)
 

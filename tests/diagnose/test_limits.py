@@ -55,7 +55,6 @@ def test_a_line_has_its_limit_on_one_axis_in_every_session():
     t = windows(n).mean(axis=1)
 
     def line(sessions):
-        """Return a search of that line alone, and its limits."""
         records = [record(rng.standard_normal((n, 3)), session) for session in sessions]
         one = search(records, [Sinusoid(9 / t[-1], tuple(sessions))])
         one.problem.scans.clear()

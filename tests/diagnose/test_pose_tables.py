@@ -1,12 +1,10 @@
 """The tables of poses and moves: their rows, what was measured, and the errors that are left."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, recording
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned, recording
 from diagnose.models import pose_sensors
 from diagnose.test_search import with_g_sensitivity
 from imuloop.calibrate.force import calibrated_force
@@ -49,7 +47,6 @@ def session(turns):
 
 
 def moves(made, names, residuals):
-    """Return the table of moves of the gyroscope that logged them."""
     gain = {f"G{i}{j}": GAIN * (i == j) for i in range(3) for j in range(3)}
     effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 0.0))
     force = calibrated_force(SensorCalibration.nominal(ACCELERATION_UNIT, ""), made, None)
@@ -59,7 +56,6 @@ def moves(made, names, residuals):
 
 @pytest.fixture(scope="module")
 def two():
-    """A recording of two sessions, of three and two poses."""
     slanted = np.array([0.0, 0.6, 0.8])
     logs = [session([((0, 0, 1), 90), ((1, 0, 0), -40)]), session([(slanted, 200)])]
     return record(*zip(*logs, strict=True), 30.0)
@@ -101,9 +97,7 @@ def test_without_a_pose_the_columns_are_the_same(two):
 
 
 def test_the_errors_of_the_tables_are_those_of_the_diagnosis(no_limits):
-    truth = example_truth()
-    plan = replace(truth.sessions["multi_position"], poses=20)
-    truth = with_g_sensitivity(replace(truth, sessions={"multi_position": plan}), np.eye(3) * 4e-4)
+    truth = with_g_sensitivity(planned(example_truth(), poses=20), np.eye(3) * 4e-4)
     made, settings = recording(truth, 1), DiagnoseSettings(folds=3, draws=100)
     sensors = pose_sensors(truth, made)
     force, turn = (diagnose_poses(own, made, settings) for own in sensors.values())

@@ -15,7 +15,6 @@ QUATERNION = ["qw", "qx", "qy", "qz"]
 
 
 def found(diagnosis):
-    """Return the effects beside the reference, by sensor and name."""
     return {
         sensor: {e["name"]: e for e in parts["reference"]["effects"]}
         for sensor, parts in diagnosis["sensors"].items()
@@ -23,7 +22,6 @@ def found(diagnosis):
 
 
 def off(effect, truth):
-    """Return how far parameters are from the truth, in standard errors."""
     pairs = zip(effect["parameters"].values(), effect["std"].values(), truth, strict=True)
     return [abs(value - true) / std for value, std, true in pairs]
 

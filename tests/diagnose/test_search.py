@@ -30,7 +30,6 @@ TRUTH = example_truth()
 
 
 def with_effect(sensor, effect, values, truth=TRUTH):
-    """Return a device one of whose sensors has an effect."""
     fitted = FittedEffect(effect, dict(zip(effect.parameters, values, strict=True)), {})
     return replace(truth, **{sensor: replace(getattr(truth, sensor), effects=(fitted,))})
 
@@ -40,7 +39,6 @@ def with_g_sensitivity(truth, matrix):
 
 
 def problem_of(sensor, made, shapes=SHAPES, parts=10, **more):
-    """Return the problem of a sensor's poses, neighbours in different parts."""
     fold = interleaved(len(made.poses), parts)
     return PoseProblem(sensor, made, shapes, DiagnoseSettings(), 1, fold, **more)
 
@@ -114,7 +112,6 @@ def test_a_part_of_a_gyroscope_takes_the_accelerometer_of_its_own_part(sensitive
     force = problem_of(sensors["accelerometer"], made, {type(quadratic): (quadratic,)}, 4)
 
     def of_effects(out):
-        """Return directions that have an effect where one part is held out."""
         return force.sensor.directions(force.fitted((quadratic,) * (out == {2}), out), made)
 
     errors = []
@@ -180,8 +177,6 @@ def test_an_effect_that_other_records_show_is_held_to_what_they_say(sensitive):
     true = np.array(list(truth.gyroscope.effects[0].values.values()))
 
     def fit(std):
-        """Return the fit where other records give the truth with a standard error."""
-
         def information(effects):
             assert effects == (G_SENSITIVITY,)
             return np.eye(9) / std**2, true / std**2

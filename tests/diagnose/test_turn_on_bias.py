@@ -41,7 +41,6 @@ def power_cycles(seed, runs=3, size=1.0):
 
 
 def diagnosed(recording):
-    """Return the PoseResult of each sensor."""
     force, settings = accelerometer_poses(TRUTH), DiagnoseSettings()
     first = diagnose_poses(force, recording, settings)
     turn = GyroscopePoses(force.noise, first.solution.calibration, RATE_UNIT, force.settings)

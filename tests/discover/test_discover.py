@@ -6,49 +6,41 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.discover import device, outcome
+from bench.discover import SESSION, device, outcome, problem_in, with_extra
+from calibrate.devices import ACCELERATION_UNIT
 from imuloop import chain
-from imuloop.calibrate.pose_fits import AccelerometerPoses
-from imuloop.calibrate.recording import record
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.units import DEGREE, RawUnit
-from imuloop.diagnose.records.pose_diagnosis import pose_problem
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.variance import Part
 from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover, fitted, rows_of
 from imuloop.discover.pursuit import MARGIN, Rows, pursue
 from imuloop.discover.space import Space
-from imuloop.segment.segment import segment_session
-from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
 
 SEEDS = range(11040, 11045)
-SI = RawUnit("m/s^2", 1.0)
 
 
-@pytest.mark.parametrize("truth", ["quadratic", "fy2_fz_on_x", "T2_fx_on_x"])
+# of the first the library has a name, which the search does not know
+@pytest.mark.parametrize(
+    "truth", [pytest.param("quadratic", marks=pytest.mark.study), "fy2_fz_on_x", "T2_fx_on_x"]
+)
 def test_what_is_put_in_is_named(truth):
-    found = [outcome(truth, 4.0, "forty", seed) for seed in SEEDS]
+    made = [outcome(truth, 4.0, "forty", seed) for seed in SEEDS]
     # nine of ten by the study: four of five are less than that by chance once in ten
-    assert sum(o.named and o.right for o in found) >= 4
-    assert np.median([o.against_known for o in found]) < 1.3
+    assert sum(m.discovery.effect is not None and m.right for m in made) >= 4
+    assert np.median([m.against_known for m in made]) < 1.3
 
 
-@pytest.mark.parametrize("seed", [13008, 13019])
-def test_a_column_that_stands_for_a_power_outside_the_space_is_no_name(seed):
-    found = outcome("degree_7", 4.0, "forty", seed)
+@pytest.mark.parametrize(
+    ("truth", "seed"), [("degree_7", 13008), ("degree_7", 13019), ("sign_midway", 13301)]
+)
+def test_a_column_that_stands_for_what_is_outside_the_space_is_no_name(truth, seed):
+    """For a power; or for a change of sign."""
+    found = outcome(truth, 4.0, "forty", seed).discovery
     # all else would name it
-    assert found.chosen == 1 and found.margin > MARGIN and found.left >= FLOOR
-    assert found.agreed >= AGREED and found.upper < 1
-    assert found.structure and not found.named and found.constant < LEVEL
-
-
-def test_a_column_that_stands_for_a_change_of_sign_is_no_name():
-    found = outcome("sign_midway", 4.0, "forty", 13301)
-    # all else would name it
-    assert found.chosen == 1 and found.margin > MARGIN and found.left >= FLOOR
-    assert found.agreed >= AGREED and found.constant >= LEVEL and found.upper < 1
-    assert found.structure and not found.named and found.lead < MARGIN
+    assert len(found.found.candidates) == 1 and found.found.margin > MARGIN and found.left >= FLOOR
+    assert found.agreed >= AGREED and min(k["ratio_ci95"][1] for k in found.kinds.values()) < 1
+    assert found.effect is None and (found.constant < LEVEL) == (truth == "degree_7")
+    assert truth == "degree_7" or found.lead < MARGIN
 
 
 def test_a_form_that_a_part_held_out_has_rows_for_in_all_data_is_not_lost():
@@ -57,8 +49,8 @@ def test_a_form_that_a_part_held_out_has_rows_for_in_all_data_is_not_lost():
 
 
 def test_nothing_is_named_where_nothing_is():
-    found = [outcome("accelerometer", 0.0, "forty", seed) for seed in SEEDS]
-    assert not any(o.named for o in found)
+    made = [outcome("accelerometer", 0.0, "forty", seed) for seed in SEEDS]
+    assert all(m.discovery.effect is None for m in made)
 
 
 def twisted(c):
@@ -66,24 +58,20 @@ def twisted(c):
     return (4e-5 * c.output[:, 1] ** 2 * c.output[:, 2])[:, None] * [1.0, 0.0, 0.0]
 
 
-def family(turn=False, log=None, unit=SI):
+def family(turn=False, log=None, unit=ACCELERATION_UNIT):
     """Return the effect, its size, SI, and formulas of a device that has it.
 
     Its axes are renamed x → y → z → x by a turn; a log takes its samples through a file.
     """
     truth, noise = device("forty", 11041)
-    truth = replace(truth, accelerometer=replace(truth.accelerometer, extra=twisted))
-    samples = simulate_session(truth, "multi_position", 11041)
+    samples = simulate_session(with_extra(truth, "accelerometer", twisted), SESSION, 11041)
     samples = log(samples) if log else samples
     if turn:
         names = {f"{c}{a}": f"{c}{b}" for c in "ag" for a, b in zip("xyz", "yzx", strict=True)}
         samples = samples.rename(columns=names)
         axes = {names[axis]: own for axis, own in noise.axes.items()}
         noise = replace(noise, axes={axis: axes[axis] for axis in noise.axes})
-    segments = segment_session(samples, "multi_position", SegmentSettings())[0]
-    recording = record([samples], [segments], 30.0)
-    force = AccelerometerPoses(noise, truth.gravity, unit, CalibrateSettings())
-    problem = pose_problem(force, recording, DiagnoseSettings(), 30)
+    problem = problem_in(samples, "accelerometer", truth.gravity, noise, unit)
     found = discover(problem)
     own, space = found.found, found.space
     named = [own.candidates[0], *own.imitators]
@@ -134,7 +122,6 @@ def test_a_log_in_other_units_gives_the_same_formula_in_si(plain, tmp_path, unit
 
 
 def rows(values, columns):
-    """Return rows of white noise with a constant, each a pose, and a space of given columns."""
     n = len(values)
     parts = (Part(np.diag(np.full(n, 1e-6))),)
     own = Rows(values, np.ones((n, 1)), np.eye(n), parts, np.arange(n), 1)

@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 
-from bench.discover import _problem, _with, device
+from bench.discover import device, problem_of, with_extra
 from imuloop.discover.discover import discover
 from imuloop.discover.family import discover_jointly, members_of, no_type
 from imuloop.report.composed import type_part
@@ -20,12 +20,11 @@ def extra(channels, size):
 
 
 def problems(sizes):
-    """Return the accelerometers of devices that have it in some sizes."""
     found = {}
     for k, size in enumerate(sizes):
         truth, noise = device("forty", FIRST + k)
-        truth = _with(truth, "accelerometer", partial(extra, size=size))
-        found[f"imu_{k}"] = (_problem(truth, FIRST + k, "accelerometer", noise), ())
+        truth = with_extra(truth, "accelerometer", partial(extra, size=size))
+        found[f"imu_{k}"] = (problem_of(truth, FIRST + k, "accelerometer", noise), ())
     return found
 
 

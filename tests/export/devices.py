@@ -71,7 +71,6 @@ FOUND = (g_sensitivity(),)
 
 
 def device(label="Board A", effects=FOUND):
-    """Return a device of which all is known."""
     return Exported(
         "board",
         label,
@@ -83,7 +82,6 @@ def device(label="Board A", effects=FOUND):
 
 
 def unknown(label="Board B"):
-    """Return a device of which every session was rejected."""
     reason = "no session could be used"
     nominal = (SensorCalibration.nominal(unit, reason) for unit in (COUNT, DEGREES))
     noise = NoiseModel("board", dict.fromkeys(CHANNELS, AxisNoise()))
@@ -91,13 +89,11 @@ def unknown(label="Board B"):
 
 
 def with_sensor(exported, name, **changes):
-    """Return the device with some of a sensor's calibration changed."""
     sensor = replace(exported.sensor(name), **changes)
     return replace(exported, calibration=replace(exported.calibration, **{name: sensor}))
 
 
 def without_flicker(exported):
-    """Return the device with white noise and walk alone."""
     axes = {name: replace(noise, B=Coefficient()) for name, noise in exported.noise.axes.items()}
     return replace(exported, noise=replace(exported.noise, axes=axes))
 
@@ -143,7 +139,6 @@ def fitted(effect, sizes, seed=3):
 
 
 def warm_device(label="Board A", accelerometer=None, gyroscope=None):
-    """Return the device of `device` with effects of the temperature on both sensors."""
     cubic, square = BiasTemperature(3, 18.0), BiasTemperature(2, 21.0)
     if accelerometer is None:
         accelerometer = (fitted(cubic, (5e-3, 2e-4, 4e-6)), fitted(ScaleTemperature(18.0), (2e-4,)))
@@ -165,7 +160,6 @@ def narrow_device(board=None, accelerometer=(10.0, 30.0), gyroscope=(10.0, 30.0)
 
 
 def warm_samples(cold=COLD, warm=WARM):
-    """Return samples at temperatures across those of the data, held between `cold` and `warm`."""
     table = samples()
     table["temperature"] = np.clip(np.linspace(COLD, WARM, len(table)), cold, warm)
     return table

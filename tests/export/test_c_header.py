@@ -71,7 +71,6 @@ def calibrated(tmp_path):
 
 
 def without_a_range_of_some(board):
-    """Return a device some of whose parameters were not seen to act on one axis."""
     for name, lacking in (("accelerometer", {"c1y", "sTz"}), ("gyroscope", {"c2x", "G12"})):
         effects = tuple(
             replace(e, seen={k: ends for k, ends in e.seen.items() if k not in lacking})
@@ -82,7 +81,6 @@ def without_a_range_of_some(board):
 
 
 def held_arms():
-    """Return a device whose arms were seen at half the rates of the samples."""
     t, w = np.arange(200) / 200, np.random.default_rng(1).uniform(-1.7, 1.7, (200, 3))
     board, seen = turning_device(), [Channels(t, w, w)]
     effects = tuple(e.held_to(seen) for e in board.sensor("accelerometer").effects)

@@ -34,7 +34,6 @@ def test_imu_tk(sensor, written):
 
 
 def through_openvins(exported, table):
-    """Return specific force and angular rate as Propagator::predict_and_compute has them."""
     content = OPENVINS.text(exported)
     imu = opencv(content)["imu0"]
     Ta, Tw, Tg, to_acc, to_gyro = (

@@ -30,18 +30,11 @@ from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, V
 from imuloop.export.openvins import OPENVINS
 
 WORST = {"acc_n": N["az"], "gyr_n": N["gy"], "acc_w": K["ax"], "gyr_w": K["gz"]}
-KALIBR_KEYS = {
-    "acc_n": "accelerometer_noise_density",
-    "gyr_n": "gyroscope_noise_density",
-    "acc_w": "accelerometer_random_walk",
-    "gyr_w": "gyroscope_random_walk",
-}
-ORB_KEYS = {
-    "acc_n": "IMU.NoiseAcc",
-    "gyr_n": "IMU.NoiseGyro",
-    "acc_w": "IMU.AccWalk",
-    "gyr_w": "IMU.GyroWalk",
-}
+SENSOR = {"acc": "accelerometer", "gyr": "gyroscope"}
+PARAMETER = {"n": "noise_density", "w": "random_walk"}
+KALIBR_KEYS = {key: f"{SENSOR[key[:3]]}_{PARAMETER[key[-1]]}" for key in WORST}
+ORB_KEYS = dict(zip(WORST, "NoiseAcc NoiseGyro AccWalk GyroWalk".split(), strict=True))
+ORB_KEYS = {key: f"IMU.{name}" for key, name in ORB_KEYS.items()}
 KEYS = {ORB_SLAM3: ORB_KEYS, VINS_FUSION: {key: key for key in WORST}}
 FORMATS = pytest.mark.parametrize(
     "form", [KALIBR, ALLAN_VARIANCE_ROS, ORB_SLAM3, VINS_FUSION, OPENVINS]

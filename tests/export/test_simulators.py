@@ -32,7 +32,6 @@ SHORT = {"accelerometer": "accel", "gyroscope": "gyro"}
 
 
 def allan(x, m):
-    """Return the Allan deviation over m samples of the last axis."""
     means = x.reshape(*x.shape[:-1], -1, m).mean(axis=-1)
     return np.sqrt(np.mean(np.diff(means) ** 2, axis=-1) / 2)
 
@@ -114,7 +113,6 @@ def assigned(text):
 
 
 def imu_sensor(board, truth):
-    """Return the log that imuSensor without noise gives of the truth, a table of samples."""
     found, logged = assigned(MATLAB_IMU_SENSOR.text(board)), truth.copy()
     warmer = truth["temperature"].to_numpy()[:, None] - 25
     f = truth[list(ACCELERATION)].to_numpy()

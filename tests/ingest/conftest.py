@@ -71,8 +71,6 @@ def every_bit():
 
 @pytest.fixture
 def run(tmp_path):
-    """Ingest paths, or a table as Parquet; give samples, quality and metadata."""
-
     def call(*paths, **declared):
         if isinstance(paths[0], pd.DataFrame):
             paths[0].to_parquet(tmp_path / "log.parquet", index=False)

@@ -6,7 +6,6 @@ ACCELERATION, RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 
 
 def table(header, columns, write="{}".format, separator=",", decimal="."):
-    """Return the text of a CSV table."""
     lines = [separator.join(header)]
     for row in zip(*columns, strict=True):
         lines.append(separator.join(write(x).replace(".", decimal) for x in row))
@@ -14,13 +13,11 @@ def table(header, columns, write="{}".format, separator=",", decimal="."):
 
 
 def same(samples, log):
-    """Whether samples hold the log to the last bit."""
     for name in log.columns:
         np.testing.assert_array_equal(samples[name], log[name])
     return True
 
 
 def check(done, log, scale=1, t=None):
-    """Assert that the samples are those of the log, its acceleration scaled."""
     expected = log.assign(**{name: scale * log[name] for name in ACCELERATION})
     assert same(done.samples, expected if t is None else expected.assign(t=t))

@@ -10,7 +10,6 @@ STEP = 10_000
 
 
 def mended(stamps, size=None, tick=1000, valid=None):
-    """Mend stamps, in parts of a size."""
     x = np.asarray(stamps)
     valid = np.ones(len(x), dtype=bool) if valid is None else valid
     size = size or len(x)
@@ -191,7 +190,6 @@ def turning(log):
 
 
 def turned(table, t):
-    """Return the rows as sampled at t."""
     turn = {name: table[name] + 2 * np.sin((k + 2) * t) for k, name in enumerate(("gx", "gz"))}
     return table.assign(**turn)
 

@@ -10,7 +10,6 @@ import pytest
 
 @pytest.fixture
 def long_log():
-    """20,000 rows that do not compress."""
     rng = np.random.default_rng(0)
     table = pd.DataFrame({"t": np.arange(20_000) / 100})
     for name in "ax ay az gx gy gz".split():

@@ -7,12 +7,12 @@ import pytest
 from pymavlink import DFReader
 
 from imuloop.core.errors import ImuloopError
+from ingest.tables import ACCELERATION, RATE, same
 from ingest.written import binary, packed, text
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
-ACCELERATION, ANGULAR_RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
-CHANNELS = ANGULAR_RATE + ACCELERATION
+CHANNELS = RATE + ACCELERATION
 # microseconds since the start
 STAMPS = 987_654_321 + 10_003 * np.arange(500)
 # messages of ArduPilot: format, names of the fields
@@ -36,8 +36,7 @@ def sampled(table, columns, instance=0, shift=0):
 
 @pytest.fixture
 def single(log):
-    """The log in single precision."""
-    return log.astype(np.float32)
+    return log.astype(np.float32).assign(t=(STAMPS - STAMPS[0]) * 1e-6)
 
 
 @pytest.fixture
@@ -50,16 +49,10 @@ def write(tmp_path):
     return call
 
 
-def assert_equal(done, table):
-    for name in CHANNELS:
-        np.testing.assert_array_equal(done.samples[name], table[name].to_numpy(float))
-    np.testing.assert_array_equal(done.samples.t, (STAMPS - STAMPS[0]) * 1e-6)
-
-
 def test_imu_messages(run, single, write):
     path = write(binary(("IMU", IMU, imu(single))))
     done = run(path)
-    assert_equal(done, single)
+    assert same(done.samples, single)
     np.testing.assert_array_equal(done.samples.temperature, np.linspace(20, 30, 500).astype("f4"))
     assert done.quality["columns"]["acceleration"] == [f"IMU_0.Acc{axis}" for axis in "XYZ"]
     assert done.quality["bad_lines"] == 0
@@ -105,10 +98,10 @@ def test_every_bit_of_text(hard, every_bit, write):
 def test_raw_messages_are_stamped_by_the_sample(run, single, write):
     messages = [
         ("ACC", ACC, sampled(single, ACCELERATION)),
-        ("GYR", GYR, sampled(single, ANGULAR_RATE)),
+        ("GYR", GYR, sampled(single, RATE)),
     ]
-    assert_equal(run(write(binary(*messages))), single)
-    messages[1] = "GYR", GYR, sampled(single, ANGULAR_RATE, shift=2_500)
+    assert same(run(write(binary(*messages))).samples, single)
+    messages[1] = "GYR", GYR, sampled(single, RATE, shift=2_500)
     done = run(write(binary(*messages)))
     np.testing.assert_array_equal(done.samples.ax, single.ax[1:])
     assert "GYR_0 interpolated linearly onto the stamps of ACC_0" in " ".join(
@@ -121,9 +114,9 @@ def test_instances_are_chosen_by_name(run, single, write):
     with pytest.raises(ImuloopError, match=r"IMU_0 \(AccX.* and IMU_2 \(AccX.*all look like acc"):
         run(path)
     columns = {"acceleration": "IMU_2", "angular_rate": "IMU_2"}
-    assert_equal(run(path, columns=columns), single)
+    assert same(run(path, columns=columns).samples, single)
     columns["acceleration"] = [f"IMU_2.Acc{axis}" for axis in "XYZ"]
-    assert_equal(run(path, columns=columns), single)
+    assert same(run(path, columns=columns).samples, single)
 
 
 def test_older_logs_number_the_message(run, single, write):

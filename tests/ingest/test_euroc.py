@@ -11,16 +11,20 @@ HEADER += [f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"]
 HEADER += [f"a_RS_S_{axis} [m s^-2]" for axis in "xyz"]
 
 
+def write(folder, stamps, values):
+    with open(folder / "data.csv", "w", newline="") as file:
+        rows = values[:, [3, 4, 5, 0, 1, 2]].tolist()
+        csv.writer(file).writerows(
+            [HEADER, *([int(t), *x] for t, x in zip(stamps, rows, strict=True))]
+        )
+
+
 @pytest.fixture
 def folder(log, tmp_path):
     folder = tmp_path / "mav0" / "imu0"
     folder.mkdir(parents=True)
-    rows = log[["gx", "gy", "gz", "ax", "ay", "az"]].to_numpy().tolist()
-    with open(folder / "data.csv", "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(HEADER)
-        for i, row in enumerate(rows):
-            writer.writerow([1_403_636_579_758_555_393 + 10_000_001 * i, *row])
+    stamps = 1_403_636_579_758_555_393 + 10_000_001 * np.arange(500)
+    write(folder, stamps, log.to_numpy()[:, 1:])
     (folder / "sensor.yaml").write_text("sensor_type: imu\nrate_hz: 200\n")
     return folder
 
@@ -38,11 +42,7 @@ def test_folder_and_table_alone_come_back_exactly(log, run, folder, name):
 
 
 def test_every_bit(hard, hard_stamps, every_bit, folder):
-    with open(folder / "data.csv", "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(HEADER)
-        for i, row in enumerate(hard[:, [3, 4, 5, 0, 1, 2]].tolist()):
-            writer.writerow([int(hard_stamps[i]), *row])
+    write(folder, hard_stamps, hard)
     every_bit(folder, hard, hard_stamps)
     every_bit(folder / "data.csv", hard, hard_stamps)
 

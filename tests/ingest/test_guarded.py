@@ -25,7 +25,6 @@ ENDINGS = ["ulg", "mat", "zip", "bag", "db3", "mcap", "bin", "nc"]
 
 @pytest.fixture(scope="module")
 def seeds(tmp_path_factory):
-    """Ending -> content of a sound log."""
     made = all_seeds(tmp_path_factory.mktemp("seeds"))
     every = [each for kind in made for each in made[kind]]
     return {end: next(x for name, x in every if name == f"log.{end}") for end in ENDINGS}

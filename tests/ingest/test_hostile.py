@@ -91,7 +91,7 @@ def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line)
         file.write(text(log.head(half)))
         if line == "\\0":
             # what a logger's disk holds after its power failed: a hole of zeros
-            file.seek(1 << 28, os.SEEK_CUR)
+            file.seek(1 << 27, os.SEEK_CUR)
         for _ in range(0 if line == "\\0" else 100):
             file.write(line.encode() * ((1 << 20) // len(line)))
         file.write(b"\n" + text(log.tail(half), header=False))

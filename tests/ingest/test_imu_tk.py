@@ -8,7 +8,6 @@ from imuloop.core.errors import ImuloopError
 
 @pytest.fixture
 def pair(log, tmp_path):
-    """The log as two files in imu_tk's number format."""
     paths = [tmp_path / "acc.mat", tmp_path / "gyro.mat"]
     for path, names in zip(paths, ["ax ay az", "gx gy gz"], strict=True):
         np.savetxt(path, log[["t", *names.split()]], fmt="   %.7e")

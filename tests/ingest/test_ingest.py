@@ -14,7 +14,6 @@ from imuloop.ingest import convert
 
 @pytest.fixture
 def path(log, tmp_path):
-    """The log as CSV."""
     log.to_csv(tmp_path / "log.csv", index=False)
     return tmp_path / "log.csv"
 
@@ -85,7 +84,6 @@ def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
         ({"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean 's'\?"),
         ({"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
         ({"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
-        ({"columns": {"time": None}}, "no time column"),
         ({"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
     ],
 )

@@ -59,7 +59,6 @@ BOTH = pytest.mark.parametrize("save", [save_5, save_73])
 
 @pytest.fixture
 def arrays(log):
-    """The log as a time and a matrix a sensor."""
     return {"t": log.t.to_numpy()} | {name: log[axes].to_numpy() for name, axes in SENSORS.items()}
 
 
@@ -69,7 +68,6 @@ def path(tmp_path):
 
 
 def counts(kind):
-    """Return whole numbers of a type, none beyond what float64 holds."""
     low, high = max(np.iinfo(kind).min, -(2**53)), min(np.iinfo(kind).max, 2**53)
     return np.random.default_rng(0).integers(low, high, (300, 6), kind)
 
@@ -115,15 +113,16 @@ def test_structs_of_columns_beside_others(log, run, arrays, path, save):
     assert done.quality["columns"]["acceleration"] == ["imu.acc.x", "imu.acc.y", "imu.acc.z"]
 
 
-def test_the_other_byte_order(log, run, path):
-    def element(kind, content):
-        return struct.pack(">II", kind, len(content)) + content + bytes(-len(content) % 8)
+def element(kind, content, order="<"):
+    return struct.pack(f"{order}II", kind, len(content)) + content + bytes(-len(content) % 8)
 
+
+def test_the_other_byte_order(log, run, path):
     content = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x100) + b"MI"
     for name in log.columns:
         parts = [(6, struct.pack(">II", 6, 0)), (5, struct.pack(">ii", 500, 1))]
         parts += [(1, name.encode()), (9, log[name].to_numpy().astype(">f8").tobytes())]
-        content += element(14, b"".join(element(*part) for part in parts))
+        content += element(14, b"".join(element(*part, ">") for part in parts), ">")
     path.write_bytes(content)
     assert same(run(path).samples, log)
 
@@ -150,11 +149,6 @@ def test_other_files_are_rejected(run, path, content, reason):
 
 
 def opaque(name, what):
-    """Return a MATLAB object as version 5 keeps it."""
-
-    def element(kind, content):
-        return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
-
     texts = b"".join(element(1, text.encode()) for text in (name, "MCOS", what))
     matrix = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1))
     matrix = element(14, matrix + element(1, b"") + element(6, bytes(24)))

@@ -11,8 +11,6 @@ pytestmark = pytest.mark.usefixtures("in_process")
 
 @pytest.fixture
 def write(log, tmp_path):
-    """Write the log as NetCDF; give its path."""
-
     def call(units="seconds since 2021-09-20 08:52:00", order=("time", "axis"), kind="f8"):
         path = tmp_path / "log.nc"
         with netCDF4.Dataset(path, "w") as data:
@@ -127,7 +125,6 @@ def test_six_columns_in_one_variable(log, run, tmp_path):
     with pytest.raises(ImuloopError) as raised:
         run(path)
     assert "found (time, imu.0, imu.1, imu.2, imu.3, imu.4, imu.5)" in str(raised.value)
-    columns = {
-        q: [f"imu.{i + k}" for i in range(3)] for q, k in (("acceleration", 0), ("angular_rate", 3))
-    }
+    names = [f"imu.{i}" for i in range(6)]
+    columns = {"acceleration": names[:3], "angular_rate": names[3:]}
     np.testing.assert_array_equal(run(path, columns=columns).samples.gz, log.gz)

@@ -19,8 +19,6 @@ STEPS = 10_000_000 * np.arange(500)
 
 @pytest.fixture
 def write(tmp_path):
-    """Write a zip of name -> text; give its path."""
-
     def call(members, method=zipfile.ZIP_DEFLATED):
         path = tmp_path / "log.zip"
         with zipfile.ZipFile(path, "w", method) as archive:
@@ -33,8 +31,6 @@ def write(tmp_path):
 
 @pytest.fixture
 def refused(run, write):
-    """Give the reason for which a zip is rejected."""
-
     def call(members):
         path = members if hasattr(members, "read_bytes") else write(members)
         (reason,) = run(path).quality["reasons"]
@@ -48,11 +44,7 @@ def refused(run, write):
 def test_phyphox(log, run, write, kind, separator, decimal):
     done = run(write(phyphox(log, kind, separator, decimal)))
     check(done, log)
-    assert done.metadata["units"] == {
-        "time": "s",
-        "acceleration": "m/s^2",
-        "angular_rate": "rad/s",
-    }
+    assert done.metadata["units"] == {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s"}
     assert done.quality["warnings"][0] == "an export of phyphox"
     assert done.quality["rows"] == 500
 

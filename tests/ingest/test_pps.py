@@ -54,7 +54,6 @@ def ingested(run, tmp_path):
 
 
 def by_formula(counters, marks):
-    """Return GNSS times, one sample after the other, as the formula is written."""
     found = []
     c, t = marks.counter.to_numpy(), marks.gnss.to_numpy()
     for c2 in counters:
@@ -149,10 +148,9 @@ def test_a_counter_that_rolls_over(simulated, ingested, offset, inside):
         done = ingested(latched)
     else:
         # marks that begin before the log does
-        early = pd.DataFrame({"counter": marks.counter[0] - 10**6 * np.arange(8, 0, -1)})
-        early = early.assign(
-            counter=early.counter % 2**32, gnss=marks.gnss[0] - np.arange(8, 0, -1)
-        )
+        before = np.arange(8, 0, -1)
+        counter = (marks.counter[0] - 10**6 * before) % 2**32
+        early = pd.DataFrame({"counter": counter, "gnss": marks.gnss[0] - before})
         done = ingested(table, pd.concat([early, marks]))
     np.testing.assert_allclose(done.samples.t[200:], straight[200:], rtol=0, atol=1e-4)
     assert done.quality["clock"]["pps"]["missed"] == 0
@@ -165,15 +163,12 @@ def test_the_week_ends_and_dates(simulated, ingested):
     week = marks.assign(gnss=(marks.gnss - START + 604_700) % 604_800)
     np.testing.assert_array_equal(ingested(table, week).samples.t, straight)
     dates = pd.Timestamp("2024-02-29T23:58:00Z") + pd.to_timedelta(SECONDS, "s")
-    dated = ingested(table, marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ")))
+    marks = marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ"))
+    dated = ingested(table, marks)
     np.testing.assert_array_equal(dated.samples.t, straight)
     begin = pd.Timestamp("2024-02-29T23:58:00.0035Z")
     assert abs(pd.Timestamp(dated.metadata["start"]) - begin) < pd.Timedelta("2us")
-    cropped = ingested(
-        table,
-        marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ")),
-        time_range=["2024-02-29T23:59:00Z", None],
-    )
+    cropped = ingested(table, marks, time_range=["2024-02-29T23:59:00Z", None])
     assert len(cropped.samples) == ROWS - 6000
     begin += pd.Timedelta("1min")
     assert abs(pd.Timestamp(cropped.metadata["start"]) - begin) < pd.Timedelta("2us")

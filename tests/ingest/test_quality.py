@@ -10,8 +10,6 @@ from imuloop.core.samples import Samples
 
 @pytest.fixture
 def measured(log, run):
-    """Quality of the log after a change."""
-
     def call(**declared):
         return run(log, **declared).quality
 
@@ -94,13 +92,10 @@ def test_the_wrong_unit_of_acceleration_is_reported(log, measured, unit, factor,
 
 
 @pytest.mark.parametrize("kind", ["static", "multi_position"])
-def test_a_scale_of_some_per_cent_is_honest(log, measured, kind):
-    for factor in (0.85, 0.93, 1.06, 1.15):
-        scaled = log.copy()
-        scaled[["ax", "ay", "az"]] *= factor
-        log[:] = scaled
-        assert measured(kind=kind)["warnings"] == []
-        log[["ax", "ay", "az"]] /= factor
+@pytest.mark.parametrize("factor", [0.85, 0.93, 1.06, 1.15])
+def test_a_scale_of_some_per_cent_is_honest(log, measured, kind, factor):
+    log[["ax", "ay", "az"]] *= factor
+    assert measured(kind=kind)["warnings"] == []
 
 
 def test_too_short(log, run):

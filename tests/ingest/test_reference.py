@@ -6,37 +6,29 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.study.reference import DECLARED
 from imuloop.core.samples import read_columns
 from imuloop.ingest.ingest import ingest
 from imuloop.simulate.reference import Beside, simulate_beside
 
-QUATERNION, PLACE = ["qw", "qx", "qy", "qz"], ["px", "py", "pz"]
-DECLARED = {
-    "columns": {"time": "t", "orientation": QUATERNION, "position": PLACE},
-    "units": {},
-    "convention": "body_to_world",
-}
+QUATERNION, PLACE = (DECLARED["columns"][name] for name in ("orientation", "position"))
 SEED = 12160
 
 
 def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x: x):
-    """Return quality.json and the samples of a simulated session."""
     pair = simulate_beside(truth or Beside(duration_s=60.0), SEED)
     paths = []
     for name, columns, harm in zip(("log", "reference"), pair, (log, reference), strict=True):
         paths.append(folder / f"{name}.parquet")
         pd.DataFrame(harm(columns)).to_parquet(paths[-1], index=False)
+    sources = {"log": {"path": "log.parquet"}, "reference": {"path": "reference.parquet"}}
+    return ingested(folder, paths, DECLARED | (declared or {}), sources=sources)
+
+
+def ingested(folder, paths, reference, **more):
     results = {f"{k}_path": folder / f"{k}.out" for k in ("samples", "quality")}
-    ingest(
-        device="d",
-        session="s",
-        kind="reference_motion",
-        paths=paths,
-        sources={"log": {"path": "log.parquet"}, "reference": {"path": "reference.parquet"}},
-        columns={"time": "t"},
-        reference=DECLARED | (declared or {}),
-        **results,
-    )
+    session = {"device": "d", "session": "s", "kind": "reference_motion", "paths": paths}
+    ingest(**session, columns={"time": "t"}, reference=reference, **more, **results)
     quality = json.loads(results["quality_path"].read_text())
     return quality, read_columns(results["samples_path"])
 
@@ -46,9 +38,8 @@ def conjugate(columns):
 
 
 def last_first(columns):
-    return columns | dict(
-        zip(QUATERNION, [columns[k] for k in ("qx", "qy", "qz", "qw")], strict=True)
-    )
+    turned = (columns[k] for k in ("qx", "qy", "qz", "qw"))
+    return columns | dict(zip(QUATERNION, turned, strict=True))
 
 
 def mirrored(columns):
@@ -105,13 +96,13 @@ def test_wrong_declaration_is_told_with_what_fits(tmp_path, harm, says):
     assert not len(samples["t"])
 
 
-def test_declared_as_it_is_all_are_sound(tmp_path):
-    for harm, declared in (
-        (conjugate, {"convention": "world_to_body"}),
-        (in_mm, {"units": {"position": "mm"}}),
-    ):
-        quality, _ = made(tmp_path, declared=declared, reference=harm)
-        assert quality["status"] == "ok", quality["reasons"]
+@pytest.mark.parametrize(
+    ("harm", "declared"),
+    [(conjugate, {"convention": "world_to_body"}), (in_mm, {"units": {"position": "mm"}})],
+)
+def test_declared_as_it_is_all_are_sound(tmp_path, harm, declared):
+    quality, _ = made(tmp_path, declared=declared, reference=harm)
+    assert quality["status"] == "ok", quality["reasons"]
 
 
 def test_half_of_the_reference_lost_is_counted(tmp_path):
@@ -141,17 +132,7 @@ def test_reference_in_the_log_itself(tmp_path):
     path = tmp_path / "log.csv"
     pd.DataFrame(log | same).to_csv(path, index=False)
     declared = DECLARED | {"columns": {"orientation": QUATERNION, "position": PLACE}}
-    ingest(
-        device="d",
-        session="s",
-        kind="reference_motion",
-        paths=[path],
-        columns={"time": "t"},
-        reference=declared,
-        samples_path=tmp_path / "samples",
-        quality_path=tmp_path / "quality",
-    )
-    quality = json.loads((tmp_path / "quality").read_text())
+    quality, _ = ingested(tmp_path, [path], declared)
     assert quality["status"] == "ok"
     assert quality["reference"]["lost"] == odd.sum()
     assert quality["reference"]["coverage"] > 0.99

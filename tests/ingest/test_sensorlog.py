@@ -42,6 +42,12 @@ HEADERS = {
 }
 
 
+def header_of(unit):
+    """Return the columns of a phone's log that are read."""
+    names = {"a": "accelerometerAcceleration", "r": "gyroRotation"}
+    return HEADERS["phone"].format(**names, s="(s)", g=unit, w="(rad/s)").split()[2:10]
+
+
 @pytest.mark.parametrize("units", [True, False])
 @pytest.mark.parametrize("device", HEADERS)
 def test_headers_of_sensorlog(log, run, tmp_path, device, units):
@@ -79,21 +85,15 @@ def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(log, run, tmp_path)
 
 def test_every_bit_of_sensorlog(hard, every_bit, tmp_path):
     t = 62608 + np.arange(300) / 100
-    names = [f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"]
-    names += [f"gyroRotation{axis}(rad/s)" for axis in "XYZ"]
-    head = ["accelerometerTimestamp_sinceReboot(s)", "gyroTimestamp_sinceReboot(s)", *names]
-    (tmp_path / "log.csv").write_text(table(head, [t, t, *hard.T.tolist()]))
+    head = header_of("(G)")
+    columns = hard.T.tolist()
+    (tmp_path / "log.csv").write_text(table(head, [t, *columns[:3], t, *columns[3:]]))
     every_bit(tmp_path / "log.csv", hard * [-1, -1, -1, 1, 1, 1], t)
 
 
 def test_units_of_sensorlog_are_those_of_its_header(log, run, tmp_path):
-    header = (
-        HEADERS["phone"]
-        .format(a="accelerometerAcceleration", r="gyroRotation", s="(s)", g="(mG)", w="(rad/s)")
-        .split()[2:10]
-    )
     path = tmp_path / "log.csv"
     columns = [log[name] for name in ("t", "ax", "ay", "az", "t", "gx", "gy", "gz")]
-    path.write_text(table(header, columns))
+    path.write_text(table(header_of("(mG)"), columns))
     assert run(path).metadata["units"]["acceleration"] == "mg"
     assert run(path, units={"acceleration": "g"}).metadata["units"]["acceleration"] == "g"

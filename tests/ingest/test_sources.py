@@ -20,7 +20,6 @@ MEMBER = "tiny_recordings/data/log.csv"
 
 @pytest.fixture
 def server(tmp_path):
-    """Serve a folder with log.csv; give its address."""
     folder = tmp_path / "served"
     folder.mkdir()
     (folder / "log.csv").write_bytes(CONTENT)
@@ -40,7 +39,6 @@ def server(tmp_path):
 
 @pytest.fixture
 def closed():
-    """Give an address at which nobody answers."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

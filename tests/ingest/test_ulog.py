@@ -11,10 +11,10 @@ from pyulog import ULog
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest import ulog
+from ingest.tables import ACCELERATION, RATE, same
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
-ACCELERATION, ANGULAR_RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
 # PX4 counts from its start; odd, so that no stamp is a whole number of anything
 STAMPS = (12_345_678_901 + 10_003 * np.arange(500)).astype("u8")
 # bytes of a row of `combined`: header, number of the topic, stamp, six axes
@@ -25,33 +25,21 @@ TYPES |= {"u4": "uint32_t"}
 
 @pytest.fixture
 def write(tmp_path):
-    """Write topics, a list of (name, instance, fields); give the path."""
-
     def call(*topics, name="log.ulg", dropouts=(), parameters=None):
         log = ULog(None)
         log._initial_parameters.update(parameters or {})
         for number, (topic, instance, fields) in enumerate(topics):
             fields = {key: np.asarray(x) for key, x in fields.items()}
             kinds = [ULog._FieldData(key, TYPES[x.dtype.str[1:]]) for key, x in fields.items()]
-            formats, sizes = [], {}
-            for field in kinds:
-                stem, array, _ = field.field_name.partition("[")
-                sizes[stem] = sizes.get(stem, 0) + bool(array)
-            for field in kinds:
-                stem = field.field_name.partition("[")[0]
-                if (field.type_str, sizes[stem], stem) not in formats:
-                    formats.append((field.type_str, sizes[stem], stem))
+            stems = [(field.type_str, *field.field_name.partition("[")[:2]) for field in kinds]
+            # type, length of an array, name
+            formats = [(k, stems.count((k, n, a)) * bool(a), n) for k, n, a in dict.fromkeys(stems)]
             log._message_formats[topic] = SimpleNamespace(name=topic, fields=formats)
-            log._data_list.append(
-                SimpleNamespace(
-                    multi_id=instance, msg_id=number, name=topic, field_data=kinds, data=fields
-                )
-            )
+            data = {"multi_id": instance, "msg_id": number, "name": topic, "data": fields}
+            log._data_list.append(SimpleNamespace(field_data=kinds, **data))
         for duration, stamp in dropouts:
-            header = SimpleNamespace()
-            log._dropouts.append(
-                ULog.MessageDropout(struct.pack("<H", duration), header, int(stamp))
-            )
+            content = struct.pack("<H", duration)
+            log._dropouts.append(ULog.MessageDropout(content, SimpleNamespace(), int(stamp)))
         path = tmp_path / name
         log.write_ulog(str(path))
         return path
@@ -78,7 +66,7 @@ def axes(table, columns):
 
 
 def combined(table, **more):
-    fields = {"timestamp": STAMPS, **vector(table, ANGULAR_RATE, "gyro_rad[{}]")}
+    fields = {"timestamp": STAMPS, **vector(table, RATE, "gyro_rad[{}]")}
     return (
         "sensor_combined",
         0,
@@ -87,22 +75,16 @@ def combined(table, **more):
 
 
 def sensor(table, kind, instance, **more):
-    columns = ACCELERATION if kind == "accel" else ANGULAR_RATE
+    columns = ACCELERATION if kind == "accel" else RATE
     # published later than sampled, each by its own delay
     stamps = {"timestamp": STAMPS + np.uint64(100 * len(kind)), "timestamp_sample": STAMPS}
     return f"sensor_{kind}", instance, stamps | axes(table, columns) | more
 
 
-def assert_equal(done, table):
-    for name in ACCELERATION + ANGULAR_RATE:
-        np.testing.assert_array_equal(done.samples[name], table[name].to_numpy(float))
-    np.testing.assert_array_equal(done.samples.t, (STAMPS - STAMPS[0]).astype(float) * 1e-6)
-
-
 def test_sensor_combined(run, single, write):
     done = run(write(combined(single), name="log.ulog"))
-    assert_equal(done, single)
-    assert_equal(run(done.path.parents[1] / "log.ulog", batch_rows=7), single)
+    assert same(done.samples, single)
+    assert same(run(done.path.parents[1] / "log.ulog", batch_rows=7).samples, single)
     assert done.quality["columns"]["acceleration"][0] == "sensor_combined_0.acceleration.x"
     assert done.metadata["units"]["time"] == "us"
     assert any("PX4's own calibration" in note for note in done.quality["warnings"])
@@ -110,15 +92,15 @@ def test_sensor_combined(run, single, write):
 
 @pytest.mark.parametrize("topic", ["combined", "single sensors"])
 def test_every_bit(hard, every_bit, write, topic):
-    values = pd.DataFrame(hard.astype("f4"), columns=ACCELERATION + ANGULAR_RATE)
+    values = pd.DataFrame(hard.astype("f4"), columns=ACCELERATION + RATE)
     # beyond what float64 holds
     stamps = (2**60 + 1 + 10_003 * np.arange(300)).astype("u8")
     fields = {"timestamp": stamps, "timestamp_sample": stamps}
     force = {**fields, **axes(values, ACCELERATION)}
-    rate = {**fields, **axes(values, ANGULAR_RATE)}
+    rate = {**fields, **axes(values, RATE)}
     topics = [("sensor_accel", 0, force), ("sensor_gyro", 0, rate)]
     if topic == "combined":
-        vectors = vector(values, ANGULAR_RATE, "gyro_rad[{}]")
+        vectors = vector(values, RATE, "gyro_rad[{}]")
         vectors |= vector(values, ACCELERATION, "accelerometer_m_s2[{}]")
         topics = [("sensor_combined", 0, {"timestamp": stamps, **vectors})]
     every_bit(write(*topics), hard.astype("f4"), stamps.astype("i8"))
@@ -128,7 +110,7 @@ def test_raw_sensors_at_the_same_times(run, single, write):
     warm = np.linspace(20, 30, 500, dtype=np.float32)
     path = write(sensor(single, "accel", 2, temperature=warm), sensor(single, "gyro", 1))
     done = run(path)
-    assert_equal(done, single)
+    assert same(done.samples, single)
     np.testing.assert_array_equal(done.samples.temperature, warm)
     assert done.quality["columns"]["angular_rate"][2] == "sensor_gyro_1.angular_rate.z"
     assert done.quality["warnings"] == []
@@ -143,10 +125,7 @@ def test_px4s_own_numbers_of_its_sensors(run, single, write):
     number = {"device_id": np.full(500, 1310988, dtype="u4")}
     accel, gyro = sensor(single, "accel", 0, **number), sensor(single, "gyro", 0)
     found = ids(accel, gyro, CAL_ACC0_ID=7, CAL_ACC1_ID=1310988, CAL_GYRO0_ID=9, CAL_GYRO1_ID=0)
-    assert found == {
-        "accelerometer": {"id": 1310988, "slot": 1},
-        "gyroscope": {"id": 9, "slot": 0},
-    }
+    assert found == {"accelerometer": {"id": 1310988, "slot": 1}, "gyroscope": {"id": 9, "slot": 0}}
     # which of two was logged is not known
     assert ids(combined(single), CAL_ACC0_ID=7, CAL_ACC1_ID=8, CAL_GYRO2_ID=9) == {
         "gyroscope": {"id": 9, "slot": 2}
@@ -156,10 +135,10 @@ def test_px4s_own_numbers_of_its_sensors(run, single, write):
 
 def test_a_topic_that_is_not_of_px4(run, single, write):
     fields = {"timestamp": STAMPS, **vector(single, ACCELERATION, "force[{}]")}
-    path = write(("my_imu", 3, fields | axes(single, ANGULAR_RATE)))
+    path = write(("my_imu", 3, fields | axes(single, RATE)))
     columns = {"acceleration": [f"my_imu_3.force[{i}]" for i in range(3)]}
     columns["angular_rate"] = [f"my_imu_3.{axis}" for axis in "xyz"]
-    assert_equal(run(path, columns=columns), single)
+    assert same(run(path, columns=columns).samples, single)
     assert "no rows of sensor_combined, sensor_accel" in run(path).quality["reasons"][0]
 
 
@@ -180,7 +159,7 @@ def test_increments_over_their_own_interval(run, single, write):
     dt = {n: rng.integers(4000, 6000, 500).astype("u4") for n in ("delta_angle", "delta_velocity")}
     fields = {"timestamp": STAMPS + np.uint64(90), "timestamp_sample": STAMPS}
     increments = {}
-    for name, columns in (("delta_angle", ANGULAR_RATE), ("delta_velocity", ACCELERATION)):
+    for name, columns in (("delta_angle", RATE), ("delta_velocity", ACCELERATION)):
         for i, column in enumerate(columns):
             increments[column] = (single[column] * dt[name] * 1e-6).to_numpy(np.float32)
             fields[f"{name}[{i}]"] = increments[column]
@@ -189,7 +168,7 @@ def test_increments_over_their_own_interval(run, single, write):
     fields["delta_angle_dt"][7] = 0
     done = run(write(("vehicle_imu", 0, fields)))
     kept = np.arange(500) != 7
-    for column in ACCELERATION + ANGULAR_RATE:
+    for column in ACCELERATION + RATE:
         step = dt["delta_velocity" if column in ACCELERATION else "delta_angle"]
         pairs = zip(increments[column].tolist(), step.tolist(), strict=True)
         # the float64 nearest to the increment over its own interval
@@ -217,7 +196,7 @@ def test_buffers_are_one_row_a_sample(run, write):
         topics.append((f"sensor_{name}_fifo", 0, fields))
     done = run(write(*topics), units={"time": "ms"})
     scale = float(np.float32(0.1))
-    for name, x in zip(ACCELERATION + ANGULAR_RATE, counts, strict=True):
+    for name, x in zip(ACCELERATION + RATE, counts, strict=True):
         np.testing.assert_array_equal(done.samples[name], x * scale)
     # stamps of whole microseconds, steps of 125.5
     np.testing.assert_allclose(np.diff(done.samples.t) * 1e3, 125.5, atol=1)

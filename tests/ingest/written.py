@@ -62,7 +62,6 @@ TEMPERATURE = "sensor_msgs/msg/Temperature"
 
 
 def message(store, name, stamp, values):
-    """Make a message from its type, its stamp in ns and its numbers."""
     types = store.types
     sequence = {"seq": 0} if store is ROS1 else {}
     moment = types["builtin_interfaces/msg/Time"](*divmod(int(stamp), 10**9))
@@ -113,7 +112,6 @@ BEGUN = 1_718_030_736_872_695_300
 
 
 def timed(separator, decimal, *starts):
-    """Return the text of phyphox's table of starts and pauses."""
     head = separator.join(["event", "experiment time", "system time", "system time text"])
     rows = [f"START{separator}{a:.9E}{separator}{b:.3f}{separator}a day" for a, b in starts]
     return "\n".join([head, *(row.replace(".", decimal) for row in rows)]) + "\n"
@@ -137,8 +135,7 @@ def sensor_logger(log, named, about=("android", "false")):
     t = BEGUN + np.rint(log.t.to_numpy() * 1e9).astype(np.int64)
     members = {
         f"{file}.csv": table(
-            ["time", "seconds_elapsed", "z", "y", "x"],
-            [t, log.t, *(log[c] for c in columns[::-1])],
+            ["time", "seconds_elapsed", "z", "y", "x"], [t, log.t, *(log[c] for c in columns[::-1])]
         )
         for file, columns in named.items()
     }

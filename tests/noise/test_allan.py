@@ -6,14 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imuloop.noise.allan import CHUNK, COLUMNS, allan_table, allan_variance, averaging_factors
+from imuloop.noise.deviations import deviation_variance
 from imuloop.noise.settings import NoiseSettings
-
-
-def definition(x, m):
-    """NIST SP 1065, eq. (11), term by term; sum and count."""
-    phase = np.r_[0, np.cumsum(x)]
-    second = phase[2 * m :] - 2 * phase[m:-m] + phase[: -2 * m]
-    return np.sum(second**2) / (2 * m**2), len(second)
 
 
 def test_factors_are_log_spaced_up_to_the_share():
@@ -22,16 +16,15 @@ def test_factors_are_log_spaced_up_to_the_share():
     assert np.all(np.diff(m) > 0)
     assert len(m[(m >= 100) & (m < 1000)]) == pytest.approx(10, abs=1)
     assert not any(len(averaging_factors(length, NoiseSettings())) for length in (0, 1, 2))
-
-
-def test_stretches_pool_by_their_number_of_terms():
-    rng = np.random.default_rng(0)
-    stretches = [rng.standard_normal(n) for n in (50, 400, 7)]
-    factors = np.array([1, 3, 20, 25, 100])
-    for value, m in zip(allan_variance(stretches, factors), factors, strict=True):
-        parts = [definition(x, m) for x in stretches if len(x) + 1 - 2 * m > 1]
-        assert value == pytest.approx(sum(p[0] for p in parts) / sum(p[1] for p in parts))
+    # beyond them there is none
     assert np.isnan(allan_variance([np.arange(5.0)], [4])[0])
+
+
+def test_stretches_pool_as_those_of_the_deviations_do():
+    stretches = [np.random.default_rng(n).standard_normal(n) for n in (50, 400, 7)]
+    factors = [1, 3, 20, 25, 100]
+    found = allan_variance(stretches, factors)
+    assert found == pytest.approx(deviation_variance("allan", stretches, factors), rel=1e-9)
 
 
 @pytest.mark.parametrize("length", [5, CHUNK - 1, CHUNK + 2, 3 * CHUNK + 17])

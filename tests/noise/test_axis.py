@@ -20,7 +20,6 @@ DT = 1 / RATE
 
 
 def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
-    """A record at 10 Hz with white noise W."""
     rng = np.random.default_rng(seed)
     x = white(n, DT, W, rng) + ramp(n, DT, R)
     x += quantisation(n, DT, Q, rng) + flicker(n, DT, B, rng) + walk(n, DT, K, rng)
@@ -128,16 +127,10 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
 
 SHORT = Sampling(RATE, (0,), (4000,), (0,))
 SHORT_BASIS = modes([SHORT])
-SLOW = {
-    "white": {},
-    "flicker": {"B": 6e-3},
-    "walk": {"K": 4e-3},
-    "hump": {"hump": (0.02, 10.0)},
-}
+SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump": (0.02, 10.0)}}
 
 
 def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):
-    """Return the one-sided density of `record` as a function of frequency."""
     q, tc = hump
     theta = np.array([0.0, 0.01**2, B**2, K**2])
 

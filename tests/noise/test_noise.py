@@ -114,7 +114,6 @@ def test_a_knock_between_two_stretches_does_not_enter():
 
 
 def gapped(gaps, rate=50.0):
-    """Return a session of 60 s, with gaps of so many seconds after so many."""
     samples = session(length=3000, rate=rate, **dict.fromkeys(CHANNELS[2:5], 0.0)).samples
     t = samples["t"].to_numpy().copy()
     for after, seconds in gaps:

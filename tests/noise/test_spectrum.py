@@ -9,13 +9,7 @@ from imuloop.noise.allan import allan_variance
 from imuloop.noise.representations import COLUMNS, empty, representations
 from imuloop.noise.sampling import Sampling
 from imuloop.noise.settings import NoiseSettings
-from imuloop.noise.spectrum import (
-    LAGS,
-    POINTS,
-    autocorrelation,
-    power_spectrum,
-    segment_lengths,
-)
+from imuloop.noise.spectrum import LAGS, POINTS, autocorrelation, power_spectrum, segment_lengths
 from seeds import seeds
 
 RATE = 50.0

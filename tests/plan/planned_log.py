@@ -10,7 +10,6 @@ from imuloop.simulate.sensor import logged, output
 
 
 def simulate_plan(truth, plan, seed, hold_s, move_s):
-    """Return the samples of a plan with rests, but for the first, and moves of other lengths."""
     rate = truth.rate
     pieces = [rest(round(plan.initial_rest_s * rate), 0)]
     for pose, (turn, seconds) in enumerate(zip(plan.turns, move_s, strict=True)):

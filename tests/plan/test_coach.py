@@ -1,11 +1,10 @@
 """The coach: from the first rest to done, with the σ that the calibration has at the end."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT
+from bench.study.chain import through
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned
 from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.model import Calibration
@@ -20,9 +19,7 @@ UNITS = ACCELERATION_UNIT, RATE_UNIT
 
 @pytest.fixture(scope="module")
 def samples():
-    made = example_truth(rate=50.0)
-    plan = replace(made.sessions["multi_position"], poses=30, initial_rest_s=60.0)
-    truth = replace(made, sessions={"multi_position": plan})
+    truth = planned(example_truth(rate=50.0), poses=30, initial_rest_s=60.0)
     return simulate_session(truth, "multi_position", 1)
 
 
@@ -51,8 +48,7 @@ def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
     device = chain.Device("device", tmp_path, {"poses": "multi_position"})
     samples.to_parquet(tmp_path / "log.parquet", index=False)
     assert chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"]) == []
-    for stage in (chain.segment, chain.noise, chain.calibrate):
-        assert stage(device) == []
+    through(device, (chain.segment, chain.noise, chain.calibrate))
     made = Calibration.from_json(tmp_path / "multi_position.json")
     found = look(samples, 1e4, noise=rest_noise(samples))
     for sensor in SENSORS:

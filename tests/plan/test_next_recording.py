@@ -53,7 +53,6 @@ def unfitted(noise, recording, calibration=None):
 
 @pytest.fixture(scope="module")
 def first():
-    """A first session, what is expected of the next one, and the plans."""
     log = simulate_session(TRUTH, "multi_position", 4)
     recording = recorded(log)
     models, solutions, calibration = fitted(recording)

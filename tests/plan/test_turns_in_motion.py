@@ -32,7 +32,6 @@ def turned(seed, slowly=(), never=(), count=48):
 
 
 def asked(log):
-    """Return what the next recording asks of motion after a log."""
     recording = recorded(log)
     made, _ = motion(TRUTH, recording)
     return next_recording(*fitted(recording), recording, (made, made.fit(recording)))["motion"]

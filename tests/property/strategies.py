@@ -20,7 +20,6 @@ def misalignments(draw, triangular=False, size=0.05):
 
 
 def vectors(low, high):
-    """Three numbers between two limits."""
     return st.tuples(*[st.floats(low, high)] * 3).map(np.array)
 
 
@@ -35,6 +34,5 @@ signed_permutations = st.sampled_from(
 
 
 def directions(n, seed):
-    """Return random unit vectors, shape (n, 3)."""
     u = np.random.default_rng(seed).normal(size=(n, 3))
     return u / np.linalg.norm(u, axis=1, keepdims=True)

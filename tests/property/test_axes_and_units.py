@@ -12,12 +12,12 @@ from calibrate.devices import (
     RATE_UNIT,
     IndependentMeans,
     known_noise,
+    poses_of,
     recording,
 )
 from imuloop.calibrate.accelerometer import unpack
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.pose_fits import AccelerometerPoses
-from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.six_position import find_faces, fit_six_position
@@ -25,14 +25,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.units import RawUnit
 from imuloop.simulate.truth import example_truth
-from property.strategies import (
-    G,
-    directions,
-    misalignments,
-    seeds,
-    signed_permutations,
-    vectors,
-)
+from property.strategies import G, directions, misalignments, seeds, signed_permutations, vectors
 
 SETTINGS = CalibrateSettings()
 ERROR = 2e-3
@@ -49,14 +42,8 @@ def means(device, up, seed):
 
 def multi_position(f, error=ERROR):
     """Return T, K, b of the nine-parameter fit to pose means with independent errors."""
-    n = len(f)
-    start = 10.0 * np.arange(n)
-    poses = Poses(
-        np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
-        np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
-    )  # fmt: skip
     sensor = AccelerometerPoses(IndependentMeans(error**2), G, ACCELERATION_UNIT, SETTINGS)
-    return unpack(sensor.fit(Recording(poses)).fit.x)
+    return unpack(sensor.fit(Recording(poses_of(f))).fit.x)
 
 
 def six_position(f, error=ERROR):

@@ -19,7 +19,6 @@ gains = st.lists(st.floats(-1e-2, 1e-2), min_size=9, max_size=9)
 
 @st.composite
 def sensors(draw, triangular, effects=()):
-    """A sensor with parameters of a usual size in its raw unit."""
     unit = draw(units)
     K = draw(vectors(0.8, 1.2)) * unit.scale
     b = draw(vectors(-1, 1)) / unit.scale + unit.offset

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import imuloop.effects  # noqa: F401  the library of effects
-from calibrate.devices import recording
+from calibrate.devices import planned, recording
 from diagnose.models import pose_sensors
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.least_squares import fit
@@ -41,9 +41,7 @@ def of_two_runs(recording):
 @pytest.fixture(scope="module")
 def made():
     """Two recordings that warm up, both sensors' models of each, and their fits."""
-    truth = example_truth()
-    plan = replace(truth.sessions["multi_position"], temperature=((0, 18), (150, 33), (500, 21)))
-    truth, found = replace(truth, sessions={"multi_position": plan}), []
+    truth, found = planned(example_truth(), temperature=((0, 18), (150, 33), (500, 21))), []
     for seed in (1, 2):
         one = of_two_runs(recording(truth, seed))
         models = pose_sensors(truth, one)

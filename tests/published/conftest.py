@@ -8,12 +8,12 @@ from unittest.mock import patch
 import pytest
 
 from bench.measured import devices, ingested, missing
-from bench.study.chain import LIMITS
+from bench.study.chain import LIMITS, through
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from quick import stages, verdicts
+from quick import verdicts
 
 DEVICES = ["xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3", "ferraris"]
 DEVICES.append(pytest.param("thermal_chamber", marks=pytest.mark.study))
@@ -28,7 +28,6 @@ class Measured:
     folder: Path
 
     def of(self, device):
-        """Return the folder of a device's results, or skip with the recording that is missing."""
         folder = self.folder / device
         if not folder.exists():
             if reason := missing(device):
@@ -37,7 +36,7 @@ class Measured:
             made = ingested(device, folder)
             if device == WHOLE:
                 with patch(LIMITS, return_value={}):
-                    stages(made)
+                    through(made)
             else:
                 verdicts(made)
         return folder

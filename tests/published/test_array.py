@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from bench.array import CHIPS, GRAVITY, NOMINAL, RECORDINGS, calibrated, places, related
+from bench.study.chain import through
 from imuloop import chain
 from imuloop.core.files import read_json
 
@@ -72,8 +73,7 @@ def test_an_accelerometer_of_three_chips_shows_its_arms(recordings, tmp_path, ch
     for name in RECORDINGS:
         log = [recordings(f"{name}.parquet")]
         assert chain.ingest(device, name, {"columns": columns, "units": units}, log) == []
-    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-        assert stage(device) == []
+    through(device)
     block = read_json(device.file("diagnosis.json"))["sensors"]["accelerometer"]["motion"]
     found = next(c for c in block["candidates"] if c["name"] == "lever_arm")
     value, std = (np.array(list(found[key].values())) for key in ("parameters", "std"))

@@ -20,7 +20,6 @@ ANGULAR_RATE = [f"angular_velocity.{column}" for column in range(3)]
 
 
 def static_records(measured, device):
-    """Return what the diagnosis of a device says of its static records, by sensor."""
     sensors = measured.json(device, "diagnosis")["sensors"]
     return {sensor: part["static_record"] for sensor, part in sensors.items()}
 
@@ -32,7 +31,6 @@ def found(measured):
 
 @pytest.fixture(scope="module")
 def minutes(measured):
-    """Return the means of each minute by session, straight from the samples."""
     folder, means = measured.of("cats_tag"), {}
     for session in devices()["cats_tag"]["sessions"]:
         log = pd.read_parquet(folder / session / "samples.parquet")

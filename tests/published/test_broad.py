@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.study.chain import through
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -16,7 +17,6 @@ TRIALS = (
 
 
 def diagnosed(folder, logs):
-    """Return the device of some trials after its diagnosis."""
     names = [log.name[:2] for log in logs]
     device = Device("broad", folder, dict.fromkeys(names, "reference_motion"), gravity=9.8128)
     declared = {
@@ -33,14 +33,12 @@ def diagnosed(folder, logs):
     }
     for name, log in zip(names, logs, strict=True):
         assert chain.ingest(device, name, declared, [log]) == []
-    for stage in (chain.segment, chain.noise, chain.calibrate, chain.diagnose):
-        assert stage(device) == []
+    through(device)
     return device
 
 
 @pytest.fixture(scope="module")
 def device(recordings, tmp_path_factory):
-    """Return the device of one trial."""
     return diagnosed(tmp_path_factory.mktemp("broad"), [recordings(TRIALS[0])])
 
 
@@ -72,10 +70,7 @@ def test_accelerometer_is_late_and_off_the_marker(device):
 
 def test_windows_are_those_of_the_diagnosis(device):
     table = pd.read_parquet(device.file("reference.parquet"))
-    for sensor, kind in (
-        ("gyroscope", "reference_rotation"),
-        ("accelerometer", "reference_force"),
-    ):
+    for sensor, kind in (("gyroscope", "reference_rotation"), ("accelerometer", "reference_force")):
         residual = found(device, sensor)[0]["residuals"][kind]
         own = table[table["residual"] == kind]
         assert len(own) == residual["n"]

@@ -5,6 +5,7 @@ That each listed face is a pose, and no turn is, tests/segment/test_recordings.p
 
 import json
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -14,14 +15,6 @@ from calibrate.test_known_rotation import calibrated
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.core.model import Calibration
 
-FACES = {
-    "x_p": (0, 1),
-    "x_a": (0, -1),
-    "y_p": (1, 1),
-    "y_a": (1, -1),
-    "z_p": (2, 1),
-    "z_a": (2, -1),
-}
 # scale factors by imucal 2.6.0, FerrarisCalibration of its example session: logged over true
 IMUCAL = np.array([1.027924, 0.982428, 0.99831])
 RATE = 102.4
@@ -35,9 +28,11 @@ def test_six_faces_calibrate_the_accelerometer(measured, recordings):
     sections = json.loads(recordings("example_ferraris_session_list.json").read_text())
     columns = ["acc_x", "acc_y", "acc_z"]
     extremes = np.zeros((3, 2))
-    for name, (axis, sign) in FACES.items():
-        part = log.iloc[sections[name]["start"] : sections[name]["end"]]
-        extremes[axis, (1 - sign) // 2] = part[columns[axis]].mean()
+    # each axis along gravity, x_p, and against it, x_a
+    for axis, side in product(range(3), range(2)):
+        section = sections[f"{'xyz'[axis]}_{'pa'[side]}"]
+        part = log.iloc[section["start"] : section["end"]]
+        extremes[axis, side] = part[columns[axis]].mean()
     scale = 2 * 9.80665 / (extremes[:, 0] - extremes[:, 1])
     bias = extremes.mean(axis=1)
     fitted = measured.json("ferraris", "six_position")["accelerometer"]

@@ -5,9 +5,9 @@ import pyarrow as pa
 import pytest
 
 from bench.measured import ingested
+from bench.study.chain import through
 from imuloop.core.files import read_json
 from published.test_stability import diagnosed
-from quick import stages
 
 NAME, LIMITS = "xsens_mti", 2.0
 
@@ -17,7 +17,7 @@ def candidates(measured, tmp_path_factory):
     """Return the candidates at the poses of the gyroscope, with their limits."""
     measured.of(NAME)
     device = ingested(NAME, tmp_path_factory.mktemp("limits"))
-    stages(device)
+    through(device)
     return read_json(device.file("diagnosis.json"))["sensors"]["gyroscope"]["poses"]["candidates"]
 
 

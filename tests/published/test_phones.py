@@ -35,7 +35,6 @@ NARROW = {"Q": 0.05, "N": 0.01, "B": 0.12}
 
 @pytest.fixture(scope="module")
 def found():
-    """Return the estimated AxisNoise of each simulated axis."""
     n = round(8.5 * 3600 * RATE)
     seeds = np.random.SeedSequence(6).spawn(len(TRUTH))
     estimates = {}

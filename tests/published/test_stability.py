@@ -60,11 +60,7 @@ def judged(sensors):
 @pytest.mark.parametrize("name", DEVICES)
 @pytest.mark.parametrize(
     ("change", "segment"),
-    [
-        (other_axes_and_unit, {}),
-        (one_pose_less, {}),
-        (as_logged, {"window_s": 1.3}),
-    ],
+    [(other_axes_and_unit, {}), (one_pose_less, {}), (as_logged, {"window_s": 1.3})],
 )
 def test_verdicts_are_stable(measured, tmp_path, name, change, segment):
     expected = judged(measured.json(name, "diagnosis")["sensors"])

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 import imuloop.effects  # noqa: F401  loads the library
-from imuloop.calibrate.pose_fits import (
-    AccelerometerPoses,
-    GyroscopePoses,
-    fitted_calibration,
-)
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.samples import read_columns
@@ -34,7 +30,6 @@ def candidates(found):
 
 
 def sizes(candidate):
-    """Return the coefficients of a candidate in their standard errors."""
     return np.array([v / candidate["std"][k] for k, v in candidate["parameters"].items()])
 
 

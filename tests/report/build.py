@@ -15,7 +15,6 @@ PROVENANCE = {
 
 
 def build(folder):
-    """Write results and report of all devices into `folder`; return it."""
     devices = write_results(folder)
     for device, (label, kinds) in devices.items():
         write_section(device, label, folder / device, kinds)
@@ -65,6 +64,5 @@ def plausible_board(devices):
 
 
 def joined_report(folder, devices, to, boards=(), types=()):
-    """Write report and comparison of some devices of a results folder."""
     folders = [folder / device for device in devices]
     write_report(folders, PROVENANCE, to / "report.html", to / "comparison.csv", boards, types)

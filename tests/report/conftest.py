@@ -29,7 +29,6 @@ SIZE = {"width": 1440, "height": 900}
 
 @pytest.fixture(scope="session")
 def browser():
-    """Start a browser that finds no host."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:

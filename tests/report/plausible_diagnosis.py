@@ -24,13 +24,11 @@ TWIN = "in these data it could stand in for g_sensitivity: neither adds to the o
 
 
 def residual(unit, before, after, floor, n=24):
-    """Return the held-out figures of one kind of residual."""
     found = {"unit": unit, "n": n, "floor": floor, "before": before, "after": after}
     return found | {"chi2_before": (before / floor) ** 2, "chi2_after": (after / floor) ** 2}
 
 
 def _candidate(name, status, why, p=None, kind=None, after=None, limits=None, unit=None, twin=None):
-    """Return a candidate; `limits` are detection limits by parameter."""
     found = {"name": name, "status": status, "why": why, "p_value": p, "residual": kind}
     found |= {"heldout_after": after, "detection_limit": limits, "confounded_with": twin}
     return found | {"units": dict.fromkeys(limits or {}, unit)}

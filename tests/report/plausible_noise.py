@@ -21,7 +21,6 @@ def known(value):
 
 
 def statistics():
-    """Return summary figures of six axes."""
     return {axis: dict.fromkeys(KEYS, 0.0123456) for axis in CHANNELS}
 
 

@@ -30,10 +30,7 @@ from report.plausible_noise import plausible_noise, plausible_views, statistics
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
 DEVICES = {
-    "board": (
-        "Board A",
-        {"long": "static", "faces": "six_position", "turns": "multi_position"},
-    ),
+    "board": ("Board A", {"long": "static", "faces": "six_position", "turns": "multi_position"}),
     "still": (HOSTILE, {"night": "static", "day": "static"}),
     "partly": ("_Board B $\\frac{1}{2}$", {"rest": "static", "turns": "multi_position"}),
     "nothing": ("Board C", {"turns": "multi_position"}),

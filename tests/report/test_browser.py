@@ -17,7 +17,6 @@ BIAS = 3
 
 @pytest.fixture
 def page(opened, results):
-    """The report of the plausible results, one device of each kind."""
     return opened(results / "report.html")
 
 
@@ -82,7 +81,6 @@ def test_every_link_of_the_contents_scrolls_to_its_part(either):
 
 
 def sizes(table, column):
-    """Return what a column is sorted by, from top to bottom; None without a number."""
     cells = table.locator(f"tbody tr > :nth-child({column + 1})")
     return cells.evaluate_all(
         "cells => cells.map(c => 'value' in c.dataset ? parseFloat(c.dataset.value) : null)"
@@ -152,7 +150,6 @@ def curves(page):
 
 
 def labels(figure):
-    """Return the numbers that stand on the axes of a picture."""
     seen = "all => all.filter(e => e.getClientRects().length).map(e => e.textContent)"
     return figure.locator("[data-axis] > g:has(path) text").evaluate_all(seen)
 
@@ -208,7 +205,6 @@ def test_values_at_the_cursor_are_those_of_the_file(page, curves, results):
 
 
 def number(text):
-    """Return what a number of the page says."""
     size, _, power = text.replace("−", "-").partition("·10")
     return float(size) * 10 ** float(
         power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0

@@ -7,9 +7,7 @@ import pytest
 
 from imuloop.core.noise_model import NoiseModel
 from imuloop.noise.filters import bounding
-from imuloop.report.figures.comparison import (
-    allan_comparison,
-)
+from imuloop.report.figures.comparison import allan_comparison
 from imuloop.report.summary import PAIRS
 from imuloop.report.tables.comparison import (
     COLUMNS,

@@ -10,14 +10,14 @@ from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.figures.bias import temperatures
 from imuloop.report.section import diagnosis_part
-from imuloop.report.tables.candidates import (
-    ranked,
-)
+from imuloop.report.tables.candidates import ranked
 from imuloop.report.tables.diagnosis import effect_table, largest_difference
 from imuloop.report.units import data_sheet
 from imuloop.report.verdict import UNTESTED, answers, blocks, leading, sentence, too_quiet
+from report.plausible_diagnosis import residual
 
 G = STANDARD_GRAVITY
+CHI2 = "chi2_before", "chi2_after"
 
 
 # what a parameter of 1 in the unit of data sheets adds at a stimulus, both in SI
@@ -139,9 +139,8 @@ def test_a_static_record_shows_what_the_correction_changed(devices):
 
 def test_a_residual_far_below_its_noise_is_no_good_news():
     def block(n, chi2):
-        residual = {"unit": "m/s^2", "n": n, "floor": 1e-3, "before": 3e-6, "after": 3e-6}
-        residual |= {"chi2_before": chi2, "chi2_after": chi2}
-        return UNTESTED | {"verdict": "consistent", "residuals": {"gravity_norm": residual}}
+        left = residual("m/s^2", 3e-6, 3e-6, 1e-3, n) | dict.fromkeys(CHI2, chi2)
+        return UNTESTED | {"verdict": "consistent", "residuals": {"gravity_norm": left}}
 
     said = sentence("accelerometer", block(13, 6e-6))
     assert "far below 1" in said and "p <\u202f10⁻¹⁰" in said and "corrected or filtered" in said
@@ -156,9 +155,8 @@ def test_a_residual_far_below_its_noise_is_no_good_news():
 
 def test_a_floor_that_the_noise_leaves_open_has_its_range():
     def said(floors, slow, verdict="consistent"):
-        residual = {"unit": "m/s^2", "n": 40, "floor": 2e-3, "before": 2e-3, "after": 2e-3}
-        residual |= {"chi2_before": 1.0, "chi2_after": 1.0, "floor_range": floors}
-        block = {"verdict": verdict, "residuals": {"gravity_norm": residual}, "slow_noise": slow}
+        left = residual("m/s^2", 2e-3, 2e-3, 2e-3, 40) | {"floor_range": floors}
+        block = {"verdict": verdict, "residuals": {"gravity_norm": left}, "slow_noise": slow}
         return sentence("accelerometer", UNTESTED | block).replace("\u202f", " ")
 
     assert "(0.10 to 0.31 mg by the intervals of the noise)" in said([1e-3, 3e-3], False)
@@ -172,23 +170,22 @@ def test_a_floor_that_the_noise_leaves_open_has_its_range():
 @pytest.mark.parametrize("verdict", ["consistent", "unexplained"])
 def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_need(verdict):
     lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
-    residual = {"unit": "rad", "n": 20, "floor": 4.2e-3, "before": 4e-3, "after": 4e-3}
-    residual |= {"chi2_before": 1.1, "chi2_after": 1.1, "undersampled": lost}
-    block = UNTESTED | {"verdict": verdict, "residuals": {"rotation": residual}}
+    left = residual("rad", 4e-3, 4e-3, 4.2e-3, 20) | {"undersampled": lost}
+    block = UNTESTED | {"verdict": verdict, "residuals": {"rotation": left}}
     said = sentence("gyroscope", block).replace("\u202f", " ")
     assert "62.5 Hz does not show adds 0.229° to the error of gravity's direction" in said
     assert "record at 150 Hz or more, or turn more slowly" in said
     [_, (_, _, words)] = answers({"sensors": {"gyroscope": {"poses": block}}})
     assert (words == "as good as its noise and the log's rate allow") == (verdict == "consistent")
-    del residual["undersampled"]
+    del left["undersampled"]
     assert "too slowly" not in sentence("gyroscope", block)
 
 
 def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
-    figures = {"n": 20, "floor": 1e-3, "after": 4e-3, "chi2_before": 9.0, "chi2_after": 9.0}
+    chi2 = dict.fromkeys(CHI2, 9.0)
     residuals = {
-        "pose_rate": figures | {"unit": "rad/s", "before": 2 * DEGREE, "floor": 1.0},
-        "rotation": figures | {"unit": "rad", "before": 4e-3},
+        "pose_rate": residual("rad/s", 2 * DEGREE, 4e-3, 1.0) | chi2,
+        "rotation": residual("rad", 4e-3, 4e-3, 1e-3) | chi2,
     }
     tried = {"name": "warm_up", "status": "rejected", "why": "", "p_value": 0.1}
     tried |= {"residual": "pose_rate", "heldout_after": DEGREE}
@@ -202,8 +199,7 @@ def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
 
 @pytest.mark.parametrize(("slow", "verb"), [(True, "may allow"), (False, "allows")])
 def test_slow_noise_that_no_rest_shows_is_a_guess_in_the_first_answer_too(slow, verb):
-    residual = {"unit": "m/s^2", "n": 40, "floor": 2e-3, "before": 2e-3, "after": 2e-3}
-    residual |= {"chi2_before": 30.0, "chi2_after": 30.0}
-    block = {"verdict": "consistent", "residuals": {"gravity_norm": residual}, "slow_noise": slow}
+    left = residual("m/s^2", 2e-3, 2e-3, 2e-3, 40) | dict.fromkeys(CHI2, 30.0)
+    block = {"verdict": "consistent", "residuals": {"gravity_norm": left}, "slow_noise": slow}
     diagnosis = {"sensors": {"accelerometer": {"poses": UNTESTED | block}}}
     assert answers(diagnosis)[0][2] == f"as good as its noise {verb}"

@@ -7,17 +7,16 @@ import shutil
 import numpy as np
 import pytest
 
+from bench.fuzz.chain.judge import Page
 from imuloop.report.figures.comparison import FAR, far_out, standing_out
 from imuloop.report.report import TOGETHER
 from report.build import joined_report
-from report.test_report import Page
 
 COUNT = 14
 ODD = "unit_05"
 
 
 def _scaled(summary, factor):
-    """Return the summary of a device whose noise and biases are larger."""
     for channel in summary["allan"].values():
         channel["adev"] = [factor * v for v in channel["adev"]]
     for key in ("accelerometer_bias", "gyroscope_bias"):
@@ -51,7 +50,9 @@ def many(results, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(many):
-    return Page((many / "report.html").read_text(encoding="utf-8"))
+    page = Page((many / "report.html").read_text(encoding="utf-8"))
+    assert page.faults == []
+    return page
 
 
 def test_the_parts_of_the_devices_are_left_to_their_pages(many, page):
@@ -78,6 +79,7 @@ def test_every_device_is_in_every_table_and_its_page_is_there(many, page):
 
 def test_the_page_of_a_device_is_whole_and_its_links_lead_somewhere(many):
     page = Page((many / ODD / "report.html").read_text(encoding="utf-8"))
+    assert page.faults == []
     assert "Unit" in page.text and page.all("section")[0]["id"] == ODD
     names = {e.get("id") for e in page.elements}
     for link in (e["href"] for e in page.all("a")):

@@ -14,15 +14,12 @@ from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.recording import turns_in_motion
 from imuloop.report.results import Device
 from imuloop.report.verdict import BOTH, UNTESTED, answers, motion_of, sentence
+from report.plausible_diagnosis import residual
 
-RESIDUAL = {
-    "unit": "m/s", "n": 20, "floor": 4e-3, "before": 20e-3, "after": 6e-3,
-    "chi2_before": 27.0, "chi2_after": 1.1,
-}  # fmt: skip
+RESIDUAL = residual("m/s", 20e-3, 6e-3, 4e-3, 20)
 
 
 def diagnosis(verdict, left_out=0, **effects):
-    """Return a diagnosis of motion alone, effects by sensor."""
     common = {
         "verdict": verdict,
         "residuals": {"velocity_vertical": RESIDUAL},

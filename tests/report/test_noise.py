@@ -14,11 +14,7 @@ from imuloop.noise.representations import COLUMNS, label, power_spectrum
 from imuloop.report.figures.allan import definitions, deviation_pictures
 from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
 from imuloop.report.results import SENSORS
-from imuloop.report.tables.noise import (
-    coefficient_table,
-    stability_table,
-    uncut_table,
-)
+from imuloop.report.tables.noise import coefficient_table, stability_table, uncut_table
 from imuloop.report.units import COEFFICIENTS, quantities
 from report.plausible_noise import DISTURBED, known
 from report.plausible_results import RATE
@@ -37,7 +33,6 @@ def record(board):
 
 
 def row_of(table, start):
-    """Return a row as a mapping of its columns."""
     (row,) = [r for r in table.rows if r[0].startswith(start)]
     cells = [cell.replace(THIN, " ") for cell in row]
     return dict(zip(table.columns, cells, strict=True))

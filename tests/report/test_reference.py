@@ -8,16 +8,9 @@ import pytest
 
 from imuloop.report.figures.reference import duration_table, reference_pictures
 from imuloop.report.verdict import UNTESTED, answers, blocks, sentence
+from report.plausible_diagnosis import residual
 
-RESIDUAL = {
-    "unit": "m/s^2",
-    "n": 4,
-    "floor": 0.01,
-    "before": 0.06,
-    "after": 0.02,
-    "chi2_before": 30.0,
-    "chi2_after": 4.0,
-}
+RESIDUAL = residual("m/s^2", 0.06, 0.02, 0.01, 4)
 ARM = {
     "name": "lever_arm",
     "constants": {"marker": 1},
@@ -33,18 +26,12 @@ def block(**more):
 
 
 def pictures(tmp_path, content):
-    values = {
-        f"reference_force_{k}": [0.05, 0.06, 0.07, 0.06] for k in ("before", "after", "floor")
-    }
-    table = pd.DataFrame(
-        {
-            "session": ["a", "a", "b", "b"],
-            "residual": "reference_force",
-            "start_s": [0.0, 1.0, 0.0, 1.0],
-            "end_s": [0.4, 1.4, 0.4, 1.4],
-            **values,
-        }
-    )
+    start = np.array([0.0, 1.0, 0.0, 1.0])
+    columns = {"session": [*"aabb"], "residual": "reference_force"}
+    columns |= {"start_s": start, "end_s": start + 0.4}
+    for when in ("before", "after", "floor"):
+        columns[f"reference_force_{when}"] = [0.05, 0.06, 0.07, 0.06]
+    table = pd.DataFrame(columns)
     cut = {"lost": [[0.1, 0.3], [1.0, 1.1]], "swapped": [], "leaps": [[1.5, 2.0]]}
     sessions = [
         SimpleNamespace(name="a", quality={}),

@@ -7,45 +7,13 @@ import json
 import re
 import shutil
 from collections import Counter
-from html.parser import HTMLParser
 
 import pytest
 
+from bench.fuzz.chain.judge import Page
 from imuloop.report.section import write_section
 from report.build import joined_report
 from report.plausible_results import DEVICES, HOSTILE
-
-VOID = {"meta", "br", "link", "img", "input", "hr", "wbr"}
-
-
-class Page(HTMLParser):
-    """Elements of a page with attributes and text; fails where tags do not match."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.elements, self.open, self.text = [], [], ""
-        self.feed(text)
-        self.close()
-        assert not self.open
-
-    def handle_starttag(self, tag, attributes):
-        self.elements.append({"tag": tag, "text": "", **dict(attributes)})
-        if tag not in VOID:
-            self.open.append(self.elements[-1])
-
-    def handle_startendtag(self, tag, attributes):
-        self.elements.append({"tag": tag, "text": "", **dict(attributes)})
-
-    def handle_endtag(self, tag):
-        assert self.open.pop()["tag"] == tag
-
-    def handle_data(self, data):
-        self.text += data
-        for element in self.open:
-            element["text"] += data
-
-    def all(self, tag):
-        return [e for e in self.elements if e["tag"] == tag]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +23,9 @@ def html(results):
 
 @pytest.fixture(scope="module")
 def page(html):
-    return Page(html)
+    page = Page(html)
+    assert page.faults == []
+    return page
 
 
 def _written(folder):

@@ -22,7 +22,6 @@ def _contrast(a, b):
 
 
 def _palettes(repository):
-    """Return the colours of the page, light ones first, dark ones where they differ."""
     parts = (repository / "workflow/templates/style.css").read_text().split("@media")
     return [dict(re.findall(r"--([\w-]+): (#\w{6})", part)) for part in parts[:2]]
 

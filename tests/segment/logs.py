@@ -19,7 +19,6 @@ def frame(t, f, w):
 
 
 def static_log(seed, n, rate=100.0):
-    """Return white noise of a phone's size around a level attitude."""
     x = np.random.default_rng(seed).normal(size=(n, 6)) * PHONE
     x[:, 2] -= G
     return frame(np.arange(n) / rate, x[:, :3], x[:, 3:])
@@ -51,19 +50,16 @@ def pose_log(turns, rests, seed=0, rate=100.0, turn_s=2.0, noise=PHONE, bias=(0.
 
 
 def rests_of(segments):
-    """Return the rows of segments that are rests."""
     return segments[segments["kind"] == "static"]
 
 
 def random_turns(n, seed):
-    """Return rotation vectors of 40 to 140 degrees about random axes."""
     rng = np.random.default_rng(seed)
     axes = rng.normal(size=(n, 3))
     return axes / np.linalg.norm(axes, axis=1)[:, None] * rng.uniform(0.7, 2.4, size=(n, 1))
 
 
 def rotated(samples, rotation):
-    """Return a log whose sensor frame is turned."""
     out = samples.copy()
     for channels in (ACCELERATION, ANGULAR_RATE):
         out[list(channels)] = samples[list(channels)].to_numpy() @ rotation.as_matrix().T
@@ -84,13 +80,11 @@ def carlsson_array(recordings, experiment, chip):
 
 
 def mpu9150(recordings, board):
-    """Return the log of board 0, 1 or 2."""
     x = np.loadtxt(recordings(f"imu{board}.log"))
     return frame(np.arange(len(x)) / 100, x[:, :3], x[:, 3:])
 
 
 def ferraris(recordings):
-    """Return the Ferraris session and its section list."""
     x = pd.read_csv(recordings("example_ferraris_session.csv"))
     f = x[["acc_x", "acc_y", "acc_z"]].to_numpy()
     w = np.deg2rad(x[["gyr_x", "gyr_y", "gyr_z"]].to_numpy())
@@ -106,7 +100,6 @@ def thermal_chamber(recordings):
 
 
 def adis16405(recordings):
-    """Return the ADIS16405 log in SI units."""
     x = pd.read_parquet(recordings("adis_16405_imu1.parquet"))
     f = x[["ax", "ay", "az"]].to_numpy() * G
     return frame(np.arange(len(x)) / 100, f, np.deg2rad(x[["gx", "gy", "gz"]].to_numpy()))

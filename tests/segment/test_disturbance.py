@@ -6,11 +6,7 @@ import pytest
 from scipy.signal import lfilter
 
 from imuloop.core.samples import CHANNELS, Samples
-from imuloop.segment.disturbance import (
-    robust_covariance,
-    squared_distance,
-    undisturbed,
-)
+from imuloop.segment.disturbance import robust_covariance, squared_distance, undisturbed
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from seeds import seeds

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from calibrate.devices import planned
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -13,12 +14,8 @@ SETTINGS = SegmentSettings()
 
 
 def short_rests(rest_s, poses=60):
-    truth = example_truth()
-    plan = replace(
-        truth.sessions["multi_position"], poses=poses, initial_rest_s=20.0, rest_s=rest_s
-    )
-    sessions = {"multi_position": plan}
-    return simulate_session(replace(truth, sessions=sessions), "multi_position", 4)
+    truth = planned(example_truth(), poses=poses, initial_rest_s=20.0, rest_s=rest_s)
+    return simulate_session(truth, "multi_position", 4)
 
 
 @pytest.mark.parametrize(

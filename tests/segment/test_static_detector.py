@@ -18,7 +18,6 @@ DEGREE = np.pi / 180
 
 
 def segmented(samples, kind="multi_position", settings=SETTINGS):
-    """Return rests and metadata of a log."""
     segments, metadata = segment_session(samples, kind, settings)
     return rests_of(segments), metadata
 

@@ -10,12 +10,7 @@ import pytest
 
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.simulate.sensor import lagged
-from imuloop.simulate.simulate import (
-    log_metadata,
-    simulate_session,
-    true_motion,
-    write_log,
-)
+from imuloop.simulate.simulate import log_metadata, simulate_session, true_motion, write_log
 from imuloop.simulate.truth import Noise, SessionTruth, Thermometer, example_truth
 
 SHORT = SessionTruth("multi_position", poses=4, initial_rest_s=5.0)
@@ -34,7 +29,6 @@ def device(accelerometer=None, gyroscope=None, session=SHORT, **changes):
 
 
 def calibrated(sensor, raw, e):
-    """``x = T (K (raw - b) - e)``, written out."""
     return (((raw - sensor.b) * sensor.K) - e) @ sensor.T.T
 
 

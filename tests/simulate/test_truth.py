@@ -1,5 +1,7 @@
 """Reading a truth: what it holds, and what is said where it is wrong."""
 
+from functools import reduce
+
 import numpy as np
 import pytest
 import yaml
@@ -46,43 +48,28 @@ def test_reads_what_is_written(tmp_path):
     assert truth.thermometer.lag_s == 20
 
 
-def put(where, value):
-    def change(truth):
-        *path, last = where
-        for key in path:
-            truth = truth[key]
-        truth[last] = value
-
-    return change
+ONE = {"name": "g_sensitivity", "parameters": {"G00": 1}}
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("where", "value", "message"),
     [
-        (put(["gravitiy"], 9.8), "gravitiy: no such key; did you mean 'gravity'"),
-        (put(["sessions", "rest", "kind"], "statik"), "sessions.rest.kind: 'statik' is not one of"),
-        (put(["thermometer", "lag"], 1), "thermometer.lag: no such key; did you mean 'lag_s'"),
-        (
-            put(["sessions", "poses", "vibration", "part"], 1),
-            "sessions.poses.vibration.part: no such key",
-        ),
-        (put(["gyroscope", "raw_unit"], "deg"), "gyroscope.raw_unit: 'deg' is not one of"),
-        (put(["gyroscope", "K"], [1, 1]), r"gyroscope.K: shape \(2,\), needs \(3,\)"),
-        (put(["gyroscope", "noise"], {"X": [1, 1, 1]}), "gyroscope.noise.X: no such key"),
-        (
-            put(["gyroscope", "effects"], [{"name": "g_sens", "parameters": {}}]),
-            "'g_sens' is not an effect",
-        ),
-        (
-            put(["gyroscope", "effects"], [{"name": "g_sensitivity", "parameters": {"G00": 1}}]),
-            "effects: effect g_sensitivity: its parameters are",
-        ),
-        (put(["sessions"], None), "not a truth"),
+        ("gravitiy", 9.8, "gravitiy: no such key; did you mean 'gravity'"),
+        ("sessions.rest.kind", "statik", "sessions.rest.kind: 'statik' is not one of"),
+        ("thermometer.lag", 1, "thermometer.lag: no such key; did you mean 'lag_s'"),
+        ("sessions.poses.vibration.part", 1, "sessions.poses.vibration.part: no such key"),
+        ("gyroscope.raw_unit", "deg", "gyroscope.raw_unit: 'deg' is not one of"),
+        ("gyroscope.K", [1, 1], r"gyroscope.K: shape \(2,\), needs \(3,\)"),
+        ("gyroscope.noise", {"X": [1, 1, 1]}, "gyroscope.noise.X: no such key"),
+        ("gyroscope.effects", [ONE | {"name": "g_sens"}], "'g_sens' is not an effect"),
+        ("gyroscope.effects", [ONE], "effects: effect g_sensitivity: its parameters are"),
+        ("sessions", None, "not a truth"),
     ],
 )
-def test_says_what_is_wrong(tmp_path, change, message):
+def test_says_what_is_wrong(tmp_path, where, value, message):
     truth = content()
-    change(truth)
+    *path, last = where.split(".")
+    reduce(dict.get, path, truth)[last] = value
     with pytest.raises(ImuloopError, match=message) as caught:
         read(tmp_path, truth)
     assert "\n" not in str(caught.value)

@@ -46,7 +46,6 @@ def estimate_noise(device, *args, _own=estimate_noise, **more):
 
 
 def copied(repository, folder):
-    """Copy the workflow to a folder."""
     for part in PARTS:
         source = repository / part
         if source.is_dir():
@@ -67,7 +66,6 @@ def checkout(repository, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def logs():
-    """Short logs of a simulated device by kind."""
     truth = example_truth(rate=50.0)
     plans, short = truth.sessions, {"initial_rest_s": 10.0, "rest_s": (2.0, 3.0)}
     truth = replace(

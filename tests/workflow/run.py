@@ -7,7 +7,6 @@ from pathlib import Path
 
 
 def command(repository, folder, *arguments, target="results/report.html", config="config.yaml"):
-    """Return the command that runs the workflow of a repository in a folder."""
     snakefile = Path(repository) / "Snakefile"
     words = [sys.executable, "-m", "snakemake", "-s", snakefile, "-d", folder, "-c2"]
     words += [*(["--configfile", config] if config else []), *arguments]

@@ -1,13 +1,13 @@
 """Two devices that name one board, and one type, through the workflow."""
 
 import json
-from dataclasses import replace
 
 import pytest
 import yaml
 
 from bench.result_files import fault
 from board.boards import SESSION, logs
+from calibrate.devices import planned
 from imuloop.simulate.truth import example_truth
 from workflow.run import snakemake
 
@@ -18,9 +18,8 @@ TYPE = "results/types/pair/type.json"
 
 @pytest.fixture(scope="module")
 def ran(repository, tmp_path_factory):
-    folder, made = tmp_path_factory.mktemp("board"), example_truth(rate=50.0)
-    plan = replace(made.sessions[SESSION], poses=16, initial_rest_s=10.0, rest_s=(2.0, 3.0))
-    found = logs(4, replace(made, sessions={SESSION: plan}))
+    folder, short = tmp_path_factory.mktemp("board"), {"initial_rest_s": 10.0, "rest_s": (2.0, 3.0)}
+    found = logs(4, planned(example_truth(rate=50.0), poses=16, **short))
     entries = {}
     for name, log in zip(DEVICES, found, strict=False):
         log.to_csv(folder / f"{name}.csv", index=False)

@@ -47,7 +47,6 @@ def folder(finished, tmp_path):
 
 @pytest.fixture
 def written(finished):
-    """The config as it is written there; the order of a device's sessions counts."""
     return yaml.safe_load((finished[0] / "config.yaml").read_text())
 
 

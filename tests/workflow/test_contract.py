@@ -41,13 +41,11 @@ def effects(sensor):
 
 @pytest.fixture(params=DEVICES)
 def folder(finished, request):
-    """Results of a device."""
     return finished[0] / "results" / request.param
 
 
 @pytest.fixture
 def kinds(folder):
-    """Kind of each of its sessions."""
     sessions = CONFIG["devices"][folder.name]["sessions"]
     return {name: session["kind"] for name, session in sessions.items()}
 

@@ -9,7 +9,6 @@ report is well-formed.
 
 import argparse
 import importlib
-import os
 import pkgutil
 import re
 import resource
@@ -19,13 +18,11 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-import pyarrow as pa
-
 import imuloop
 from bench.fuzz.chain import recordings
 from bench.fuzz.chain.cases import make
 from bench.fuzz.chain.judge import judge, origin
-from bench.fuzz.processes import MEMORY, limit_memory, scratch, shared_out
+from bench.fuzz.processes import MEMORY, confine, scratch, shared_out
 
 # of a case: s of processor time, and of a clock, for one that waits for ever
 SECONDS, LONGEST = 60, 900
@@ -84,17 +81,11 @@ def fuzz(numbers, workers=2):
 
 def serve(pipe, numbers, folder):
     """Answer one case, within limits of memory and processor time."""
-    sys.dont_write_bytecode = True
     folder = Path(tempfile.mkdtemp(dir=folder))
     terminal = folder / "terminal"
-    with open(terminal, "wb") as file:
-        os.dup2(file.fileno(), 1)
-        os.dup2(file.fileno(), 2)
+    confine(terminal)
     # the chain logs them
     warnings.simplefilter("default")
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
-    limit_memory()
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
     try:
         case = make(*numbers, folder)

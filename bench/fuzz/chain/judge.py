@@ -92,19 +92,20 @@ def read(path):
 
 
 class Page(HTMLParser):
-    """What is wrong with the elements and words of a page."""
+    """Elements of a page with attributes and text, and what is wrong with them and its words."""
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.faults = [], []
+        self.elements, self.open, self.text, self.faults = [], [], "", []
         self.feed(text)
         self.close()
         if self.open:
-            self.faults.append(f"left open: {self.open[-1]}")
+            self.faults.append(f"left open: {self.open[-1]['tag']}")
 
     def handle_starttag(self, tag, attributes):
+        self.elements.append({"tag": tag, "text": "", **dict(attributes)})
         if tag not in VOID:
-            self.open.append(tag)
+            self.open.append(self.elements[-1])
         for name, value in attributes:
             if tag in ("path", "line", "circle", "rect", "text", "svg") and name != "class":
                 if re.search(r"\b(nan|inf|None)\b", value or ""):
@@ -116,14 +117,21 @@ class Page(HTMLParser):
             self.open.pop()
 
     def handle_endtag(self, tag):
-        if not self.open or self.open.pop() != tag:
+        if not self.open or self.open.pop()["tag"] != tag:
             self.faults.append(f"</{tag}> closes nothing")
 
     def handle_data(self, data):
-        if self.open and self.open[-1] in TEXTS:
+        self.text += data
+        for element in self.open:
+            element["text"] += data
+        if self.open and self.open[-1]["tag"] in TEXTS:
             if found := NO_NUMBER.search(data := WORDS.sub("", data)):
                 around = data[max(found.start() - 40, 0) : found.end() + 20]
                 self.faults.append(f"no number: {' '.join(around.split())}")
+
+    def all(self, tag):
+        """Return the elements of a tag."""
+        return [e for e in self.elements if e["tag"] == tag]
 
 
 def run(declared, results):
