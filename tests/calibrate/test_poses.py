@@ -17,7 +17,7 @@ from imuloop.calibrate.calibrate import (
 from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
 from imuloop.core.tables import write_table
@@ -103,7 +103,7 @@ def test_what_an_effect_remembers_is_averaged_over_poses_and_picked_along_rotati
     np.testing.assert_allclose(found, 20 * made.rotations.f[..., 0])
 
 
-LINES = AxisNoise(sinusoid=(Sinusoid(Coefficient(1e-3), Coefficient(4.613)),))
+LINES = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),))
 
 
 @pytest.mark.parametrize("axis", [1, 5])

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 from calibrate.devices import known
-from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.noise_model import AxisNoise, GaussMarkovTerm, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.noise.processes import gauss_markov_samples, sample_covariances
 
@@ -22,11 +22,11 @@ PROCESSES = {
     "B": (known(0.05), B),
     "K": (known(0.004), K),
     "gauss_markov": (
-        (GaussMarkov(known(0.02), known(10.0)),),
+        (GaussMarkovTerm(known(0.02), known(10.0)),),
         0.02**2 * 5 * gauss_markov_samples(N, DT, 10.0),
     ),
     "sinusoid": (
-        (Sinusoid(known(0.1), known(0.03)),),
+        (SinusoidTerm(known(0.1), known(0.03)),),
         0.1**2 / 2 * np.cos(2 * np.pi * 0.03 * DT * np.arange(N)),
     ),
 }

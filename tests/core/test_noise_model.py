@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from calibrate.devices import known
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.noise_model import (
+    AxisNoise,
+    Coefficient,
+    GaussMarkovTerm,
+    NoiseModel,
+    SinusoidTerm,
+)
 from imuloop.core.samples import CHANNELS
 
 PROCESSES = {
@@ -12,8 +18,8 @@ PROCESSES = {
     "white": AxisNoise(N=known(0.2)),
     "flicker": AxisNoise(B=known(0.05)),
     "walk": AxisNoise(K=known(0.02)),
-    "gauss_markov": AxisNoise(gauss_markov=(GaussMarkov(known(0.1), known(4.0)),)),
-    "sinusoid": AxisNoise(sinusoid=(Sinusoid(known(0.3), known(0.07), "50 Hz mains, alias"),)),
+    "gauss_markov": AxisNoise(gauss_markov=(GaussMarkovTerm(known(0.1), known(4.0)),)),
+    "sinusoid": AxisNoise(sinusoid=(SinusoidTerm(known(0.3), known(0.07), "50 Hz mains, alias"),)),
 }
 PROCESSES["all"] = AxisNoise(
     known(0.3),
@@ -54,7 +60,7 @@ def test_density_filtered_by_the_allan_window_is_the_allan_variance(name, tau):
 
 @pytest.mark.parametrize("tc", [1e4, 1e6])
 def test_a_process_far_slower_than_the_averages_is_a_walk(tc):
-    slow = AxisNoise(gauss_markov=(GaussMarkov(known(0.1), known(tc)),))
+    slow = AxisNoise(gauss_markov=(GaussMarkovTerm(known(0.1), known(tc)),))
     assert slow.allan_variance(0.1) == pytest.approx(0.1**2 * 0.1 / 3, rel=0.05)
 
 

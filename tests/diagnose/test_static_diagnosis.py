@@ -14,7 +14,7 @@ from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
+from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02
@@ -47,7 +47,7 @@ def data(**samples):
 
 
 def noise_of(made):
-    sessions = [Session(n, "static", s, made.segments[n]) for n, s in made.samples.items()]
+    sessions = [RecordedSession(n, "static", s, made.segments[n]) for n, s in made.samples.items()]
     return estimate_noise("d", sessions, NoiseSettings()).model
 
 

@@ -20,7 +20,7 @@ from export.devices import (
     warm_device,
     warm_samples,
 )
-from imuloop.core.noise_model import Coefficient, GaussMarkov
+from imuloop.core.noise_model import Coefficient, GaussMarkovTerm
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
@@ -83,7 +83,7 @@ def test_gnss_ins_sim_has_a_process_whose_peak_is_the_floor_of_flicker():
 def test_gnss_ins_sim_takes_a_gauss_markov_process_as_it_is():
     board = device()
     known = [Coefficient(value, None, value, True) for value in (3e-6, 40.0, 2e-6, 900.0)]
-    both = GaussMarkov(known[0], known[1]), GaussMarkov(known[2], known[3])
+    both = GaussMarkovTerm(known[0], known[1]), GaussMarkovTerm(known[2], known[3])
     axes = dict(board.noise.axes, gy=replace(board.noise.axes["gy"], gauss_markov=both))
     text = GNSS_INS_SIM.text(replace(board, noise=replace(board.noise, axes=axes)))
     gyro = errors(dictionary(text))["gyro"]

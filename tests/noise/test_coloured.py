@@ -7,7 +7,7 @@ import pytest
 from scipy.fft import dct
 
 from calibrate.devices import known
-from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel
+from imuloop.core.noise_model import AxisNoise, GaussMarkovTerm, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.noise.coloured import (
     WindowSpectrum,
@@ -43,7 +43,7 @@ def test_unit_spectra_are_the_variances_of_the_coefficients(name, tolerance):
 
 @pytest.mark.parametrize("tc", [2.0, 8.0])
 def test_the_spectrum_of_a_process(tc):
-    process = GaussMarkov(known(np.sqrt(2 / tc)), known(tc))
+    process = GaussMarkovTerm(known(np.sqrt(2 / tc)), known(tc))
     theta, variance = transformed(AxisNoise(gauss_markov=(process,)))
     np.testing.assert_allclose(gauss_markov_mean_spectrum(theta, tc)[5:], variance[5:], rtol=0.07)
 

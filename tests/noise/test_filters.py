@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibrate.devices import known
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov, Sinusoid
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm, SinusoidTerm
 from imuloop.noise.filters import LONGEST, POINTS, SHORTEST, bounding
 
 # the times at which the bound is held, and nineteen between each two
@@ -21,7 +21,7 @@ def limited(value):
 
 
 def process(q, tc):
-    return GaussMarkov(known(q), known(tc))
+    return GaussMarkovTerm(known(q), known(tc))
 
 
 def curve(noise, tau=TAU):
@@ -94,6 +94,6 @@ def test_white_noise_and_walk_alone_stay_as_they_are(N, K):
 
 
 def test_a_line_raises_nothing():
-    line, flicker = Sinusoid(known(1e-2), known(0.05)), RAISED["flicker"]
+    line, flicker = SinusoidTerm(known(1e-2), known(0.05)), RAISED["flicker"]
     assert bounding(replace(WHITE, sinusoid=(line,))) == (8e-5, 1e-7)
     assert bounding(replace(flicker, sinusoid=(line,))) == bounding(flicker)

@@ -9,7 +9,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
 from imuloop.noise.allan import COLUMNS
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
+from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -33,7 +33,7 @@ def session(name="rest", kind="static", length=6000, rate=50.0, seed=0, rests=No
     rests = [(0, length / rate)] if rests is None else rests
     start, end = zip(*rests, strict=True) if rests else ((), ())
     segments = segment_table(samples, start, end, ["static"] * len(rests), range(len(rests)))
-    return Session(name, kind, samples, segments)
+    return RecordedSession(name, kind, samples, segments)
 
 
 def test_sessions_pool_into_one_fit_and_keep_their_own_curves():
@@ -77,7 +77,7 @@ def test_coefficients_hold_where_samples_are_missing():
     inside, walks, whole = [], [], hours(31)
     samples = lose(whole.samples, 0.01, np.random.default_rng(9), [1, 2, 3, 4, 5])
     segments = segment_table(samples, [0], [whole.samples["t"].max() + 0.02], ["static"], [0])
-    result = estimate_noise("imu", [Session("rest", "static", samples, segments)], SETTINGS)
+    result = estimate_noise("imu", [RecordedSession("rest", "static", samples, segments)], SETTINGS)
     for axis, density in DENSITY.items():
         noise = result.model.axes[axis]
         # of 100,000 samples N is known to 0.3 %
@@ -100,7 +100,7 @@ def test_the_rate_is_that_of_the_samples_that_are_there():
     late = lose(stamp_late(whole.samples, 0.003, rng), 0.02, rng)
     late = late[late["t"].diff().fillna(1) > 0].reset_index(drop=True)
     segments = segment_table(late, [late["t"][0]], [500.0], ["static"], [0])
-    result = estimate_noise("imu", [Session("rest", "static", late, segments)], SETTINGS)
+    result = estimate_noise("imu", [RecordedSession("rest", "static", late, segments)], SETTINGS)
     assert result.rate_hz == pytest.approx(50, rel=0.005)
 
 
@@ -120,7 +120,7 @@ def gapped(gaps, rate=50.0):
         t[round(after * rate) :] += seconds
     samples["t"] = t
     segments = segment_session(samples, "static", SegmentSettings())[0]
-    return Session("rest", "static", samples, segments)
+    return RecordedSession("rest", "static", samples, segments)
 
 
 def coefficients(result):
@@ -149,7 +149,7 @@ def test_a_log_that_is_mostly_gaps_keeps_its_walk_and_is_not_searched_for_lines(
     kinds = ["static", "gap"] * 60
     edges = np.column_stack([start, start + 10]).ravel()
     segments = segment_table(samples, edges[:-1], edges[1:], kinds[:-1], np.zeros(119))
-    result = estimate_noise("imu", [Session("rest", "static", samples, segments)], SETTINGS)
+    result = estimate_noise("imu", [RecordedSession("rest", "static", samples, segments)], SETTINGS)
     assert result.model.axes["ax"].K.value == pytest.approx(0.1 / np.sqrt(300), rel=0.3)
     assert any("no lines are sought" in note for note in result.notes)
 

@@ -6,7 +6,7 @@ import pytest
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.noise.axis import estimate_axis
 from imuloop.noise.modes import modes
-from imuloop.noise.records import Session, record_of
+from imuloop.noise.records import RecordedSession, record_of
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -16,7 +16,7 @@ from segment.logs import carlsson_array, xsens
 def assert_no_walk_by_another_name(samples, axis):
     """Assert that no process lasts longer than rests show, and that all intervals hold values."""
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
-    record = record_of(Session("poses", "multi_position", samples, segments))
+    record = record_of(RecordedSession("poses", "multi_position", samples, segments))
     values, basis = record.runs(record.cut(record.column(axis))), modes(record.samplings)
     noise = estimate_axis(record.samplings, basis, values, NoiseSettings()).noise
     assert noise.N.identifiable and noise.N.ci95[0] < noise.N.value < noise.N.ci95[1]

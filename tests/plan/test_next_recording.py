@@ -10,7 +10,7 @@ from diagnose.models import accelerometer_poses, pose_sensors
 from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, Sinusoid
+from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.plan.information import Information
@@ -146,7 +146,7 @@ def test_heating_and_cooling_shows_what_a_temperature_does():
 
 def test_nothing_is_expected_where_the_noise_is_unknown(first):
     recording = recorded(first[0])
-    line = AxisNoise(sinusoid=(Sinusoid(Coefficient(1e-3), Coefficient(4.613)),))
+    line = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),))
     variance = recording.poses.variance.copy()
     variance[3, 5] = 0.0
     silent = replace(recording, poses=replace(recording.poses, variance=variance))

@@ -12,7 +12,7 @@ from imuloop.effects.rate_sensitivity import RateSensitivity
 from imuloop.plan.next_recording import next_recording
 from imuloop.plan.session import Plan, level_turns
 from imuloop.report.recording import turns_in_motion
-from imuloop.report.results import Device
+from imuloop.report.results import DeviceResults
 from plan.planned_log import simulate_plan
 from plan.test_next_recording import HOLD_S, TRUTH, fitted
 
@@ -44,7 +44,7 @@ def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
     # of its axis an arm acts along the others
     assert found["parameter"][:11] == "lever_arm.r" and found["parameter"][11] != "xyz"[axis]
     assert found["std_after"] < found["level"] < 0.1 * found["std"]
-    device = Device("imu", "IMU", Path(), diagnosis={"next_recording": {"motion": found}})
+    device = DeviceResults("imu", "IMU", Path(), diagnosis={"next_recording": {"motion": found}})
     [(gain, text)] = turns_in_motion(device)
     words = text.replace("\u202f", " ")
     assert gain > 0.9 and f"Turn about {'xyz'[axis]}: 8 quarter and half turns about it" in words

@@ -5,7 +5,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from calibrate.devices import known
-from imuloop.core.noise_model import AxisNoise, GaussMarkov, NoiseModel, Sinusoid
+from imuloop.core.noise_model import AxisNoise, GaussMarkovTerm, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 
 sizes = st.one_of(st.just(0.0), st.floats(-6, 0).map(lambda power: 10**power)).map(known)
@@ -13,8 +13,8 @@ times = st.floats(0.1, 1e4).map(known)
 noises = st.builds(
     AxisNoise,
     *[sizes] * 4,
-    gauss_markov=st.lists(st.builds(GaussMarkov, sizes, times), max_size=1).map(tuple),
-    sinusoid=st.lists(st.builds(Sinusoid, sizes, times), max_size=1).map(tuple),
+    gauss_markov=st.lists(st.builds(GaussMarkovTerm, sizes, times), max_size=1).map(tuple),
+    sinusoid=st.lists(st.builds(SinusoidTerm, sizes, times), max_size=1).map(tuple),
 )
 
 

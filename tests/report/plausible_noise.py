@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pandas as pd
 
-from imuloop.core.noise_model import Coefficient, GaussMarkov, Sinusoid
+from imuloop.core.noise_model import Coefficient, GaussMarkovTerm, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 
 KEYS = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
@@ -29,8 +29,8 @@ def plausible_noise(axes, rate):
 
     `axes` are an `AxisNoise` each.
     """
-    line = Sinusoid(*map(known, LINE[1:]), "50 Hz mains, alias of its 2nd harmonic")
-    hump = GaussMarkov(*map(known, HUMP[1:]))
+    line = SinusoidTerm(*map(known, LINE[1:]), "50 Hz mains, alias of its 2nd harmonic")
+    hump = GaussMarkovTerm(*map(known, HUMP[1:]))
     axes = axes | {LINE[0]: replace(axes[LINE[0]], sinusoid=(line,))}
     axes |= {HUMP[0]: replace(axes[HUMP[0]], gauss_markov=(hump,))}
     axis, key, value = DISTURBED

@@ -10,7 +10,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.advice import MOST, next_steps
 from imuloop.report.recording import attitude_words, parameter_words, sigma_words
-from imuloop.report.results import Device, Session
+from imuloop.report.results import DeviceResults, SessionResults
 from imuloop.report.verdict import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -32,7 +32,7 @@ def poses(up):
 def session(name, kind, path=None, up=(), duration_s=300.0, **quality):
     segments = poses(np.reshape(up, (-1, 3)))
     quality = COUNTED | {"duration_s": duration_s} | quality
-    return Session(name, kind, quality, {}, path, segments, {})
+    return SessionResults(name, kind, quality, {}, path, segments, {})
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def good(tmp_path):
         tables = [s.segments.assign(session=s.name) for s in (*sessions, *more)]
         table = pd.concat(tables).rename(columns={f"{c}_mean": c for c in CHANNELS})
         content = {"noise": noise(), "diagnosis": diagnosis()} | changed
-        return Device("imu", "IMU", tmp_path, (*sessions, *more), poses=table, **content)
+        return DeviceResults("imu", "IMU", tmp_path, (*sessions, *more), poses=table, **content)
 
     return build
 

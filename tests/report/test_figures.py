@@ -16,7 +16,7 @@ from imuloop.report.figures.loop import loop_picture, loop_words
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import against, goes_with, residual_pictures
 from imuloop.report.figures.time_series import session_pictures
-from imuloop.report.results import Device
+from imuloop.report.results import DeviceResults
 
 
 def block(device, sensor="gyroscope", part="poses"):
@@ -149,7 +149,7 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
         pd.DataFrame(rows, columns=columns).to_parquet(tmp_path / "attitude.parquet")
         content = {"status": "ok", "gains": {"k_P": 1.0, "k_I": 0.3}, "methods": methods}
         write_json(tmp_path / "attitude.json", content)
-        return attitude_part(Device("board", "Board", tmp_path))
+        return attitude_part(DeviceResults("board", "Board", tmp_path))
 
     found = part(raw=12.7, base=0.556, final=0.154)
     assert "one rotation of 2.1\u202fs" in found["finding"]
@@ -162,7 +162,7 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
     assert "the final model is the same" in same["finding"]
     assert all("also the final one" in p.caption for p in same["pictures"])
     write_json(tmp_path / "attitude.json", {"status": "not_testable", "why": "no <pose>"})
-    found = attitude_part(Device("board", "Board", tmp_path))
+    found = attitude_part(DeviceResults("board", "Board", tmp_path))
     assert found["finding"] == "The error of the vertical cannot be tested: no <pose>."
     assert not found["tables"] and not found["pictures"]
 

@@ -12,7 +12,7 @@ from imuloop.core.units import RawUnit
 from imuloop.report.advice import what_next
 from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.recording import turns_in_motion
-from imuloop.report.results import Device
+from imuloop.report.results import DeviceResults
 from imuloop.report.verdict import BOTH, UNTESTED, answers, motion_of, sentence
 from report.plausible_diagnosis import residual
 
@@ -82,7 +82,7 @@ def with_arms(tmp_path):
     turn = SensorCalibration.nominal(RawUnit("rad/s", 1.0), "")
     folder = tmp_path / "imu"
     (folder / "figures").mkdir(parents=True)
-    return Device(
+    return DeviceResults(
         "imu", "IMU", folder, calibrations={"final": Calibration("imu", 9.8, force, turn)}
     )
 
@@ -112,7 +112,7 @@ def advice(undersampled=None, **turns):
     block["sensors"]["gyroscope"]["poses"] = UNTESTED | {"residuals": lost}
     return [
         text.replace("\u202f", " ")
-        for _, text in turns_in_motion(Device("a", "A", None, diagnosis=block))
+        for _, text in turns_in_motion(DeviceResults("a", "A", None, diagnosis=block))
     ]
 
 

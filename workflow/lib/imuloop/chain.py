@@ -113,7 +113,7 @@ def noise(device):
     from imuloop.core.samples import Samples, read_columns
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise, no_noise
-    from imuloop.noise.records import Session
+    from imuloop.noise.records import RecordedSession
     from imuloop.noise.settings import NoiseSettings
 
     def write(result, failed=None):
@@ -123,7 +123,9 @@ def noise(device):
 
     def work():
         sessions = [
-            Session(name, each["kind"], Samples(each["samples"]), read_columns(each["segments"]))
+            RecordedSession(
+                name, each["kind"], Samples(each["samples"]), read_columns(each["segments"])
+            )
             for name, each in device.sessions.items()
         ]
         settings = NoiseSettings(**device.noise)

@@ -21,7 +21,7 @@ from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
+from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
 from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
@@ -127,7 +127,7 @@ def noise_of(arguments, calibration, kind, samples, segments):
             return NoiseModel.from_json(path), f"of {path}"
         except (KeyError, TypeError, ValueError) as error:
             raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
-    session = Session(arguments.log.name, kind, samples, segments)
+    session = RecordedSession(arguments.log.name, kind, samples, segments)
     found = estimate_noise(calibration.device, [session], NoiseSettings(views=()), uncut=False)
     return found.model, "of the log itself"
 

@@ -13,7 +13,7 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.report import composed
 from imuloop.report.numbers import coefficient_text, number, p_text, text_of, with_unit
-from imuloop.report.results import XYZ, Device
+from imuloop.report.results import XYZ, DeviceResults
 from imuloop.report.tables.calibration import parameter_table
 from imuloop.report.tables.candidates import constants_text
 from imuloop.report.tables.data import quality_figures
@@ -73,7 +73,7 @@ def calibration_lines(calibration):
     """Return parameters ± σ and effects of a calibration."""
     head = f"calibration of {calibration.device}, gravity {calibration.gravity:.6g} m/s²"
     lines = [f"{head}: x = T (K (raw - b) - e)"]
-    device = Device("", "", Path(), calibrations={"final": calibration})
+    device = DeviceResults("", "", Path(), calibrations={"final": calibration})
     for sensor in SENSORS:
         own, table = getattr(calibration, sensor), parameter_table(device, sensor)
         lines.append(f"{sensor}: value ± 1 σ; raw unit {own.raw_unit.name}")

@@ -61,7 +61,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True)
-class GaussMarkov:
+class GaussMarkovTerm:
     """First-order Gauss-Markov process: density `q` of the drive, correlation time `tc` in s."""
 
     q: Coefficient
@@ -69,7 +69,7 @@ class GaussMarkov:
 
 
 @dataclass(frozen=True)
-class Sinusoid:
+class SinusoidTerm:
     """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown.
 
     `origin` says what the line is likely to be, e.g. an alias of mains; None where not known.
@@ -101,9 +101,9 @@ class AxisNoise:
         Random walk, m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
     R : Coefficient
         Ramp, m/s^3 or rad/s^2.
-    gauss_markov : tuple of GaussMarkov
+    gauss_markov : tuple of GaussMarkovTerm
         q in the unit of K, T = tc in s.
-    sinusoid : tuple of Sinusoid
+    sinusoid : tuple of SinusoidTerm
         Omega = amplitude in the unit of the axis, f = frequency in Hz.
 
     References
@@ -116,8 +116,8 @@ class AxisNoise:
     B: Coefficient = Coefficient()
     K: Coefficient = Coefficient()
     R: Coefficient = Coefficient()
-    gauss_markov: tuple[GaussMarkov, ...] = ()
-    sinusoid: tuple[Sinusoid, ...] = ()
+    gauss_markov: tuple[GaussMarkovTerm, ...] = ()
+    sinusoid: tuple[SinusoidTerm, ...] = ()
 
     @classmethod
     def from_dict(cls, content):
@@ -125,11 +125,11 @@ class AxisNoise:
         return cls(
             *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
             gauss_markov=tuple(
-                GaussMarkov(*(Coefficient.from_dict(p[key]) for key in ("q", "tc")))
+                GaussMarkovTerm(*(Coefficient.from_dict(p[key]) for key in ("q", "tc")))
                 for p in content["gauss_markov"]
             ),
             sinusoid=tuple(
-                Sinusoid(
+                SinusoidTerm(
                     *(Coefficient.from_dict(p[key]) for key in ("amplitude", "frequency")),
                     p.get("origin"),
                 )

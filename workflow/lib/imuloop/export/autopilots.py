@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import SENSORS
-from imuloop.export.exported import MODEL, UNITS, Format, comment
+from imuloop.export.exported import MODEL, UNITS, ExportFormat, comment
 from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
@@ -211,7 +211,7 @@ def ardupilot(device):
     return body
 
 
-PX4 = Format("px4.params", "PX4 parameters, text of QGroundControl", px4)
-ARDUPILOT = Format(
+PX4 = ExportFormat("px4.params", "PX4 parameters, text of QGroundControl", px4)
+ARDUPILOT = ExportFormat(
     "ardupilot.param", "ArduPilot parameters, text of Mission Planner and MAVProxy", ardupilot
 )

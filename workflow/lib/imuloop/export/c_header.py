@@ -10,7 +10,7 @@ from imuloop.core.errors import one_line
 from imuloop.core.samples import SENSORS
 from imuloop.effects.axes import AXES
 from imuloop.effects.discovered import Discovered
-from imuloop.export.exported import MODEL, UNITS, Format, number, numbers
+from imuloop.export.exported import MODEL, UNITS, ExportFormat, number, numbers
 from imuloop.export.per_axis import BIAS, range_lines
 
 # of what is held to no range
@@ -211,6 +211,6 @@ MATRICES = {
 }
 EFFECTS = {each.__name__: each for each in (bias_temperature, scale_temperature)}
 EFFECTS |= {name: partial(matrix, kind=k, derivative=of) for name, (k, of) in MATRICES.items()}
-C_HEADER = Format(
+C_HEADER = ExportFormat(
     "imu_calibration.h", "C99 header, plain numbers and functions that apply them", text
 )

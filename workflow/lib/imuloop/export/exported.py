@@ -22,7 +22,7 @@ UNITS = {
 }
 
 
-class Format(NamedTuple):
+class ExportFormat(NamedTuple):
     """A file for another tool: its name, the tool, and what returns its text of an `Exported`.
 
     The text's function raises Lacking where the device does not have what the file holds.

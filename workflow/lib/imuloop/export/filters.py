@@ -7,7 +7,7 @@ import yaml
 
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
-from imuloop.export.exported import UNITS, Format, comment, number, numbers
+from imuloop.export.exported import UNITS, ExportFormat, comment, number, numbers
 from imuloop.export.per_axis import scale_and_offset
 from imuloop.noise.filters import RANGE
 
@@ -240,8 +240,10 @@ def ros(device):
     )
 
 
-KALIBR = Format("kalibr_imu.yaml", "Kalibr", kalibr)
-VINS_FUSION = Format("vins_fusion_imu.yaml", "VINS-Fusion", vins_fusion)
-ORB_SLAM3 = Format("orb_slam3_imu.yaml", "ORB-SLAM3", orb_slam3)
-ALLAN_VARIANCE_ROS = Format("allan_variance_ros_imu.yaml", "allan_variance_ros", allan_variance_ros)
-ROS = Format("ros_imu_covariance.yaml", "ROS sensor_msgs/Imu", ros)
+KALIBR = ExportFormat("kalibr_imu.yaml", "Kalibr", kalibr)
+VINS_FUSION = ExportFormat("vins_fusion_imu.yaml", "VINS-Fusion", vins_fusion)
+ORB_SLAM3 = ExportFormat("orb_slam3_imu.yaml", "ORB-SLAM3", orb_slam3)
+ALLAN_VARIANCE_ROS = ExportFormat(
+    "allan_variance_ros_imu.yaml", "allan_variance_ros", allan_variance_ros
+)
+ROS = ExportFormat("ros_imu_covariance.yaml", "ROS sensor_msgs/Imu", ros)

@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE, HOUR
-from imuloop.export.exported import MODEL, Format, comment, numbers
+from imuloop.export.exported import MODEL, ExportFormat, comment, numbers
 from imuloop.export.per_axis import scale_and_offset
 
 # floor of the Allan deviation of flicker, over B
@@ -85,6 +85,6 @@ def drift(device, axis):
 
 
 # no module of the package's own name: it would hide the package beside it
-GNSS_INS_SIM = Format(
+GNSS_INS_SIM = ExportFormat(
     "gnss_ins_sim_model.py", "gnss-ins-sim, a model of the device for simulation", text
 )

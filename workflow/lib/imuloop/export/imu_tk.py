@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from imuloop.core.errors import Lacking
-from imuloop.export.exported import UNITS, Format, comment, numbers
+from imuloop.export.exported import UNITS, ExportFormat, comment, numbers
 from imuloop.export.filters import heading
 
 
@@ -35,6 +35,6 @@ def text(sensor, device):
 
 
 ACCELEROMETER, GYROSCOPE = (
-    Format(file, f"imu_tk, {sensor}", partial(text, sensor))
+    ExportFormat(file, f"imu_tk, {sensor}", partial(text, sensor))
     for sensor, file in (("accelerometer", "imu_tk_acc.calib"), ("gyroscope", "imu_tk_gyro.calib"))
 )

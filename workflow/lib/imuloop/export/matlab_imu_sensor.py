@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from imuloop.core.samples import SENSORS
-from imuloop.export.exported import MODEL, UNITS, Format, comment, number, numbers
+from imuloop.export.exported import MODEL, UNITS, ExportFormat, comment, number, numbers
 from imuloop.export.per_axis import (
     BIAS,
     bias_polynomial,
@@ -152,9 +152,9 @@ def parameters(device):
     return json.dumps({part: known, "Notes": notes}, indent=1, allow_nan=False) + "\n"
 
 
-MATLAB_PARAMETERS = Format(
+MATLAB_PARAMETERS = ExportFormat(
     "matlab_imu_sensor.json", "MATLAB imuSensor, parameters for its loadparams", parameters
 )
-MATLAB_IMU_SENSOR = Format(
+MATLAB_IMU_SENSOR = ExportFormat(
     "matlab_imu_sensor.m", "MATLAB imuSensor, a model of the device for simulation", text
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.samples import SENSORS
-from imuloop.export.exported import Format, comment, number, numbers
+from imuloop.export.exported import ExportFormat, comment, number, numbers
 from imuloop.export.filters import KALIBR_KEYS, OPENCV, density_fields, heading, noise_left_out
 from imuloop.export.per_axis import range_lines, scale_and_offset
 
@@ -76,4 +76,4 @@ def matrix(key, values, words):
     return f"  {key}:  {comment(words)}{rows}"
 
 
-OPENVINS = Format("openvins_kalibr_imu_chain.yaml", "OpenVINS", text)
+OPENVINS = ExportFormat("openvins_kalibr_imu_chain.yaml", "OpenVINS", text)

@@ -22,7 +22,7 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
 
 @dataclass(frozen=True)
-class Format:
+class LogFormat:
     """A log format: its reader, and what its files are called.
 
     ``read(paths, columns, batch_rows) -> RawLog`` takes the role of each file, `files`, to its
@@ -41,21 +41,21 @@ class Format:
 
 # a new format is one reader and one line here
 FORMATS = {
-    "csv": Format(delimited.read, delimited.ENDINGS),
+    "csv": LogFormat(delimited.read, delimited.ENDINGS),
     # the separator is found in the file; the name is there for those who look for it
-    "tsv": Format(delimited.read, (".tsv", ".tab")),
+    "tsv": LogFormat(delimited.read, (".tsv", ".tab")),
     # the folder; its table alone is a csv
-    "euroc": Format(delimited.read, (), folder=True),
-    "imu_tk": Format(imu_tk.read, (), imu_tk.FILES),
-    "parquet": Format(parquet.read, parquet.ENDINGS),
-    "netcdf": Format(netcdf.read, netcdf.ENDINGS),
-    "matlab": Format(matlab.read, matlab.ENDINGS),
-    "ros": Format(ros.read, ros.ENDINGS, folder=True, whole=True),
-    "phone": Format(phone.read, phone.ENDINGS, whole=True),
+    "euroc": LogFormat(delimited.read, (), folder=True),
+    "imu_tk": LogFormat(imu_tk.read, (), imu_tk.FILES),
+    "parquet": LogFormat(parquet.read, parquet.ENDINGS),
+    "netcdf": LogFormat(netcdf.read, netcdf.ENDINGS),
+    "matlab": LogFormat(matlab.read, matlab.ENDINGS),
+    "ros": LogFormat(ros.read, ros.ENDINGS, folder=True, whole=True),
+    "phone": LogFormat(phone.read, phone.ENDINGS, whole=True),
     # a .csv as others, known by its header
-    "sensorlog": Format(sensorlog.read, sensorlog.ENDINGS, whole=True),
-    "ulog": Format(ulog.read, ulog.ENDINGS, whole=True),
-    "dataflash": Format(dataflash.read, dataflash.ENDINGS, whole=True),
+    "sensorlog": LogFormat(sensorlog.read, sensorlog.ENDINGS, whole=True),
+    "ulog": LogFormat(ulog.read, ulog.ENDINGS, whole=True),
+    "dataflash": LogFormat(dataflash.read, dataflash.ENDINGS, whole=True),
 }
 
 # how files begin, whatever their name
@@ -77,7 +77,7 @@ _HEAD = 1 << 14
 
 
 def find_format(name, paths):
-    """Return the name of a format and the Format: that declared, else that its files show.
+    """Return the name of a format and the LogFormat: that declared, else that its files show.
 
     An ImuloopError where the name is unknown, or the files show none or are not the format's.
     """

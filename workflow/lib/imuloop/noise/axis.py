@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, Sinusoid
+from imuloop.core.noise_model import AxisNoise, Coefficient, SinusoidTerm
 from imuloop.noise.intervals import axis_noise
 from imuloop.noise.likelihood import DIGITS, Likelihood
 from imuloop.noise.lines import find_line, mains, means
@@ -175,7 +175,7 @@ def _sinusoid(line, rate):
         upper = value + (interval[1] - value) * ONE_SIDED / TWO_SIDED
         return Coefficient(value, interval, upper, True)
 
-    return Sinusoid(
+    return SinusoidTerm(
         coefficient(line.amplitude, line.amplitude_ci95),
         coefficient(line.frequency, line.frequency_ci95),
         mains(line.frequency, rate),

@@ -9,7 +9,7 @@ from scipy.optimize.elementwise import find_root
 from scipy.special import log_ndtr, ndtri
 
 from imuloop.core.fisher import fisher
-from imuloop.core.noise_model import Coefficient, GaussMarkov
+from imuloop.core.noise_model import Coefficient, GaussMarkovTerm
 from imuloop.noise.likelihood import log_likelihood, weighted_nnls
 from imuloop.noise.modes import binned
 from imuloop.noise.processes import gauss_markov_mean_spectrum, mean_spectra
@@ -160,7 +160,7 @@ class Coloured:
         """Return the AxisNoise of an axis with the process, flicker and walk as found beside it."""
         if not self.variances[place, 4] > 0:
             return noise
-        term = GaussMarkov(Coefficient.of(*self.drive[:, place]), Coefficient.of(self.tc, 0.0))
+        term = GaussMarkovTerm(Coefficient.of(*self.drive[:, place]), Coefficient.of(self.tc, 0.0))
 
         def coefficient(j):
             if not self.variances[place, j] > 0:

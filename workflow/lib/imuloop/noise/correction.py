@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from imuloop.core.effect import Channels
-from imuloop.core.noise_model import Coefficient, NoiseModel, Sinusoid
+from imuloop.core.noise_model import Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.rest_log import other_sensor
 from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
 from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
+from imuloop.noise.records import RecordedSession
 
 # lines nearer than this share of their frequency are one
 SAME_LINE = 0.05
@@ -49,7 +49,7 @@ def corrected(session, log, calibration, found):
 def noise_again(device, data, calibration, found, noise_settings):
     """Return the NoiseModel of the corrected StaticData, and their Allan tables by session."""
     sessions = [
-        Session(
+        RecordedSession(
             name,
             data.kinds[name],
             corrected(name, data.log(name), calibration, found),
@@ -90,7 +90,9 @@ def _with_line(noise, fitted, place):
     sessions = len(names) / 2
     amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
     error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
-    line = Sinusoid(Coefficient.of(amplitude, error), Coefficient.of(fitted.effect.frequency, 0.0))
+    line = SinusoidTerm(
+        Coefficient.of(amplitude, error), Coefficient.of(fitted.effect.frequency, 0.0)
+    )
     # the noise stage may have found the same one
     others = (
         s for s in noise.sinusoid if abs(s.frequency.value / line.frequency.value - 1) > SAME_LINE

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtr, ndtri
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkov
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise.processes import NAMES
 from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
@@ -168,7 +168,7 @@ def _process(selection, terms, tc, variance):
     expected = selection.units(wide) @ theta
     best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
     near = max(best, np.sqrt(likelihood.error(unit, expected)))
-    return GaussMarkov(
+    return GaussMarkovTerm(
         _coefficient([_Profile(0.0, best, near, top, of_q)], np.sqrt(2 * variance / tc)),
         _coefficient([_Profile(0.0, likeliest, tc, top, of_tc)], tc, times[0], times[-1]),
     )

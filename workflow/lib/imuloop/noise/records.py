@@ -19,7 +19,7 @@ JITTER, LOST, TEMPERATURE_RANGE = 0.05, 1e-3, 2.0
 
 
 @dataclass(frozen=True)
-class Session:
+class RecordedSession:
     """One session of a device: name, kind, samples in SI and segments by column.
 
     `samples` is empty where the session was rejected.
@@ -40,7 +40,7 @@ class Record:
     few, share of those there.
     """
 
-    session: Session
+    session: RecordedSession
     slices: tuple[slice, ...]
     samplings: tuple[Sampling, ...]
     jitter: float

@@ -12,7 +12,7 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.segments import STATIC
 from imuloop.core.sphere import WIDE_HOLE, direction_words, largest_hole
 from imuloop.noise.noise import estimate_noise
-from imuloop.noise.records import Session
+from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.plan.session import INITIAL_REST_S, REST_S
 from imuloop.segment.segment import segment_session
@@ -86,7 +86,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
 def rest_noise(samples):
     """Return the NoiseModel of a session's rests, flicker and walk included; takes seconds."""
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
-    session = Session("poses", "multi_position", samples, segments)
+    session = RecordedSession("poses", "multi_position", samples, segments)
     return estimate_noise("device", [session], NoiseSettings(views=()), uncut=False).model
 
 

@@ -26,7 +26,7 @@ CALIBRATIONS = {
 
 
 @dataclass(frozen=True)
-class Session:
+class SessionResults:
     """One session of a device; `source` is the metadata of its samples."""
 
     name: str
@@ -67,7 +67,7 @@ class Session:
 
 
 @dataclass(frozen=True)
-class Device:
+class DeviceResults:
     """All results of one device; where its part failed, there are only the failures.
 
     `calibrations` by method, as in `CALIBRATIONS`; `failures`, a session's name or None, `Failure`.
@@ -76,7 +76,7 @@ class Device:
     name: str
     label: str
     folder: Path
-    sessions: tuple[Session, ...] = ()
+    sessions: tuple[SessionResults, ...] = ()
     calibrations: dict[str, Calibration] = field(default_factory=dict)
     noise: dict = field(default_factory=dict)
     diagnosis: dict = field(default_factory=dict)
@@ -131,7 +131,7 @@ def read_device(name, label, folder, sessions):
     """Return the results of a device in ``results/<device>``; kind of each session by its name."""
     folder = Path(folder)
     views = pd.read_parquet(folder / "views.parquet")
-    return Device(
+    return DeviceResults(
         name,
         label,
         folder,
@@ -148,7 +148,7 @@ def read_device(name, label, folder, sessions):
 
 def _session(folder, kind, views):
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
-    return Session(
+    return SessionResults(
         folder.name,
         kind,
         read_json(folder / "quality.json"),

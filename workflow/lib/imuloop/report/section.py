@@ -18,7 +18,7 @@ from imuloop.report.figures.drawing import Picture, write_svg
 from imuloop.report.figures.reference import duration_table
 from imuloop.report.page import write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
-from imuloop.report.results import SENSORS, Device, read_device
+from imuloop.report.results import SENSORS, DeviceResults, read_device
 from imuloop.report.summary import summarise
 from imuloop.report.tables import calibration, candidates, data, diagnosis, noise
 from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
@@ -42,7 +42,7 @@ def write_section(name, label, folder, sessions):
 def write_failed(name, label, folder, sessions, failed):
     """Write what `write_section` does, of a device whose part failed, with the `Failure`."""
     failures = (*read_failures(folder, sessions), (None, Failure(**failed)))
-    device = Device(name, label, Path(folder), failures=failures)
+    device = DeviceResults(name, label, Path(folder), failures=failures)
     _empty(device.figures)
     _write(device, "failed.html.j2", [], steps=next_steps(device))
 
