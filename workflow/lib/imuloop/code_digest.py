@@ -71,15 +71,13 @@ def _module_path(library, name):
 def _parts(path, package):
     """Return the parts of a file: syntax tree as text, (module, name) imported, names used."""
     tree = ast.parse(path.read_bytes(), filename=str(path))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(node, (ast.Module, *_DEFINITIONS)) and body and _is_text(body[0]):
-            del body[0]
     defined = {node.name for node in tree.body if isinstance(node, _DEFINITIONS)}
     parts = []
-    for node in tree.body:
+    for node in tree.body[bool(tree.body and _is_text(tree.body[0])) :]:
         imports, names = [], set()
         for each in ast.walk(node):
+            if isinstance(each, _DEFINITIONS) and _is_text(each.body[0]):
+                del each.body[0]
             if isinstance(each, ast.Import):
                 imports += [(alias.name, None) for alias in each.names]
             elif isinstance(each, ast.ImportFrom):
