@@ -28,6 +28,12 @@ def measured(repository, recordings, run):
     return ingested
 
 
+def test_each_device_is_read_below(repository):
+    devices = yaml.safe_load((repository / "config/measured.yaml").read_text())["devices"]
+    boards = {f"mpu9150_{board}" for board in (1, 2, 3)}
+    assert set(devices) == {"xsens_mti", *boards, "thermal_chamber", "ferraris"}
+
+
 def turns_agree_with_gravity(quality):
     ratio = quality["faults"]["rests"]["turn_ratio"]
     return ratio["value"] == pytest.approx(1, abs=0.02) and ratio["moves"] >= 19
