@@ -9,14 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401
 from calibrate.devices import slopes
-from imuloop.calibrate.reference import (
-    Accelerometer,
-    Gyroscope,
-    ReferenceLog,
-    ReferenceRecording,
-    spread,
-    started,
-)
+from imuloop.calibrate.reference.recording import ReferenceLog, ReferenceRecording
+from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope, started
+from imuloop.calibrate.reference.tails import spread
 from imuloop.core.effect import find_effect
 from imuloop.core.samples import CHANNELS
 from imuloop.simulate.reference import Beside, simulate_beside

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.pose_fits import as_logged, in_raw_units
-from imuloop.calibrate.reference import Accelerometer, Gyroscope
+from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope
 from imuloop.effects.lever_arm import LeverArm
 from imuloop.effects.size_effect import SizeEffect
 
@@ -62,7 +62,7 @@ class OfRecords:
 
 
 def of_records(sensor, own):
-    """Return the OfRecords of a `calibrate.reference.ReferenceSensor`'s SensorCalibration.
+    """Return the OfRecords of a `calibrate.reference.sensors.ReferenceSensor`'s SensorCalibration.
 
     Effects that depend on time, on temperature or on how the reference sits are no part of s: their
     errors stay in those of x.

@@ -9,7 +9,9 @@ from scipy.stats import chi2
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import Solution
-from imuloop.calibrate.reference import Accelerometer, Gyroscope, read_reference, spread, started
+from imuloop.calibrate.reference.recording import read_reference
+from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope, started
+from imuloop.calibrate.reference.tails import spread
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
@@ -176,7 +178,7 @@ def shapes_beside(sensor, recording):
 
 
 def diagnose_reference(sensor, recording, settings, tests, own):
-    """Return the ReferenceResult of a sensor, a `calibrate.reference.ReferenceSensor`.
+    """Return the ReferenceResult of a sensor, a `calibrate.reference.sensors.ReferenceSensor`.
 
     `tests` is the number of tests of the device's other records, which share the significance,
     `own` the SensorCalibration by these.

@@ -1,167 +1,23 @@
-"""A sensor beside a reference: its rotations against known attitudes, its force against places."""
+"""Both sensors beside a reference: rotations against attitudes, specific force against places."""
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import gammaln
 
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
 from imuloop.calibrate.least_squares import FitResult, covariance_of
 from imuloop.calibrate.pose_fits import Solution
 from imuloop.calibrate.poses import Rotations
-from imuloop.calibrate.recording import Log
+from imuloop.calibrate.reference.recording import HALF
+from imuloop.calibrate.reference.session_nuisances import ReferenceModel
 from imuloop.core.effect import Channels, effect_design
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns, read_metadata
 
-# s; length of a window of rotation, and half of one of position
-TURN, HALF = 1.0, 0.2
-# s between windows, which then have no noise of the reference in common
-BETWEEN = 0.03
-# windows of one kind, of several sessions half as many again: dense matrices have three
-# rows for each
-MOST_WINDOWS = 200
 # rad; attitudes closer than this have errors of the reference in common: the same markers are seen
 ALIKE = 0.35
-# degrees of freedom of Student's distribution that are tried for the tails of the reference
-TAILS = (3.0, 4.0, 6.0, 10.0, 30.0, 1e3)
-
-
-@dataclass(frozen=True)
-class ReferenceLog(Log):
-    """The log of a session with its reference at the same instants, not-a-number where lost.
-
-    `attitude`, (N, 3, 3), takes axes near the sensor's to the world's: the reference's own times
-    the rotation between both bodies, as far as whole turns show it. The rest of that rotation is
-    fitted. `place`, (N, 3), is in metres; `noise` the standard deviations of both, rad and m.
-    """
-
-    attitude: np.ndarray
-    place: np.ndarray
-    noise: tuple[float, float]
-
-
-def read_reference(sessions):
-    """Return the ReferenceRecording of a device; sessions as of `calibrate.calibrate.usable`."""
-    chosen = {}
-    for name, session in sessions.items():
-        known = read_metadata(session["samples"]).get("reference")
-        if session["kind"] != "reference_motion" or known is None or "noise" not in known:
-            continue
-        samples = read_columns(session["samples"])
-        q = np.column_stack([samples[c] for c in ORIENTATION])
-        attitude = np.full((len(q), 3, 3), np.nan)
-        seen = np.isfinite(q[:, 0])
-        turned = Rotation.from_quat(q[seen][:, [1, 2, 3, 0]]).as_matrix()
-        attitude[seen] = turned @ np.array(known["frame"])
-        place = np.column_stack([samples[c] for c in POSITION])
-        noise = (known["noise"]["orientation"], known["noise"]["position"] or 0.0)
-        log = Log.of(samples)
-        chosen[name] = ReferenceLog(log.t, log.f, log.w, log.temperature, attitude, place, noise)
-    return ReferenceRecording(tuple(chosen), tuple(chosen.values()))
-
-
-@dataclass(frozen=True)
-class ReferenceRecording:
-    """The usable reference sessions of a device."""
-
-    names: tuple[str, ...]
-    logs: tuple[ReferenceLog, ...]
-    _designs: dict = field(default_factory=dict, repr=False)
-
-    def windows(self, kind):
-        """Return session, first, middle and last row of each window, (m,) each.
-
-        Of `kind` rotation, of `TURN` s and one soon after the other, or position, of twice `HALF`
-        s. No sample is missing in them; where there are too many, they lie farther apart.
-        """
-        if kind not in self._designs:
-            length = TURN if kind == "rotation" else 2 * HALF
-            total = sum(np.ptp(log.t) for log in self.logs)
-            apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 1.5))
-            self._designs[kind] = np.concatenate(
-                [np.zeros((0, 4), int)]
-                + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
-            ).T
-        return self._designs[kind]
-
-
-def _windows(log, session, kind, length, apart):
-    """Return session, first, middle and last row of the windows of a log, (m, 4)."""
-    step = np.median(np.diff(log.t))
-    broken = np.concatenate([[0], np.cumsum(np.diff(log.t) > GAP_STEPS * step)])
-    known = np.isfinite(log.attitude[:, 0, 0])
-    if kind == "position":
-        lost = np.cumsum(~known)
-        known = known & np.isfinite(log.place[:, 0])
-    count, half, found, i = round(length / step), round(length / step / 2), [], 0
-    while i + count < len(log.t):
-        middle, last = i + half, i + (2 * half if kind == "position" else count)
-        whole = known[i] and known[last] and broken[i] == broken[last]
-        if kind == "position":
-            whole = whole and known[middle] and lost[i] == lost[last]
-        if whole:
-            found.append((session, i, middle, last))
-            i += max(round(apart / step), last - i + max(1, round(BETWEEN / step)))
-        else:
-            i += max(1, count // 20)
-    return np.array(found, int).reshape(-1, 4)
-
-
-@dataclass(frozen=True)
-class ReferenceModel:
-    """Residuals of m windows, three components each, less what each session's nuisances take up.
-
-    Those are its bias, what is left of the rotation between both bodies, which are put together
-    anew, and the tilt of the world's vertical. By weights W,
-
-        r → r - B (Bᵀ W B)⁻¹ Bᵀ W r,     B = ∂r/∂(nuisances),
-
-    and the derivative alike: what is left says nothing of them.
-    """
-
-    values: np.ndarray  # (m, 3)
-    derivative: np.ndarray  # (m, 3, p)
-    nuisance: np.ndarray  # (m, 3, q)
-    session: np.ndarray  # (m,)
-    weight: np.ndarray  # (m,): inverse variance
-    x: np.ndarray
-
-    @cached_property
-    def nuisances(self):
-        """What each session's nuisances are, (s, q)."""
-        return np.array([self._solved(s)[:, 0] for s in range(self.session.max() + 1)])
-
-    def mean_covariance(self, covariance):
-        """Return the covariance of the sessions' mean nuisances, (q, q), by that of x, (p, p)."""
-        count = self.session.max() + 1
-        slope = sum(self._solved(s)[:, 1:] for s in range(count)) / count
-        own = sum(np.linalg.pinv(b.T @ b) for b in map(self._white, range(count)))
-        return own / count**2 + slope @ covariance @ slope.T
-
-    def _white(self, s):
-        own = self.session == s
-        root = np.sqrt(self.weight[own])[:, None, None]
-        return (root * self.nuisance[own]).reshape(-1, self.nuisance.shape[2])
-
-    def _solved(self, s):
-        own, b = self.session == s, self._white(s)
-        root = np.sqrt(self.weight[own])[:, None, None]
-        both = np.concatenate([self.values[own, :, None], self.derivative[own]], axis=2)
-        return np.linalg.lstsq(b, -(root * both).reshape(len(b), -1), rcond=1e-12)[0]
-
-    def residuals(self, x=None):
-        """Return the residuals, (3 m,), and their derivative, (3 m, p), at the model's own x."""
-        both = np.concatenate([self.values[..., None], self.derivative], axis=2)
-        for s in range(self.session.max(initial=-1) + 1):
-            own = self.session == s
-            both[own] += self.nuisance[own] @ self._solved(s)
-        both = both.reshape(-1, both.shape[2])
-        return both[:, 0], both[:, 1:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -437,29 +293,3 @@ def started(sensor, recording):
         model = sensor.model_at(None, recording, ())
         sensor = replace(sensor, bias=sensor.bias + model.nuisances[:, :3])
     return sensor
-
-
-def spread(values, floor):
-    """Return the variance of each of m windows by residuals, (m, 3), not below the noise, (m,).
-
-    Student's distribution of scale² ``floor + e²``: both e and its degrees of freedom ν are those
-    of the largest likelihood, and a window's variance is that over its weight ``(ν + 3) / (ν +
-    |r|² / scale²)``.
-
-    References
-    ----------
-    Lange, Little, Taylor, J. Am. Stat. Assoc. 84 (1989) 881.
-    """
-    square, dof = (values**2).sum(axis=1), np.array(TAILS)[:, None]
-    excess = np.full_like(dof, np.median(square) / 3)
-    for _ in range(100):
-        scale = floor + excess
-        weight = (dof + 3) / (dof + square / scale)
-        # EM where the excess rules, and its fixed point where it is next to nothing
-        excess *= (weight * square / scale**2).sum(axis=1, keepdims=True)
-        excess /= (3 / scale).sum(axis=1, keepdims=True)
-    scale = floor + excess
-    terms = 1.5 * np.log(dof * np.pi * scale) + (dof + 3) / 2 * np.log1p(square / dof / scale)
-    terms += gammaln(dof / 2) - gammaln((dof + 3) / 2)
-    variance = scale * (dof + square / scale) / (dof + 3)
-    return variance[np.argmin(terms.sum(axis=1))]

@@ -1,0 +1,1 @@
+"""A sensor beside a reference: its recording, and models of its rotations and its force."""
