@@ -72,7 +72,7 @@ rule report:
             "results/comparison.csv",
             caption="../report/comparison.rst",
             category="Comparison",
-            labels={"figure": "a row a device, SI"},
+            labels={"figure": "a row per device, SI"},
         ),
         figures=report(
             directory("results/figures"),
