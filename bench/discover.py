@@ -30,8 +30,8 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.likeness import SHARE
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.discover.discover import discover, fitted, parts, rows_of
-from imuloop.discover.space import space_of
+from imuloop.discover.discover import discover, fitted
+from imuloop.discover.searched import of_poses, rows_of
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -218,7 +218,7 @@ def control(plan, seed, sensor):
 def outcome(name, limits, plan, seed):
     """Return the Outcome of one device; of a control where the name is one of a sensor."""
     if name in UNITS:
-        return Outcome(discover(control(plan, seed, name)[2]), False, np.nan)
+        return Outcome(discover(of_poses(control(plan, seed, name)[2])), False, np.nan)
     sensor, columns = TRUTHS[name]
     truth, noise, plain, channels = control(plan, seed, sensor)
     rows = rows_of(plain, ())
@@ -248,8 +248,8 @@ def outcome(name, limits, plan, seed):
         square = np.sum(pattern(with_sizes(sizes)) ** 2)
         sizes = sizes * limits * np.sqrt(_one_limit(rank) / square)
     problem = with_sizes(sizes)
-    added, space = pattern(problem), space_of(problem)
-    found = discover(problem, space=space)
+    added, searched = pattern(problem), of_poses(problem)
+    found, space = discover(searched), searched.space
     if not found.found.candidates:
         return Outcome(found, False, np.nan)
     # what was put in, in units of the noise, against the space of what was found
@@ -258,9 +258,9 @@ def outcome(name, limits, plan, seed):
     right = bool(share >= SHARE and white.shape[1] <= 2 * rank)
     # its columns; of one column what it adds
     known = problem.added(PutIn(name, rank))[:, 0] if rank > 1 else root @ added
-    own = rows_of(problem, ())
+    own = searched.rows
     after = np.array([kind["after"] for kind in found.kinds.values()])
-    held_out = _held_out(problem, own, _independent(known, own.jacobian))
+    held_out = _held_out(searched, _independent(known, own.jacobian))
     return Outcome(found, right, float(np.max(after / held_out)))
 
 
@@ -273,18 +273,17 @@ def _independent(columns, jacobian):
     return left[:, size > 1e-3]
 
 
-def _held_out(problem, rows, columns):
+def _held_out(searched, columns):
     """Return the held-out error of each kind with the columns of the true effect known."""
-    errors, fold = np.zeros(len(rows.values)), parts(problem)
-    design = np.column_stack([rows.jacobian, columns])
+    rows, fold = searched.rows, searched.fold
+    errors, design = np.zeros(len(rows.values)), np.column_stack([rows.jacobian, columns])
     for part in range(fold[:, 0].max() + 1):
         held = np.flatnonzero(fold[:, 0] == part)
         seen = np.flatnonzero(~(fold == part).any(axis=1))
         theta = fitted(rows.seen(seen), design[seen])[0]
         errors[held] = rows.values[held] - design[held] @ theta
-    kinds = problem.sensor.kinds
-    squares = [problem.components(k) * np.mean(errors[problem.of_kind(k)] ** 2) for k in kinds]
-    return np.sqrt(squares)
+    kinds = searched.kinds.values()
+    return np.sqrt([count * np.mean(errors[own] ** 2) for own, count in kinds])
 
 
 def _work(task):

@@ -11,8 +11,9 @@ from calibrate.devices import ACCELERATION_UNIT
 from imuloop import chain
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.diagnose.variance import Part
-from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover, fitted, rows_of
+from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover, fitted
 from imuloop.discover.pursuit import MARGIN, Rows, pursue
+from imuloop.discover.searched import of_poses
 from imuloop.discover.space import Space
 from imuloop.simulate.simulate import simulate_session
 
@@ -72,10 +73,11 @@ def family(turn=False, log=None, unit=ACCELERATION_UNIT):
         axes = {names[axis]: own for axis, own in noise.axes.items()}
         noise = replace(noise, axes={axis: axes[axis] for axis in noise.axes})
     problem = problem_in(samples, "accelerometer", truth.gravity, noise, unit)
-    found = discover(problem)
+    searched = of_poses(problem)
+    found = discover(searched)
     own, space = found.found, found.space
     named = [own.candidates[0], *own.imitators]
-    rows = rows_of(problem, ())
+    rows = searched.rows
     size = fitted(rows, np.column_stack([rows.jacobian, space.columns[:, own.columns[0]]]))[0][-1]
     return found.effect, size, {space.effect(space.candidates[k]).formula for k in named}
 

@@ -7,6 +7,7 @@ import pytest
 from bench.discover import device, problem_of, with_extra
 from imuloop.discover.discover import discover
 from imuloop.discover.family import discover_jointly, members_of, no_type
+from imuloop.discover.searched import of_poses
 from imuloop.report.composed import type_part
 
 FIRST = 13070
@@ -55,7 +56,7 @@ def test_the_report_says_of_which_devices_it_holds(shared):
 
 def test_what_no_device_shows_alone_all_show_together():
     small = problems([1.1e-5] * 5)
-    alone = [discover(*each).found.candidates for each in small.values()]
+    alone = [discover(of_poses(*each)).found.candidates for each in small.values()]
     together = discover_jointly(members_of(small), seed=0)
     assert sum(map(bool, alone)) <= 1 and together["status"] != "nothing"
 

@@ -77,12 +77,14 @@ def diagnose_device(
     calibrate_settings,
     settings,
     noise_settings,
+    beyond=None,
 ):
     """Return the Diagnosed of a device, by its name.
 
     Takes local gravity, m/s^2, ``kind``, ``samples`` and ``segments`` (paths) of each session by
     name, paths of the results of the stages before, and settings: of the calibration, repeated with
-    effects, of the diagnosis, and of the noise stage, repeated without them.
+    effects, of the diagnosis, and of the noise stage, repeated without them. `beyond` is
+    `imuloop.discover.beyond.beyond`, where effects are to be looked for that no library has.
     """
     model = NoiseModel.from_json(noise)
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
@@ -95,7 +97,7 @@ def diagnose_device(
     )
     # first the static records: the poses have their effects too, and the noise without these; but
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
-    still = diagnose_static(data, records, base, model, settings, noise_settings, tests)
+    still = diagnose_static(data, records, base, model, settings, noise_settings, tests, beyond)
     of_own_session, shown = "static" in data.kinds.values(), dict.fromkeys(SENSORS, ((), None))
     if of_own_session:
         warm = recording.poses.temperature is not None
@@ -104,25 +106,30 @@ def diagnose_device(
     noise = still.noise
     units = (multi.accelerometer.raw_unit, multi.gyroscope.raw_unit)
     force_model = AccelerometerPoses(noise, gravity, units[0], calibrate_settings)
-    force = diagnose_poses(force_model, recording, settings, tests, *shown["accelerometer"])
+    force = diagnose_poses(
+        force_model, recording, settings, tests, *shown["accelerometer"], beyond=beyond
+    )
 
     def directions(out):
         """Return gravity's direction at the poses by an accelerometer that lacks some parts."""
-        return directions_without(force.choices, out, force.effects)
+        return directions_without(force.choices, out, force.effects, force.formula)
 
     gravity_by = force.solution.calibration if force.solution else base.accelerometer
     turn_model = GyroscopePoses(noise, gravity_by, units[1], calibrate_settings)
     seen = directions if force.choices else None
     turns = read_turns(sessions, gravity_by)
     turns = turns.rows() if len(turns) else None
-    turn = diagnose_poses(turn_model, recording, settings, tests, *shown["gyroscope"], seen, turns)
+    # what an accelerometer lacks turns the direction by which a gyroscope is judged
+    lacks = force.content.get("discovered", {}).get("status", "nothing") != "nothing"
+    how = *shown["gyroscope"], seen, turns, None if lacks else beyond
+    turn = diagnose_poses(turn_model, recording, settings, tests, *how)
     found = dict(zip(SENSORS, (force, turn), strict=True))
     solutions = {sensor: each.solution for sensor, each in found.items()}
     for each in found.values():
         if "why" in each.content:
             each.content["why"] = with_sessions(each.content["why"], sessions)
     pair = [(m, each.solution) for m, each in ((force_model, force), (turn_model, turn))]
-    motion = diagnose_motion(*pair, recording, settings, tests, shown)
+    motion = diagnose_motion(*pair, recording, settings, tests, shown, beyond)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     anew = bool(force.solution and force.solution.calibration.effects)
     anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
@@ -141,7 +148,7 @@ def diagnose_device(
     )
     final = replace(final, **motion.calibrations)
     final = as_seen(final, solutions, recording, (records, still.effects), noise)
-    beside = diagnose_references(sessions, noise, gravity, settings, tests, final)
+    beside = diagnose_references(sessions, noise, gravity, settings, tests, final, beyond)
     final = with_reference(final, beside)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]

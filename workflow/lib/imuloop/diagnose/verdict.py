@@ -9,6 +9,8 @@ from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
 
 # held-out error over its floor up to which the floor itself may be wrong
 MARGIN = 1.25
+# verdicts that leave something to look for
+LEFT = ("unexplained", "partly_explained")
 
 
 def not_testable(why):
@@ -61,6 +63,14 @@ def verdict(above_before, above_after, effects):
     if not effects:
         return "unexplained" if above_before else "consistent"
     return "partly_explained" if above_after else "explained"
+
+
+def leaves(content):
+    """Return whether a verdict leaves something to look for.
+
+    Where all is explained by more slow noise than was estimated, a pattern may pass for noise.
+    """
+    return content["verdict"] in LEFT or content.get("slow_noise", False)
 
 
 def above_floor(judged, share, heldout, floor, chosen):

@@ -1,7 +1,6 @@
 """The effect that nobody has written yet: looked for in what the library leaves unexplained."""
 
 from dataclasses import dataclass, field, replace
-from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.special import chdtrc
@@ -9,9 +8,9 @@ from scipy.special import chdtrc
 from imuloop.core.precision import precision
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import chi_square
-from imuloop.diagnose.variance import Part, likely_sizes, total
-from imuloop.discover.pursuit import MARGIN, Pursued, Rows, log_p, pursue, whitened
-from imuloop.discover.space import Space, space_of
+from imuloop.diagnose.variance import likely_sizes, total
+from imuloop.discover.pursuit import MARGIN, Pursued, log_p, pursue, whitened
+from imuloop.discover.space import Space
 
 # probability, over the whole space, that chance gives a composed effect, and over all it may
 # depend on, that chance makes the size of one no constant
@@ -23,8 +22,6 @@ FLOOR = 0.05
 AGREED = 0.8
 # shares of the poses after which something may be the other way round
 CHANGES = (0.25, 0.5, 0.75)
-# rows for each parameter of a form
-ROWS = 4
 # draws of each kind, in all data and where a part is held out
 DRAWS, DRAWS_WITHOUT = 1000, 400
 
@@ -44,8 +41,10 @@ class Discovery:
         its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
     errors : sequence of ndarray, shape (N,)
         The held-out errors themselves, before and after.
+    without : tuple of tuple of int
+        The columns that the search without each part finds.
     left : float
-        Probability that noise, as far as it is known beforehand, leaves as much beside it.
+        Probability that noise leaves as much beside it; 1 where nothing is known of it beforehand.
     agreed : float
         Share of the searches without a part that give the same name, or an imitator's.
     constant : float
@@ -61,6 +60,7 @@ class Discovery:
     found: Pursued
     kinds: dict
     errors: tuple = ()
+    without: tuple = ()
     left: float = 1.0
     agreed: float = 0.0
     constant: float = 1.0
@@ -80,59 +80,44 @@ class Discovery:
         return self.space.effect(self.found.columns) if certain and self.confirmed else None
 
 
-def rows_of(problem, base):
-    """Return the Rows of a PoseProblem about its fit with some effects."""
-    about = problem.linearized(base)
-    fixed, slow = problem.noise_parts(about.solution)
-    extra = [Part(np.diag(at * np.median(np.diag(fixed)[at]))) for at in problem.groups()]
-    # rows of other records have no pose: the last piece
-    piece = np.where(problem.rows[1] < 0, len(problem.recording.poses), problem_first(problem))
-    widest = max((len(about.values) - about.jacobian.shape[1]) // ROWS, 1)
-    return Rows(-about.values, about.jacobian, fixed, (*slow, *extra), piece, widest)
-
-
-def problem_first(problem):
-    """Return the pose at which each row begins, zero for rows of other records."""
-    own = problem.rows[0][:, 0]
-    return np.append(own, np.zeros(len(problem.rows[1]) - len(own), dtype=int))
-
-
-def discover(problem, base=(), level=LEVEL, space=None):
-    """Return the Discovery in what some effects of the library leave of a sensor's poses.
+def discover(record, level=LEVEL):
+    """Return the Discovery in what some effects of the library leave of a record.
 
     Parameters
     ----------
-    problem : PoseProblem
+    record : Searched
         The residuals of a sensor.
-    base : tuple of Effect
-        What the library explains.
     level : float
         Probability, over the whole space, that chance gives a composed effect.
-    space : Space, optional
-        Of the same problem and base, where it is known already.
     """
-    space = space or space_of(problem)
-    rows = rows_of(problem, base)
-    found = pursue(rows, space, level=level, draws=DRAWS, seed=problem.settings.seed)
-    kinds, errors, left, agreed, constant, lead, shown = {}, (), 1.0, 0.0, 1.0, np.inf, {}
-    if found.candidates:
-        fold, left = parts(problem), chance_of_left(rows, space.columns[:, list(found.columns)])
-        constant = constancy(problem, rows, space, found.columns)
-        lead = lead_over_changes(rows, space, found.columns)
-        *errors, without = held_out(problem, rows, space, fold, level)
-        first, alike = found.candidates[0], found.imitators
-        same = (
-            w.named and (w.candidates[0] in alike or space.kin(first, w.candidates[0]))
-            for w in without
-        )
-        agreed = np.mean(list(same))
-        composed, after = in_sample(rows, space.columns[:, list(found.columns)])
-        kinds = held_out_kinds(problem, fold, errors)
-        series = {"input": composed, "before": composed + after, "after": after}
-        for kind in kinds:
-            own = problem.of_kind(kind)
-            shown[kind] = {name: values[own].tolist() for name, values in series.items()}
-    return Discovery(space, found, kinds, errors, left, float(agreed), constant, lead, shown)
+    rows, space = record.rows, record.space
+    found = pursue(rows, space, level=level, draws=DRAWS, seed=record.settings.seed)
+    if not found.candidates:
+        return Discovery(space, found, {})
+    columns = space.columns[:, list(found.columns)]
+    *errors, without = held_out(record, level)
+    first, alike = found.candidates[0], found.imitators
+    same = (
+        w.named and (w.candidates[0] in alike or space.kin(first, w.candidates[0])) for w in without
+    )
+    composed, after = in_sample(rows, columns)
+    series = {"input": composed, "before": composed + after, "after": after}
+    shown = {
+        kind: {name: values[own].tolist() for name, values in series.items()}
+        for kind, (own, _) in record.kinds.items()
+    }
+    return Discovery(
+        space,
+        found,
+        held_out_kinds(record, errors),
+        errors,
+        tuple(tuple(w.columns) for w in without),
+        chance_of_left(rows, columns) if record.noise_known else 1.0,
+        float(np.mean(list(same))),
+        constancy(record, found.columns),
+        lead_over_changes(rows, space, found.columns),
+        shown,
+    )
 
 
 def chance_of_left(rows, columns):
@@ -144,28 +129,21 @@ def chance_of_left(rows, columns):
     return float(chdtrc(dof, square))
 
 
-def constancy(problem, rows, space, chosen):
+def constancy(record, chosen):
     """Return the probability that by chance what chosen columns say depends as much on anything.
 
     Were the formula another, what is left would go with ``d s``: d is the fitted sum of the
-    columns, s its own size, the order of the poses, their half, temperature, the components of
-    gravity's direction u or products of two or four of these. The smallest p-value of these, times
+    columns, s its own size or one of the record's scalars. The smallest p-value of these, times
     their number. What another reference temperature would add is no other formula.
     """
-    poses = problem.recording.poses
-    order = np.linspace(-1, 1, len(poses))
-    u = poses.f / np.linalg.norm(poses.f, axis=1, keepdims=True)
-    axes = (c for degree in (2, 4) for c in combinations_with_replacement(range(3), degree))
-    products = [u[:, list(c)].prod(axis=1) for c in axes]
-    warmth = [] if poses.temperature is None else [poses.temperature - poses.temperature.mean()]
-    scalars = np.column_stack([order, np.sign(order), u, *products, *warmth])
+    rows, space = record.rows, record.space
     moved = tuple(k for k, term in enumerate(space.terms) if term in _moved(space, chosen))
     moved = whitened(rows, replace(space, candidates=(moved,)), chosen).kept[0] if moved else ()
     fit = in_sample(rows, space.columns[:, list(chosen)])[0]
     own = space.columns[:, [*chosen, *moved]]
-    # rows of other records have no pose
-    at = np.minimum(rows.piece, len(poses) - 1)
-    times = fit[:, None] * np.column_stack([np.abs(fit) / np.abs(fit).max(), scalars[at]])
+    # rows of other records have no scalars
+    at = np.minimum(rows.piece, len(record.scalars) - 1)
+    times = fit[:, None] * np.column_stack([np.abs(fit) / np.abs(fit).max(), record.scalars[at]])
     k, m = own.shape[1], times.shape[1]
     candidates = tuple((j,) for j in range(k, k + m))
     others = replace(space, columns=np.hstack([own, times]), candidates=candidates)
@@ -207,19 +185,7 @@ def in_sample(rows, columns):
     return columns @ theta[len(theta) - count :], rows.values - design @ theta
 
 
-def consecutive(count, folds):
-    """Return the part of each pose; parts follow each other in time."""
-    return np.arange(count) * min(folds, count) // count
-
-
-def parts(problem):
-    """Return the parts that rows touch, (N, 2), as of `PoseProblem.ends`; parts are consecutive."""
-    own = consecutive(len(problem.recording.poses), problem.settings.folds)[problem.rows[0]]
-    others = len(problem.rows[1]) - len(own)
-    return np.concatenate([own, np.full((others, 2), -1)])
-
-
-def held_out(problem, rows, space, fold, level):
+def held_out(record, level):
     """Return errors of rows without and with what a search finds that did not see them, (N,) each.
 
     Each part is predicted by a search, a noise and a fit of their own; what these Pursued is third.
@@ -227,42 +193,41 @@ def held_out(problem, rows, space, fold, level):
     searches = []
 
     def search(seen):
-        seed = problem.settings.seed + 1 + len(searches)
-        what = rows.seen(seen), space.seen(seen)
+        seed = record.settings.seed + 1 + len(searches)
+        what = record.rows.seen(seen), record.space.seen(seen)
         searches.append(pursue(*what, level=level, draws=DRAWS_WITHOUT, seed=seed))
         return searches[-1].columns
 
-    before = errors_of(rows, space, fold, lambda seen: ())
-    return before, errors_of(rows, space, fold, search), searches
+    return errors_of(record, lambda seen: ()), errors_of(record, search), searches
 
 
-def errors_of(rows, space, fold, chosen):
+def errors_of(record, chosen):
     """Return the errors of rows, (N,), each part predicted by a fit that did not see it.
 
     `chosen` takes the rows that are seen, gives columns.
     """
+    rows, fold = record.rows, record.fold
     errors = np.zeros(len(rows.values))
     for part in range(fold[:, 0].max() + 1):
         held = np.flatnonzero(fold[:, 0] == part)
         seen = np.flatnonzero(~(fold == part).any(axis=1))
-        design = np.column_stack([rows.jacobian, space.columns[:, list(chosen(seen))]])
+        design = np.column_stack([rows.jacobian, record.space.columns[:, list(chosen(seen))]])
         theta = fitted(rows.seen(seen), design[seen])[0]
         errors[held] = rows.values[held] - design[held] @ theta
     return errors
 
 
-def held_out_kinds(problem, fold, errors):
+def held_out_kinds(record, errors):
     """Return what a Discovery holds of each kind of residual, of errors before and after."""
     kinds = {}
-    for kind in problem.sensor.kinds:
-        own = problem.of_kind(kind)
+    for kind, (own, components) in record.kinds.items():
         pair = [each[own, None] for each in errors]
-        before, after = (float(np.sqrt(problem.components(kind) * np.mean(e**2))) for e in pair)
+        before, after = (float(np.sqrt(components * np.mean(e**2))) for e in pair)
         kinds[kind] = {
             "before": before,
             "after": after,
             "ratio": after / before,
-            "ratio_ci95": ratio_interval(fold[own, 0], *pair, problem.settings),
+            "ratio_ci95": ratio_interval(record.fold[own, 0], *pair, record.settings),
         }
     return kinds
 

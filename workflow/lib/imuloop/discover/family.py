@@ -1,6 +1,6 @@
 """The same formula in several devices of a type, looked for jointly: in which of them it is."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -17,41 +17,20 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.p_values import log_f_tail
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.discover.discover import (
-    DRAWS,
-    FLOOR,
-    LEVEL,
-    errors_of,
-    fitted,
-    held_out_kinds,
-    parts,
-    rows_of,
-)
-from imuloop.discover.pursuit import ALIKE, MARGIN, Rows, whitened
-from imuloop.discover.space import Space, space_of
+from imuloop.discover.discover import DRAWS, FLOOR, LEVEL, errors_of, fitted, held_out_kinds
+from imuloop.discover.pursuit import ALIKE, MARGIN, whitened
+from imuloop.discover.searched import of_poses
 
 # version of the JSON file
 FORMAT = 1
 
 
-@dataclass(frozen=True)
-class Member:
-    """The poses of one sensor of a device: its PoseProblem, and what the library leaves."""
-
-    problem: object
-    rows: Rows
-    space: Space
-
-
 def members_of(problems):
-    """Return the Members of (PoseProblem, effects of the library) by device, of one common space.
+    """Return the Searched of (PoseProblem, effects of the library) by device, of one common space.
 
     A candidate is one that every device has: without a temperature in one, none takes it.
     """
-    found = {
-        name: Member(problem, rows_of(problem, base), space_of(problem))
-        for name, (problem, base) in problems.items()
-    }
+    found = {name: of_poses(problem, base) for name, (problem, base) in problems.items()}
     texts = [[_text(m.space, own) for own in m.space.candidates] for m in found.values()]
     common = [text for text in texts[0] if all(text in own for own in texts)]
     return {
@@ -79,7 +58,7 @@ def discover_jointly(members, seed, draws=DRAWS):
 
     Parameters
     ----------
-    members : dict of str to Member
+    members : dict of str to Searched
         As of `members_of`.
     seed : int
         Of the draws.
@@ -158,11 +137,8 @@ def _device(member, white, best, choice, count):
             rows, np.column_stack([rows.jacobian, space.columns[:, columns]])
         )
         values, std = theta[-q:], np.sqrt(np.diag(covariance))[-q:]
-    fold = parts(member.problem)
-    errors = [
-        errors_of(rows, space, fold, lambda seen, own=o: own) for o in ((), white.kept[choice])
-    ]
-    kinds = held_out_kinds(member.problem, fold, errors)
+    errors = [errors_of(member, lambda seen, own=o: own) for o in ((), white.kept[choice])]
+    kinds = held_out_kinds(member, errors)
     lower = any(own["ratio_ci95"][1] < 1 for own in kinds.values())
     terms = [space.terms[c] for c in columns]
     return {

@@ -57,7 +57,7 @@ def monomials(letter, degree):
     return found
 
 
-def groups(sensor, warm):
+def groups(sensor, warm, moving=False):
     """Return the factors of each group that products take one of, and all powers.
 
     Parameters
@@ -66,12 +66,13 @@ def groups(sensor, warm):
         Whose output.
     warm : bool
         Whether a temperature that changes was logged.
+    moving : bool
+        Whether an accelerometer is looked at while it turns.
     """
     own, other = ("f", "w") if sensor == "accelerometer" else ("w", "f")
     factors = {
         "own": monomials(own, 1),
-        # at rest, where an accelerometer is looked at, nothing turns
-        "other": monomials(other, 1) if other == "f" else [],
+        "other": monomials(other, 1) if other == "f" or moving else [],
         "warmth": ["T", "T^2"] * warm,
         "rate": ["R"] * warm,
         "time": ["t"],
@@ -86,13 +87,13 @@ def groups(sensor, warm):
     return factors, powers
 
 
-def formulas(sensor, warm):
+def formulas(sensor, warm, moving=False):
     """Return all terms, ``x: fy^2*fz``, and candidates, as tuples of terms.
 
     Each product on each axis alone; and whole forms: one product on all axes; the same power of
     each axis' own component; all products of one degree of a vector, on all axes, times a scalar.
     """
-    factors, powers = groups(sensor, warm)
+    factors, powers = groups(sensor, warm, moving)
     products = list(dict.fromkeys([*(f for own in factors.values() for f in own), *powers]))
     products += [
         f"{a}*{b}" for one, two in combinations(factors.values(), 2) for a in one for b in two
@@ -118,15 +119,17 @@ def formulas(sensor, warm):
     return terms, tuple((t,) for t in terms) + tuple(tuple(f) for f in forms if known >= set(f))
 
 
-def space_of(problem):
-    """Return the Space of the rows of a PoseProblem about its fit without effects."""
-    recording, sensor = problem.recording, problem.sensor.sensor
-    channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
+def space_of(sensor, channels, added, moving=False):
+    """Return the Space of a sensor.
+
+    Takes the Channels of a record, what gives the derivative of its rows with respect to an
+    effect's parameters, (N, p), and whether an accelerometer turns.
+    """
     warm = span(channels) > LEAST_SPAN
     reference = whole_degrees(channels) if warm else 25.0
-    terms, candidates = formulas(sensor, warm)
+    terms, candidates = formulas(sensor, warm, moving)
     columns = [
-        problem.added(Discovered("; ".join(terms[i : i + CHUNK]), sensor, reference))[:, 0]
+        added(Discovered("; ".join(terms[i : i + CHUNK]), sensor, reference))
         for i in range(0, len(terms), CHUNK)
     ]
     place = {term: k for k, term in enumerate(terms)}

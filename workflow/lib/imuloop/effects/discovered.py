@@ -105,6 +105,7 @@ class Discovered(Effect):
         # without a vibration it looks at the sample alone
         object.__setattr__(self, "reach", WINDOW if "q" in self.letters else 0.0)
         object.__setattr__(self, "needs", ("temperature",) if self.letters & set("TR") else ())
+        object.__setattr__(self, "sensors", (self.sensor,))
 
     @cached_property
     def terms(self):

@@ -19,7 +19,7 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content, untried
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
-from imuloop.diagnose.verdict import not_testable
+from imuloop.diagnose.verdict import leaves, not_testable
 
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
 # kinds of residuals of both sensors, which share the significance
@@ -78,12 +78,13 @@ def candidates_in_motion(known):
     }
 
 
-def diagnose_motion(force, turn, recording, settings, tests, shown):
+def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None):
     """Return the MotionResult of a device.
 
     `force` and `turn` are AccelerometerPoses or GyroscopePoses and its Solution at the poses,
     effects included; `tests` the number of tests of the other records, which share the
-    significance; `shown` by sensor what static records show, as of PoseProblem.
+    significance; `shown` by sensor what static records show, as of PoseProblem; `beyond` as of
+    `pose_diagnosis.diagnose_poses`.
     """
     if not all(solution for _, solution in (force, turn)):
         return untestable("the poses do not determine both sensors")
@@ -120,7 +121,7 @@ def diagnose_motion(force, turn, recording, settings, tests, shown):
         _information(shown),
     )
     try:
-        return _diagnosed(Choices(problem), (force[0].unit, turn[0].unit), columns)
+        return _diagnosed(Choices(problem), (force[0].unit, turn[0].unit), columns, beyond)
     except LinAlgError:
         return untestable(SINGULAR, columns)
 
@@ -168,7 +169,7 @@ def knocks(recording, gyroscope_bias):
     return (np.linalg.norm(change, axis=2) * steps[..., 0]).max(axis=1)
 
 
-def _diagnosed(choices, units, columns):
+def _diagnosed(choices, units, columns, beyond):
     """Return the MotionResult of moves that can be tested."""
 
     def of(entry):
@@ -187,6 +188,18 @@ def _diagnosed(choices, units, columns):
         for sensor in SENSORS
     }
     contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
+    for sensor in SENSORS if beyond and leaves(judged) else ():
+        more = beyond("motion", sensor, choices)
+        contents[sensor]["discovered"] = more.content
+        if more.choices:
+            problem, added = more.choices.problem, more.choices.base
+            judged, residuals = judged_residuals(more.choices, VELOCITY, KINDS)
+            calibrations = _calibrations(problem, added, units)
+            contents = {name: own | judged for name, own in contents.items()}
+            entry = more.entry(calibrations[sensor].effects[-1])
+            contents[sensor]["effects"] = [*contents[sensor]["effects"], entry]
+        if more.content["status"] != "nothing":
+            break
     quiet = problem.sensor.quiet
     for own in contents.values():
         own["moves"] = {"all": len(quiet), "left_out": int((~quiet).sum())}

@@ -14,7 +14,7 @@ from imuloop.diagnose.content import residual_entry, search_content, size_of, un
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import floor_range, held_out_covariance
-from imuloop.diagnose.verdict import judge, not_testable, verdict
+from imuloop.diagnose.verdict import judge, leaves, not_testable, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
 # rate, rotation
@@ -30,13 +30,15 @@ class PoseResult:
     content: dict  # the contract's fields
     # the fit with the effects that were added; None where nothing could be fitted
     solution: Solution | None = None
-    choices: Choices | None = None  # the searches; None where nothing could be tested
+    # the library's searches; None where nothing could be tested
+    choices: Choices | None = None
     # as of `residual_columns`; empty where nothing could be tested
     residuals: dict = field(default_factory=dict)
+    formula: tuple = ()  # the effect that no library has, if one was found
 
     @property
     def effects(self):
-        """The effects that were added; None where nothing could be tested."""
+        """The effects of the library that were added; None where nothing could be tested."""
         return self.choices.choice().base if self.choices else None
 
 
@@ -80,10 +82,12 @@ def diagnose_poses(
     information=None,
     directions=None,
     base_rows=None,
+    beyond=None,
 ):
     """Return the PoseResult of one sensor; arguments as of PoseProblem.
 
-    Without a number of tests, which share the significance, this sensor's own count.
+    Without a number of tests, which share the significance, this sensor's own count. `beyond`, if
+    any, is `imuloop.discover.beyond.beyond`: it looks for what the library leaves.
     """
     if reason := sensor.untestable(recording):
         return PoseResult(not_testable(reason))
@@ -98,22 +102,23 @@ def diagnose_poses(
         if any(sensor.undetermined(recording, keeps)):
             reason = f"{len(keeps[0])} poses do not determine the model with a part held out"
             return PoseResult(not_testable(reason), final_solution(problem, ()))
-        return _diagnosed(Choices(problem))
+        return _diagnosed(Choices(problem), beyond)
     except LinAlgError:
         return PoseResult(not_testable(SINGULAR))
 
 
-def directions_without(choices, out, searched):
+def directions_without(choices, out, searched, formula=()):
     """Return gravity's direction at all poses by an accelerometer that does not see some parts.
 
-    `choices` are those of the accelerometer, `searched` whether it may choose effects.
+    `choices` are those of the accelerometer, `searched` whether it may choose effects; `formula`
+    is what it has beyond them, fitted here too.
     """
     problem = choices.problem
-    base = choices.choice(out).base if searched else ()
+    base = (*(choices.choice(out).base if searched else ()), *formula)
     return problem.sensor.directions(problem.fitted(base, out), problem.recording)
 
 
-def _diagnosed(choices):
+def _diagnosed(choices, beyond):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, added = choices.problem, choices.choice().base
     sensor, solution = problem.sensor, final_solution(problem, added)
@@ -125,7 +130,17 @@ def _diagnosed(choices):
     content["candidates"] += [
         untried(e.name, "added", "found in the static record") for e in problem.found
     ]
-    return PoseResult(content, solution, choices, residuals)
+    formula = ()
+    if beyond and leaves(judged):
+        more = beyond("poses", sensor.sensor, choices)
+        content["discovered"] = more.content
+        if more.choices:
+            formula = more.choices.base[len(added) :]
+            judged, residuals = judged_residuals(more.choices, sensor.kinds, KINDS)
+            solution = final_solution(more.choices.problem, more.choices.base)
+            content |= judged
+            content["effects"].append(more.entry(solution.calibration.effects[-1]))
+    return PoseResult(content, solution, choices, residuals, formula)
 
 
 def judged_residuals(choices, kinds, count):

@@ -33,6 +33,8 @@ class Linearized:
     # what the noise may be, from what was estimated of it to what the residuals make of it:
     # logarithm of the probability beforehand and covariance, (N, N)
     alternatives: list
+    # what is known of the noise, covariance, (N, N), and the Parts of it whose size is not
+    noise: tuple
     evidence: Evidence  # of the values
     noise_with: object  # callable: takes residuals, gives their Hypotheses
 
@@ -183,7 +185,10 @@ class PoseProblem:
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
-        return Linearized(solution, model, values, jacobian, alternatives, evidence, hypotheses)
+        noise = covariance, parts
+        return Linearized(
+            solution, model, values, jacobian, alternatives, noise, evidence, hypotheses
+        )
 
     def _prior(self, effects):
         """Return the rows of other records, shape (k, q), for the parameters of effects."""

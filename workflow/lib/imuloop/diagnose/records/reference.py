@@ -22,7 +22,8 @@ from imuloop.diagnose.records.one_solution import BESIDE, WHOLE, of_records
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
-from imuloop.diagnose.verdict import not_testable
+from imuloop.diagnose.variance import Part
+from imuloop.diagnose.verdict import leaves, not_testable
 
 # windows at least: three components each, for nine parameters and a part held out
 LEAST_WINDOWS = 20
@@ -104,18 +105,20 @@ class ReferenceProblem(PoseProblem):
 
         size = np.median(variance)
         white = np.diag(np.append(np.repeat(variance, 3), np.ones(len(z))))
-        noise = Hypotheses.of(white + k * size * self.common for k in COMMON)
+        common = size * self.common
+        alternatives = Hypotheses.of(white + k * common for k in COMMON)
 
         def hypotheses(_):
-            return noise
+            return alternatives
 
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
 
-        block = Block(-values[:, None], jacobian[:, :count], noise, self.ends)
+        block = Block(-values[:, None], jacobian[:, :count], alternatives, self.ends)
         evidence = Evidence([block], np.zeros(len(COMMON)), design)
         known = [(0.0, np.diag(self.floor))]
-        return Linearized(solution, model, values, jacobian, known, evidence, hypotheses)
+        noise = white, [Part(common)]
+        return Linearized(solution, model, values, jacobian, known, noise, evidence, hypotheses)
 
     def added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
@@ -177,11 +180,11 @@ def shapes_beside(sensor, recording):
     return found, others
 
 
-def diagnose_reference(sensor, recording, settings, tests, own):
+def diagnose_reference(sensor, recording, settings, tests, own, beyond=None):
     """Return the ReferenceResult of a sensor, a `calibrate.reference.sensors.ReferenceSensor`.
 
     `tests` is the number of tests of the device's other records, which share the significance,
-    `own` the SensorCalibration by these.
+    `own` the SensorCalibration by these; `beyond` as of `pose_diagnosis.diagnose_poses`.
     """
     session, first, _, last = sensor.windows(recording)
     if len(session) < LEAST_WINDOWS:
@@ -205,7 +208,7 @@ def diagnose_reference(sensor, recording, settings, tests, own):
     try:
         if reason := problem.lost(()):
             return ReferenceResult(not_testable(reason))
-        return _diagnosed(Choices(problem), others, (session, first, last))
+        return _diagnosed(Choices(problem), others, (session, first, last), beyond)
     except LinAlgError:
         return ReferenceResult(not_testable(SINGULAR))
 
@@ -220,11 +223,17 @@ def _parts(recording, session, first, count):
     return session * blocks + np.minimum(blocks * first // np.array(length)[session], blocks - 1)
 
 
-def _diagnosed(choices, others, windows):
+def _diagnosed(choices, others, windows, beyond):
     """Return the ReferenceResult of a problem that can be tested."""
+    library, more = choices, None
+    (kind,) = choices.problem.sensor.kinds
+    judged, columns = judged_residuals(choices, (kind,), 2)
+    if beyond and leaves(judged):
+        more = beyond("reference", choices.problem.sensor.sensor, choices)
+        if more.choices:
+            choices = more.choices
+            judged, columns = judged_residuals(choices, (kind,), 2)
     problem, added = choices.problem, choices.choice().base
-    (kind,) = problem.sensor.kinds
-    judged, columns = judged_residuals(choices, (kind,), len(problem.sensor.kinds) * 2)
     solution, x = problem.linearized(added).solution, problem.linearized(added).solution.fit.x
     covariance, at = problem.covariance(added), len(problem.sensor.names)
     at += sum(len(e.parameters) for e in problem.found)
@@ -235,7 +244,11 @@ def _diagnosed(choices, others, windows):
         fitted.append(FittedEffect(effect, *pair))
         columns_of.append(own)
         at += len(own)
-    content = judged | search_content(problem.sensor.sensor, choices, fitted, others, [])
+    known = fitted[: len(library.choice().base)]
+    content = judged | search_content(problem.sensor.sensor, library, known, others, [])
+    if more:
+        content["discovered"] = more.content
+        content["effects"] += [more.entry(f) for f in fitted[len(known) :]]
     content["sessions"] = len(problem.recording.logs)
     if problem.sensor.sensor == "gyroscope":
         parts = carried(choices)
@@ -270,11 +283,12 @@ def _diagnosed(choices, others, windows):
     )
 
 
-def diagnose_references(sessions, noise, gravity, settings, tests, calibration):
+def diagnose_references(sessions, noise, gravity, settings, tests, calibration, beyond=None):
     """Return the ReferenceResult of each sensor, empty of a device without such a session.
 
     Takes sessions as `calibrate.calibrate.usable` does, the NoiseModel, local gravity, m/s^2, the
-    number of tests of the other records and the Calibration by these.
+    number of tests of the other records, the Calibration by these, and `beyond` as of
+    `pose_diagnosis.diagnose_poses`.
     """
     kinds = [session["kind"] for session in sessions.values()]
     if "reference_motion" not in kinds:
@@ -283,7 +297,7 @@ def diagnose_references(sessions, noise, gravity, settings, tests, calibration):
     found = {}
     for sensor in (Accelerometer(noise, gravity), Gyroscope(noise, gravity)):
         own = getattr(calibration, sensor.sensor)
-        found[sensor.sensor] = diagnose_reference(sensor, recording, settings, tests, own)
+        found[sensor.sensor] = diagnose_reference(sensor, recording, settings, tests, own, beyond)
     return found
 
 

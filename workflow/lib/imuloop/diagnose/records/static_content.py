@@ -39,9 +39,13 @@ def static_content(sensor, finding, noise, change):
     residual, above = residual_entry(
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )
-    found = search_content(sensor, choices, finding.effects, finding.others, _probes(problem))
+    library = finding.effects[: len(choices.choice().added)]
+    found = search_content(sensor, choices, library, finding.others, _probes(problem))
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
+    if finding.further:
+        found["discovered"] = finding.further.content
+        found["effects"] += [finding.further.entry(e) for e in finding.effects[len(library) :]]
     if finding.has_process:
         found["effects"].append(process_entry(sensor, finding.process, finding.after))
     tried = found["candidates"]

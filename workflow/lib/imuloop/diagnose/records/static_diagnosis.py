@@ -1,6 +1,6 @@
 """Static records: means at rest against their noise, the effects in them, the noise without."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,7 @@ from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.process import find_process
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import static_content
-from imuloop.diagnose.verdict import not_testable
+from imuloop.diagnose.verdict import leaves, not_testable
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.noise.correction import noise_again, with_found_noise
 
@@ -49,8 +49,8 @@ class StaticResult:
             for e in self.effects[sensor]
             if with_temperature or "temperature" not in e.effect.needs
         )
-        choices = self.findings[sensor].choices
-        return shown, partial(information, choices.search(), choices.choice().base)
+        found = self.findings[sensor]
+        return shown, partial(information, found.choices.search(), found.base)
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,27 @@ class Finding:
 
     choices: Choices  # the searches, and what they added
     others: dict  # status and reason of effects that cannot be tried
-    effects: tuple  # FittedEffects that were added
+    effects: tuple  # FittedEffects that were added, a formula of no library last
     # the same with the best that passes the test, but that no held-out part confirms
     doubtful: tuple
     process: object  # test for noise with a correlation time; None without enough means in a row
     # (N, 3): held-out errors, the whole search made again without each block
     before: np.ndarray
     after: np.ndarray
+    further: object = None  # Beyond of a search of what the library leaves
+
+    def with_formula(self, further):
+        """Return the same with what a search beyond the library found."""
+        if not further.choices:
+            return replace(self, further=further)
+        errors = further.choices.errors(further.choices.nested)
+        effects = fitted_effects(self.choices.search(), further.choices.base)
+        return replace(self, further=further, effects=effects, doubtful=effects, after=errors)
+
+    @property
+    def base(self):
+        """The effects that were added, in their shapes."""
+        return tuple(e.effect for e in self.effects)
 
     @property
     def has_process(self):
@@ -95,27 +109,45 @@ def static_candidates(sensor, records):
     return candidates(sensor, "static_record", channels)
 
 
-def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
+def diagnose_static(
+    data, records, calibration, noise, settings, noise_settings, tests, beyond=None
+):
     """Return the StaticResult of both sensors of a device.
 
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
     ``K (raw - b)`` effects add, and the device's noise, which is estimated again by the settings of
-    its stage; `tests` is the number of tests that share the significance.
+    its stage; `tests` is the number of tests that share the significance, `beyond` as of
+    `pose_diagnosis.diagnose_poses`.
     """
-    findings, content = {}, {}
+    findings, reasons = {}, {}
     for sensor, axes in SENSORS.items():
         own = usable(records[sensor], settings)
         if sensor == "accelerometer" and own:
             own = separated(own, 2 * settings.blocks)
         reason = untestable(own, [noise.axes[name] for name in axes], settings)
         if reason:
-            content[sensor] = not_testable(reason)
+            reasons[sensor] = not_testable(reason)
             continue
         fine = data.records(sensor, calibration, 0.0)
         try:
             findings[sensor] = find(sensor, own, fine, settings, tests)
         except LinAlgError:
-            content[sensor] = not_testable(SINGULAR)
+            reasons[sensor] = not_testable(SINGULAR)
+
+    def result():
+        return _result(findings, reasons, data, calibration, noise, noise_settings)
+
+    made = result()
+    for sensor, finding in findings.items() if beyond else ():
+        if leaves(made.content[sensor]):
+            further = beyond("static_record", sensor, finding.choices)
+            findings[sensor] = finding.with_formula(further)
+    return result() if any(f.further for f in findings.values()) else made
+
+
+def _result(findings, reasons, data, calibration, noise, noise_settings):
+    """Return the StaticResult of Findings, and of the reasons why there are none, by sensor."""
+    content = dict(reasons)
     found = {sensor: finding.effects for sensor, finding in findings.items()}
     processes = {s: f.process.test for s, f in findings.items() if f.has_process}
     allan, floor = {}, noise
