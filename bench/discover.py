@@ -13,7 +13,8 @@ from functools import cache, partial
 from itertools import product
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag, solve_triangular
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
@@ -23,15 +24,17 @@ from bench.study.tables import table
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.effect import Effect
+from imuloop.core.effect import Channels, Effect
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.precision import precision
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.likeness import SHARE
+from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.discover.discover import discover, fitted
-from imuloop.discover.searched import of_poses, rows_of
+from imuloop.discover.searched import of_poses, of_static, rows_of
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -136,6 +139,21 @@ class PutIn(Effect):
         return TRUTHS[self.truth][1](channels)
 
 
+# what means at rest hold, (n, 1): of z = (T - mean)/half its range, its rate, at most 1, and time
+# since the start, at the end 2
+AT_REST = {
+    "T": lambda z, rate, t: z[:, None],
+    "T_t": lambda z, rate, t: (z * t)[:, None],
+    "T_rate": lambda z, rate, t: (z * rate)[:, None],
+    # nobody can name these
+    "kink_in_T": lambda z, rate, t: np.abs(z - 0.3)[:, None],
+    "waves_in_T": lambda z, rate, t: np.sin(9 * z)[:, None],
+    "step_midway": lambda z, rate, t: np.sign(t - 1.1)[:, None],
+    "sign_of_rate": lambda z, rate, t: np.sign(rate)[:, None],
+}
+# means at rest, and length of their windows, s
+MEANS, WINDOW = 100, 120.0
+
 # what is known to the study alone is nothing to look for
 del Effect.library[PutIn.name]
 
@@ -217,6 +235,8 @@ def control(plan, seed, sensor):
 
 def outcome(name, limits, plan, seed):
     """Return the Outcome of one device; of a control where the name is one of a sensor."""
+    if plan == "at_rest":
+        return at_rest(name, limits, seed)
     if name in UNITS:
         return Outcome(discover(of_poses(control(plan, seed, name)[2])), False, np.nan)
     sensor, columns = TRUTHS[name]
@@ -264,6 +284,58 @@ def outcome(name, limits, plan, seed):
     return Outcome(found, right, float(np.max(after / held_out)))
 
 
+def at_rest(name, limits, seed):
+    """Return the Outcome of means at rest, in a temperature that goes up and down.
+
+    Noise of each axis is white, flicker and walk, these of a size between none and ten times the
+    white noise in the slowest half wave. What is put in is on one axis.
+    """
+    rng = np.random.default_rng(seed)
+    edges = WINDOW * np.arange(MEANS + 1)
+    windows = np.column_stack([edges[:-1], edges[1:]])
+    t, span = windows.mean(axis=1), edges[-1]
+    knots = np.linspace(0, span, rng.integers(4, 8))
+    course = CubicSpline(knots, rng.uniform(-1, 1, len(knots)))
+    roots = []
+    for _ in range(3):
+        flicker, walk = 10 * rng.uniform(size=2) * (rng.uniform(size=2) < 0.7)
+        own = {"N": 1.0, "B": np.sqrt(flicker * np.pi / span), "K": np.sqrt(walk) * np.pi / span}
+        noise = AxisNoise(**{n: Coefficient(v, (v, v), v, True) for n, v in own.items()})
+        roots.append(np.linalg.cholesky(noise.mean_covariance(windows)))
+    # all axes in a row
+    root, axis = block_diag(*roots), rng.integers(3)
+    level = np.linalg.qr(
+        solve_triangular(root, np.kron(np.eye(3), np.ones((MEANS, 1))), lower=True)
+    )
+
+    def beside_level(columns):
+        white = solve_triangular(root, columns, lower=True)
+        return white - level[0] @ (level[0].T @ white)
+
+    values, added = root @ rng.normal(size=3 * MEANS), np.zeros((3 * MEANS, 1))
+    if name in AT_REST:
+        z, rate = course(t), course(t, 1)
+        z = 2 * (z - z.mean()) / np.ptp(z)
+        pattern = AT_REST[name](z, rate / np.abs(rate).max(), 2 * t / span)
+        added[axis * MEANS : (axis + 1) * MEANS] = pattern
+        added *= limits * np.sqrt(_one_limit(1)) / np.linalg.norm(beside_level(added))
+        values = values + added[:, 0]
+    whole = Channels(
+        t, np.tile([0.1, -0.2, 9.8], (MEANS, 1)), np.zeros((MEANS, 3)), 25 + 15 * course(t)
+    )
+    seen = replace(whole, history=lambda function, *constants: function(whole, *constants))
+    still = np.zeros(MEANS, dtype=int)
+    record = StaticRecord("rest", windows, still, values.reshape(3, -1).T, seen)
+    searched = of_static(StaticProblem((record,), {}, DiagnoseSettings(), TESTS), (), "gyroscope")
+    found = discover(searched)
+    if name not in AT_REST or not found.found.candidates:
+        return Outcome(found, False, np.nan)
+    columns = searched.space.columns[:, list(found.found.columns)]
+    basis = np.linalg.qr(beside_level(columns / np.linalg.norm(columns, axis=0)))[0]
+    share = np.sum((basis.T @ beside_level(added)) ** 2) / np.sum(beside_level(added) ** 2)
+    return Outcome(found, bool(share >= SHARE and basis.shape[1] <= 2), np.nan)
+
+
 def _independent(columns, jacobian):
     """Return a basis of columns beside a derivative, without what it takes up."""
     columns = columns.reshape(len(jacobian), -1)
@@ -303,7 +375,9 @@ def main():
     parser.add_argument("--truths", default=",".join(TRUTHS), help="names, with commas")
     parser.add_argument("--controls", action="store_true", help="devices with nothing put in")
     parser.add_argument("--limits", default="3", help="sizes in limits, with commas")
-    parser.add_argument("--plans", default="forty", help=f"of {', '.join(PLANS)}, with commas")
+    parser.add_argument(
+        "--plans", default="forty", help=f"of {', '.join(PLANS)}, with commas; or at_rest"
+    )
     parser.add_argument("--first", type=int, default=11000, help="seed of the first device")
     parser.add_argument("--seeds", type=int, default=5, help="devices of each case")
     parser.add_argument("--workers", type=int, default=2, help="processes")

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.discover import SESSION, device, outcome, problem_in, with_extra
+from bench.discover import SESSION, at_rest, device, outcome, problem_in, with_extra
 from calibrate.devices import ACCELERATION_UNIT
 from imuloop import chain
 from imuloop.core.units import DEGREE, RawUnit
@@ -52,6 +52,17 @@ def test_a_form_that_a_part_held_out_has_rows_for_in_all_data_is_not_lost():
 def test_nothing_is_named_where_nothing_is():
     made = [outcome("accelerometer", 0.0, "forty", seed) for seed in SEEDS]
     assert all(m.discovery.effect is None for m in made)
+
+
+@pytest.mark.parametrize("truth", ["T_t", pytest.param("T", marks=pytest.mark.study)])
+def test_at_rest_what_is_put_in_is_named(truth):
+    made = [at_rest(truth, 4.0, seed) for seed in SEEDS]
+    assert sum(m.discovery.effect is not None and m.right for m in made) >= 4
+
+
+@pytest.mark.parametrize("truth", ["nothing", "waves_in_T", "step_midway"])
+def test_at_rest_nothing_is_named_where_no_formula_is(truth):
+    assert all(at_rest(truth, 8.0, seed).discovery.effect is None for seed in SEEDS[:3])
 
 
 def twisted(c):

@@ -24,7 +24,7 @@ def test_powers_go_together_to_their_degree():
 
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
 def test_every_term_has_a_unit_and_every_candidate_known_terms(sensor):
-    terms, candidates = formulas(sensor, warm=True)
+    terms, candidates = formulas(sensor, True, "fw")
     assert len(set(terms)) == len(terms) and len(set(candidates)) == len(candidates)
     assert {t for c in candidates for t in c} == set(terms)
     units = Discovered("; ".join(terms), sensor).units(sensor)
@@ -33,7 +33,7 @@ def test_every_term_has_a_unit_and_every_candidate_known_terms(sensor):
 
 
 def test_without_a_temperature_no_term_takes_one():
-    terms, _ = formulas("gyroscope", warm=False)
+    terms, _ = formulas("gyroscope", False, "fw")
     assert not any("T" in t or "R" in t for t in terms)
 
 

@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from imuloop.diagnose.choice import Choice, Choices
-from imuloop.discover.discover import Discovery, discover
-from imuloop.discover.searched import of_motion, of_poses, of_reference, of_static
+from imuloop.discover.discover import Discovery, discover, fitted
+from imuloop.discover.searched import of_motion, of_poses, of_reference, of_static, rows_of
 
 # imitators that are listed
 LISTED = 10
+# what becomes of an effect of the library that stood for a formula
+GONE = {"status": "rejected", "why": "beside the formula that was found nothing of it is left"}
 SEARCHED = {
     "poses": of_poses,
     "static_record": of_static,
@@ -21,10 +24,9 @@ SEARCHED = {
 class Composed(Choices):
     """Choices that are made: those of the library, and a formula, searched again for each part."""
 
-    def __init__(self, problem, choices, effect, of_part, errors):
+    def __init__(self, problem, library, base, of_part, errors):
         super().__init__(problem)
-        self.base = (*choices.choice().base, effect)
-        self.library, self.of_part, self.known = choices, of_part, errors
+        self.library, self.base, self.of_part, self.known = library, base, of_part, errors
 
     def choice(self, out=frozenset()):
         """Return the effects."""
@@ -76,19 +78,29 @@ class Beyond:
             "points": self.discovery.shown,
         }
 
-    def entry(self, fitted):
-        """Return the entry of ``effects`` in diagnosis.json, of the FittedEffect."""
+    def joined(self, effects, candidates, fitted):
+        """Return ``effects`` and ``candidates`` of diagnosis.json with the formula.
+
+        Takes those of the library and the FittedEffects with it, the formula's last: what the
+        library took for it is no effect any more.
+        """
+        *known, formula = fitted
+        own = {f.name: f.to_dict() for f in known}
+        left = [e | own[e["name"]] for e in effects if e["name"] in own]
+        gone = {e["name"] for e in effects} - set(own)
+        changed = [c | GONE if c["name"] in gone else c for c in candidates]
         kind = min(self.discovery.confirmed, key=lambda k: self.discovery.kinds[k]["ratio"])
-        own = self.discovery.kinds[kind]
-        return {
-            **fitted.to_dict(),
-            "units": fitted.effect.units(self.sensor),
+        gain = self.discovery.kinds[kind]
+        entry = {
+            **formula.to_dict(),
+            "units": formula.effect.units(self.sensor),
             "p_value": self.discovery.found.chances[0],
             "residual": kind,
-            "heldout_before": own["before"],
-            "heldout_after": own["after"],
-            "ratio_ci95": own["ratio_ci95"],
+            "heldout_before": gain["before"],
+            "heldout_after": gain["after"],
+            "ratio_ci95": gain["ratio_ci95"],
         }
+        return {"effects": [*left, entry], "candidates": changed}
 
 
 def beyond(record, sensor, choices):
@@ -99,10 +111,35 @@ def beyond(record, sensor, choices):
     base = choices.choice().base
     searched = SEARCHED[record](choices.problem, base, sensor)
     discovery, problem = discover(searched), searched.problem
-    effect = discovery.effect
+    effect, errors = discovery.effect, None
     if effect is None or problem.lost((*base, effect)):
         return Beyond(sensor, discovery, None)
-    of_part = [(discovery.space.effect(c),) if c else () for c in discovery.without]
     # at rest its rows are means over longer windows
-    errors = discovery.errors[1] if record != "static_record" else None
-    return Beyond(sensor, discovery, Composed(problem, choices, effect, of_part, errors))
+    if record != "static_record":
+        errors, base = discovery.errors[1], needed(problem, base, effect)
+    of_part = [(discovery.space.effect(c),) if c else () for c in discovery.without]
+    composed = Composed(problem, choices, (*base, effect), of_part, errors)
+    return Beyond(sensor, discovery, composed)
+
+
+def needed(problem, base, effect):
+    """Return the effects of the library that a PoseProblem still shows beside a formula.
+
+    Those stay whose parameters θ of covariance C have ``θᵀ C⁻¹ θ`` beyond chance, as the search of
+    the library asks of them: others stood for what the formula says.
+    """
+    while base:
+        rows, x = rows_of(problem, base), problem.linearized(base).solution.fit.x
+        design = np.column_stack([rows.jacobian, problem.added(effect)[:, 0]])
+        change, covariance = fitted(rows, design)
+        start, chances = len(x) - sum(len(e.parameters) for e in base), []
+        for each in base:
+            at = slice(start, start + len(each.parameters))
+            theta, start = x[at] + change[at], at.stop
+            square = theta @ np.linalg.solve(covariance[at, at], theta)
+            chances.append(chdtrc(len(theta), square))
+        worst = int(np.argmax(chances))
+        if chances[worst] < problem.settings.significance / problem.tests:
+            break
+        base = base[:worst] + base[worst + 1 :]
+    return base

@@ -91,7 +91,8 @@ def discover(record, level=LEVEL):
         Probability, over the whole space, that chance gives a composed effect.
     """
     rows, space = record.rows, record.space
-    found = pursue(rows, space, level=level, draws=DRAWS, seed=record.settings.seed)
+    test = record.test and record.test(frozenset())
+    found = pursue(rows, space, level=level, draws=DRAWS, seed=record.settings.seed, test=test)
     if not found.candidates:
         return Discovery(space, found, {})
     columns = space.columns[:, list(found.columns)]
@@ -193,9 +194,11 @@ def held_out(record, level):
     searches = []
 
     def search(seen):
-        seed = record.settings.seed + 1 + len(searches)
+        part = len(searches)
         what = record.rows.seen(seen), record.space.seen(seen)
-        searches.append(pursue(*what, level=level, draws=DRAWS_WITHOUT, seed=seed))
+        how = {"draws": DRAWS_WITHOUT, "seed": record.settings.seed + 1 + part}
+        test = record.test and record.test(frozenset({part}))
+        searches.append(pursue(*what, level=level, test=test, **how))
         return searches[-1].columns
 
     return errors_of(record, lambda seen: ()), errors_of(record, search), searches

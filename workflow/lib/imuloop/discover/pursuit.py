@@ -222,7 +222,7 @@ class Pursued:
         return len(self.candidates) == 1 and self.margin >= MARGIN
 
 
-def pursue(rows, space, *, level, draws, seed):
+def pursue(rows, space, *, level, draws, seed, test=None):
     """Return what is Pursued in the residuals: one candidate after the other, all fitted again.
 
     Parameters
@@ -237,16 +237,21 @@ def pursue(rows, space, *, level, draws, seed):
         Draws of each kind.
     seed : int
         Of the draws.
+    test : callable, optional
+        Takes the candidates chosen, gives that probability of the best of the others, and it.
     """
     rng, chosen, columns, chances = np.random.default_rng(seed), [], (), []
     while True:
         white = whitened(rows, space, columns)
         if len(chosen) == MOST or not any(b.shape[1] for b in white.bases):
             break
-        chances.append(chance(white, rows.piece, draws, rng))
-        if chances[-1] >= level:
+        if test:
+            by_chance, best = test(chosen)
+        else:
+            by_chance, best = chance(white, rows.piece, draws, rng), int(np.argmax(white.scores()))
+        chances.append(by_chance)
+        if by_chance >= level:
             break
-        best = int(np.argmax(white.scores()))
         if not chosen:
             # once more by the noise that is there beside it
             white = whitened(rows, space, (), about=white.kept[best])

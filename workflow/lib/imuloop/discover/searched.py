@@ -9,6 +9,7 @@ from imuloop.core.effect import Channels
 from imuloop.diagnose.records.motion import VELOCITY
 from imuloop.diagnose.records.slow_noise import unit_noise
 from imuloop.diagnose.records.static import StaticProblem
+from imuloop.diagnose.search import Search
 from imuloop.diagnose.variance import Part
 from imuloop.discover.pursuit import Rows
 from imuloop.discover.space import Space, space_of
@@ -42,6 +43,9 @@ class Searched:
         Whether anything is known beforehand of how large the noise is.
     problem : PoseProblem or StaticProblem
         What they are of; poses and moves that are held out together follow each other.
+    test : callable, optional
+        Takes the parts that are not seen, gives the test of candidates that `pursue` takes; those
+        of drawn residuals if there is none.
     """
 
     rows: Rows
@@ -51,6 +55,7 @@ class Searched:
     scalars: np.ndarray
     noise_known: bool
     problem: object
+    test: object = None
 
     @property
     def settings(self):
@@ -75,7 +80,8 @@ def of_poses(problem, base=(), sensor=None):
     recording, sensor = problem.recording, problem.sensor.sensor
     poses = recording.poses
     channels = recording.pose_channels(sensor, lambda y: y, poses.f)
-    space = space_of(sensor, channels, lambda e: problem.added(e)[:, 0])
+    vectors = "f" if sensor == "accelerometer" else "fw"
+    space = space_of(sensor, channels, lambda e: problem.added(e)[:, 0], vectors)
     scalars = _scalars(poses.f, poses.temperature)
     return _of_rows(in_a_row(problem), base, space, scalars, problem.sensor.kinds)
 
@@ -85,7 +91,7 @@ def of_motion(problem, base, sensor):
     recording = problem.recording
     poses, first = recording.poses, recording.rotations.first
     channels = recording.pose_channels(sensor, lambda y: y, poses.f)
-    space = space_of(sensor, channels, lambda e: problem.added(e)[:, 0], moving=True)
+    space = space_of(sensor, channels, lambda e: problem.added(e)[:, 0], "fw")
     warmth = None if poses.temperature is None else poses.temperature[first]
     scalars = _scalars(poses.f[first], warmth)
     return _of_rows(in_a_row(problem), base, space, scalars, VELOCITY)
@@ -98,7 +104,7 @@ def of_reference(problem, base, _):
     log = recording.logs[0]
     pair = (log.f, log.w) if sensor.sensor == "accelerometer" else (log.w, log.f)
     channels = Channels(log.t, *pair, log.temperature)
-    space = space_of(sensor.sensor, channels, lambda e: problem.added(e)[:, 0], moving=True)
+    space = space_of(sensor.sensor, channels, lambda e: problem.added(e)[:, 0], "fw")
     each = list(zip(session, first, strict=True))
     # an axis of the reference's world, on those of the body
     up = np.array([recording.logs[s].attitude[i][2] for s, i in each])
@@ -127,8 +133,9 @@ def in_a_row(problem):
 def of_static(problem, base, sensor):
     """Return the Searched of a StaticProblem: means over so many windows at rest, axis by axis.
 
-    White noise, flicker and walk of each axis are of any size: a formula has to show more than
-    slow noise that is not known could.
+    White noise, flicker and walk of each axis are of any size. Fitted to residuals that hold a
+    pattern they would take it up, so candidates are tested as effects of the library are: under
+    each noise that is as likely as its residuals have it, times the number of candidates.
     """
     most = max(MEANS // len(problem.records), LEAST)
     records = tuple(r.merged(most) for r in problem.records)
@@ -157,12 +164,28 @@ def of_static(problem, base, sensor):
         np.tile(np.arange(count), 3),
         max((3 * count - jacobian.shape[1]) // ROWS, 1),
     )
-    space = space_of(sensor, joined, added)
+    space = space_of(sensor, joined, added, "f" if len(records) > 1 else "")
     fold = np.tile(np.concatenate(own.folds), 3)
     fold = np.column_stack([fold, np.full(len(fold), -1)])
     kinds = {problem.residual: (np.ones(len(fold), dtype=bool), 3)}
     scalars = _scalars(np.zeros((count, 0)), warmth)
-    return Searched(rows, space, fold, kinds, scalars, False, problem)
+
+    def test(out):
+        search = Search(own, out)
+
+        def best(chosen):
+            trials = search.tests((*base, *chosen), [k for k in numbers if k not in chosen])
+            log_p, number = min((t.log_p, t.effect) for t in trials if t)
+            return float(min(1.0, np.exp(log_p) * len(numbers))), number
+
+        return best
+
+    numbers = range(len(space.candidates))
+    for k in numbers:
+        at = list(space.candidates[k])
+        design = space.columns[:, at].reshape(3, count, len(at)).swapaxes(0, 1)
+        own.evidence.know(k, design)
+    return Searched(rows, space, fold, kinds, scalars, False, problem, test)
 
 
 def _noise_at_rest(records, values):

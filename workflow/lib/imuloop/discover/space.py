@@ -57,7 +57,7 @@ def monomials(letter, degree):
     return found
 
 
-def groups(sensor, warm, moving=False):
+def groups(sensor, warm, vectors):
     """Return the factors of each group that products take one of, and all powers.
 
     Parameters
@@ -66,13 +66,14 @@ def groups(sensor, warm, moving=False):
         Whose output.
     warm : bool
         Whether a temperature that changes was logged.
-    moving : bool
-        Whether an accelerometer is looked at while it turns.
+    vectors : str
+        Letters of the outputs that change, of f and w: at rest nothing turns, and in one attitude
+        neither does.
     """
     own, other = ("f", "w") if sensor == "accelerometer" else ("w", "f")
     factors = {
-        "own": monomials(own, 1),
-        "other": monomials(other, 1) if other == "f" or moving else [],
+        "own": monomials(own, 1) if own in vectors else [],
+        "other": monomials(other, 1) if other in vectors else [],
         "warmth": ["T", "T^2"] * warm,
         "rate": ["R"] * warm,
         "time": ["t"],
@@ -80,20 +81,20 @@ def groups(sensor, warm, moving=False):
         "turn": monomials("v", 1),
         "vibration": monomials("q", 1),
     }
-    powers = [m for k in range(1, OWN + 1) for m in monomials(own, k)]
+    powers = [m for k in range(1, OWN + 1) for m in monomials(own, k) if factors["own"]]
     powers += [f"abs_{m}" for m in factors["own"]]
     powers += [m for k in range(1, OTHER + 1) for m in monomials(other, k) if factors["other"]]
     powers += ["T^3"] * warm + ["t^2"]
     return factors, powers
 
 
-def formulas(sensor, warm, moving=False):
+def formulas(sensor, warm, vectors):
     """Return all terms, ``x: fy^2*fz``, and candidates, as tuples of terms.
 
     Each product on each axis alone; and whole forms: one product on all axes; the same power of
     each axis' own component; all products of one degree of a vector, on all axes, times a scalar.
     """
-    factors, powers = groups(sensor, warm, moving)
+    factors, powers = groups(sensor, warm, vectors)
     products = list(dict.fromkeys([*(f for own in factors.values() for f in own), *powers]))
     products += [
         f"{a}*{b}" for one, two in combinations(factors.values(), 2) for a in one for b in two
@@ -111,23 +112,23 @@ def formulas(sensor, warm, moving=False):
     whole += [[m + s for m in monomials(v, 1)] for v in (own, other) for s in times]
     forms += [[f"{a}: {m}" for a in AXES for m in each] for each in whole]
     # whatever the temperature is taken from
-    vectors = [m for v in (own, other) for m in monomials(v, 1)]
-    forms += [[f"{a}: {m}*T", f"{a}: {m}*T^2"] for a in AXES for m in vectors]
+    each = ["", *(f"{m}*" for v in (own, other) for m in monomials(v, 1))]
+    forms += [[f"{a}: {m}T", f"{a}: {m}T^2"] for a in AXES for m in each]
     forms += [[f"{a}: {m}{s}" for a in AXES for m in monomials(other, 1) for s in ("", "*T")]]
     terms = tuple(f"{a}: {m}" for m in products for a in AXES)
     known = set(terms)
     return terms, tuple((t,) for t in terms) + tuple(tuple(f) for f in forms if known >= set(f))
 
 
-def space_of(sensor, channels, added, moving=False):
+def space_of(sensor, channels, added, vectors):
     """Return the Space of a sensor.
 
     Takes the Channels of a record, what gives the derivative of its rows with respect to an
-    effect's parameters, (N, p), and whether an accelerometer turns.
+    effect's parameters, (N, p), and vectors as of `groups`.
     """
     warm = span(channels) > LEAST_SPAN
     reference = whole_degrees(channels) if warm else 25.0
-    terms, candidates = formulas(sensor, warm, moving)
+    terms, candidates = formulas(sensor, warm, vectors)
     columns = [
         added(Discovered("; ".join(terms[i : i + CHUNK]), sensor, reference))
         for i in range(0, len(terms), CHUNK)

@@ -106,6 +106,8 @@ class Discovered(Effect):
         object.__setattr__(self, "reach", WINDOW if "q" in self.letters else 0.0)
         object.__setattr__(self, "needs", ("temperature",) if self.letters & set("TR") else ())
         object.__setattr__(self, "sensors", (self.sensor,))
+        # at rest what goes with the time since the start of one log says nothing of the next
+        object.__setattr__(self, "lasting", "t" not in self.letters)
 
     @cached_property
     def terms(self):

@@ -18,7 +18,8 @@ def words(block):
         return ""
     of = f"A search of {plural(search['searched'], 'composed effect')} beyond the library finds"
     if search["status"] == "nothing":
-        return f" {of} nothing: chance shows as much in {percent(search['chance'])} of draws."
+        chance = percent(search["chance"])
+        return f" {of} nothing: chance shows as much with a probability of {chance}."
     gains = ", ".join(
         f"{RESIDUAL_WORDS[kind]} × {number(own['ratio'], 2)} (95 % interval "
         f"{number(own['ratio_ci95'][0], 2)} to {number(own['ratio_ci95'][1], 2)})"

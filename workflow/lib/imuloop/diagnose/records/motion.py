@@ -173,21 +173,23 @@ def _diagnosed(choices, units, columns, beyond):
     """Return the MotionResult of moves that can be tested."""
 
     def of(entry):
-        return find_effect(entry["name"]).sensors[0]
+        # a formula says itself whose it is
+        own = entry.get("constants", {}).get("sensor")
+        return own or find_effect(entry["name"]).sensors[0]
 
     problem, added = choices.problem, choices.choice().base
     judged, residuals = judged_residuals(choices, VELOCITY, KINDS)
     calibrations = _calibrations(problem, added, units)
-    effects = [e for own in calibrations.values() for e in own.effects]
-    fitted = [next(f for f in effects if f.effect == e) for e in added]
+    fitted = _fitted(calibrations, added)
     found = search_content(None, choices, fitted, {}, _probes(problem, columns))
-    contents = {
-        sensor: judged
-        | found
-        | {key: [e for e in found[key] if of(e) == sensor] for key in ("effects", "candidates")}
-        for sensor in SENSORS
-    }
-    contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
+
+    def of_sensor(sensor):
+        own = {key: [e for e in found[key] if of(e) == sensor] for key in ("effects", "candidates")}
+        if sensor == "gyroscope":
+            own["candidates"].append(untried("time_offset", "confounded", BOTH))
+        return own
+
+    contents = {sensor: judged | found | of_sensor(sensor) for sensor in SENSORS}
     for sensor in SENSORS if beyond and leaves(judged) else ():
         more = beyond("motion", sensor, choices)
         contents[sensor]["discovered"] = more.content
@@ -195,9 +197,10 @@ def _diagnosed(choices, units, columns, beyond):
             problem, added = more.choices.problem, more.choices.base
             judged, residuals = judged_residuals(more.choices, VELOCITY, KINDS)
             calibrations = _calibrations(problem, added, units)
-            contents = {name: own | judged for name, own in contents.items()}
-            entry = more.entry(calibrations[sensor].effects[-1])
-            contents[sensor]["effects"] = [*contents[sensor]["effects"], entry]
+            fitted = _fitted(calibrations, added)
+            found |= more.joined(found["effects"], found["candidates"], fitted)
+            for name, own in contents.items():
+                own |= judged | of_sensor(name)
         if more.content["status"] != "nothing":
             break
     quiet = problem.sensor.quiet
@@ -208,6 +211,12 @@ def _diagnosed(choices, units, columns, beyond):
         columns[name][quiet] = values
     fit = problem.sensor, problem.linearized(added).solution
     return MotionResult(contents, calibrations if added else {}, columns, fit)
+
+
+def _fitted(calibrations, base):
+    """Return the FittedEffects of effects that calibrations of both sensors hold."""
+    effects = [e for own in calibrations.values() for e in own.effects]
+    return [next(f for f in effects if f.effect == e) for e in base]
 
 
 def _calibrations(problem, base, units):

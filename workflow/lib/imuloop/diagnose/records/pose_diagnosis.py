@@ -135,11 +135,11 @@ def _diagnosed(choices, beyond):
         more = beyond("poses", sensor.sensor, choices)
         content["discovered"] = more.content
         if more.choices:
-            formula = more.choices.base[len(added) :]
+            formula = more.choices.base[-1:]
             judged, residuals = judged_residuals(more.choices, sensor.kinds, KINDS)
             solution = final_solution(more.choices.problem, more.choices.base)
-            content |= judged
-            content["effects"].append(more.entry(solution.calibration.effects[-1]))
+            fitted = solution.calibration.effects[len(problem.found) :]
+            content |= judged | more.joined(content["effects"], content["candidates"], fitted)
     return PoseResult(content, solution, choices, residuals, formula)
 
 

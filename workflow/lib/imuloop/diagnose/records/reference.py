@@ -225,30 +225,19 @@ def _parts(recording, session, first, count):
 
 def _diagnosed(choices, others, windows, beyond):
     """Return the ReferenceResult of a problem that can be tested."""
-    library, more = choices, None
-    (kind,) = choices.problem.sensor.kinds
+    (kind,), sensor = choices.problem.sensor.kinds, choices.problem.sensor.sensor
     judged, columns = judged_residuals(choices, (kind,), 2)
+    covariance, fitted, columns_of = _fitted(choices)
+    content = judged | search_content(sensor, choices, fitted, others, [])
     if beyond and leaves(judged):
-        more = beyond("reference", choices.problem.sensor.sensor, choices)
+        more = beyond("reference", sensor, choices)
+        content["discovered"] = more.content
         if more.choices:
             choices = more.choices
             judged, columns = judged_residuals(choices, (kind,), 2)
+            covariance, fitted, columns_of = _fitted(choices)
+            content |= judged | more.joined(content["effects"], content["candidates"], fitted)
     problem, added = choices.problem, choices.choice().base
-    solution, x = problem.linearized(added).solution, problem.linearized(added).solution.fit.x
-    covariance, at = problem.covariance(added), len(problem.sensor.names)
-    at += sum(len(e.parameters) for e in problem.found)
-    std, fitted, columns_of = np.sqrt(np.diag(covariance)), [], []
-    for effect in added:
-        own = [*range(at, at + len(effect.parameters))]
-        pair = (dict(zip(effect.parameters, map(float, v[own]), strict=True)) for v in (x, std))
-        fitted.append(FittedEffect(effect, *pair))
-        columns_of.append(own)
-        at += len(own)
-    known = fitted[: len(library.choice().base)]
-    content = judged | search_content(problem.sensor.sensor, library, known, others, [])
-    if more:
-        content["discovered"] = more.content
-        content["effects"] += [more.entry(f) for f in fitted[len(known) :]]
     content["sessions"] = len(problem.recording.logs)
     if problem.sensor.sensor == "gyroscope":
         parts = carried(choices)
@@ -262,7 +251,8 @@ def _diagnosed(choices, others, windows, beyond):
         "start_s": np.array([logs[s].t[i] for s, i in zip(session, first, strict=True)]),
         "end_s": np.array([logs[s].t[i] for s, i in zip(session, last, strict=True)]),
     }
-    model = problem.linearized(added).model
+    about = problem.linearized(added)
+    solution, model = about.solution, about.model
     bias = problem.sensor.bias + model.nuisances[:, :3]
     # as the windows show, and as sessions differ
     variance = np.diag(model.mean_covariance(covariance))[:6]
@@ -281,6 +271,21 @@ def _diagnosed(choices, others, windows, beyond):
         variance,
         place | {"residual": np.full(len(session), kind, object)} | columns,
     )
+
+
+def _fitted(choices):
+    """Return covariance of the parameters, FittedEffects, and the places of their parameters."""
+    problem, added = choices.problem, choices.choice().base
+    x, covariance = problem.linearized(added).solution.fit.x, problem.covariance(added)
+    std, fitted, columns = np.sqrt(np.diag(covariance)), [], []
+    at = len(x) - sum(len(e.parameters) for e in added)
+    for effect in added:
+        own = [*range(at, at + len(effect.parameters))]
+        pair = (dict(zip(effect.parameters, map(float, v[own]), strict=True)) for v in (x, std))
+        fitted.append(FittedEffect(effect, *pair))
+        columns.append(own)
+        at += len(own)
+    return covariance, fitted, columns
 
 
 def diagnose_references(sessions, noise, gravity, settings, tests, calibration, beyond=None):

@@ -10,7 +10,7 @@ from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.variance import FARTHEST
-from imuloop.diagnose.verdict import judge, verdict
+from imuloop.diagnose.verdict import MARGIN, judge, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
 
@@ -45,7 +45,8 @@ def static_content(sensor, finding, noise, change):
         entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
     if finding.further:
         found["discovered"] = finding.further.content
-        found["effects"] += [finding.further.entry(e) for e in finding.effects[len(library) :]]
+        if finding.further.choices:
+            found |= finding.further.joined(found["effects"], found["candidates"], finding.effects)
     if finding.has_process:
         found["effects"].append(process_entry(sensor, finding.process, finding.after))
     tried = found["candidates"]
@@ -62,6 +63,8 @@ def static_content(sensor, finding, noise, change):
     ]
     return {
         "verdict": verdict(*above, added),
+        # the noise was estimated from what is left here: it can have taken up a pattern
+        "slow_noise": bool(residual["after"] > MARGIN * residual["floor"] and not above[1]),
         "residuals": {kind: residual | {"sessions": _by_axis(axes, finding, floor)}},
         **found,
         "by_session": _by_session(choices),

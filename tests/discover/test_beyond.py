@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from bench.result_files import fault
+from bench.study import reference as beside
 from bench.study.chain import diagnosis_of
-from bench.study.devices import poses_device
+from bench.study.devices import motion_device, poses_device, record_device
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration
-from imuloop.discover.device import discover_device
+from imuloop.diagnose.verdict import leaves
 from imuloop.discover.propose import proposed
 from imuloop.report.composed import words
 from imuloop.simulate.simulate import simulate_session
@@ -39,6 +40,17 @@ def known(channels):
 def leaning(channels):
     """Return what the library has: a gyroscope's sensitivity to specific force on x."""
     return channels.other * [2e-4, 0.0, 0.0]
+
+
+def warm_and_leaning(channels):
+    """Return (T - mean) f_y on z."""
+    warm = channels.temperature - channels.temperature.mean()
+    return (2e-5 * warm * channels.other[:, 1])[:, None] * [0.0, 0.0, 1.0]
+
+
+def turned_and_pulled(channels):
+    """Return f_y w_x on z."""
+    return (0.02 * channels.output[:, 1] * channels.other[:, 0])[:, None] * [0.0, 0.0, 1.0]
 
 
 def results(truth, sessions, folder):
@@ -90,10 +102,55 @@ def test_apply_takes_the_effect_out_of_another_log(made):
     assert left[1] < 0.8 * left[0]
 
 
-def test_a_device_that_is_explained_is_not_searched():
-    block = {"poses": {"verdict": "consistent", "slow_noise": False}}
-    found = SimpleNamespace(content={"sensors": {"accelerometer": block}}, effects={})
-    assert discover_device(found, None) is found
+def test_a_record_that_is_explained_is_not_searched():
+    assert not leaves({"verdict": "consistent", "slow_noise": False})
+    assert leaves({"verdict": "explained", "slow_noise": True}) and leaves(
+        {"verdict": "unexplained"}
+    )
+
+
+@pytest.mark.study
+def test_at_rest_what_slow_noise_could_take_up_is_found_by_what_attitudes_differ_in():
+    truth = record_device()
+    truth = replace(truth, gyroscope=replace(truth.gyroscope, extra=warm_and_leaning))
+    diagnosis, (calibration, faults) = diagnosis_of(truth, SEED, results, limits=False)
+    block = diagnosis["sensors"]["gyroscope"]["static_record"]
+    assert faults == [None, None]
+    assert block["discovered"]["formula"] == "z: fy*T" and block["verdict"] == "explained"
+    found = {e.name: e for e in calibration.gyroscope.effects}["discovered"]
+    assert abs(found.values["c0z"] / 2e-5 - 1) < 0.05
+    residual = block["residuals"]["bias"]
+    assert residual["after"] < 0.2 * residual["before"]
+
+
+@pytest.mark.study
+def test_in_motion_a_formula_takes_the_place_of_what_stood_for_it():
+    truth = motion_device()
+    truth = replace(truth, accelerometer=replace(truth.accelerometer, extra=turned_and_pulled))
+    diagnosis, (calibration, faults) = diagnosis_of(truth, SEED, results, limits=False, motion=True)
+    block = diagnosis["sensors"]["accelerometer"]["motion"]
+    assert faults == [None, None] and block["verdict"] == "explained"
+    assert block["discovered"]["formula"] == "z: fy*wx"
+    assert [e["name"] for e in block["effects"]] == ["discovered"]
+    assert [c["status"] for c in block["candidates"] if c["status"] == "added"] == []
+    (found,) = calibration.accelerometer.effects
+    assert abs(found.values["c0z"] - 0.02) < 4 * found.std["c0z"]
+    # the other sensor's words are of the same moves
+    assert diagnosis["sensors"]["gyroscope"]["motion"]["verdict"] == "explained"
+
+
+@pytest.mark.study
+def test_beside_a_reference_a_formula_is_found_in_sessions_that_it_was_not_fitted_to():
+    def change(columns):
+        return columns | {"gz": columns["gz"] + 2e-3 * columns["gx"] * columns["ay"]}
+
+    found, _, calibration = beside.diagnosed(
+        beside.base(SEED), SEED, limits=False, log_change=change, sessions=3
+    )
+    block = found["sensors"]["gyroscope"]["reference"]
+    assert block["discovered"]["formula"] == "z: wx*fy" and block["verdict"] == "explained"
+    (effect,) = calibration.gyroscope.effects
+    assert abs(effect.values["c0z"] - 2e-3) < 4 * effect.std["c0z"]
 
 
 def test_what_the_library_has_gets_its_name_and_no_formula():
