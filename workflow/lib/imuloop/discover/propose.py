@@ -7,6 +7,13 @@ from imuloop.core.errors import ImuloopError
 from imuloop.effects.axes import AXES
 from imuloop.effects.discovered import MEANINGS, Discovered
 
+# where an effect shows, by the record
+PATTERNS = {
+    "poses": "the poses",
+    "static_record": "the means at rest",
+    "motion": "the velocity after a move",
+    "reference": "the windows beside a reference",
+}
 FILE = Template('''\
 """$title, found in $device; what causes it is for you to say."""
 
@@ -27,7 +34,7 @@ class $cls(Effect):
 $factors
     Found: $sizes.
     Held-out error: $errors.
-    Leaves: its pattern at the poses. Imitated by: $imitators.
+    Leaves: its pattern in $pattern. Imitated by: $imitators.
     """
 
     reference_temperature: float = $reference
@@ -39,7 +46,7 @@ $parameters    }
     equation = "$equation"
     reference = "found in $device; no physical reason is known yet"
     needs = $needs
-    records = ("poses",)
+    records = ("$record",)
     timed = $timed
     reach = $reach
     # ten times what was found
@@ -89,12 +96,15 @@ def test_injected_data_give_its_parameters_back():
 
 
 def found_in(diagnosis):
-    """Return sensor, entry of the effect and of its search; an ImuloopError where none is named."""
+    """Return sensor, record, entry of the effect and of its search.
+
+    Raises an ImuloopError where none is named.
+    """
     for sensor, records in diagnosis["sensors"].items():
-        block = records["poses"]
-        for effect in block["effects"]:
-            if effect["name"] == Discovered.name:
-                return sensor, effect, block["discovered"]
+        for record, block in records.items():
+            for effect in block["effects"]:
+                if effect["name"] == Discovered.name:
+                    return sensor, record, effect, block["discovered"]
     raise ImuloopError(
         f"{diagnosis['device']}: no formula was found and named, so there is nothing to propose"
     )
@@ -115,7 +125,7 @@ def proposed(diagnosis, name):
     ImuloopError
         If the diagnosis names no formula, or the name is none.
     """
-    sensor, entry, search = found_in(diagnosis)
+    sensor, record, entry, search = found_in(diagnosis)
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ImuloopError(f"'{name}' is no name of an effect: small letters, digits and _")
     effect, device = Discovered(**entry["constants"]), re.sub(r"\W", "_", diagnosis["device"])
@@ -137,6 +147,8 @@ def proposed(diagnosis, name):
         cls=name.title().replace("_", ""),
         name=name,
         sensor=sensor,
+        record=record,
+        pattern=PATTERNS[record],
         formula=_wrapped(terms),
         equation=equation,
         factors=_prose("Factors: " + "; ".join(meanings) + ".", effect),

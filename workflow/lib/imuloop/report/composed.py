@@ -26,13 +26,11 @@ def words(block):
         for kind, own in search["residuals"].items()
     )
     if search["status"] == "structure":
+        if all(own["ratio_ci95"][1] >= 1 for own in search["residuals"].values()):
+            return f" {of} what chance hardly shows, but held out it lowers no error: {gains}."
         text = f" {of} structure, but no formula that is certain. Held out, with what each part's "
         text += f"own search finds: {gains}."
-        if block.get("slow_noise") and any(
-            own["ratio_ci95"][1] < 1 for own in search["residuals"].values()
-        ):
-            text += PATTERN
-        return text
+        return text + PATTERN * bool(block.get("slow_noise"))
     text = f" {of} a formula, {formula(block)}, which wants a physicist. Held out: {gains}."
     if alike := search["imitators"][:WRITTEN]:
         text += LIKE_IT.format(" or ".join(a.replace("*", " ") for a in alike))

@@ -17,12 +17,12 @@ from imuloop.report.verdict import ABOVE, blocks
 
 
 def _residuals(device, sensor, part, block):
+    found = composed_pictures(device, sensor, block)
     if part == "static_record":
-        return []
+        return found
     if part == "reference":
-        return reference_pictures(device, sensor, block)
-    found = residual_pictures(device, sensor, block) + arm_pictures(device, block)
-    return found + composed_pictures(device, sensor, block)
+        return reference_pictures(device, sensor, block) + found
+    return residual_pictures(device, sensor, block) + arm_pictures(device, block) + found
 
 
 def _corrected(device, sensor, part, block):
