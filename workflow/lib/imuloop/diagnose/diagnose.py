@@ -106,8 +106,20 @@ def diagnose_device(
     noise = still.noise
     units = (multi.accelerometer.raw_unit, multi.gyroscope.raw_unit)
     force_model = AccelerometerPoses(noise, gravity, units[0], calibrate_settings)
+
+    def of_directions(calibration):
+        """Return χ² and reduced χ² of a gyroscope by gravity as an accelerometer has it."""
+        own = GyroscopePoses(noise, calibration, units[1], calibrate_settings).fit(recording).fit
+        return own.chi2, own.reduced_chi2
+
     force = diagnose_poses(
-        force_model, recording, settings, tests, *shown["accelerometer"], beyond=beyond
+        force_model,
+        recording,
+        settings,
+        tests,
+        *shown["accelerometer"],
+        beyond=beyond,
+        misfit=of_directions,
     )
 
     def directions(out):

@@ -1,12 +1,14 @@
 """What the library of effects leaves of a record, searched; what is named goes into its results."""
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc
 
 from imuloop.diagnose.choice import Choice, Choices
 from imuloop.discover.discover import Discovery, discover, fitted
+from imuloop.discover.pursuit import MARGIN
 from imuloop.discover.searched import of_motion, of_poses, of_reference, of_static, rows_of
 
 # imitators that are listed
@@ -51,6 +53,7 @@ class Beyond:
     sensor: str
     discovery: Discovery
     choices: Composed | None  # with the formula; None where nothing was named
+    imitators: tuple  # Discovered effects that would do as well, the best first
 
     @property
     def content(self):
@@ -58,25 +61,44 @@ class Beyond:
         space, found = self.discovery.space, self.discovery.found
         margin = min(found.margin, self.discovery.lead)
 
-        def text(candidate):
-            return "; ".join(space.terms[c] for c in space.candidates[candidate])
-
-        status = "nothing"
+        status, chosen = "nothing", space.effect(found.columns)
         if found.candidates:
             status = "named" if self.choices else "structure"
+            chosen = self.choices.base[-1] if self.choices else chosen
         return {
             "status": status,
             "searched": len(space.candidates),
             "chance": found.chances[0] if found.chances else 1.0,
-            "formula": "; ".join(space.terms[c] for c in found.columns),
+            "formula": chosen.formula,
             "margin": margin if np.isfinite(margin) else None,
             "left": self.discovery.left,
             "agreed": self.discovery.agreed,
             "constant": self.discovery.constant,
-            "imitators": [text(k) for k in found.imitators[:LISTED]],
+            "imitators": [effect.formula for effect in self.imitators[:LISTED]],
             "residuals": self.discovery.kinds,
             "points": self.discovery.shown,
         }
+
+    def told_apart(self, misfit):
+        """Return the same without imitators that other data tell from the formula, or it from them.
+
+        `misfit` takes effects, the formula last, and gives χ² and reduced χ² of other data that
+        depend on it; worse by `MARGIN`, χ² by that of the best, is none that would do as well. Of those
+        that are left the lowest degree counts.
+        """
+        if not self.choices or not self.imitators:
+            return self
+        *base, formula = self.choices.base
+        alike = (formula, *self.imitators[:LISTED])
+        chi2, reduced = np.transpose([misfit((*base, effect)) for effect in alike])
+        best = np.argmin(chi2)
+        left = (chi2 - chi2[best]) / max(reduced[best], 1.0) < MARGIN
+        near = [effect for effect, kept in zip(alike, left, strict=True) if kept]
+        chosen = min(near, key=lambda e: e.degree)
+        others = (e for e in near if e != chosen)
+        choices = copy(self.choices)
+        choices.base = (*base, chosen)
+        return replace(self, choices=choices, imitators=tuple(others))
 
     def joined(self, effects, candidates, fitted):
         """Return ``effects`` and ``candidates`` of diagnosis.json with the formula.
@@ -112,14 +134,16 @@ def beyond(record, sensor, choices):
     searched = SEARCHED[record](choices.problem, base, sensor)
     discovery, problem = discover(searched), searched.problem
     effect, errors = discovery.effect, None
+    space = discovery.space
+    alike = tuple(space.effect(space.candidates[k]) for k in discovery.found.imitators)
     if effect is None or problem.lost((*base, effect)):
-        return Beyond(sensor, discovery, None)
+        return Beyond(sensor, discovery, None, alike)
     # at rest its rows are means over longer windows
     if record != "static_record":
         errors, base = discovery.errors[1], needed(problem, base, effect)
-    of_part = [(discovery.space.effect(c),) if c else () for c in discovery.without]
+    of_part = [(space.effect(c),) if c else () for c in discovery.without]
     composed = Composed(problem, choices, (*base, effect), of_part, errors)
-    return Beyond(sensor, discovery, composed)
+    return Beyond(sensor, discovery, composed, alike)
 
 
 def needed(problem, base, effect):

@@ -7,7 +7,7 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 
 from imuloop.effects.axes import AXES
-from imuloop.effects.discovered import SETTLING, Discovered, parse
+from imuloop.effects.discovered import SETTLING, Discovered
 from imuloop.effects.thermometer import LEAST_SPAN, span, whole_degrees
 
 # degrees to which powers of a sensor's own output, and of the other's, go together
@@ -40,8 +40,7 @@ class Space:
 
     def degree(self, candidate):
         """Return the largest sum of powers in a candidate's terms."""
-        terms = parse("; ".join(self.terms[c] for c in self.candidates[candidate]))
-        return max(sum(power for _, power, _ in product) for _, product in terms)
+        return self.effect(self.candidates[candidate]).degree
 
     def seen(self, rows):
         """Return the same space of some rows."""

@@ -120,6 +120,11 @@ class Discovered(Effect):
         return {factor[0] for _, product in self.terms for factor, _, _ in product}
 
     @property
+    def degree(self):
+        """Largest sum of powers in a term."""
+        return max(sum(power for _, power, _ in product) for _, product in self.terms)
+
+    @property
     def parameters(self):
         """Names and units of the coefficients."""
         return {f"c{k}{AXES[i]}": unit(factors) for k, (i, factors) in enumerate(self.terms)}

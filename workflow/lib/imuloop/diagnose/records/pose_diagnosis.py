@@ -83,11 +83,14 @@ def diagnose_poses(
     directions=None,
     base_rows=None,
     beyond=None,
+    misfit=None,
 ):
     """Return the PoseResult of one sensor; arguments as of PoseProblem.
 
     Without a number of tests, which share the significance, this sensor's own count. `beyond`, if
-    any, is `imuloop.discover.beyond.beyond`: it looks for what the library leaves.
+    any, is `imuloop.discover.beyond.beyond`: it looks for what the library leaves. What it finds
+    `misfit` may tell from what looks like it: it takes a SensorCalibration, gives χ² and reduced χ²
+    of data that depend on it.
     """
     if reason := sensor.untestable(recording):
         return PoseResult(not_testable(reason))
@@ -102,7 +105,7 @@ def diagnose_poses(
         if any(sensor.undetermined(recording, keeps)):
             reason = f"{len(keeps[0])} poses do not determine the model with a part held out"
             return PoseResult(not_testable(reason), final_solution(problem, ()))
-        return _diagnosed(Choices(problem), beyond)
+        return _diagnosed(Choices(problem), beyond, misfit)
     except LinAlgError:
         return PoseResult(not_testable(SINGULAR))
 
@@ -118,7 +121,7 @@ def directions_without(choices, out, searched, formula=()):
     return problem.sensor.directions(problem.fitted(base, out), problem.recording)
 
 
-def _diagnosed(choices, beyond):
+def _diagnosed(choices, beyond, misfit):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, added = choices.problem, choices.choice().base
     sensor, solution = problem.sensor, final_solution(problem, added)
@@ -133,6 +136,9 @@ def _diagnosed(choices, beyond):
     formula = ()
     if beyond and leaves(judged):
         more = beyond("poses", sensor.sensor, choices)
+        if misfit:
+            about = more.choices and more.choices.problem
+            more = more.told_apart(lambda e: misfit(final_solution(about, e).calibration))
         content["discovered"] = more.content
         if more.choices:
             formula = more.choices.base[-1:]
