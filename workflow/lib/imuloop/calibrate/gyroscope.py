@@ -147,12 +147,15 @@ class GyroscopeModel:
         ``δu_end = Cᵀ (u_start × φ), φ = ∫ C(t) δw(t) dt``. In the plane normal to the measured
         direction, rad, (m, 2); the derivative has (m, 2, 12 + p).
         """
-        path = self.path(x)
+        path, start = self.path(x), self.directions[self.rotations.first]
+        across = cross_matrix(start) @ self.summed(path.middle, x)
+        return self.angles(x), self.plane @ (path.last.swapaxes(1, 2) @ across)
+
+    def angles(self, x):
+        """Return the angles of `rotation_errors` alone."""
         start = self.directions[self.rotations.first]
-        turned = np.einsum("mji,mj->mi", path.last, start)
-        turn = self.summed(path.middle, x)
-        jacobian = path.last.swapaxes(1, 2) @ (cross_matrix(start) @ turn)
-        return np.einsum("mij,mj->mi", self.plane, turned), self.plane @ jacobian
+        turned = np.einsum("mji,mj->mi", self.path(x).last, start)
+        return np.einsum("mij,mj->mi", self.plane, turned)
 
     @cached_property
     def plane(self):

@@ -249,8 +249,7 @@ class PoseProblem:
         if out and self.directions is not None and found.values == about.evidence.values:
             model = replace(about.model, directions=self.directions(out))
             values = about.values.copy()
-            own = model.residuals(about.solution.fit.x)[0]
-            values[: len(own)] = own
+            values[self.of_kind("rotation")] = model.angles(about.solution.fit.x).ravel()
             found.values = about.evidence.enter(-values[None])
         return found
 
