@@ -12,7 +12,7 @@ from imuloop.diagnose.residuals import (
     chance,
     chi_square,
     held_out_covariance,
-    held_out_operator,
+    held_out_errors,
     size,
 )
 from imuloop.diagnose.verdict import Judged, above_floor, unseen
@@ -46,7 +46,8 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     held = (t >= 12) & (t < 20)
     seen = ~held & (t != 20)
     folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
-    operator = held_out_operator(np.linalg.inv(covariance), design, folds)
+    weights, every = np.linalg.inv(covariance), np.eye(len(covariance))
+    (operator,) = held_out_errors(every, weights, design, folds, design.shape[1:])
     spread = held_out_covariance(covariance, design, folds)[np.ix_(held, held)]
     predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))

@@ -77,7 +77,8 @@ def test_the_filter_is_that_of_the_article():
     stretch, w, g = course()
     rng = np.random.default_rng(1)
     w, f = w + np.array([0.02, -0.01, 0.03]), 9.8 * g + rng.normal(0, 0.3, g.shape)
-    found = filter_errors(attitudes(w, stretch.t)[None], f[None], stretch, g[stretch.arrive])[0]
+    run = attitudes(w, stretch.t)[None], f[None], stretch, g[stretch.arrive]
+    found = filter_errors([run])[0][0]
     # the quaternion form, sample by sample
     start = Rotation.align_vectors([[0, 0, 1.0]], f[1:2] / np.linalg.norm(f[1]))[0]
     bias, expected = np.zeros(3), []
@@ -100,7 +101,7 @@ def test_a_stretch_in_which_the_accelerometer_was_not_read_corrects_nothing():
     unread[600:650] = 0.0
     q = attitudes(w, stretch.t)[None]
     given = g[stretch.arrive]
-    errors = [filter_errors(q, f[None], stretch, given) for f in (9.8 * g, unread)]
+    errors = filter_errors([(q, f[None], stretch, given) for f in (9.8 * g, unread)])
     assert errors[1] == pytest.approx(errors[0], abs=1e-3)
 
 

@@ -30,12 +30,15 @@ class AttitudePath:
     """
 
     last: np.ndarray  # C at the end, (m, 3, 3)
-    turn: np.ndarray  # ∫ C (dw/dx) dt, the rotation at the start that a change of x makes, rad
-    mean: np.ndarray  # ∫ C dt, s, (m, 3, 3)
     middle: np.ndarray  # C at the middle of each step, (m, k - 1, 3, 3)
     steps: np.ndarray  # s
     after: np.ndarray  # quaternions of C after each step, (m, k - 1, 4)
     added: np.ndarray | None  # covariance of time stamps, on axes at the start, rad², (m, 3, 3)
+
+    @cached_property
+    def mean(self):
+        """``∫ C dt``, s, (m, 3, 3)."""
+        return np.einsum("mkij,mk->mij", self.middle, self.steps)
 
     @cached_property
     def spread(self):
@@ -87,46 +90,47 @@ class GyroscopeModel:
         return self._paths[key]
 
     def _path(self, x):
-        T, K, b = unpack(x)
-        rotations = self.rotations
-        rates = (K * (rotations.w - b) - self.effects(x)) @ T.T
+        rotations, rates = self.rotations, self.output(x) @ unpack(x)[0].T
         half = exponential(step_vectors(rates, rotations.steps, rotations.uneven) / 2)
         after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
         half[..., 1:] *= -1
         middle = matrix(multiply(after, half))
-        turn, mean = self.summed(middle, x)
         return AttitudePath(
-            matrix(after[:, -1]), turn, mean, middle, rotations.steps, after, self._added(middle)
+            matrix(after[:, -1]), middle, rotations.steps, after, self._added(middle)
         )
 
-    def effects(self, x):
-        """Return e along the rotations, rad/s, (m, k, 3)."""
-        known = np.zeros(self.rotations.w.shape) + self.rotation_known
-        # those of a search are hundreds, and zero about the fit without them
-        return known + self.rotation_design @ x[12:] if x[12:].any() else known
+    def output(self, x):
+        """Return ``K (y - b) - e`` along the rotations, rad/s, (m, k, 3)."""
+        _, K, b = unpack(x)
+        found = K * (self.rotations.w - b) - self.rotation_known
+        # effects of a search are hundreds, and zero about the fit without them
+        return found - self.rotation_design @ x[12:] if x[12:].any() else found
 
     def summed(self, middle, x):
-        """Return ``∫ A (dw/dx) dt`` and ``∫ A dt`` of matrices A in the middle of each step.
+        """Return ``∫ A (dw/dx) dt`` of matrices A in the middle of each step, (m, 3, 12 + p).
 
-        Takes (m, k - 1, 3, 3); gives (m, 3, 12 + p) and (m, 3, 3).
+        Takes (m, k - 1, 3, 3). A step's rate is the mean of those at its ends.
         """
         T, K, b = unpack(x)
-        (m, steps), dt = middle.shape[:2], self.rotations.steps[..., None]
-        raw, effects = self.rotations.w - b, self.effects(x)
-        # moments of A with what each step turns by: entry of A, axis
-        entries = middle.reshape(m, steps, 9).swapaxes(1, 2)
-        of_raw = (entries @ (midpoints(raw) * dt)).reshape(m, 3, 3, 3)
-        of_effects = (entries @ (midpoints(effects) * dt)).reshape(m, 3, 3, 3)
-        mean = (entries @ dt).reshape(m, 3, 3)
+        m, k = self.rotations.w.shape[:2]
+        # half of each step to the samples at its ends: entry of A, sample
+        half = (middle * (self.rotations.steps[..., None, None] / 2)).reshape(m, k - 1, 9)
+        entries = np.zeros((m, 9, k))
+        entries[:, :, 1:] = half.swapaxes(1, 2)
+        entries[:, :, :-1] += half.swapaxes(1, 2)
+        # moments: entry of A, axis
+        of_raw, of_output = (
+            (entries @ seen).reshape(m, 3, 3, 3) for seen in (self.rotations.w - b, self.output(x))
+        )
         found = np.zeros((m, 3, len(x)))
-        found[:, :, :6] = (K * of_raw - of_effects)[:, :, *_OFF_DIAGONAL]
+        found[:, :, :6] = of_output[:, :, *_OFF_DIAGONAL]
         found[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
-        found[:, :, 9:12] = -mean @ (T * K)
+        found[:, :, 9:12] = -entries.sum(axis=2).reshape(m, 3, 3) @ (T * K)
         if len(x) > 12:
-            seen = np.tensordot(middle, T, 1).swapaxes(1, 2).reshape(m, 3, 3 * steps)
-            found[:, :, 12:] = -seen @ self._design_steps
-        return found, mean
+            seen = (T.T @ entries.reshape(m, 3, 3, k)).swapaxes(2, 3).reshape(m, 3, 3 * k)
+            found[:, :, 12:] = -seen @ self.rotation_design.reshape(m, 3 * k, -1)
+        return found
 
     def _added(self, middle):
         """Return the covariance that time stamps add, each error turned by the attitude there."""
@@ -136,12 +140,6 @@ class GyroscopeModel:
         attitude = middle[np.arange(len(middle))[:, None], rotations.added_at]
         return (attitude @ rotations.added @ attitude.swapaxes(2, 3)).sum(axis=1)
 
-    @cached_property
-    def _design_steps(self):
-        """What each parameter of the effects adds in each step, (m, 3 (k - 1), p)."""
-        steps = midpoints(self.rotation_design) * self.rotations.steps[..., None, None]
-        return steps.reshape(len(steps), 3 * steps.shape[1], steps.shape[-1])
-
     def rotation_errors(self, x):
         """Return the angle between predicted and measured gravity, and its derivative.
 
@@ -149,11 +147,15 @@ class GyroscopeModel:
         ``δu_end = Cᵀ (u_start × φ), φ = ∫ C(t) δw(t) dt``. In the plane normal to the measured
         direction, rad, (m, 2); the derivative has (m, 2, 12 + p).
         """
-        path = self.path(x)
+        path, start = self.path(x), self.directions[self.rotations.first]
+        across = cross_matrix(start) @ self.summed(path.middle, x)
+        return self.angles(x), self.plane @ (path.last.swapaxes(1, 2) @ across)
+
+    def angles(self, x):
+        """Return the angles of `rotation_errors` alone."""
         start = self.directions[self.rotations.first]
-        turned = np.einsum("mji,mj->mi", path.last, start)
-        jacobian = path.last.swapaxes(1, 2) @ (cross_matrix(start) @ path.turn)
-        return np.einsum("mij,mj->mi", self.plane, turned), self.plane @ jacobian
+        turned = np.einsum("mji,mj->mi", self.path(x).last, start)
+        return np.einsum("mij,mj->mi", self.plane, turned)
 
     @cached_property
     def plane(self):

@@ -7,6 +7,8 @@ from numpy.linalg import LinAlgError
 
 # steps after which a fit is given up for done, and the first damping where one fails
 _STEPS, _DAMPING = 100, 1e-3
+# share of chi square, by which a derivative errs that leaves out how axes turn with what is fitted
+_INEXACT = 1e-6
 # singular value over the largest, columns of length one, that rounding alone may leave
 _SMALLEST = 1e-10
 # why there is no fit where numpy.linalg.LinAlgError says so
@@ -92,17 +94,20 @@ def fit(residuals, x0, covariance, prior=None):
         design = white / length
         damped = np.concatenate([design, np.sqrt(damping) * np.eye(len(x))])
         step = np.linalg.lstsq(damped, -np.concatenate([r, np.zeros(len(x))]), rcond=None)[0]
-        tried = evaluate(x + step / length)
-        # what the step promised of chi square, and what of it moves no parameter visibly
+        # what the step promises of chi square, and what of it moves no parameter visibly
         promised, visible = np.sum((design @ step) ** 2), 1e-10 * chi2
+        if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
+            x, r = x + step / length, r + design @ step
+            break
+        tried = evaluate(x + step / length)
         if tried[3] <= chi2 + visible:
             x, (r, white, jacobian, chi2), damping = x + step / length, tried, damping / 10
+        elif promised <= _INEXACT * chi2:
+            break
         else:
             damping = max(10 * damping, _DAMPING)
-        if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
-            break
     own = r[: len(jacobian)]
-    return FitResult(x, covariance_of(white), float(chi2), len(r) - len(x), jacobian, own)
+    return FitResult(x, covariance_of(white), float(r @ r), len(r) - len(x), jacobian, own)
 
 
 def covariance_of(white):

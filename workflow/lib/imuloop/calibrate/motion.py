@@ -201,7 +201,7 @@ class MotionModel:
             -pushed @ self.design.reshape(*pushed.shape[::2], self.design.shape[-1]),
         ]
         by_force = np.concatenate(parts, axis=2) - pull * change[first]
-        by_turn, _ = turn.summed(self.levers(of_force, path) @ path.middle, of_turn)
+        by_turn = turn.summed(self.levers(of_force, path) @ path.middle, of_turn)
         return velocity, by_force, by_turn
 
 

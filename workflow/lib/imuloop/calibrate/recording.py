@@ -1,6 +1,7 @@
 """A recording: poses, the rotations between them, and what an effect can see at both."""
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -76,6 +77,7 @@ class Recording:
         """
         poses = self.poses
 
+        @cache
         def history(function, *constants):
             whole = self._remember(sensor, output, see, function, constants)
             return pose_means(poses, self.logs, whole)
@@ -88,6 +90,7 @@ class Recording:
         rotations = self.rotations
         session = self.poses.session[rotations.first]
 
+        @cache
         def history(function, *constants):
             whole = self._remember(sensor, output, see, function, constants)
             at = zip(session, rotations.t, strict=True)

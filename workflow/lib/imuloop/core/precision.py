@@ -11,9 +11,9 @@ def precision(covariance):
     Σ⁻¹, exactly symmetric, and L with ``L Lᵀ = Σ``: a third of the work of an inverse that knows
     nothing of symmetry. Raises a LinAlgError if Σ is not positive definite.
     """
-    root = cholesky(covariance, lower=True)
-    # of the lower half, above which there are zeros
-    inverse, _ = dpotri(root, lower=1)
+    root = cholesky(covariance)
+    # of the upper half, which is faster, below which there are zeros
+    inverse, _ = dpotri(root)
     inverse = inverse + inverse.T
     np.einsum("ii->i", inverse)[:] /= 2
-    return inverse, root
+    return inverse, root.T

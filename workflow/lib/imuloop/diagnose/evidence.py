@@ -137,7 +137,14 @@ class Evidence:
         For drawn records: noise that was fitted makes data likelier than these, by its parameters.
         """
         blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
-        prior = self.prior + sum(n.fitted for n in noise)
+        return self._of(blocks, self.prior + sum(n.fitted for n in noise))
+
+    def parted(self, folds):
+        """Return the same evidence with other parts, (N, 2), as of `Block`."""
+        each = zip(self.blocks, self.split(folds), strict=True)
+        return self._of([replace(b, folds=own) for b, own in each], self.prior)
+
+    def _of(self, blocks, prior):
         return Evidence(blocks, prior, self.design, self.least, self.still, self.plain, self.even)
 
     def training(self, out=frozenset(), only=None):

@@ -1,7 +1,7 @@
 """Detection limits: what would have been found, and kept, with the wanted power."""
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -9,7 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.p_values import averaged_log_p
-from imuloop.diagnose.residuals import held_out_operator
+from imuloop.diagnose.residuals import held_out_errors
 from imuloop.diagnose.verdict import MARGIN
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
@@ -82,7 +82,7 @@ class _Drawn:
     # held-out errors of the records, (N, m), and of the added columns, (N, q): two pairs, without
     # the pattern in the model and with it
     errors: tuple
-    groups: list  # (N,) each: rows of each part, for each kind of residual
+    groups: np.ndarray  # (kinds, parts, N): whether a row is of a part and a kind of residual
     variance: np.ndarray  # (N,): of the noise
     counts: np.ndarray  # (d, parts): how often each part is drawn
 
@@ -109,19 +109,19 @@ class _Drawn:
         estimated = training.point(fits[1])
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
+        of_part = folds[:, 0] == np.array(parts)[:, None]
         everything = np.column_stack([np.concatenate(values), more])
         measure = np.broadcast_to(search.problem.measure, len(folds))[:, None]
-        errors = [
-            held_out_operator(weights, design, folds) @ everything / measure
-            for design in (known, np.column_stack([known, pattern]))
-        ]
+        design = np.column_stack([known, pattern])
+        counts = known.shape[1], design.shape[1]
+        errors = held_out_errors(everything, weights, design, folds, counts)
         return cls(
             fits,
             training.gram((*columns, *own, *added)),
             product,
             square,
-            tuple((e[:, :RECORDS], e[:, RECORDS:]) for e in errors),
-            [[rows & (folds[:, 0] == part) for part in parts] for rows in search.problem.groups()],
+            tuple(np.split(e / measure, [RECORDS], axis=1) for e in errors),
+            np.array([rows & of_part for rows in search.problem.groups()]),
             variance / measure[:, 0] ** 2,
             np.random.default_rng(search.problem.settings.seed).multinomial(
                 len(parts), np.full(len(parts), 1 / len(parts)), DRAWS
@@ -159,18 +159,21 @@ class _Drawn:
         # in the kind of residual where it changes most
         (_, before), (_, after) = self.errors
         change = ((before - after) @ one) ** 2 / self.variance
-        groups = max(self.groups, key=lambda parts: sum(change[p].sum() for p in parts))
-        sums = []
-        for records, columns in self.errors:
-            squares = (records[:, near] + (columns @ added)[:, None]) ** 2
-            sums.append(np.array([squares[rows].sum(axis=0) for rows in groups]))
-        highest = np.quantile((self.counts @ sums[1]) / (self.counts @ sums[0]), 0.975, axis=0)
+        group = self.groups[np.argmax((self.groups @ change).sum(axis=1))]
+        before, after = (
+            self.counts @ (group @ (records[:, near] + (columns @ added)[:, None]) ** 2)
+            for records, columns in self.errors
+        )
+        highest = np.quantile(after / before, 0.975, axis=0)
         lower = ndtr(-np.log(highest) / SOFT)
-        # what the noise does to the parameters, in every kind of residual
-        kinds = [rows for rows in (np.any(parts, axis=0) for parts in self.groups) if rows.any()]
-        noise, more = ([(e[k][:, near] ** 2).sum(axis=0) for k in kinds] for e, _ in self.errors)
-        close = ndtr(np.log(MARGIN**2 / np.max(np.divide(more, noise), axis=0)) / SOFT)
-        return float((passed[near] * lower * close).sum() / len(passed))
+        return float((passed * self.close)[near] @ lower / len(passed))
+
+    @cached_property
+    def close(self):
+        """Weight of each record by what its noise does to the parameters, in every kind, (m,)."""
+        kinds = self.groups.any(axis=1)
+        noise, more = (kinds[kinds.any(axis=1)] @ e**2 for e, _ in self.errors)
+        return ndtr(np.log(MARGIN**2 / np.max(more / noise, axis=0)) / SOFT)
 
 
 def _with_pattern(search, effects, axis, records, one, size, **rules):

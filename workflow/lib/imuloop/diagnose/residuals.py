@@ -39,40 +39,42 @@ def chi_square(values, covariance, jacobian, groups):
     return found, float(likelihood)
 
 
-def held_out_operator(weights, jacobian, folds):
-    """Return what takes residuals to their errors, each part predicted by the others, (n, n).
+def held_out_errors(values, weights, jacobian, folds, counts):
+    """Return errors of residuals, each part predicted by the others, (n, m) by each of some counts.
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``, W the inverse of the covariance of what is seen; the error of what is
     held out is ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up,
     does not count in its covariance ``E Σ Eᵀ``. E is zero in the rows of no part.
 
-    `weights`, (n, n), are the inverse of the covariance of all residuals, J is `jacobian`, (n, p);
-    `folds`, (n, 2), the part that a row is held out with, and the other that it touches, or -1.
+    `values`, (n, m), are m records of residuals; `weights`, (n, n), the inverse of the covariance
+    of all residuals; J is `jacobian`, (n, p); `folds`, (n, 2), the part that a row is held out
+    with, and the other that it touches, or -1; `counts` how many of the parameters, the first, are
+    fitted each time.
     """
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
-    operator, product = np.zeros_like(weights), weights @ jacobian
+    product, errors = weights @ jacobian, [np.zeros_like(values) for _ in counts]
     for part in set(folds[:, 0].tolist()) - {-1}:
         held, hidden = folds[:, 0] == part, (folds == part).any(axis=1)
         seen = ~hidden
         # W J is what the weights of all rows leave without those that are hidden
         lost = np.linalg.solve(weights[np.ix_(hidden, hidden)], product[hidden])
         weighted = product[seen] - weights[np.ix_(seen, hidden)] @ lost
-        own = jacobian[seen].T @ weighted
-        gain = np.linalg.pinv(own, SINGULAR, hermitian=True) @ weighted.T
-        operator[np.ix_(held, held)] = np.eye(held.sum())
-        operator[np.ix_(held, seen)] = -jacobian[held] @ gain
-    return operator
+        information, moment = jacobian[seen].T @ weighted, weighted.T @ values[seen]
+        for found, k in zip(errors, counts, strict=True):
+            fitted = np.linalg.pinv(information[:k, :k], SINGULAR, hermitian=True) @ moment[:k]
+            found[held] = values[held] - jacobian[held, :k] @ fitted
+    return errors
 
 
 def held_out_covariance(covariance, jacobian, folds, weights=None):
     """Return the covariance that the noise, (n, n), alone gives to held-out errors, (n, n).
 
-    Other arguments as of `held_out_operator`; the inverse of the covariance without weights.
+    Other arguments as of `held_out_errors`; the inverse of the covariance without weights.
     """
-    weights = precision(covariance)[0] if weights is None else weights
-    operator = held_out_operator(weights, jacobian, folds)
+    weights, every = precision(covariance)[0] if weights is None else weights, np.eye(len(folds))
+    (operator,) = held_out_errors(every, weights, jacobian, folds, jacobian.shape[1:])
     return operator @ covariance @ operator.T
 
 

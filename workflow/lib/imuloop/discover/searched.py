@@ -1,6 +1,6 @@
 """What a search of composed effects sees of a record: its residuals, their noise and the space."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -127,7 +127,7 @@ def in_a_row(problem):
     fold = np.array(problem.fold_of_pose)
     held = fold >= 0
     fold[held] = consecutive(held.sum(), problem.settings.folds)
-    return replace(problem, fold_of_pose=fold, directions=None, _linearized={})
+    return problem.parted(fold)
 
 
 def of_static(problem, base, sensor):

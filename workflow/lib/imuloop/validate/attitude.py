@@ -128,8 +128,8 @@ def _errors(recording, block, models, directions, names):
     Takes the models of each block, gravity's direction at the poses by the final one, (blocks, n,
     3), and the names of the sessions.
     """
-    tables, last = [], None
-    for number, stretch in enumerate(stretches(recording, block)):
+    tables, runs, last = [], [], None
+    for stretch in stretches(recording, block):
         k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
         if place != last:
             # of the whole log: effects may depend on what was before
@@ -137,10 +137,13 @@ def _errors(recording, block, models, directions, names):
             whole = (models[k][m].calibrated(log.f, log.w, log.t, log.temperature) for m in MODELS)
             calibrated = [np.array(values) for values in zip(*whole, strict=True)]
         f, w = (values[:, stretch.piece] for values in calibrated)
-        q, u = attitudes(w, stretch.t), directions[k, stretch.poses]
+        runs.append((attitudes(w, stretch.t), f, stretch, directions[k, stretch.poses]))
+    for number, ((q, _, stretch, u), filtered) in enumerate(
+        zip(runs, filter_errors(runs), strict=True)
+    ):
+        k, session = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
         rotation, through = gyroscope_errors(q, stretch, u)
-        errors = {"rotation": rotation, "stretch": through}
-        errors["mahony"] = filter_errors(q, f, stretch, u)
+        errors = {"rotation": rotation, "stretch": through, "mahony": filtered}
         arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
         both = np.column_stack([arrive, leave])[1:].ravel()
         for method, of_models in errors.items():

@@ -83,37 +83,58 @@ def gyroscope_errors(q, stretch, u):
     return angle(once, u[1:]), angle(through, u[1:, None])
 
 
-def filter_errors(q, f, stretch, u):
-    """Return the error of gravity's direction that a filter carries along, run by each of r models.
+def filter_errors(runs):
+    """Return the errors of gravity's direction that a filter carries along, side by side.
 
-    Takes attitudes q, (r, k, 4), specific force f, m/s^2, (r, k, 3), and the direction u at the p
-    rests. Gives the errors at the first and the last sample of each rest but the first, rad,
-    (r, p - 1, 2).
+    Takes of each stretch attitudes q, (r, k, 4), and specific force f, m/s^2, (r, k, 3), of r
+    models, the stretch, and the direction u at its p rests. Gives of each the errors at the first
+    and the last sample of each rest but the first, rad, (r, p - 1, 2).
     """
+    steps = [_filter_steps(q, f, stretch) for q, f, stretch, _ in runs]
+    longest, errors = max(len(force) for _, _, force, _ in steps), []
+    sides = [np.zeros((longest, len(steps), *each.shape[1:])) for each in steps[0][1:]]
+    for k, own in enumerate(steps):
+        for side, each in zip(sides, own[1:], strict=True):
+            # what ends earlier stays where it is
+            side[len(each) :, k] = np.eye(3) if each.ndim == 4 else 0.0
+            side[: len(each), k] = each
+    found = mahony(*sides)
+    for k, ((at, *_), (_, _, stretch, u)) in enumerate(zip(steps, runs, strict=True)):
+        wanted = np.searchsorted(at, _wanted(stretch)) - 1
+        errors.append(angle(found[wanted, k], u[1:, None, None]).transpose(2, 0, 1))
+    return errors
+
+
+def _wanted(stretch):
+    """Return the first and the last sample of each rest but the first, (p - 1, 2)."""
+    return np.column_stack([stretch.arrive, stretch.leave])[1:]
+
+
+def _filter_steps(q, f, stretch):
+    """Return the samples that are a filter's steps, and turns, force and time of `mahony`."""
     t = stretch.t
-    wanted = np.column_stack([stretch.arrive, stretch.leave])[1:]
     every = max(1, round(FILTER_STEP / np.median(np.diff(t))))
-    at = np.unique(np.concatenate([np.arange(0, len(t), every), wanted.ravel()]))
+    at = np.unique(np.concatenate([np.arange(0, len(t), every), _wanted(stretch).ravel()]))
     back = q[:, at[:-1]] * np.array([1, -1, -1, -1])
     turns = matrix(multiply(back, q[:, at[1:]])).swapaxes(-1, -2)
     force = np.add.reduceat(f, at[:-1] + 1, axis=1)
     size = np.linalg.norm(force, axis=-1, keepdims=True)
     # without specific force, where the accelerometer was not read, nothing corrects
     force = np.divide(force, size, out=np.zeros_like(force), where=size > 0).swapaxes(0, 1)
-    found = mahony(turns.swapaxes(0, 1), force, np.diff(t[at]))
-    return angle(found[np.searchsorted(at, wanted) - 1], u[1:, None, None]).transpose(2, 0, 1)
+    return at, turns.swapaxes(0, 1), force, np.diff(t[at])
 
 
 def mahony(turns, force, steps):
-    """Return gravity's direction by the explicit complementary filter, shape (s, r, 3).
+    """Return gravity's direction by the explicit complementary filter, shape (s, n, r, 3).
 
     With the direction v that is estimated and a that is measured, σ = a × v,
 
         v̇ = v × (w - β + k_P σ),   β̇ = -k_I σ
 
     the turn by w - β is taken first, then the correction. Takes the matrix of each of s steps of r
-    filters that run beside each other, (s, r, 3, 3), from the axes before to those after it; the
-    direction of specific force, (s, r, 3), which they start from; and the time steps, s, (s,).
+    filters of n stretches, all beside each other, (s, n, r, 3, 3), from the axes before to those
+    after it; the direction of specific force, (s, n, r, 3), which they start from; and the time
+    steps, s, (s, n).
 
     References
     ----------
@@ -123,6 +144,7 @@ def mahony(turns, force, steps):
     found, v = np.empty((*force.shape, 1)), force[0, ..., None]
     # -[β ×] holds the bias; with σ = a × v its change -k_I σ adds k_I (a vᵀ - v aᵀ)
     slant = np.zeros((*v.shape[:-1], 3))
+    steps = steps[..., None, None, None]
     for k, (turn, a, dt) in enumerate(zip(turns, force[..., None], steps, strict=True)):
         v = turn @ v
         v = v + dt * (slant @ v)

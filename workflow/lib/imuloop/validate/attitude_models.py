@@ -63,12 +63,13 @@ def held_out_models(diagnosed, block, gravity, settings):
     raw = (SensorCalibration.nominal(unit, None) for unit in (force_unit, turn.unit))
     raw = Calibration("", gravity, *raw)
     final = base = choices(sensors, effects, diagnosed.shown)
-    if any(effects.values()) or any(found for found, _ in diagnosed.shown.values()):
+    # the same problems where nothing but the search of the gyroscope tells the two apart
+    if given.effects or any(known for shown in diagnosed.shown.values() for known in shown):
         turn = replace(turn, accelerometer=replace(given, effects=()))
         base = choices(sensors | {"gyroscope": turn}, nothing, dict.fromkeys(effects, ((), None)))
     models = []
     for k in range(block.max() + 1):
         whole = without(final, effects, k)
-        simple = whole if base is final or not whole.effects else without(base, nothing, k)
+        simple = without(base, nothing, k) if whole.effects else whole
         models.append({"raw": raw, "base": simple, "final": whole})
     return models

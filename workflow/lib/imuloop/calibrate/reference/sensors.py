@@ -133,9 +133,10 @@ class Gyroscope(ReferenceSensor):
         turn = GyroscopeModel(
             np.zeros((0, 3)), np.zeros((0, 3, design.shape[3])), rotations, design, np.zeros((0, 3))
         )
-        path = turn.path(np.concatenate([x[[0, 1, 0, 2, 1, 2]], x[3:6], np.zeros(3), x[6:]]))
+        own = np.concatenate([x[[0, 1, 0, 2, 1, 2]], x[3:6], np.zeros(3), x[6:]])
+        path = turn.path(own)
         values = Rotation.from_matrix(Q.swapaxes(1, 2) @ path.last).as_rotvec()
-        change = Q.swapaxes(1, 2) @ path.turn
+        change = Q.swapaxes(1, 2) @ turn.summed(path.middle, own)
         # T01 T02 T10 T12 T20 T21
         axes = change[:, :, [0, 1, 3]] + change[:, :, [2, 4, 5]]
         turned = change[:, :, [5, 1, 2]] - change[:, :, [3, 4, 0]]

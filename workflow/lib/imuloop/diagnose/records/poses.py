@@ -142,6 +142,14 @@ class PoseProblem:
             self._linearized[base] = self._made(base)
         return self._linearized[base]
 
+    def parted(self, fold):
+        """Return the problem with another part of each pose, (n,), and directions as all give."""
+        problem = replace(self, fold_of_pose=fold, directions=None, _linearized={})
+        for base, about in self._linearized.items():
+            evidence = about.evidence.parted(problem.ends)
+            problem._linearized[base] = replace(about, evidence=evidence)
+        return problem
+
     def _made(self, base):
         effects, count = (*self.found, *base), len(self.sensor.names)
         start = self.linearized(base[:-1]).solution.fit.x if base else None
@@ -249,8 +257,7 @@ class PoseProblem:
         if out and self.directions is not None and found.values == about.evidence.values:
             model = replace(about.model, directions=self.directions(out))
             values = about.values.copy()
-            own = model.residuals(about.solution.fit.x)[0]
-            values[: len(own)] = own
+            values[self.of_kind("rotation")] = model.angles(about.solution.fit.x).ravel()
             found.values = about.evidence.enter(-values[None])
         return found
 

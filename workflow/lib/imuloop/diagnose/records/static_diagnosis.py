@@ -142,7 +142,10 @@ def diagnose_static(
         if leaves(made.content[sensor]):
             further = beyond("static_record", sensor, finding.choices)
             findings[sensor] = finding.with_formula(further)
-    return result() if any(f.further for f in findings.values()) else made
+            made.content[sensor]["discovered"] = further.content
+    # a formula changes the noise of both sensors
+    named = any(f.further and f.further.choices for f in findings.values())
+    return result() if named else made
 
 
 def _result(findings, reasons, data, calibration, noise, noise_settings):

@@ -118,6 +118,8 @@ class Picture:
             areas, key = areas.ravel().tolist(), {}
             self.plot(areas if len(areas) > 1 else areas[0])
             for area in areas:
+                # no wider than the area, and each asks for all ticks again
+                area.spines[:].set_in_layout(False)
                 key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
                 for axis in (area.xaxis, area.yaxis):
                     if axis.get_scale() == "log":
