@@ -83,8 +83,8 @@ class Beyond:
         """Return the same without imitators that other data tell from the formula, or it from them.
 
         `misfit` takes effects, the formula last, and gives χ² and reduced χ² of other data that
-        depend on it; worse by `MARGIN`, χ² by that of the best, is none that would do as well. Of those
-        that are left the lowest degree counts.
+        depend on it; worse by `MARGIN`, χ² by that of the best, is none that would do as well. Of
+        those that are left the lowest degree counts.
         """
         if not self.choices or not self.imitators:
             return self
