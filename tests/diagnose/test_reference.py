@@ -83,13 +83,6 @@ def test_offset_that_drifts_through_zero_is_named(truth):
         assert max(off(effects[name], [true])) < 3
 
 
-def test_device_without_effects_is_consistent():
-    # one of forty devices is above its floor by chance, as that of SEED
-    diagnosis, *_ = diagnosed(base(SEED + 1), SEED + 1, limits=False)
-    for sensor, parts in diagnosis["sensors"].items():
-        assert parts["reference"]["verdict"] == "consistent", sensor
-
-
 def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
     def harm(columns):
         q = np.column_stack([columns[k] for k in ("qx", "qy", "qz", "qw")])
@@ -109,10 +102,8 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
     assert verdict == "unexplained"
 
 
-# 50 and 500 ppm
-@pytest.mark.parametrize(
-    ("clock", "drift"), [((3.0, 0.0), 0.0), ((0.0, 5e-5), 5e-5), ((0.0, 5e-4), 5e-4)]
-)
+# by 500 ppm
+@pytest.mark.parametrize(("clock", "drift"), [((3.0, 0.0), 0.0), ((0.0, 5e-4), 5e-4)])
 def test_clock_of_its_own_is_handled_or_named(clock, drift):
     diagnosis, quality, _ = diagnosed(replace(base(SEED), clock=clock), SEED, limits=False)
     effects = found(diagnosis)["gyroscope"]
@@ -123,16 +114,18 @@ def test_clock_of_its_own_is_handled_or_named(clock, drift):
 
 
 def test_rests_beside_a_reference_are_poses_of_one_solution():
-    truth = replace(base(SEED), rests=24, duration_s=400.0)
+    truth = replace(base(SEED), rests=16, duration_s=240.0)
     diagnosis, _, calibration = diagnosed(truth, SEED, limits=False)
     for sensor, parts in diagnosis["sensors"].items():
         of = getattr(calibration, sensor)
         assert of.method == "multi_position"
         assert parts["motion"]["verdict"] == parts["reference"]["verdict"] == "consistent", sensor
         assert np.abs(errors(of, truth, sensor)).max() < 3.5
-    # better known than by motion alone
+    # better known than by motion alone, in which nothing is found either
     alone, _, by_motion = diagnosed(replace(truth, rests=0), SEED, limits=False)
     assert "1 pose found" in alone["sensors"]["accelerometer"]["poses"]["why"]
+    for sensor, parts in alone["sensors"].items():
+        assert parts["reference"]["verdict"] == "consistent", sensor
     assert by_motion.gyroscope.method == "reference_motion"
     for name in ("K0", "K1", "K2"):
         assert calibration.gyroscope.std[name] < by_motion.gyroscope.std[name]
@@ -140,7 +133,7 @@ def test_rests_beside_a_reference_are_poses_of_one_solution():
 
 def test_arm_of_each_axis_is_found_and_applied():
     arm = np.array([[0.05, 0.0, 0.01], [0.0, 0.04, -0.01], [0.01, 0.0, -0.02]])
-    truth = replace(base(SEED), arm=arm)
+    truth = replace(base(SEED), arm=arm, duration_s=60.0)
     diagnosis, _, calibration = diagnosed(truth, SEED, limits=False, sessions=3)
     effects = found(diagnosis)["accelerometer"]
     assert set(effects) == {"lever_arm", "size_effect"}

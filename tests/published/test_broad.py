@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.study.chain import through
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
+from quick import verdicts
 
 TRIALS = (
     "03_undisturbed_slow_rotation_C.mat",
@@ -33,7 +33,7 @@ def diagnosed(folder, logs):
     }
     for name, log in zip(names, logs, strict=True):
         assert chain.ingest(device, name, declared, [log]) == []
-    through(device)
+    verdicts(device)
     return device
 
 

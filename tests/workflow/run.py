@@ -23,7 +23,9 @@ def snakemake(
     **environment,
 ):
     """Run the workflow of a repository in a folder; return the finished process."""
-    found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
+    # a run starts Python more often than any other test: it keeps byte code, as it does by default
+    left_out = ("IMULOOP_MIRROR", "PYTHONDONTWRITEBYTECODE")
+    found = {key: value for key, value in os.environ.items() if key not in left_out}
     return subprocess.run(
         command(repository, folder, *arguments, target=target, config=config),
         cwd=cwd or folder,
