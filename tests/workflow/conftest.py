@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from board.boards import logs as board_logs
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 from workflow.run import snakemake
@@ -16,18 +17,22 @@ RESTING = {
     "label": "Rest & <b>peace</b>",
     "sessions": {"rest": {"kind": "static", "file": "rest.parquet"}},
 }
+# of two devices on one board, as its second
+POSED_TOO = {"poses": {"kind": "multi_position", "file": "second.csv"}}
+PAIR = {"board": "wing", "type": "pair"}
 CONFIG = {
     "defaults": QUICK,
     "devices": {
         # its only static session is of no use: the noise has to come from a rest of the others
         "posed": {
+            **PAIR,
             "sessions": {
                 "poses": {"kind": "multi_position", "file": "logs in/p.csv"},
                 "faces": {"kind": "six_position", "format": "euroc", "file": "faces"},
                 "broken": {"kind": "static", "file": "broken.csv"},
-            }
+            },
         },
-        "resting": RESTING,
+        "resting": RESTING | PAIR | {"sessions": RESTING["sessions"] | POSED_TOO},
         # of a faulty log; it fails in a stage, too
         "failing": {"sessions": {"swapped": {"kind": "six_position", "file": "swapped.csv"}}},
     },
@@ -65,10 +70,10 @@ def checkout(repository, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def logs():
+def truth():
     truth = example_truth(rate=50.0)
     plans, short = truth.sessions, {"initial_rest_s": 10.0, "rest_s": (2.0, 3.0)}
-    truth = replace(
+    return replace(
         truth,
         sessions={
             "static": replace(plans["static"], duration_s=60.0),
@@ -76,16 +81,22 @@ def logs():
             "multi_position": replace(plans["multi_position"], poses=16, **short),
         },
     )
+
+
+@pytest.fixture(scope="session")
+def logs(truth):
     return {kind: simulate_session(truth, kind) for kind in truth.sessions}
 
 
 @pytest.fixture(scope="session")
-def finished(checkout, logs, tmp_path_factory):
+def finished(checkout, logs, truth, tmp_path_factory):
     """A folder in which the workflow ran once, and what it printed."""
     folder = tmp_path_factory.mktemp("work")
     for name in ("logs in", "faces"):
         (folder / name).mkdir()
-    write_log(folder / "logs in/p.csv", logs["multi_position"], {})
+    first, second, _ = board_logs(4, truth)
+    write_log(folder / "logs in/p.csv", first, {})
+    write_log(folder / "second.csv", second, {})
     faces = logs["six_position"][["t", *EUROC]].rename(columns=EUROC)
     faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
     faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)

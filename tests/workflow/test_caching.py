@@ -19,6 +19,8 @@ STAGES = ("segment", "noise", "calibrate", "diagnose", "allan", "export", "repor
 SESSIONS = {name: tuple(device["sessions"]) for name, device in CONFIG["devices"].items()}
 SESSIONS["new"] = ("rest",)
 REPORT = {"report/report"}
+# of what is made of several devices
+JOINT = {"board/wing", "type/pair", *REPORT}
 
 
 def jobs(device, first, *read):
@@ -72,19 +74,27 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
     source = module.read_text().replace('"""', '"""Again: ', 1)
     with edited(module, f"# another comment\n{source}"):
         assert planned(checkout, folder) == set()
-        # only the report names the devices, in the order of the config
+        # only what is made of several names the devices, in the order of the config
         turned = dict(reversed(written["devices"].items()))
         del turned["failing"]
-        assert planned(checkout, folder, {**written, "devices": turned}) == REPORT
+        assert planned(checkout, folder, {**written, "devices": turned}) == JOINT
 
 
-def test_a_key_reruns_what_depends_on_it_and_a_new_device_is_an_entry(folder, checkout, written):
+def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry(
+    folder, checkout, written
+):
+    """The log, a file in a folder, is older than the one before, as a copy of another is."""
     devices = written["devices"]
-    devices["posed"]["label"] = "Other"
+    devices["failing"]["label"] = "Other"
     devices["resting"]["noise"] = {"points_per_decade": 5}
     devices["new"] = {"sessions": {"rest": {"kind": "static", "file": "rest.parquet"}}}
-    expected = jobs("posed", "export") | jobs("resting", "noise") | jobs("new", "noise", "rest")
-    assert planned(checkout, folder, written) == expected | REPORT
+    log = folder / "faces/data.csv"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[:-1]))
+    os.utime(log, (0, 0))
+    expected = jobs("failing", "export") | jobs("resting", "noise") | jobs("new", "noise", "rest")
+    expected |= jobs("posed", "noise", "faces") | JOINT
+    assert planned(checkout, folder, written) == expected
 
 
 def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, written):
@@ -93,20 +103,16 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
     # gravity is the yardstick of each session's units, too
     others = jobs("resting", "diagnose") | jobs("failing", "diagnose")
     expected = jobs("posed", "noise", *SESSIONS["posed"]) | others
-    assert planned(checkout, folder, written) == expected | REPORT
+    assert planned(checkout, folder, written) == expected | JOINT
 
 
-def test_a_changed_log_and_an_edited_module_rerun_what_comes_from_them(folder, checkout):
-    """The log, a file in a folder, is older than the one before, as a copy of another is."""
-    log = folder / "faces/data.csv"
-    lines = log.read_text().splitlines(keepends=True)
-    log.write_text("".join(lines[:-1]))
-    os.utime(log, (0, 0))
+def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
     module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):
-        found = planned(checkout, folder)
-    others = jobs("resting", "diagnose") | jobs("failing", "diagnose")
-    assert found == jobs("posed", "noise", "faces") | others | REPORT
+        found = planned(checkout, finished[0])
+    assert (
+        found == {job for device in CONFIG["devices"] for job in jobs(device, "diagnose")} | JOINT
+    )
 
 
 def test_an_edited_template_reruns_the_pages_and_an_edited_script_its_jobs(finished, checkout):
