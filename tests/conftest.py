@@ -68,9 +68,9 @@ def recordings():
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    from quick import blank
+    from quick import DRAW, blank
 
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", blank)
+    monkeypatch.setattr(DRAW, blank)
 
 
 @pytest.fixture

@@ -8,6 +8,9 @@ from imuloop import chain
 from imuloop.core.files import read_json
 from imuloop.validate.attitude import no_attitude
 
+# what every picture of a report is drawn by
+DRAW = "matplotlib.backends.backend_svg.FigureCanvasSVG.print_svg"
+
 
 @contextmanager
 def hurried(name):
@@ -30,5 +33,5 @@ def diagnosed(folder, log, kind="multi_position", **settings):
     return verdicts(device)
 
 
-def blank(figure, file, **how):
+def blank(canvas, file, **how):
     file.write("<svg></svg>")

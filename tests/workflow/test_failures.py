@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from imuloop import chain
-from quick import blank
+from quick import DRAW, blank
 
 STAGES = ("ingest", "segment", "noise", "calibrate", "diagnose", "allan", "export", "report_device")
 
@@ -32,7 +32,7 @@ def results(logs, tmp_path_factory):
         # what counts is in the results
         warnings.simplefilter("ignore")
         patch.setattr(chain, "attempt", failing)
-        patch.setattr("matplotlib.figure.Figure.savefig", blank)
+        patch.setattr(DRAW, blank)
         for name in names:
             device = chain.Device(name, folder / name, {"faces": "six_position"}, **settings)
             failures = chain.ingest(device, "faces", {}, [folder / "faces.parquet"])

@@ -10,6 +10,7 @@ from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from quick import hurried
+from workflow.conftest import QUICK
 
 
 @pytest.fixture
@@ -23,7 +24,7 @@ def faults(tmp_path):
             table.to_parquet(path)
             sessions[name] = {"kind": kind, "file": str(path)}
         with hurried("imu"):
-            return judge(Case(0, {"sessions": sessions}, ()), tmp_path / "results")[1]
+            return judge(Case(0, {"sessions": sessions, **QUICK}, ()), tmp_path / "results")[1]
 
     return of
 
