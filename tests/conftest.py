@@ -6,11 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from snakemake.common.configfile import load_configfile
 from xdist.scheduler import LoadScopeScheduling
-
-from entries import REPLICAS
-from imuloop.config_faults import config_faults
 
 # the same examples in every run; a shared machine's speed is no property of the code
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -81,6 +77,11 @@ def schema(repository):
 @pytest.fixture
 def faults(tmp_path, schema, monkeypatch):
     """Return a function: the faults of a config text, without the file's name."""
+    from snakemake.common.configfile import load_configfile
+
+    from entries import REPLICAS
+    from imuloop.config_faults import config_faults
+
     monkeypatch.chdir(tmp_path)
     (tmp_path / "poses.csv").write_text(
         "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"

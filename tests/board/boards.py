@@ -72,7 +72,7 @@ def log(truth, t, f, w, *seed):
 
 def logs(seed=1, truth=None, changed=lambda t, f, w: (f, w)):
     """Return the raw logs of a board; `changed` changes what is true at its places."""
-    truth = truth or example_truth()
+    truth = truth or example_truth(rate=50.0)
     t, f, w = true_board(truth, seed)
     f, w = changed(t, f, w)
     return [log(truth, t, *own, seed, k) for k, own in enumerate(zip(f, w, strict=True))]

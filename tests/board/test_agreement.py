@@ -12,7 +12,7 @@ from imuloop.board.board import relate
 from imuloop.report.tables.board import board_part
 from imuloop.simulate.truth import example_truth
 
-TRUTH = example_truth()
+TRUTH = example_truth(rate=50.0)
 
 
 def verdicts(content, kind):

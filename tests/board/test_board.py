@@ -56,8 +56,8 @@ def dated(log, start):
 def test_logs_of_other_begin_and_rate_with_lost_samples_still_compare(
     tmp_path, made, devices, dates
 ):
-    lost = made[0].drop(index=[*range(7000, 7040), *range(50, 28000, 97)])
-    late = made[1].iloc[300:-100:2].assign(**{TIME: lambda log: log[TIME] - 2.9963})
+    lost = made[0].drop(index=[*range(3500, 3520), *range(50, 14000, 97)])
+    late = made[1].iloc[150:-50:2].assign(**{TIME: lambda log: log[TIME] - 2.9963})
     logs = (
         [dated(*pair) for pair in zip((lost, late), dates, strict=True)] if dates else [lost, late]
     )
@@ -98,7 +98,7 @@ def test_a_device_without_a_log_is_left_out(tmp_path, made, devices):
 
 
 def test_too_little_motion_is_a_reason(tmp_path, made, devices):
-    still = [log.iloc[:8000] for log in made[:2]]
+    still = [log.iloc[:4000] for log in made[:2]]
     content = written(tmp_path, calibrated(tmp_path, still, devices))
     assert content["status"] == "not_testable" and content["why"].startswith("motion of")
 

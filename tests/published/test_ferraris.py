@@ -5,6 +5,7 @@ That each listed face is a pose, and no turn is, tests/segment/test_recordings.p
 
 import json
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -56,6 +57,7 @@ def turned(recordings, tmp_path_factory):
         "rate": RATE,
     }
 
+    @cache
     def made(axes, *others):
         # about each axis backwards
         sections = [
@@ -87,7 +89,7 @@ def test_turn_held_out_is_off_by_what_imucal_foresees(turned, axis):
     device = turned(range(3), "six_position")
     force = Calibration.from_json(device.file("six_position.json")).accelerometer
     turns = read_turns(device.sessions, force)
-    rest = [k for k in range(3) if k != axis]
+    rest = tuple({*range(3)} - {axis})
 
     def error(calibration):
         """Return what a calibration leaves of the turn about its own axis, degrees, backwards."""
