@@ -4,12 +4,14 @@ import json
 import re
 
 import numpy as np
+import pytest
 
 from notebook import code_cells, run, text
 
 NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_notebook_gives_what_is_stored_in_it(repository):
     stored = json.loads((repository / "docs/using.ipynb").read_text())
     for cell, outputs in zip(code_cells(stored), run(stored), strict=True):

@@ -23,9 +23,7 @@ def snakemake(
     **environment,
 ):
     """Run the workflow of a repository in a folder; return the finished process."""
-    # a run starts Python more often than any other test: it keeps byte code, as it does by default
-    left_out = ("IMULOOP_MIRROR", "PYTHONDONTWRITEBYTECODE")
-    found = {key: value for key, value in os.environ.items() if key not in left_out}
+    found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
     return subprocess.run(
         command(repository, folder, *arguments, target=target, config=config),
         cwd=cwd or folder,
