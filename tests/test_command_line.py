@@ -16,7 +16,6 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.ingest.ingest import ingest
-from imuloop.simulate.truth import example_truth
 from quick import hurried
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
@@ -239,19 +238,6 @@ def test_info_says_what_a_file_is(device, tmp_path, capsys):
     (tmp_path / "other.json").write_text('{"a": 1}')
     assert "no result of imuloop" in one_line_error(["info", tmp_path / "other.json"], capsys)
     assert "no such file" in one_line_error(["info", tmp_path / "none.csv"], capsys)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_report_of_one_log_without_a_config(device, tmp_path, capsys):
-    page, kept = tmp_path / "report.html", tmp_path / "kept"
-    with hurried("device"):
-        assert main(["report", str(device / "1.csv"), "-o", str(page), "--keep", str(kept)]) == 0
-    assert capsys.readouterr().out == f"wrote {page}\n"
-    text = page.read_text()
-    assert text.startswith("<!DOCTYPE html>") or text.startswith("<!doctype html>")
-    made = Calibration.from_json(kept / "calibration.json")
-    np.testing.assert_allclose(made.accelerometer.K, example_truth().accelerometer.K, atol=2e-3)
-    assert {"noise.json", "diagnosis.json", "exports"} <= {path.name for path in kept.iterdir()}
 
 
 def linked(path):
