@@ -1,6 +1,7 @@
 """``imuloop.calibrate`` and its relatives: the workflow's numbers from arrays, tables and files."""
 
 import re
+from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
@@ -75,6 +76,8 @@ def test_a_result_prints_its_parameters(result):
 def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
     page = result.report(tmp_path / "report.html").read_text()
     assert page.lower().startswith("<!doctype html>") and "in memory" in page
+    # the files go with the result
+    assert set(re.findall(r'href="([^#"][^"]*)"', page)) == set()
     for kind in ("poses", "allan", "series", "loop", "spectra"):
         figures = getattr(result.plot, kind)()
         assert figures and all(isinstance(figure, Figure) for figure in figures)
@@ -82,6 +85,20 @@ def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
         assert 0 < len(result.plot.residuals(sensor)) < len(result.plot.residuals())
     with pytest.raises(AttributeError, match="loop, poses"):
         result.plot.nothing()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_report_leads_to_the_files_that_are_kept(log, tmp_path):
+    kept = tmp_path / "my results"
+    with hurried("device"):
+        made = imuloop.calibrate(log["t"], log[FORCE], log[TURN], folder=kept, progress=False)
+    (tmp_path / "pages").mkdir()
+    page = made.report(tmp_path / "pages/report.html")
+    links = set(re.findall(r'href="([^#"][^"]*)"', page.read_text()))
+    assert len(links) > 20 and all((page.parent / unquote(link)).is_file() for link in links)
+    assert {"calibration.json", "loop.svg", "comparison.csv", "README.txt"} <= {
+        link.rpartition("/")[2] for link in links
+    }
 
 
 def test_a_figure_is_drawn_on_axes_as_in_the_report(result):

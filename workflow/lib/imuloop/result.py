@@ -1,5 +1,7 @@
 """One device from logs in memory or in files, without a config: what the chain finds."""
 
+import os
+import re
 import tempfile
 import warnings
 from collections.abc import Mapping
@@ -7,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
@@ -15,7 +18,7 @@ from tqdm import tqdm
 import imuloop
 from imuloop import chain
 from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json, refuse_overwriting
+from imuloop.core.files import read_json, refuse_overwriting, replaced
 from imuloop.core.model import Calibration
 from imuloop.core.samples import (
     ACCELERATION,
@@ -87,8 +90,11 @@ class Result:
 
         return Plots(self.device)
 
-    def report(self, path, command="imuloop.calibrate") -> Path:
-        """Write the report, one HTML file; return its path."""
+    def report(self, path, command="imuloop.calibrate", linked=True) -> Path:
+        """Write the report, one HTML file; return its path.
+
+        Results that are kept are `linked`, relative to it.
+        """
         from imuloop.report.provenance import provenance
 
         path, folder = Path(path), self.device.folder
@@ -98,6 +104,8 @@ class Result:
         config = {"gravity": self.device.gravity, "sessions": sessions}
         made_by = provenance(Path(imuloop.__file__).parents[3], command, config)
         chain.report([folder], made_by, path, folder / "comparison.csv")
+        kept = self._folder is None and linked
+        _link(path, self.device.name, os.path.relpath(folder, path.parent) if kept else None)
         return path
 
     def export(self, folder) -> list:
@@ -230,6 +238,19 @@ def calibrate(
         warnings.warn(f"{name}: {text}", stacklevel=2)
     paths = {n: str(x) if isinstance(x, (str, Path)) else "in memory" for n, x in logs.items()}
     return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
+
+
+def _link(page, name, folder):
+    """Lead a page's links to the results of a device to a folder; without one there are none."""
+    text = page.read_text("utf-8")
+    links = rf'<a href="(?:{re.escape(name)}/)?((?:figures|exports)/[^"]*|[\w.]+\.(?:json|csv))">'
+    if folder is None:
+        text = re.sub(rf" ?{links}(?:CSV|SVG)</a>", "", text)
+        text = re.sub(rf"{links}(.*?)</a>", r"\2", text)
+    else:
+        text = re.sub(links, rf'<a href="{quote(folder)}/\1">', text)
+    with replaced(page) as temporary:
+        temporary.write_text(text, "utf-8")
 
 
 def read(log, **declared) -> pd.DataFrame:

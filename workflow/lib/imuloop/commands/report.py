@@ -42,5 +42,6 @@ def run(arguments):
         with made(arguments, results, log) as result:
             for line in (*result.failures, *result.notes):
                 say(line)
-            result.report(page, f"imuloop report {shlex.join(sys.argv[2:])}")
+            command = f"imuloop report {shlex.join(sys.argv[2:])}"
+            result.report(page, command, linked=bool(arguments.keep))
     say(f"wrote {page}")

@@ -102,9 +102,17 @@ class Whitened:
         return [each - self.known @ (self.known.T @ each) for each in kinds]
 
     def imitates(self, k, other):
-        """Return whether one of two candidates takes `SHARE` of the narrower, or more."""
-        cosines = np.linalg.svd(self.bases[k].T @ self.bases[other], compute_uv=False)
-        return bool(cosines[-1] ** 2 >= SHARE)
+        """Return whether one of two candidates takes `SHARE` of the narrower, or more.
+
+        Or, of two of as many columns, of what the first takes of the residual.
+        """
+        one, two = self.bases[k], self.bases[other]
+        both = one.T @ two
+        if np.linalg.svd(both, compute_uv=False)[-1] ** 2 >= SHARE:
+            return True
+        taken = one.T @ self.residual
+        alike = one.shape == two.shape and np.sum((taken @ both) ** 2) >= SHARE * np.sum(taken**2)
+        return bool(alike)
 
 
 def whitened(rows, space, chosen, about=None):

@@ -31,7 +31,8 @@ def words(block):
         text = f" {of} structure, but no formula that is certain. Held out, with what each part's "
         text += f"own search finds: {gains}."
         return text + PATTERN * bool(block.get("slow_noise"))
-    text = f" {of} a formula, {formula(block)}, which wants a physicist. Held out: {gains}."
+    text = f" {of} a formula, {formula(block)}, which wants a physicist (imuloop propose). "
+    text += f"Held out: {gains}."
     if alike := search["imitators"][:WRITTEN]:
         text += LIKE_IT.format(" or ".join(a.replace("*", " ") for a in alike))
     return text

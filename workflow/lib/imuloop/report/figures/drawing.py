@@ -248,11 +248,11 @@ def write_svg(folder, name, picture):
 
 
 def write_csv(folder, name, columns):
-    """Write the numbers behind a picture; return the file's path from the report's folder.
+    """Write the numbers behind a picture; return the file's name.
 
     Of columns, a dict or a DataFrame, what is None or not a number stays empty.
     """
     table = pa.table({k: pa.array(np.asarray(v), from_pandas=True) for k, v in columns.items()})
     with replaced(folder / f"{name}.csv") as temporary:
         csv.write_csv(text_cells(table), temporary, csv.WriteOptions(quoting_style="needed"))
-    return f"{folder.parent.name}/{folder.name}/{name}.csv"
+    return f"{name}.csv"
