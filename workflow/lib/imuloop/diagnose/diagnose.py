@@ -109,8 +109,11 @@ def diagnose_device(
 
     def of_directions(calibration):
         """Return χ² and reduced χ² of a gyroscope by gravity as an accelerometer has it."""
-        own = GyroscopePoses(noise, calibration, units[1], calibrate_settings).fit(recording).fit
-        return own.chi2, own.reduced_chi2
+        model = GyroscopePoses(noise, calibration, units[1], calibrate_settings)
+        if model.untestable(recording):
+            return 0.0, 1.0
+        found = model.fit(recording).fit
+        return found.chi2, found.reduced_chi2
 
     force = diagnose_poses(
         force_model,

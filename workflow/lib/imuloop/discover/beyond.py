@@ -4,6 +4,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import LinAlgError
 from scipy.special import chdtrc
 
 from imuloop.diagnose.choice import Choice, Choices
@@ -90,7 +91,10 @@ class Beyond:
             return self
         *base, formula = self.choices.base
         alike = (formula, *self.imitators[:LISTED])
-        chi2, reduced = np.transpose([misfit((*base, effect)) for effect in alike])
+        try:
+            chi2, reduced = np.transpose([misfit((*base, effect)) for effect in alike])
+        except LinAlgError:
+            return self
         best = np.argmin(chi2)
         left = (chi2 - chi2[best]) / max(reduced[best], 1.0) < MARGIN
         near = [effect for effect, kept in zip(alike, left, strict=True) if kept]
@@ -128,18 +132,24 @@ class Beyond:
 def beyond(record, sensor, choices):
     """Return the Beyond of what a library's Choices leave of a sensor in a record.
 
-    `record` is one of `SEARCHED`.
+    `record` is one of `SEARCHED`. None where the residuals determine no fit of a part.
     """
-    base = choices.choice().base
-    searched = SEARCHED[record](choices.problem, base, sensor)
-    discovery, problem = discover(searched), searched.problem
+    try:
+        return _searched(choices, SEARCHED[record](choices.problem, choices.choice().base, sensor))
+    except LinAlgError:
+        return None
+
+
+def _searched(choices, searched):
+    base, problem, sensor = choices.choice().base, searched.problem, searched.space.sensor
+    discovery = discover(searched)
     effect, errors = discovery.effect, None
     space = discovery.space
     alike = tuple(space.effect(space.candidates[k]) for k in discovery.found.imitators)
     if effect is None or problem.lost((*base, effect)):
         return Beyond(sensor, discovery, None, alike)
     # at rest its rows are means over longer windows
-    if record != "static_record":
+    if not searched.test:
         errors, base = discovery.errors[1], needed(problem, base, effect)
     of_part = [(space.effect(c),) if c else () for c in discovery.without]
     composed = Composed(problem, choices, (*base, effect), of_part, errors)

@@ -107,7 +107,7 @@ def of_reference(problem, base, _):
     space = space_of(sensor.sensor, channels, lambda e: problem.added(e)[:, 0], "fw")
     each = list(zip(session, first, strict=True))
     # an axis of the reference's world, on those of the body
-    up = np.array([recording.logs[s].attitude[i][2] for s, i in each])
+    up = np.nan_to_num([recording.logs[s].attitude[i][2] for s, i in each])
     warmth = None
     if all(log.temperature is not None for log in recording.logs):
         warmth = np.array([recording.logs[s].temperature[i] for s, i in each])
@@ -175,7 +175,7 @@ def of_static(problem, base, sensor):
 
         def best(chosen):
             trials = search.tests((*base, *chosen), [k for k in numbers if k not in chosen])
-            log_p, number = min((t.log_p, t.effect) for t in trials if t)
+            log_p, number = min(((t.log_p, t.effect) for t in trials if t), default=(0.0, 0))
             return float(min(1.0, np.exp(log_p) * len(numbers))), number
 
         return best

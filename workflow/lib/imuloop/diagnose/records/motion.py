@@ -192,6 +192,8 @@ def _diagnosed(choices, units, columns, beyond):
     contents = {sensor: judged | found | of_sensor(sensor) for sensor in SENSORS}
     for sensor in SENSORS if beyond and leaves(judged) else ():
         more = beyond("motion", sensor, choices)
+        if more is None:
+            break
         contents[sensor]["discovered"] = more.content
         if more.choices:
             problem, added = more.choices.problem, more.choices.base

@@ -134,8 +134,7 @@ def _diagnosed(choices, beyond, misfit):
         untried(e.name, "added", "found in the static record") for e in problem.found
     ]
     formula = ()
-    if beyond and leaves(judged):
-        more = beyond("poses", sensor.sensor, choices)
+    if beyond and leaves(judged) and (more := beyond("poses", sensor.sensor, choices)):
         if misfit:
             about = more.choices and more.choices.problem
             more = more.told_apart(lambda e: misfit(final_solution(about, e).calibration))

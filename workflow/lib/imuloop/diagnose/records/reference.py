@@ -229,8 +229,7 @@ def _diagnosed(choices, others, windows, beyond):
     judged, columns = judged_residuals(choices, (kind,), 2)
     covariance, fitted, columns_of = _fitted(choices)
     content = judged | search_content(sensor, choices, fitted, others, [])
-    if beyond and leaves(judged):
-        more = beyond("reference", sensor, choices)
+    if beyond and leaves(judged) and (more := beyond("reference", sensor, choices)):
         content["discovered"] = more.content
         if more.choices:
             choices = more.choices

@@ -72,8 +72,10 @@ class Finding:
         """Return the same with what a search beyond the library found."""
         if not further.choices:
             return replace(self, further=further)
-        errors = further.choices.errors(further.choices.nested)
         effects = fitted_effects(self.choices.search(), further.choices.base)
+        if effects is None:
+            return replace(self, further=replace(further, choices=None))
+        errors = further.choices.errors(further.choices.nested)
         return replace(self, further=further, effects=effects, doubtful=effects, after=errors)
 
     @property
@@ -139,10 +141,10 @@ def diagnose_static(
 
     made = result()
     for sensor, finding in findings.items() if beyond else ():
-        if leaves(made.content[sensor]):
-            further = beyond("static_record", sensor, finding.choices)
+        own = made.content[sensor]
+        if leaves(own) and (further := beyond("static_record", sensor, finding.choices)):
             findings[sensor] = finding.with_formula(further)
-            made.content[sensor]["discovered"] = further.content
+            own["discovered"] = findings[sensor].further.content
     # a formula changes the noise of both sensors
     named = any(f.further and f.further.choices for f in findings.values())
     return result() if named else made
