@@ -34,7 +34,8 @@ class $cls(Effect):
 $factors
     Found: $sizes.
     Held-out error: $errors.
-    Leaves: its pattern in $pattern. Imitated by: $imitators.
+    Leaves: its pattern in $pattern.
+    Imitated by: $imitators.
     """
 
     reference_temperature: float = $reference
