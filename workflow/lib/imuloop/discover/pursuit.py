@@ -104,15 +104,15 @@ class Whitened:
     def imitates(self, k, other):
         """Return whether one of two candidates takes `SHARE` of the narrower, or more.
 
-        Or, of two of as many columns, of what the first takes of the residual.
+        Or, of two of several columns each, of what the first takes of the residual.
         """
         one, two = self.bases[k], self.bases[other]
         both = one.T @ two
         if np.linalg.svd(both, compute_uv=False)[-1] ** 2 >= SHARE:
             return True
         taken = one.T @ self.residual
-        alike = one.shape == two.shape and np.sum((taken @ both) ** 2) >= SHARE * np.sum(taken**2)
-        return bool(alike)
+        several = min(both.shape) > 1
+        return bool(several and np.sum((taken @ both) ** 2) >= SHARE * np.sum(taken**2))
 
 
 def whitened(rows, space, chosen, about=None):
