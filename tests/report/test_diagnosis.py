@@ -167,6 +167,13 @@ def test_a_floor_that_the_noise_leaves_open_has_its_range():
         assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
 
 
+def test_a_record_at_rest_above_its_estimated_noise_is_not_told_to_be_one():
+    left = residual("m/s^2", 2e-3, 2e-3, 1e-3, 40)
+    block = {"verdict": "consistent", "residuals": {"bias": left}, "slow_noise": True}
+    said = sentence("accelerometer", UNTESTED | block)
+    assert "more than a quarter above its floor" in said and "two hours or more" not in said
+
+
 @pytest.mark.parametrize("verdict", ["consistent", "unexplained"])
 def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_need(verdict):
     lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}

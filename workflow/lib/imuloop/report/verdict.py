@@ -50,6 +50,10 @@ SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
     "record of two hours or more would tell."
 )
+SLOW_AT_REST = (
+    " Held out it is more than a quarter above its floor: it takes more flicker or random walk "
+    "than was estimated, within their intervals."
+)
 # sessions with a reference from which on whole ones are held out
 WHOLE = 3
 # of the set-up of a reference, not of the sensor
@@ -250,7 +254,7 @@ def sentence(sensor, block):
                 f"explains {percent(probe['share'])} of it."
             )
     elif block.get("slow_noise"):
-        text += SLOW_NOISE
+        text += SLOW_AT_REST if "bias" in block["residuals"] else SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
     if block.get("sessions", WHOLE) < WHOLE:
         text += _within(block)
