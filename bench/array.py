@@ -93,12 +93,12 @@ def main():
                 devices = pool.map(partial(diagnosed, folder), jobs, chunksize=1)
             for device in devices:
                 for sensor, parts in read_json(device.file("diagnosis.json"))["sensors"].items():
-                    part = parts["poses"]
-                    names = [effect["name"] for effect in part["effects"]]
-                    print(recording, device.name, sensor, part["verdict"], *names)
-                    if search := part.get("discovered"):
-                        found = (search[k] for k in ("status", "searched", "chance", "formula"))
-                        print(recording, device.name, sensor, "beyond the library:", *found)
+                    for record, part in parts.items():
+                        of = recording, device.name, sensor, record
+                        print(*of, part["verdict"], *(effect["name"] for effect in part["effects"]))
+                        if search := part.get("discovered"):
+                            found = (search[k] for k in ("status", "searched", "chance", "formula"))
+                            print(*of, "beyond the library:", *found)
             for sensor, joint in discover_type("array", devices)["sensors"].items():
                 ratios = [
                     min(kind["ratio"] for kind in each["residuals"].values())

@@ -148,8 +148,8 @@ def _searched(choices, searched):
     alike = tuple(space.effect(space.candidates[k]) for k in discovery.found.imitators)
     if effect is None or problem.lost((*base, effect)):
         return Beyond(sensor, discovery, None, alike)
-    # at rest its rows are means over longer windows
-    if not searched.test:
+    # errors of other rows are not those of the record
+    if not searched.merged:
         errors, base = discovery.errors[1], needed(problem, base, effect)
     of_part = [(space.effect(c),) if c else () for c in discovery.without]
     composed = Composed(problem, choices, (*base, effect), of_part, errors)

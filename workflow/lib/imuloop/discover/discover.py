@@ -157,6 +157,7 @@ def lead_over_changes(rows, space, chosen):
     """Return by how much chosen columns are better than any that changes its sign midway.
 
     -2 log likelihood, as `Whitened.scores`; columns of the space, at `CHANGES`, but for imitators.
+    The time of a change is a parameter more.
     """
     number = rows.piece + 0.5
     signs = (np.sign(number - share * (rows.piece.max() + 1)) for share in CHANGES)
@@ -167,7 +168,7 @@ def lead_over_changes(rows, space, chosen):
     scores = white.scores()
     order = (k for k in np.argsort(-scores, kind="stable") if k and np.isfinite(scores[k]))
     best = next((scores[k] for k in order if not white.imitates(0, k)), -np.inf)
-    return float(min(scores[0] - best, 1e6))
+    return float(min(scores[0] - best + np.log(white.dof), 1e6))
 
 
 def _moved(space, chosen):

@@ -46,6 +46,8 @@ class Searched:
     test : callable, optional
         Takes the parts that are not seen, gives the test of candidates that `pursue` takes; those
         of drawn residuals if there is none.
+    merged : bool
+        Whether its rows are means over longer windows than those that the library is tested by.
     """
 
     rows: Rows
@@ -56,6 +58,7 @@ class Searched:
     noise_known: bool
     problem: object
     test: object = None
+    merged: bool = False
 
     @property
     def settings(self):
@@ -185,7 +188,7 @@ def of_static(problem, base, sensor):
         at = list(space.candidates[k])
         design = space.columns[:, at].reshape(3, count, len(at)).swapaxes(0, 1)
         own.evidence.know(k, design)
-    return Searched(rows, space, fold, kinds, scalars, False, problem, test)
+    return Searched(rows, space, fold, kinds, scalars, False, problem, test, merged=True)
 
 
 def _noise_at_rest(records, values):
