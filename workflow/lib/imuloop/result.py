@@ -31,6 +31,8 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY
 
 KINDS = ("multi_position", "six_position", "static")
+# where a log came from that was no file
+IN_MEMORY = "in memory"
 # what a result is made by; files for other tools and pages only when they are asked for
 STAGES = (chain.segment, chain.noise, chain.calibrate, chain.diagnose, chain.allan)
 
@@ -236,7 +238,7 @@ def calibrate(
             bar.update()
     for text in (*failures, *notes):
         warnings.warn(f"{name}: {text}", stacklevel=2)
-    paths = {n: str(x) if isinstance(x, (str, Path)) else "in memory" for n, x in logs.items()}
+    paths = {n: str(x) if isinstance(x, (str, Path)) else IN_MEMORY for n, x in logs.items()}
     return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
 
 
@@ -311,6 +313,7 @@ def _ingested(device, session, log, declared):
         path = device.file(f"{session}.parquet")
         path.parent.mkdir(parents=True, exist_ok=True)
         _table(log).to_parquet(path, index=False)
+        declared = declared | {"sources": {"log": {"path": IN_MEMORY}}}
     for failure in chain.ingest(device, session, declared, [path]):
         raise ImuloopError(failure.why)
     quality = read_json(device.sessions[session]["quality"])
