@@ -33,7 +33,8 @@ from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.discover.discover import discover, fitted
+from imuloop.discover.discover import discover
+from imuloop.discover.pursuit import fitted
 from imuloop.discover.searched import of_poses, of_static, rows_of
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -269,7 +270,8 @@ def outcome(name, limits, plan, seed):
         sizes = sizes * limits * np.sqrt(_one_limit(rank) / square)
     problem = with_sizes(sizes)
     added, searched = pattern(problem), of_poses(problem)
-    found, space = discover(searched), searched.space
+    found = discover(searched)
+    space = found.space
     if not found.found.candidates:
         return Outcome(found, False, np.nan)
     # what was put in, in units of the noise, against the space of what was found

@@ -11,8 +11,8 @@ from calibrate.devices import ACCELERATION_UNIT
 from imuloop import chain
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.diagnose.variance import Part
-from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover, fitted
-from imuloop.discover.pursuit import MARGIN, Rows, pursue
+from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover
+from imuloop.discover.pursuit import MARGIN, Rows, fitted, pursue
 from imuloop.discover.searched import of_poses
 from imuloop.discover.space import Space
 from imuloop.simulate.simulate import simulate_session

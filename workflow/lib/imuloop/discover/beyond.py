@@ -8,8 +8,8 @@ from scipy.linalg import LinAlgError
 from scipy.special import chdtrc
 
 from imuloop.diagnose.choice import Choice, Choices
-from imuloop.discover.discover import Discovery, discover, fitted
-from imuloop.discover.pursuit import MARGIN
+from imuloop.discover.discover import Discovery, discover
+from imuloop.discover.pursuit import MARGIN, fitted
 from imuloop.discover.searched import of_motion, of_poses, of_reference, of_static, rows_of
 
 # imitators that are listed
@@ -151,7 +151,7 @@ def _searched(choices, searched):
     # errors of other rows are not those of the record
     if not searched.merged:
         errors, base = discovery.errors[1], needed(problem, base, effect)
-    of_part = [(space.effect(c),) if c else () for c in discovery.without]
+    of_part = [(each,) if each.formula else () for each in discovery.without]
     composed = Composed(problem, choices, (*base, effect), of_part, errors)
     return Beyond(sensor, discovery, composed, alike)
 

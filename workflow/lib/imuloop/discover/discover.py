@@ -5,11 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from imuloop.core.precision import precision
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import chi_square
 from imuloop.diagnose.variance import likely_sizes, total
-from imuloop.discover.pursuit import MARGIN, Pursued, log_p, pursue, whitened
+from imuloop.discover.pursuit import MARGIN, Pursued, fitted, log_p, pursue, whitened
 from imuloop.discover.space import Space
 
 # probability, over the whole space, that chance gives a composed effect, and over all it may
@@ -41,8 +40,8 @@ class Discovery:
         its ``ratio_ci95``, the whole search repeated without each part; empty if nothing was found.
     errors : sequence of ndarray, shape (N,)
         The held-out errors themselves, before and after.
-    without : tuple of tuple of int
-        The columns that the search without each part finds.
+    without : tuple of Discovered
+        What the search without each part finds.
     left : float
         Probability that noise leaves as much beside it; 1 where nothing is known of it beforehand.
     agreed : float
@@ -95,6 +94,7 @@ def discover(record, level=LEVEL):
     found = pursue(rows, space, level=level, draws=DRAWS, seed=record.settings.seed, test=test)
     if not found.candidates:
         return Discovery(space, found, {})
+    space = space.about(found.warmer)
     columns = space.columns[:, list(found.columns)]
     *errors, without = held_out(record, level)
     first, alike = found.candidates[0], found.imitators
@@ -112,7 +112,7 @@ def discover(record, level=LEVEL):
         found,
         held_out_kinds(record, errors),
         errors,
-        tuple(tuple(w.columns) for w in without),
+        tuple(record.space.about(w.warmer).effect(w.columns) for w in without),
         chance_of_left(rows, columns) if record.noise_known else 1.0,
         float(np.mean(list(same))),
         constancy(record, found.columns),
@@ -173,10 +173,8 @@ def lead_over_changes(rows, space, chosen):
 
 def _moved(space, chosen):
     """Return the terms that chosen columns get with another reference temperature."""
-    terms = [space.terms[c] for c in chosen]
-    fewer = {"T^3": "T^2", "T^2": "T", "*T": ""}
-    each = ((t, next((f for f in fewer if f in t), None)) for t in terms)
-    return {t.replace(f, fewer[f]) for t, f in each if f} - set(terms)
+    moved = {space.warm[c][0] for c in chosen if c in space.warm}
+    return moved - {space.terms[c] for c in chosen}
 
 
 def in_sample(rows, columns):
@@ -200,22 +198,24 @@ def held_out(record, level):
         how = {"draws": DRAWS_WITHOUT, "seed": record.settings.seed + 1 + part}
         test = record.test and record.test(frozenset({part}))
         searches.append(pursue(*what, level=level, test=test, **how))
-        return searches[-1].columns
+        found = searches[-1]
+        return record.space.about(found.warmer).columns[:, list(found.columns)]
 
-    return errors_of(record, lambda seen: ()), errors_of(record, search), searches
+    nothing = record.space.columns[:, :0]
+    return errors_of(record, lambda seen: nothing), errors_of(record, search), searches
 
 
 def errors_of(record, chosen):
     """Return the errors of rows, (N,), each part predicted by a fit that did not see it.
 
-    `chosen` takes the rows that are seen, gives columns.
+    `chosen` takes the rows that are seen, gives columns of all, (N, q).
     """
     rows, fold = record.rows, record.fold
     errors = np.zeros(len(rows.values))
     for part in range(fold[:, 0].max() + 1):
         held = np.flatnonzero(fold[:, 0] == part)
         seen = np.flatnonzero(~(fold == part).any(axis=1))
-        design = np.column_stack([rows.jacobian, record.space.columns[:, list(chosen(seen))]])
+        design = np.column_stack([rows.jacobian, chosen(seen)])
         theta = fitted(rows.seen(seen), design[seen])[0]
         errors[held] = rows.values[held] - design[held] @ theta
     return errors
@@ -234,19 +234,3 @@ def held_out_kinds(record, errors):
             "ratio_ci95": ratio_interval(record.fold[own, 0], *pair, record.settings),
         }
     return kinds
-
-
-def fitted(rows, design):
-    """Return parameters by generalised least squares, (k,), and their covariance.
-
-    The noise is the likeliest beside them; the covariance grows with what is left.
-    """
-    sizes = likely_sizes(rows.values, design, rows.fixed, rows.parts)
-    weight = precision(total(rows.fixed, rows.parts, sizes))[0]
-    scale = np.linalg.norm(design, axis=0)
-    scaled = design / scale
-    inverse = np.linalg.inv(scaled.T @ weight @ scaled)
-    theta = inverse @ (scaled.T @ (weight @ rows.values))
-    left = rows.values - scaled @ theta
-    size = max(1.0, left @ weight @ left / max(len(left) - len(theta), 1))
-    return theta / scale, size * inverse / np.outer(scale, scale)

@@ -17,8 +17,8 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.p_values import log_f_tail
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.discover.discover import DRAWS, FLOOR, LEVEL, errors_of, fitted, held_out_kinds
-from imuloop.discover.pursuit import ALIKE, MARGIN, whitened
+from imuloop.discover.discover import DRAWS, FLOOR, LEVEL, errors_of, held_out_kinds
+from imuloop.discover.pursuit import ALIKE, MARGIN, fitted, whitened
 from imuloop.discover.searched import of_poses
 
 # version of the JSON file
@@ -137,7 +137,8 @@ def _device(member, white, best, choice, count):
             rows, np.column_stack([rows.jacobian, space.columns[:, columns]])
         )
         values, std = theta[-q:], np.sqrt(np.diag(covariance))[-q:]
-    errors = [errors_of(member, lambda seen, own=o: own) for o in ((), white.kept[choice])]
+    chosen = [space.columns[:, list(c)] for c in ((), white.kept[choice])]
+    errors = [errors_of(member, lambda seen, own=c: own) for c in chosen]
     kinds = held_out_kinds(member, errors)
     lower = any(own["ratio_ci95"][1] < 1 for own in kinds.values())
     terms = [space.terms[c] for c in columns]

@@ -16,6 +16,8 @@ MOST = 4
 LEFT = 1e-3
 # by how much a form of lower degree may be worse and is preferred
 ALIKE = 2.0
+# to the likeliest reference temperature, and half a difference that gives the derivative, K
+STEPS, HALF = 3, 0.5
 # by how much the best has to be better than the best that is no imitator, in -2 log likelihood
 MARGIN = 9.0
 
@@ -159,12 +161,12 @@ def _basis(columns):
 
 
 def _simplest(white, space, scores):
-    """Return the candidate of the lowest degree that does nearly all that the best does."""
+    """Return the candidate of fewest columns, then of the lowest degree, as good as the best."""
     best = int(np.argmax(scores))
     near = np.flatnonzero(scores >= scores[best] - ALIKE).tolist()
     rank = white.bases[best].shape[1]
     alike = [k for k in near if white.bases[k].shape[1] <= rank and white.imitates(best, k)]
-    return min(alike, key=lambda k: (space.degree(k), -scores[k], k))
+    return min(alike, key=lambda k: (white.bases[k].shape[1], space.degree(k), -scores[k], k))
 
 
 def log_p(white, residuals):
@@ -216,6 +218,8 @@ class Pursued:
     imitators : tuple of int
         Candidates within `MARGIN` of the first, that take its place, best first: its columns with
         other time constants, too.
+    warmer : float
+        By how much the reference temperature is another than that of the space, K.
     """
 
     candidates: tuple = ()
@@ -223,6 +227,7 @@ class Pursued:
     chances: tuple = ()
     margin: float = 0.0
     imitators: tuple = ()
+    warmer: float = 0.0
 
     @property
     def named(self):
@@ -232,6 +237,9 @@ class Pursued:
 
 def pursue(rows, space, *, level, draws, seed, test=None):
     """Return what is Pursued in the residuals: one candidate after the other, all fitted again.
+
+    The temperature that the first is taken from is fitted too, but for a `test` of columns as
+    they are.
 
     Parameters
     ----------
@@ -248,7 +256,7 @@ def pursue(rows, space, *, level, draws, seed, test=None):
     test : callable, optional
         Takes the candidates chosen, gives that probability of the best of the others, and it.
     """
-    rng, chosen, columns, chances = np.random.default_rng(seed), [], (), []
+    rng, chosen, columns, chances, warmer = np.random.default_rng(seed), [], (), [], 0.0
     while True:
         white = whitened(rows, space, columns)
         if len(chosen) == MOST or not any(b.shape[1] for b in white.bases):
@@ -265,13 +273,70 @@ def pursue(rows, space, *, level, draws, seed, test=None):
             white = whitened(rows, space, (), about=white.kept[best])
             scores = white.scores()
             best, first = _simplest(white, space, scores), white
+            if not test:
+                warmer = reference(rows, space, white.kept[best])
+                space = space.about(warmer)
         chosen.append(best)
         columns = (*columns, *white.kept[best])
     if not chosen:
         return Pursued(chances=tuple(chances))
     order = [int(k) for k in np.argsort(-scores, kind="stable") if np.isfinite(scores[k])]
     alike = [k for k in order if space.kin(chosen[0], k) or first.imitates(chosen[0], k)]
-    unlike = max((scores[k] for k in order if k not in set(alike)), default=-np.inf)
+    # nor is one that is unlike what holds an imitator, and more that makes it worse
+    held = [(scores[k], set(space.candidates[k])) for k in alike]
+    unlike = (k for k in order if k not in set(alike))
+    margin = scores[chosen[0]] - max(
+        (
+            scores[k]
+            for k in unlike
+            if not any(score > scores[k] and own < set(space.candidates[k]) for score, own in held)
+        ),
+        default=-np.inf,
+    )
     near = [k for k in alike if k != chosen[0] and scores[k] > scores[chosen[0]] - MARGIN]
-    margin = float(min(scores[chosen[0]] - unlike, 1e6))
-    return Pursued(tuple(chosen), columns, tuple(chances), margin, tuple(near))
+    margin = float(min(margin, 1e6))
+    return Pursued(tuple(chosen), columns, tuple(chances), margin, tuple(near), warmer)
+
+
+def reference(rows, space, columns):
+    """Return by how much a higher reference temperature makes columns likelier, K.
+
+    By steps of Gauss and Newton, beside the columns; zero where they have no temperature, or the
+    rows do not tell.
+    """
+    at, kelvin = list(columns), 0.0
+    design = np.column_stack([rows.jacobian, space.columns[:, at]])
+    sizes = likely_sizes(rows.values, design, rows.fixed, rows.parts)
+    _, root = precision(total(rows.fixed, rows.parts, sizes))
+
+    def white(values):
+        return solve_triangular(root, values, lower=True)
+
+    for _ in range(STEPS):
+        own, low, high = (white(space.about(kelvin + k).columns[:, at]) for k in (0.0, -HALF, HALF))
+        known = np.column_stack([white(rows.jacobian), own])
+        scale = np.linalg.norm(known, axis=0)
+        theta = np.linalg.lstsq(known / scale, white(rows.values))[0] / scale
+        change = (high - low) @ theta[-len(at) :]
+        basis = np.linalg.qr(known / scale)[0]
+        rest = change - basis @ (basis.T @ change)
+        if rest @ rest <= LEFT * (change @ change):
+            return 0.0
+        kelvin += float(rest @ white(rows.values) / (rest @ rest))
+    return kelvin
+
+
+def fitted(rows, design):
+    """Return parameters by generalised least squares, (k,), and their covariance.
+
+    The noise is the likeliest beside them; the covariance grows with what is left.
+    """
+    sizes = likely_sizes(rows.values, design, rows.fixed, rows.parts)
+    weight = precision(total(rows.fixed, rows.parts, sizes))[0]
+    scale = np.linalg.norm(design, axis=0)
+    scaled = design / scale
+    inverse = np.linalg.inv(scaled.T @ weight @ scaled)
+    theta = inverse @ (scaled.T @ (weight @ rows.values))
+    left = rows.values - scaled @ theta
+    size = max(1.0, left @ weight @ left / max(len(left) - len(theta), 1))
+    return theta / scale, size * inverse / np.outer(scale, scale)

@@ -2,7 +2,9 @@
 
 import re
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, combinations_with_replacement
+from math import comb
 
 import numpy as np
 
@@ -45,6 +47,31 @@ class Space:
     def seen(self, rows):
         """Return the same space of some rows."""
         return replace(self, columns=self.columns[rows])
+
+    def about(self, kelvin):
+        """Return the same space with a reference temperature that is so much higher."""
+        columns, place = self.columns.copy(), {term: k for k, term in enumerate(self.terms)}
+        for k, lower in self.warm.items():
+            for less, term in enumerate(lower, 1):
+                # a constant is a bias, which is no column
+                if term in place:
+                    size = comb(len(lower), less) * (-kelvin) ** less
+                    columns[:, k] += size * self.columns[:, place[term]]
+        reference = self.reference_temperature + kelvin
+        return replace(self, reference_temperature=reference, columns=columns)
+
+    @cached_property
+    def warm(self):
+        """Of each column with a power of temperature, the terms of its lower powers, next first."""
+        powers, found = ("", "T", "T^2", "T^3"), {}
+        for k, term in enumerate(self.terms):
+            axis, _, product = term.partition(": ")
+            factors = product.split("*")
+            for power, own in enumerate(powers):
+                if own in factors:
+                    lower = [[f if f != own else p for f in factors] for p in powers[:power][::-1]]
+                    found[k] = [f"{axis}: {'*'.join(filter(None, each))}" for each in lower]
+        return found
 
 
 def monomials(letter, degree):
