@@ -12,7 +12,7 @@ from imuloop import chain
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.diagnose.variance import Part
 from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover
-from imuloop.discover.pursuit import MARGIN, Rows, fitted, pursue
+from imuloop.discover.pursuit import ALIKE, MARGIN, Rows, fitted, pursue, reference, whitened
 from imuloop.discover.searched import of_poses
 from imuloop.discover.space import Space
 from imuloop.simulate.simulate import simulate_session
@@ -165,6 +165,42 @@ def test_twins_are_imitators_and_likenesses_leave_no_name():
     columns[:, 5] = columns[:, 4] + 0.6 * rng.normal(size=60)
     values = rng.normal(size=60) + 0.8 * columns[:, 4] + 0.3 * (columns[:, 5] - columns[:, 4])
     assert not pursue(*rows(values, columns), level=0.01, draws=300, seed=0).named
+
+
+def test_of_near_equals_fewest_columns_are_chosen():
+    rng = np.random.default_rng(4)
+    columns, values = rng.normal(size=(60, 12)), rng.normal(size=60)
+    values += 2 * columns[:, 3]
+    # what makes the pair as good as the one by Schwarz' criterion
+    columns[:, 4] = rng.normal(size=60) + 0.22 * (values - 2 * columns[:, 3])
+    own, space = rows(values, columns)
+    own = replace(own, widest=2)
+    space = replace(space, candidates=(*space.candidates, (3, 4)))
+    white = whitened(own, space, ())
+    scores = white.scores()
+    assert 0 < scores[12] - scores[3] < ALIKE
+    assert pursue(own, space, level=0.01, draws=300, seed=0).candidates[0] == 3
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_the_reference_temperature_is_fitted(power):
+    """Of ``c f (T - T0)^p`` in white noise, the columns' T0 another."""
+    rng, found = np.random.default_rng(5), []
+    f, warm = rng.normal(size=80), np.linspace(-8, 8, 80)
+    terms = ("x: fx", "x: fx*T", "x: fx*T^2")
+    columns = f[:, None] * warm[:, None] ** np.arange(3)
+    space = Space("gyroscope", 25.0, terms, columns, ((0,), (1,), (2,)))
+    for _ in range(100):
+        values = 0.5 * f * (warm - 1.3) ** power + rng.normal(size=80)
+        own = rows(values, columns)[0]
+        found.append(reference(own, space, (power,)))
+    # as far off as its error, σ/√Σ(∂/∂T0)², says
+    change = 0.5 * f * power * (warm - 1.3) ** (power - 1)
+    assert np.mean(found) == pytest.approx(1.3, abs=4 * np.std(found) / 10)
+    assert np.std(found) == pytest.approx(1 / np.linalg.norm(change), rel=0.3)
+    # where a scale factor takes it up nothing says what it is
+    known = replace(own, jacobian=np.column_stack([np.ones(80), f]))
+    assert power == 2 or reference(known, space, (1,)) == 0.0
 
 
 def test_nothing_is_found_in_noise_more_often_than_its_level():

@@ -54,6 +54,21 @@ def test_a_formula_is_what_it_says():
     np.testing.assert_array_equal(Discovered("x: wx", "gyroscope").design(c)[:, 0, 0], f[:, 0])
 
 
+@pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
+def test_another_reference_temperature_moves_columns_among_each_other(sensor):
+    c, (terms, _) = log(), formulas(sensor, True, "fw")
+
+    def columns(reference):
+        # less a constant, which is a bias
+        found = Discovered("; ".join(terms), sensor, reference).design(c).reshape(1800, -1)
+        levels = np.tile(np.eye(3), (600, 1))
+        return found - levels @ np.linalg.lstsq(levels, found)[0]
+
+    moved = Space(sensor, 22.0, terms, columns(22.0), ()).about(1.7)
+    assert moved.reference_temperature == 23.7
+    np.testing.assert_allclose(moved.columns, columns(23.7), rtol=1e-9, atol=1e-9)
+
+
 def test_what_settles_counts_from_the_last_turn():
     settling = after_turn(log(), "accelerometer")
     # turns last from 0 to 4 s of each 10 s
