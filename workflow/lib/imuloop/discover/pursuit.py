@@ -305,6 +305,8 @@ def reference(rows, space, columns):
     rows do not tell.
     """
     at, kelvin = list(columns), 0.0
+    if not space.warm.keys() & set(at):
+        return kelvin
     design = np.column_stack([rows.jacobian, space.columns[:, at]])
     sizes = likely_sizes(rows.values, design, rows.fixed, rows.parts)
     _, root = precision(total(rows.fixed, rows.parts, sizes))

@@ -27,7 +27,7 @@ UNITS = {"f": "m/s^2", "w": "rad/s", "T": "K", "R": "K/s", "t": "s", "s": "", "v
 MEANINGS = {
     "f": "specific force",
     "w": "angular rate",
-    "T": "temperature less {reference_temperature:g} degC",
+    "T": "temperature less {reference_temperature:.4g} degC",
     "R": f"rate of the temperature through a lag of {LAG:g} s",
     "t": "time since the start of the log",
     "s": "exp(-time since the last turn / the number of seconds)",
