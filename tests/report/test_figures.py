@@ -168,15 +168,17 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
 
 
 def error(what="a", final=None, **sizes):
-    effects = ["cubic"] if final else []
+    effects = ["g_sensitivity"] if final else []
     sizes = {"logged": None, "calibrated": 2e-3, "floor": 1e-3, "slow_noise": False} | sizes
     return {"what": what, "unit": "rad", "final": final, "effects": effects} | sizes
 
 
 def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
     words = loop_words([error(), error("vertical after a turn", 1e-3, logged=0.1)])
-    expected = "Vertical after a turn: 5.7° as logged, 0.11° calibrated, 0.057° with cubic, 2.0 "
-    assert plain(words) == f"{expected}times less. Noise alone gives 0.057°."
+    expected = (
+        "Vertical after a turn: 5.7° as logged, 0.11° calibrated, 0.057° with g sensitivity, "
+    )
+    assert plain(words) == f"{expected}2.0 times less. Noise alone gives 0.057°."
     # slow noise that no rest shows is a guess
     assert "Noise alone may give" in loop_words([error(slow_noise=True)])
     # what did not fall is no gain

@@ -88,7 +88,8 @@ def loop_words(errors):
         if error[stage] is not None
     ]
     if error["final"] is not None:
-        path.append(f"{display.text(error['final'], 2)} with {joined(error['effects'])}")
+        effects = joined([name.replace("_", " ") for name in error["effects"]])
+        path.append(f"{display.text(error['final'], 2)} with {effects}")
     text = f"{error['what'].capitalize()}: {', '.join(path)}"
     if fall(error) >= WORTH_SAYING:
         text += f", {number(fall(error), 2)} times less"
