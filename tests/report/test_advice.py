@@ -182,6 +182,14 @@ def test_a_first_session_is_as_long_as_the_readme_says(good, first, repository):
     assert "50\u202fs at rest" in step and "about 40 rests" in step
 
 
+def test_a_session_that_never_rests_is_no_first_session(good):
+    # without a rest there is no noise, and without noise nothing is planned
+    moved = session("walk", "multi_position", good().sessions[0].samples_path)
+    steps = next_steps(good(sessions=(moved,), noise={}, diagnosis={}))
+    assert steps[0].startswith("walk has no rest that is a pose. Record a multi_position session")
+    assert not any("Nothing needed" in step for step in steps)
+
+
 def test_a_rejected_session_is_named_and_no_other_asked_for(good):
     gone = session("turns", "multi_position", status="rejected", reasons=["no rows"])
     steps = next_steps(good(sessions=(gone,), diagnosis={}))

@@ -142,7 +142,7 @@ def next_steps(device):
     found = sorted((step for source in sources for step in source(device)), key=lambda s: -s[0])
     steps, last = [text for _, text in found[:MOST]], not mend and enough(device)
     if not steps:
-        return [f"Nothing needed. {last}".strip()]
+        return [f"Nothing needed. {last}" if last else "See why a verdict is not testable, above."]
     return [*steps[: MOST - 1], last] if last else steps
 
 

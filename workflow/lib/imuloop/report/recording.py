@@ -92,10 +92,12 @@ def _drops(device, name=None, least=MATTERS):
 
 
 def first_session(device):
-    """Yield that there is no multi_position session, and what one would give."""
+    """Yield that there is no multi_position session with a pose, and what one would give."""
+    own = [s for s in device.sessions if s.kind == "multi_position"]
     # a rejected one has its own line, which asks for the same
-    if any(s.kind == "multi_position" for s in device.sessions):
+    if any(s.rejected or s.poses for s in own):
         return
+    moved = f"{joined([s.name for s in own])} has no rest that is a pose. " if own else ""
     gains = []
     for sensor, _, candidates in _plans(device):
         after = next((c["std"] for c in candidates if c["name"] == "multi_position"), {})
@@ -105,8 +107,8 @@ def first_session(device):
     expected = f" It would give {joined(gains)} (1 σ, the worst axis)." if gains else ""
     yield (
         1.0,
-        f"Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then about "
-        f"{POSES} rests of a few seconds in attitudes spread over the sphere, turned by hand "
+        f"{moved}Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then "
+        f"about {POSES} rests of a few seconds in attitudes spread over the sphere, turned by hand "
         "between them."
         f"{expected} Without it misalignment and the gyroscope's scale factor stay unknown.",
     )
