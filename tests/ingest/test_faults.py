@@ -246,6 +246,22 @@ def test_a_good_log_has_none(run, kind):
     assert run(good_log(kind, 11), kind=kind).quality["warnings"] == []
 
 
+def test_of_a_log_that_never_rests_nothing_is_told_about_its_noise(run):
+    # a gait: all power is below 10 Hz, and the mean of a second is less than that of its parts
+    rng = np.random.default_rng(12)
+    gait, n = butter(2, 0.1), 30_000
+    log = pd.DataFrame({"t": np.arange(n) / 100})
+    swing = 1.5 + np.sin(np.arange(n) / 900)
+    for name in CHANNELS:
+        moved = np.diff(lfilter(*gait, rng.normal(size=n + 1))) * (50 if name[0] == "a" else 10)
+        log[name] = swing * moved + 1e-3 * rng.normal(size=n) + 9.8 * (name == "az")
+    found = run(log).quality
+    assert found["faults"]["rests"]["share"] < 0.1
+    assert set(found["faults"]["noise_near_nyquist"].values()) == {None}
+    assert found["faults"]["mean_at_rest"] is None
+    assert not any("power is lacking" in w or "at rest" in w for w in found["warnings"])
+
+
 def test_noise_far_below_the_step_is_not_stuck(run):
     # two levels near the edge of a step, one between: runs of thousands of samples are its nature
     rng = np.random.default_rng(4)

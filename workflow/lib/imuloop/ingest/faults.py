@@ -48,6 +48,8 @@ BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
 LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
 # the noise near Nyquist is lacking below this share; a log with more drift is moving
 LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
+# noise is that of the quietest part of a log, which has to rest for as much of its time
+QUIET_SHARE = 0.25
 # an axis is silent at rest where it never changes in this share of the quieter blocks
 SILENT_SHARE = 0.8
 
@@ -147,6 +149,9 @@ def measure(samples, metadata, figures, threads=1):
             stuck[name] = [run for run in stuck[name] if run[:2] not in padding]
     axes = way.fit()
     rests = still.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
+    share, mean_at_rest = rests["share"] if rests else 0.0, None
+    if share >= QUIET_SHARE:
+        mean_at_rest = means.figures([steps[name] for name in ANGULAR_RATE])
     if rests:
         rests["jump_s"] = float(samples.at(TIME, rests.pop("jump_row")))
     return {
@@ -163,9 +168,9 @@ def measure(samples, metadata, figures, threads=1):
         ],
         "silent_at_rest": silent,
         "noise_near_nyquist": {
-            name: None if name in silent else _lacking(spectra[name]) for name in CHANNELS
+            name: None if name in silent else _lacking(spectra[name], share) for name in CHANNELS
         },
-        "mean_at_rest": means.figures([steps[name] for name in ANGULAR_RATE]),
+        "mean_at_rest": mean_at_rest,
         "axes": axes,
         "rests": rests,
     }
@@ -278,12 +283,18 @@ def _bands(blocks):
     return np.array([away.var(axis=1), *bands])
 
 
-def _lacking(found):
-    """Return the noise near Nyquist as a share of that below; None where nothing rests."""
+def _lacking(found, share):
+    """Return the noise near Nyquist as a share of that below; None where nothing rests.
+
+    `share` of the log rests; what moves has power at low frequencies that is no noise.
+    """
     variance, low, middle, high = found[:, np.isfinite(found).all(axis=0) & (found[0] > 0)]
     if len(variance) < LEAST_BLOCKS:
         return None
-    quiet = np.argsort(variance)[: max(len(variance) // 4, LEAST_BLOCKS)]
+    count = max(int(QUIET_SHARE * len(variance)), LEAST_BLOCKS)
+    if count > share * len(variance):
+        return None
+    quiet = np.argsort(variance)[:count]
     if not middle[quiet].sum() or low[quiet].sum() > MOST_DRIFT * middle[quiet].sum():
         return None
     return float(high[quiet].sum() / middle[quiet].sum())
