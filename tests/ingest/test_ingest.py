@@ -10,6 +10,7 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import schema
 from imuloop.ingest import convert
+from imuloop.ingest.stamps import NANOSECONDS
 
 
 @pytest.fixture
@@ -140,3 +141,19 @@ def test_a_stamp_that_stands_for_none(log, path, run, sentinel, row):
     first = 1 if row == 0 else 0
     kept = np.delete(np.arange(500), row) - first
     np.testing.assert_array_equal(done.samples.t, kept * 10_000_000 * 1e-9)
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_unix_time_in_a_finer_unit_than_declared_is_named(log, run, unit):
+    # as s they are millennia ahead, and so many rows of a log at rest would show nothing wrong
+    log["t"] = np.round((log["t"] + 1.7e9) * NANOSECONDS["s"] / NANOSECONDS[unit]).astype("int64")
+    found = run(log).quality
+    assert found["status"] == "rejected"
+    [reason] = found["reasons"]
+    assert f"in {unit} it is 2023-11-14" in reason and reason.endswith(f"units.time: {unit}")
+    assert run(log, units={"time": unit}).quality["status"] == "ok"
+
+
+def test_a_counter_of_days_is_no_unix_time(log, run):
+    log["t"] += 400 * 86400
+    assert run(log).quality["status"] == "ok"

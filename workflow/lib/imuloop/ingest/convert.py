@@ -17,6 +17,7 @@ from imuloop.ingest.columns import STAMP, unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
+    check_unit,
     is_iso,
     iso_nanoseconds,
     no_stamps,
@@ -100,6 +101,8 @@ def si_batches(
                 counts.non_finite += batch.num_rows
                 continue
             origin, dated = x[readable.argmax()].item(), absolute
+            if stamped and not absolute and not timeline:
+                check_unit(origin, units["time"])
             counts.time_unit = _time_unit(stamped, absolute, units, rate, timeline)
             # before all stamps, so that the first one counts as later
             newest = origin - 1

@@ -137,6 +137,19 @@ def absolute_nanoseconds(stamp, unit, absolute):
     return round(nanoseconds) if low <= nanoseconds < high else None
 
 
+def check_unit(stamp, unit):
+    """Reject stamps, numbers, that are centuries ahead in their unit, and dates in a finer one."""
+    if stamp * NANOSECONDS[unit] < _UNIX[1] * 10**9:
+        return
+    finer = [name for name in NANOSECONDS if absolute_nanoseconds(stamp, name, False) is not None]
+    if finer:
+        date = iso_text(absolute_nanoseconds(stamp, finer[0], False))
+        raise RejectedLog(
+            f"the stamps, {stamp} the first, are no {unit}: in {finer[0]} it is {date}; declare "
+            f"units.time: {finer[0]}"
+        )
+
+
 def iso_text(nanoseconds):
     """Return nanoseconds since 1970 as an ISO 8601 text, UTC."""
     return pd.Timestamp(nanoseconds, unit="ns").isoformat() + "Z"
