@@ -194,3 +194,17 @@ def test_a_few_samples_at_the_end_of_sixteen_bits_are_clipped(taken, offset):
     # the same values in SI: known by the step
     log[list(ANGULAR_RATE)] = (log[list(ANGULAR_RATE)] - offset) * 1e-4
     assert "gx 18 samples" in taken(log)["warnings"][0]
+
+
+@pytest.mark.parametrize("session", ["static", "multi_position"])
+@pytest.mark.parametrize("unit", ["m/s^2", "g"])
+def test_counts_that_are_not_declared_are_named(taken, session, unit):
+    log = simulated(session, duration_s=60.0) if session == "static" else simulated(session)
+    per_g, per_rate = 16384 / 9.80665, 131 / DEGREE
+    log[list(ACCELERATION)] = (log[list(ACCELERATION)] * per_g).round()
+    log[list(ANGULAR_RATE)] = (log[list(ANGULAR_RATE)] * per_rate).round()
+    found = taken(log, kind=session, units={"acceleration": unit})
+    assert found["status"] == "rejected"
+    assert any("look like counts; declare units.acceleration: count" in r for r in found["reasons"])
+    nominal = {"acceleration": {"scale": 1 / per_g}, "angular_rate": {"scale": 1 / per_rate}}
+    assert taken(log, kind=session, units=COUNTS, nominal=nominal)["status"] == "ok"

@@ -10,7 +10,7 @@ from math import log
 
 import numpy as np
 
-from imuloop.core.samples import ANGULAR_RATE
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 
@@ -36,6 +36,8 @@ LEAST_REST, MOST_TILT = 0.5, 0.15
 MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
 # a step of the specific force without a turn, of gravity
 MOST_JUMP = 0.05
+# a step of one, as it comes out of differences
+NEAR_ONE = 1e-6
 # times that an integer wraps around, to be named and to make the log useless: logs that were joined
 # jump so once or twice
 LEAST_WRAPS, MOST_WRAPS = 3, 20
@@ -129,10 +131,21 @@ def _force(figures, unit, gravity, reasons, warnings):
         cause = _nearest(force / gravity, _full_scales("acceleration", unit), NEAR_FORCE)
     if cause:
         reasons.append(f"{line}: {cause}")
+    elif unit.name in ("m/s^2", "g") and _whole(figures, unit):
+        reasons.append(
+            f"{line}: taken as {unit.name}, whole numbers that look like counts; declare "
+            "units.acceleration: count, and nominal.acceleration; see units.angular_rate too"
+        )
     elif force < 0.3 * gravity:
         warnings.append(f"{line}: has gravity been taken out of the log?")
     else:
         warnings.append(f"{line}: see units.acceleration and nominal.acceleration")
+
+
+def _whole(figures, unit):
+    """Tell whether the acceleration was logged in whole numbers."""
+    steps = [figures["quantisation_step"][name] for name in ACCELERATION]
+    return all(step and abs(step / unit.scale - 1) < NEAR_ONE for step in steps)
 
 
 def _live(figures):
