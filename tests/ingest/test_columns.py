@@ -36,6 +36,7 @@ def test_usual_names_are_known(name):
     ("quantity", "text", "unit"),
     [
         ("acceleration", "m s-2", "m/s^2"),
+        ("acceleration", "m/(s^2)", "m/s^2"),
         ("angular_rate", "°/s", "deg/s"),
         ("angular_rate", "mrad/s", "mrad/s"),
         ("time", "µs", "us"),

@@ -226,6 +226,24 @@ def test_a_row_of_units_below_the_header(log, run, tmp_path, brackets):
         run(path)
 
 
+def test_a_unit_with_brackets_in_it_below_the_header(log, run, tmp_path):
+    lines = log.to_csv(index=False).splitlines()
+    path = tmp_path / "log.csv"
+    units = ["s", *["m/(s^2)"] * 3, *["rad/s"] * 3]
+    path.write_text("\n".join([lines[0], ",".join(units), *lines[1:]]))
+    assert same(run(path).samples, log)
+
+
+def test_decimal_commas_beside_dates_with_a_point(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    stamps = [f"2024-03-05 23:59:{second:06.3f}" for second in 55 + log["t"]]
+    stamps = [s.replace("-05 23:59:6", "-06 00:00:0") for s in stamps]
+    log.assign(t=stamps).to_csv(path, index=False, sep=";", decimal=",")
+    done = run(path)
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
+    assert same(done.samples.assign(t=log.t), log)
+
+
 def test_nothing_depends_on_the_size_of_a_batch(log, run, tmp_path):
     path = tmp_path / "log.csv"
     big = pd.concat([log] * 20, ignore_index=True)

@@ -149,7 +149,7 @@ def stated_unit(quantity, text, increments=False):
     Who writes `deg` beside a rate means deg/s: an angle counts as an increment only where
     `increments`.
     """
-    plain = re.sub(r"[\s^*·._{}\\]", "", str(text).lower().replace("²", "2"))
+    plain = re.sub(r"[\s^*·._{}()\\]", "", str(text).lower().replace("²", "2"))
     plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
     unit = _UNITS[quantity].get(plain)
     summed = unit in INCREMENTS.get(quantity, ())

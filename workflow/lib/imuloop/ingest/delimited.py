@@ -36,6 +36,8 @@ IN_FOLDER = "data.csv"
 
 # a line that may be a header
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
+# around units, and in them: m/(s^2)
+_BRACKETS = re.compile(r"[\[\](){}]")
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
@@ -70,7 +72,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
 
 def _units_below(layout, chosen):
     """Return the units that a row below the header names."""
-    names = [f"[{text.strip('[](){} ')}]" for text in layout.units]
+    names = [f"[{_BRACKETS.sub('', text)}]" for text in layout.units]
     found = {}
     for quantity in ("time", "acceleration", "angular_rate", "temperature"):
         where = getattr(chosen, quantity)

@@ -84,10 +84,10 @@ def find_layout(path, least=AXES):
     below = [i for i in rows if i >= first]
     if names and below and len(fields(below[0])) == width and _are_units(fields(below[0])):
         units, first = fields(below[0]), below[0] + 1
-    sample = [i for i in rows if i >= first]
-    decimal_comma = not any("." in texts[i] for i in sample) and any(
-        "," in text for i in sample for text in fields(i)
-    )
+    # the point of an ISO stamp is not that of the numbers beside it
+    sample = [text for i in rows if i >= first for text in fields(i) if not _ISO.match(text)]
+    numbers = "".join(filter(is_number, sample))
+    decimal_comma = "." not in numbers and "," in numbers
     return Layout(
         separator=separator,
         names=[name.strip() for name in names] if names else [str(i) for i in range(width)],
