@@ -108,7 +108,7 @@ LONG = [
     (
         f"{SOUND}, columns: {{time: note}}",
         "file: time column 'note' holds neither numbers nor ISO 8601 stamps; name the right one in "
-        "columns.time",
+        "columns.time, or give columns.time: null and rate in Hz",
     ),
 ]
 STATIC = "sessions: {a: {kind: static, file: poses.csv}}}"

@@ -81,7 +81,11 @@ def test_marks_of_one_pulse_per_second(faults, tmp_path):
         ("{counter: gx}", f"{key}.time: missing; marks are two columns of the log, or a file"),
         ("{file: none.csv}", f"{key}.file: there is no file none.csv"),
         ("{file: .}", f"{key}.file: . is a folder, not a file"),
-        ("{file: text.csv}", f"{key}.file: the file is not a table of numbers in rows and columns"),
+        (
+            "{file: text.csv}",
+            f"{key}.file: the file is not a table of numbers in rows and columns; save it as CSV, "
+            "a sample per line",
+        ),
         ("{file: marks.csv, counter: q}", f"{key}.counter: no column 'q'; there are c, gnss"),
         (
             "{counter: gx, time: q}",

@@ -48,6 +48,22 @@ def test_spellings_of_units(quantity, text, unit):
     assert stated_unit(quantity, text) == unit
 
 
+@pytest.mark.parametrize(
+    ("names", "at", "unit"),
+    [
+        (["T(°)", "Time(s)"], 1, "s"),
+        (["Time(s)", "T(°)"], 0, "s"),
+        # alone it is all that there is to name
+        (["T(°)"], 0, "°"),
+        (["millis"], 0, "ms"),
+        (["micros"], 0, "us"),
+    ],
+)
+def test_the_time_column_is_one_whose_unit_is_of_time(names, at, unit):
+    found = resolve([*names, *"ax ay az gx gy gz".split()])
+    assert (found.time, found.units["time"]) == (at, unit)
+
+
 def test_missing_angular_rate_and_repeated_names():
     with pytest.raises(ImuloopError, match="no columns of angular_rate found"):
         resolve("t ax ay az".split())

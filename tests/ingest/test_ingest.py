@@ -157,3 +157,12 @@ def test_unix_time_in_a_finer_unit_than_declared_is_named(log, run, unit):
 def test_a_counter_of_days_is_no_unix_time(log, run):
     log["t"] += 400 * 86400
     assert run(log).quality["status"] == "ok"
+
+
+def test_a_time_of_the_day_goes_on_after_midnight(log, run, tmp_path):
+    ms = np.round(log["t"] * 1000).astype(int) + 86_397_000
+    day = pd.to_datetime(ms % 86_400_000, unit="ms").dt.strftime("%H:%M:%S.%f").str[:-3]
+    log.assign(t=day).to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    np.testing.assert_allclose(done.samples["t"], log["t"], atol=1e-9)
+    assert done.quality["clock"]["rollovers"] == 1

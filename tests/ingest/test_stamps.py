@@ -17,6 +17,14 @@ from imuloop.ingest.stamps import (
 MOMENT = 19782 * 86400 + 86399
 
 
+def test_times_of_the_day_are_seconds():
+    text = ["23:59:59.250", "0:00:01", "?", "24:61", None]
+    values, readable, absolute = stamp_values(parse_stamps(pa.array(text)))
+    assert values[:2].tolist() == [86399.25, 1.0]
+    assert readable.tolist() == [True, True, False, False, False]
+    assert not absolute
+
+
 def test_whole_numbers_keep_all_digits_beside_unreadable_ones():
     big = 2**60 + 1
     for text in ([str(big)], [str(big), None, "oops", ""]):

@@ -34,7 +34,7 @@ _KNOWN = {name for pair in _SENSORS.values() for usual in pair for name in usual
 _SINGLE = {
     "time": "t time timestamp time_stamp stamp timestamps times sensor_time header_stamp utc"
     " time_utc timestamp_utc utc_time datetime date_time epoch unix_time unix_timestamp"
-    " seconds_elapsed elapsed elapsed_time".split(),
+    " seconds_elapsed elapsed elapsed_time millis micros".split(),
     "temperature": "temperature temp tmp temperature_imu chip_temperature".split(),
     "interval": "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
     " integration_time integration_interval".split(),
@@ -53,7 +53,7 @@ _SPELLINGS = {
         "h": "h hr hrs hour hours",
         "s": "s sec secs second seconds",
         "ms": "ms msec millis millisecond milliseconds",
-        "us": "us usec microsecond microseconds",
+        "us": "us usec micros microsecond microseconds",
         "ns": "ns nsec nanosecond nanoseconds",
     },
     "acceleration": {
@@ -189,7 +189,7 @@ def resolve(names, declared=None, headed=True):
             how = "by name" if headed else "by number from 0"
             raise ImuloopError(
                 f"no columns of {quantity} found ({listed(names, headed)}); name its x, y, z "
-                f"{how} in columns.{quantity}"
+                f"{how} in columns.{quantity}; a log holds both sensors, as a phone app's zip does"
             )
         if not headed or where is None:
             continue
@@ -320,10 +320,13 @@ def guess(names, increments=False):
                 axes[axis].append(at)
         for quantity, usual in _SINGLE.items():
             joined, shorter = "_".join(words), "_".join(words[:-1])
+            # T (°) is no time beside Time (s)
+            unit = _unit_in(quantity, name, False)
+            strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
             if joined in usual:
-                single[quantity].append((usual.index(joined), at, joined))
+                single[quantity].append((strange, usual.index(joined), at, joined))
             elif shorter in usual and words[-1] in _UNITS[quantity]:
-                single[quantity].append((usual.index(shorter), at, shorter))
+                single[quantity].append((strange, usual.index(shorter), at, shorter))
     # of names that repeat two are enough
     found = {
         quantity: [
@@ -333,7 +336,7 @@ def guess(names, increments=False):
         ]
         for quantity, stems in sensors.items()
     }
-    return found | {q: [(at, stem) for _, at, stem in sorted(each)] for q, each in single.items()}
+    return found | {q: [(at, stem) for *_, at, stem in sorted(each)] for q, each in single.items()}
 
 
 def _split(text):
@@ -389,8 +392,9 @@ def _unit_in(quantity, name, increments):
     text = bracket[1].strip() if bracket else ""
     if text and not text.isdigit() and text.lower() not in AXES:
         return stated_unit(quantity, text, increments) or text
-    # the longest end of the name that is a unit
-    for separator in re.finditer(r"[\s_.,:-]+|\s/\s", name):
+    # the longest end of the name that is a unit; of one column all of it: millis
+    start = r"\A|" if quantity in _SINGLE else ""
+    for separator in re.finditer(start + r"[\s_.,:-]+|\s/\s", name):
         end = name[separator.end() :]
         # one letter is too little to go by for a sensor: acc_x_g
         if len(end) > 1 or quantity in _SINGLE:

@@ -18,6 +18,7 @@ MOST = 1 << 62
 YEARS = "1824 to 2115"
 # what a unit of dates counts in a second
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+_OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
 # stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
 _UNIX = (946_684_800, 4_102_444_800)
 
@@ -30,7 +31,8 @@ def is_iso(unit):
 def parse_stamps(text):
     """Return stamps written as text: int64, else float64, else timestamp[ns] (UTC).
 
-    What cannot be read becomes null; stamps without a zone count as UTC.
+    What cannot be read becomes null; stamps without a zone count as UTC. A time of the day, as
+    23:59:59.25, is its seconds.
     """
     for kind in (pa.int64(), pa.float64()):
         with suppress(pa.ArrowInvalid):
@@ -45,6 +47,9 @@ def parse_stamps(text):
             pairs = zip(series, whole, strict=True)
             return pa.array([int(s) if w else None for s, w in pairs], pa.int64())
         return pa.array(number.astype(float), pa.float64(), from_pandas=True)
+    clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
+    if clock.notna().any():
+        return pa.array(pd.to_timedelta(clock).dt.total_seconds(), from_pandas=True)
     moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
     return stamp_array(pa.array(moment, from_pandas=True))
 
@@ -108,7 +113,7 @@ def no_stamps(column, name):
         )
     return ImuloopError(
         f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "
-        "name the right one in columns.time"
+        "name the right one in columns.time, or give columns.time: null and rate in Hz"
     )
 
 

@@ -112,7 +112,10 @@ def _separator(rows, least):
         shares[separator] = numeric / (len(table) * width) if width >= least else 0.0
     best = max(_SEPARATORS, key=shares.get)
     if shares[best] < 0.5:
-        raise RejectedLog("the file is not a table of numbers in rows and columns")
+        raise RejectedLog(
+            "the file is not a table of numbers in rows and columns; save it as CSV, a sample per "
+            "line"
+        )
     # as many tabs as blanks: the blanks are inside of the header's names
     if best == BLANKS and widths["\t"] == widths[best]:
         best = "\t"
