@@ -1,5 +1,7 @@
 """Advice is made of a device's own numbers, what gains most first."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -15,7 +17,7 @@ from imuloop.report.verdict import UNTESTED
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 COUNTED = {"status": "ok", "rate_hz": 100.0, "misdeclared": False, "reasons": []}
-COUNTED |= {"clipped": {}, "faults": {}}
+COUNTED |= {"clipped": {}, "faults": {}, "warnings": []}
 
 
 def poses(up):
@@ -252,6 +254,22 @@ def test_structure_that_a_search_finds_comes_first_with_what_it_goes_with(first)
 def test_values_at_the_end_of_the_range_come_first(good, first):
     hard = session("hard", "static", good().sessions[0].samples_path, clipped={"ax": 12, "gz": 0})
     assert first(more=[hard]).startswith("Session hard: 12 samples of ax lie at the end")
+
+
+def test_a_force_that_is_far_from_gravity_comes_first(good, first):
+    text = "the specific force at rest is 25.6 m/s^2, gravity 9.807: see units.acceleration"
+    far = session("far", "static", good().sessions[0].samples_path, warnings=["1 gaps", text])
+    assert first(more=[far]) == f"Check what is declared of session far: {text}."
+
+
+@pytest.mark.parametrize("then", [3, 30])
+def test_short_rests_are_taken_only_where_they_are_enough(good, then):
+    hasty = good().sessions[0]
+    found = {"now": 0, "attitudes": then, "window_s": 1.0, "shortest_rest_s": 0.5}
+    hasty = replace(hasty, segmentation={"shorter": found})
+    [step] = [s for s in next_steps(good(sessions=(hasty,))) if "too short" in s]
+    assert step.endswith("old each for 4 s or more.")
+    assert ("shortest_rest_s: 0.5} there are 30" in step) == (then == 30)
 
 
 def test_advice_is_short_and_ordered_by_gain(good):

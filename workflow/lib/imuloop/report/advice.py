@@ -36,6 +36,8 @@ MOST = 5
 # span of a temperature that says anything, K, and the correlation with time from which on it and
 # time are the same to a fit
 SPAN_K, MONOTONE = 2.0, 0.9
+# poses that determine an accelerometer's nine parameters and check them
+ENOUGH_POSES = 10
 # σ so many times larger is as good as none
 HOPELESS = 20.0
 # effects that follow time
@@ -123,6 +125,7 @@ def next_steps(device):
     """
     sources = (
         _rejected,
+        _doubted,
         first_session,
         _clipped,
         _unexplained,
@@ -172,18 +175,27 @@ def _rejected(device):
             yield 1.0, text
 
 
+def _doubted(device):
+    for s in device.used:
+        for text in s.quality["warnings"]:
+            if "see units." in text:
+                yield 1.0, f"Check what is declared of session {s.name}: {text}."
+
+
 def _short_rests(device):
     for s in device.used:
         found = s.segmentation.get("shorter")
         if found:
             now, then = found["now"], found["attitudes"]
-            yield (
-                1 - now / then,
-                f"Most rests of session {s.name} are too short: {now} attitudes are left. With "
-                f"segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
-                f"{found['shortest_rest_s']:g}}} there are {then}; better, hold each for 4 s or "
-                "more.",
-            )
+            text = f"Most rests of session {s.name} are too short: {plural(now, 'attitude')} left."
+            if then >= ENOUGH_POSES:
+                text += (
+                    f" With segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
+                    f"{found['shortest_rest_s']:g}}} there are {then}; better, hold"
+                )
+            else:
+                text += " Hold"
+            yield 1 - now / then, f"{text} each for 4 s or more."
 
 
 def _unexplained(device):
