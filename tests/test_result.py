@@ -160,6 +160,15 @@ def test_what_cannot_be_used_is_said(log, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:.*too much for a turn by hand")
+def test_a_wrong_declaration_is_one_line_and_no_traceback(tmp_path, caplog):
+    path = tmp_path / "half.csv"
+    path.write_text("t,ax,ay,az\n" + "0.01,0,0,9.8\n" * 200)
+    for call in (imuloop.read, imuloop.calibrate):
+        with pytest.raises(ImuloopError, match=f"^{re.escape(str(path))}: no columns of angular_r"):
+            call(path)
+    assert not caplog.records
+
+
 def test_a_log_in_counts_is_questioned(log):
     with pytest.warns(UserWarning, match=r"units\.acceleration"):
         result = imuloop.calibrate(log.iloc[:4000] * ([1] + 6 * [4000]), progress=False)

@@ -315,7 +315,8 @@ def _ingested(device, session, log, declared):
         _table(log).to_parquet(path, index=False)
         declared = declared | {"sources": {"log": {"path": IN_MEMORY}}}
     for failure in chain.ingest(device, session, declared, [path]):
-        raise ImuloopError(failure.why)
+        # the file's name is enough
+        raise ImuloopError(failure.why.removeprefix(f"{device.name}/{session}: "))
     quality = read_json(device.sessions[session]["quality"])
     reasons = [f"{shown}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
     return reasons, [f"{shown}: {text}" for text in quality["warnings"]]

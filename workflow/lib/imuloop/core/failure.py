@@ -5,7 +5,7 @@ import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from imuloop.core.errors import MachineFault, one_line
+from imuloop.core.errors import ImuloopError, MachineFault, one_line
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
 
@@ -51,7 +51,9 @@ def attempt(device, stage, work, instead, before=()):
     except Exception as error:
         if isinstance(error, OSError) and error.errno in MACHINE:
             raise
-        logging.exception("%s: %s failed", device.name, stage)
+        # without a log, what a user can mend is said by its one line alone
+        if device.log or not isinstance(error, ImuloopError):
+            logging.exception("%s: %s failed", device.name, stage)
         log = device.log and str(device.log)
         failure = Failure(stage, one_line(error) or type(error).__name__, log)
         instead(str(failure), asdict(failure))
