@@ -153,3 +153,9 @@ def test_changes_that_no_sensor_resolves_are_none(log, run, channels):
     assert done.quality["status"] == "rejected"
     assert len(done.quality["reasons"]) == len(channels)
     assert "in the whole log, which no sensor resolves" in done.quality["reasons"][0]
+
+
+def test_a_column_that_holds_no_numbers_is_named(log, run, tmp_path):
+    log.assign(ax=[f"12:00:00.0 -> {x}" for x in log["ax"]]).to_csv(tmp_path / "log.csv")
+    [first, _] = run(tmp_path / "log.csv").quality["reasons"]
+    assert "500 with missing or non-finite values (ax 500);" in first

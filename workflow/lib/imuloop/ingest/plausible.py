@@ -137,7 +137,9 @@ def _force(figures, unit, gravity, reasons, warnings):
             "units.acceleration: count, and nominal.acceleration; see units.angular_rate too"
         )
     elif force < 0.3 * gravity:
-        warnings.append(f"{line}: has gravity been taken out of the log?")
+        warnings.append(
+            f"{line}: has gravity been taken out of the log? If not, see units.acceleration"
+        )
     else:
         warnings.append(f"{line}: see units.acceleration and nominal.acceleration")
 

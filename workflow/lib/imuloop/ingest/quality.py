@@ -179,7 +179,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
         return ["the log has no rows"]
     if lost > MOST_DROPPED * inside:
         parts = (
-            (counts.non_finite, "with missing or non-finite values" + _impossible(counts)),
+            (counts.non_finite, f"with {_missing(counts)}{_impossible(counts)}"),
             (counts.duplicates, "with a repeated stamp"),
             (counts.out_of_order, "with a stamp before an earlier one"),
             (bad_lines, "lines that are no row"),
@@ -215,6 +215,14 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
                 f"see units.{quantity} and nominal.{quantity}"
             )
     return found
+
+
+def _missing(counts):
+    """Name the channels without a value, and in how many rows."""
+    lacking = counts.missing_values.items()
+    found = [f"{name} {count}" for name, count in lacking if count and name != TEMPERATURE]
+    where = f" ({', '.join(found)})" if found else ""
+    return f"missing or non-finite values{where}"
 
 
 def _impossible(counts):
