@@ -184,11 +184,14 @@ def test_a_first_session_is_as_long_as_the_readme_says(good, first, repository):
     assert "50\u202fs at rest" in step and "about 40 rests" in step
 
 
-def test_a_session_that_never_rests_is_no_first_session(good):
+@pytest.mark.parametrize("count", [0, 9, 10])
+def test_a_session_of_few_poses_is_no_first_session(good, count):
     # without a rest there is no noise, and without noise nothing is planned
-    moved = session("walk", "multi_position", good().sessions[0].samples_path)
+    path, up = good().sessions[0].samples_path, fibonacci_lattice(40)[:count]
+    moved = session("walk", "multi_position", path, up)
     steps = next_steps(good(sessions=(moved,), noise={}, diagnosis={}))
-    assert steps[0].startswith("walk has no rest that is a pose. Record a multi_position session")
+    asked = f"{count} poses found, at least 10 needed. Record a multi_position session"
+    assert steps[0].startswith(asked) == (count < 10)
     assert not any("Nothing needed" in step for step in steps)
 
 

@@ -8,6 +8,7 @@ from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.effects.discovered import parse
 from imuloop.report.numbers import joined, number
 from imuloop.report.recording import (
+    ENOUGH_POSES,
     best_recording,
     enough,
     first_session,
@@ -36,8 +37,6 @@ MOST = 5
 # span of a temperature that says anything, K, and the correlation with time from which on it and
 # time are the same to a fit
 SPAN_K, MONOTONE = 2.0, 0.9
-# poses that determine an accelerometer's nine parameters and check them
-ENOUGH_POSES = 10
 # σ so many times larger is as good as none
 HOPELESS = 20.0
 # effects that follow time

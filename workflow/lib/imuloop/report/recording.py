@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, largest_hole
 from imuloop.core.units import HOUR
@@ -13,6 +14,8 @@ from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
 from imuloop.report.verdict import ABOVE, block_of, undersampled
 
+# poses that determine an accelerometer's nine parameters and check them
+ENOUGH_POSES = 10
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
 # share of a standard error that has to go before a recording is worth its while
@@ -92,12 +95,13 @@ def _drops(device, name=None, least=MATTERS):
 
 
 def first_session(device):
-    """Yield that there is no multi_position session with a pose, and what one would give."""
+    """Yield that no multi_position session holds enough poses, and what one would give."""
     own = [s for s in device.sessions if s.kind == "multi_position"]
+    found = sum(s.poses for s in own)
     # a rejected one has its own line, which asks for the same
-    if any(s.rejected or s.poses for s in own):
+    if any(s.rejected for s in own) or found >= ENOUGH_POSES:
         return
-    moved = f"{joined([s.name for s in own])} has no rest that is a pose. " if own else ""
+    few = f"{plural(found, 'pose')} found, at least {ENOUGH_POSES} needed. " if own else ""
     gains = []
     for sensor, _, candidates in _plans(device):
         after = next((c["std"] for c in candidates if c["name"] == "multi_position"), {})
@@ -107,7 +111,7 @@ def first_session(device):
     expected = f" It would give {joined(gains)} (1 σ, the worst axis)." if gains else ""
     yield (
         1.0,
-        f"{moved}Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then "
+        f"{few}Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then "
         f"about {POSES} rests of a few seconds in attitudes spread over the sphere, turned by hand "
         "between them."
         f"{expected} Without it misalignment and the gyroscope's scale factor stay unknown.",
