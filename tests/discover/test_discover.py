@@ -12,7 +12,15 @@ from imuloop import chain
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.diagnose.variance import Part
 from imuloop.discover.discover import AGREED, FLOOR, LEVEL, discover
-from imuloop.discover.pursuit import ALIKE, MARGIN, Rows, fitted, pursue, reference, whitened
+from imuloop.discover.pursuit import (
+    ALIKE,
+    MARGIN,
+    Rows,
+    fitted,
+    likeliest_reference,
+    pursue,
+    whitened,
+)
 from imuloop.discover.searched import of_poses
 from imuloop.discover.space import Space
 from imuloop.simulate.simulate import simulate_session
@@ -193,14 +201,14 @@ def test_the_reference_temperature_is_fitted(power):
     for _ in range(100):
         values = 0.5 * f * (warm - 1.3) ** power + rng.normal(size=80)
         own = rows(values, columns)[0]
-        found.append(reference(own, space, (power,)))
+        found.append(likeliest_reference(own, space, (power,)))
     # as far off as its error, σ/√Σ(∂/∂T0)², says
     change = 0.5 * f * power * (warm - 1.3) ** (power - 1)
     assert np.mean(found) == pytest.approx(1.3, abs=4 * np.std(found) / 10)
     assert np.std(found) == pytest.approx(1 / np.linalg.norm(change), rel=0.3)
     # where a scale factor takes it up nothing says what it is
     known = replace(own, jacobian=np.column_stack([np.ones(80), f]))
-    assert power == 2 or reference(known, space, (1,)) == 0.0
+    assert power == 2 or likeliest_reference(known, space, (1,)) == 0.0
 
 
 def test_nothing_is_found_in_noise_more_often_than_its_level():

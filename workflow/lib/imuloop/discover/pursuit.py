@@ -274,7 +274,7 @@ def pursue(rows, space, *, level, draws, seed, test=None):
             scores = white.scores()
             best, first = _simplest(white, space, scores), white
             if not test:
-                warmer = reference(rows, space, white.kept[best])
+                warmer = likeliest_reference(rows, space, white.kept[best])
                 space = space.about(warmer)
         chosen.append(best)
         columns = (*columns, *white.kept[best])
@@ -298,7 +298,7 @@ def pursue(rows, space, *, level, draws, seed, test=None):
     return Pursued(tuple(chosen), columns, tuple(chances), margin, tuple(near), warmer)
 
 
-def reference(rows, space, columns):
+def likeliest_reference(rows, space, columns):
     """Return by how much a higher reference temperature makes columns likelier, K.
 
     By steps of Gauss and Newton, beside the columns; zero where they have no temperature, or the

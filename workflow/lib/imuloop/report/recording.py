@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.calibrate.accelerometer import NAMES
 from imuloop.core.errors import plural
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, largest_hole
@@ -14,8 +15,8 @@ from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
 from imuloop.report.verdict import ABOVE, block_of, undersampled
 
-# poses that determine an accelerometer's nine parameters and check them
-ENOUGH_POSES = 10
+# poses that determine an accelerometer's parameters and check them
+ENOUGH_POSES = len(NAMES) + 1
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
 # share of a standard error that has to go before a recording is worth its while
