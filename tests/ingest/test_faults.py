@@ -169,7 +169,7 @@ KEPT = [
     (scaled(ACCELERATION, 0.01), "has gravity been taken out"),
     (scaled(ANGULAR_RATE, 1e4), "too much for a turn by hand"),
     (scaled(["t"], 1e3), "0.1 Hz is unusual for an IMU: see units.time"),
-    (moved(0.5, 0.7), "1 gaps, 0.71 s together"),
+    (moved(0.5, 0.7), "1 gap, 0.71 s together"),
 ]
 
 

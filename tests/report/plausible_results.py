@@ -89,7 +89,7 @@ def _session(folder, device, session, kind, rng):
         "rows": len(t),
         "duration_s": t[-1] if len(t) else 0.0,
         "rate_hz": RATE,
-        "warnings": ["1 gaps, 20 s together <i>"] if kind == "static" else [],
+        "warnings": ["1 gap, 20 s together <i>"] if kind == "static" else [],
         "misdeclared": False,
         "simulated": warm,
         "start": None,

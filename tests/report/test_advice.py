@@ -261,7 +261,7 @@ def test_values_at_the_end_of_the_range_come_first(good, first):
 
 def test_a_force_that_is_far_from_gravity_comes_first(good, first):
     text = "the specific force at rest is 25.6 m/s^2, gravity 9.807: see units.acceleration"
-    far = session("far", "static", good().sessions[0].samples_path, warnings=["1 gaps", text])
+    far = session("far", "static", good().sessions[0].samples_path, warnings=["1 gap", text])
     assert first(more=[far]) == f"Check what is declared of session far: {text}."
 
 

@@ -254,7 +254,7 @@ def warnings(figures, counts, log, *, rate):
         found.append(f"samples at the end of the full scale: {listed}")
     if figures["gaps"]["count"]:
         gaps = figures["gaps"]
-        found.append(f"{gaps['count']} gaps, {gaps['total_s']:.4g} s together")
+        found.append(f"{plural(gaps['count'], 'gap')}, {gaps['total_s']:.4g} s together")
     if rate and figures["rate_hz"] and abs(figures["rate_hz"] / rate - 1) > 0.02:
         found.append(
             f"the stamps give {figures['rate_hz']:.4g} Hz, declared are {rate:g} Hz; stamps used"
