@@ -190,6 +190,19 @@ def test_of_near_equals_fewest_columns_are_chosen():
     assert pursue(own, space, level=0.01, draws=300, seed=0).candidates[0] == 3
 
 
+def test_of_near_equals_the_shortest_time_constant_is_chosen():
+    rng = np.random.default_rng(7)
+    rest = np.tile([0.0, 2.0, 4.0, 6.0, 8.0, 10.0], 10)
+    terms = ("z: s8", "z: s5", "z: s3")
+    columns = np.exp(-rest[:, None] / [8.0, 5.0, 3.0])
+    own = rows(2 * columns[:, 0] + rng.normal(size=60), columns)[0]
+    space = Space("accelerometer", 25.0, terms, columns, ((0,), (1,), (2,)))
+    scores = whitened(own, space, ()).scores()
+    best = pursue(own, space, level=0.01, draws=300, seed=0).candidates[0]
+    assert scores.max() - scores[best] < ALIKE
+    assert all(scores.max() - score > ALIKE for score in scores[best + 1 :])
+
+
 @pytest.mark.parametrize("power", [1, 2])
 def test_the_reference_temperature_is_fitted(power):
     """Of ``c f (T - T0)^p`` in white noise, the columns' T0 another."""

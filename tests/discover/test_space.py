@@ -1,12 +1,14 @@
 """The space of composed effects: made of what is logged, each with its unit."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from imuloop.core.effect import Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.discover.space import Space, formulas, monomials
-from imuloop.effects.discovered import Discovered, after_turn
+from imuloop.effects.discovered import Discovered, settling, turn_rate
 
 RNG = np.random.default_rng(3)
 T = 0.05 * np.arange(600)
@@ -70,19 +72,25 @@ def test_another_reference_temperature_moves_columns_among_each_other(sensor):
 
 
 def test_what_settles_counts_from_the_last_turn():
-    settling = after_turn(log(), "accelerometer")
     # turns last from 0 to 4 s of each 10 s
-    np.testing.assert_allclose(settling[T == 14.0 + 5.0, 1], np.exp(-0.5), rtol=0.02)
-    assert np.all(settling[T == 14.0 + 5.0, 3:] > 0.3)
+    at = T == 14.0 + 5.0
+    np.testing.assert_allclose(settling(log(), "accelerometer", 10)[at], np.exp(-0.5), rtol=0.02)
+    assert np.all(turn_rate(log(), "accelerometer")[at] > 0.3)
 
 
-def test_a_log_in_pieces_gives_the_same():
+@pytest.mark.parametrize("function", [partial(settling, tau=5), turn_rate])
+def test_a_log_in_pieces_gives_the_same(function):
     c, past, found = log(), {}, []
     for i in range(0, 600, 150):
         piece = slice(max(i - 20, 0), i + 150)
         own = Channels(T[piece], c.output[piece], c.other[piece], past=past)
-        found.append(after_turn(own, "accelerometer")[-150:])
-    np.testing.assert_allclose(np.concatenate(found), after_turn(c, "accelerometer"), atol=1e-9)
+        found.append(function(own, "accelerometer")[-150:])
+    np.testing.assert_allclose(np.concatenate(found), function(c, "accelerometer"), atol=1e-9)
+
+
+def test_before_the_first_turn_nothing_settles():
+    still = Channels(T, *np.zeros((2, 600, 3)))
+    assert not settling(still, "gyroscope", 5).any() and not turn_rate(still, "gyroscope").any()
 
 
 @pytest.mark.parametrize("formula", ["x: fy^", "u: fx", "x: os.system", "x: fx*", "x: fx ;; y"])

@@ -87,7 +87,7 @@ def discover_jointly(members, seed, draws=DRAWS):
     alike = _alike(whites, best)
     near = [k for k in alike if total[k] >= total[best] - ALIKE]
     space = each[0].space
-    best = min(near, key=lambda k: (space.degree(k), -total[k], k))
+    best = min(near, key=lambda k: (space.complexity(k), -total[k], k))
     alike = _alike(whites, best)
     margin = total[best] - np.delete(total, alike).max(initial=-np.inf)
     chosen = [int(np.argmax(total - own)) for own in owns]

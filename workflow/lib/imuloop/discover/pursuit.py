@@ -14,7 +14,7 @@ from imuloop.diagnose.variance import likely_sizes, total
 MOST = 4
 # share of a column's square that the base model has to leave
 LEFT = 1e-3
-# by how much a form of lower degree may be worse and is preferred
+# by how much a simpler form may be worse and is preferred
 ALIKE = 2.0
 # to the likeliest reference temperature, and half a difference that gives the derivative, K
 STEPS, HALF = 3, 0.5
@@ -161,12 +161,12 @@ def _basis(columns):
 
 
 def _simplest(white, space, scores):
-    """Return the candidate of fewest columns, then of the lowest degree, as good as the best."""
+    """Return the candidate of fewest columns, then of least complexity, as good as the best."""
     best = int(np.argmax(scores))
     near = np.flatnonzero(scores >= scores[best] - ALIKE).tolist()
     rank = white.bases[best].shape[1]
     alike = [k for k in near if white.bases[k].shape[1] <= rank and white.imitates(best, k)]
-    return min(alike, key=lambda k: (white.bases[k].shape[1], space.degree(k), -scores[k], k))
+    return min(alike, key=lambda k: (white.bases[k].shape[1], space.complexity(k), -scores[k], k))
 
 
 def log_p(white, residuals):

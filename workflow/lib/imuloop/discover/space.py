@@ -9,11 +9,13 @@ from math import comb
 import numpy as np
 
 from imuloop.effects.axes import AXES
-from imuloop.effects.discovered import SETTLING, Discovered
+from imuloop.effects.discovered import Discovered
 from imuloop.effects.thermometer import LEAST_SPAN, span, whole_degrees
 
 # degrees to which powers of a sensor's own output, and of the other's, go together
 OWN, OTHER = 5, 3
+# s; time constants of what settles after a turn: of the next cos² is 0.95
+SETTLING = (3, 5, 8, 12, 20, 30)
 # columns that are made at once: along the rotations a hundred are 100 MB
 CHUNK = 90
 
@@ -40,9 +42,9 @@ class Space:
     def _timeless(self, candidate):
         return [re.sub(r"\bs\d+", "s", self.terms[c]) for c in self.candidates[candidate]]
 
-    def degree(self, candidate):
-        """Return the largest sum of powers in a candidate's terms."""
-        return self.effect(self.candidates[candidate]).degree
+    def complexity(self, candidate):
+        """Return a candidate's, as of its effect."""
+        return self.effect(self.candidates[candidate]).complexity
 
     def seen(self, rows):
         """Return the same space of some rows."""

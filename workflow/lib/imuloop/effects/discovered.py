@@ -17,8 +17,6 @@ from imuloop.effects.vibration_rectification import WINDOW, vibration
 TURNING = 0.15
 # s; mean rate over the end of a turn, with its sense
 TURN = 3.0
-# s; time constants of what settles after a turn
-SETTLING = (3, 10, 30)
 # s; lag of the rate of temperature
 LAG = 30.0
 # SI unit of each factor, by its letter; v is the rate of the last turn, q a mean square vibration
@@ -37,27 +35,42 @@ MEANINGS = {
 _FACTOR = re.compile(r"(abs_)?([fwvq][xyz]|[TRt]|s\d+)(?:\^(\d))?")
 
 
-@in_pieces
-def after_turn(channels, sensor):
-    """Return what settles after a turn, ``exp(-s/τ)`` each, and the turn's last mean rate, (n, 6).
+def _rate(channels, sensor):
+    return channels.other if sensor == "accelerometer" else channels.output
 
-    Before the first turn of a log nothing settles, and the rate is zero.
+
+def _last_turn(channels, rate, values):
+    """Return when the last turn ended, s, (n,), and values, (n, m), at that time.
+
+    Before the first turn of a log that is -inf, and zero.
     """
     t, past = channels.t, channels.past
-    rate = channels.other if sensor == "accelerometer" else channels.output
-    lag = None if past is None else past.setdefault("lag", {})
-    mean = first_order_lag(t, rate, TURN, lag)
-    end, last = -np.inf, np.zeros(3)
+    end, last = -np.inf, np.zeros(values.shape[1])
     if past is not None and "t" in past:
         k = max(np.searchsorted(past["t"], t[0]) - 1, 0)
         end, last = past["end"][k], past["last"][k]
     k = np.where(np.linalg.norm(rate, axis=1) > TURNING, np.arange(len(t)), -1)
     k = np.maximum.accumulate(k)
     ends = np.where(k >= 0, t[k], end)
-    rates = np.where(k[:, None] >= 0, mean[k], last)
+    held = np.where(k[:, None] >= 0, values[k], last)
     if past is not None:
-        past.update(t=t, end=ends, last=rates)
-    return np.column_stack([*(np.exp((ends - t) / tau) for tau in SETTLING), rates])
+        past.update(t=t, end=ends, last=held)
+    return ends, held
+
+
+@in_pieces
+def settling(channels, sensor, tau):
+    """Return ``exp(-s/τ)``, (n,), s the time since the last turn: zero before the first."""
+    rate = _rate(channels, sensor)
+    return np.exp((_last_turn(channels, rate, rate)[0] - channels.t) / tau)
+
+
+@in_pieces
+def turn_rate(channels, sensor):
+    """Return the mean rate at the end of the last turn, rad/s, (n, 3): zero before the first."""
+    rate, past = _rate(channels, sensor), channels.past
+    lag = None if past is None else past.setdefault("lag", {})
+    return _last_turn(channels, rate, first_order_lag(channels.t, rate, TURN, lag))[1]
 
 
 def parse(formula):
@@ -82,7 +95,7 @@ class Discovered(Effect):
 
     Factors: f and w specific force and angular rate on x, y, z, one of them the sensor's own
     output; T temperature less `reference_temperature`; R its rate; t time since the start of the
-    log; s3, s10, s30 exp(-time since the last turn/3 s …); v the rate of the last turn; q the mean
+    log; s3, s12 … exp(-time since the last turn/3 s …); v the rate of the last turn; q the mean
     square of the sensor's vibration; ``abs_`` an absolute value.
     Leaves: what no effect with a physical reason explains. Imitated by: see `diagnosis.json`.
     """
@@ -120,9 +133,14 @@ class Discovered(Effect):
         return {factor[0] for _, product in self.terms for factor, _, _ in product}
 
     @property
-    def degree(self):
-        """Largest sum of powers in a term."""
-        return max(sum(power for _, power, _ in product) for _, product in self.terms)
+    def complexity(self):
+        """Largest sum of powers in a term, and longest time constant, s: of less, less follows.
+
+        One that is longer than the rests says of the bias what none of them shows.
+        """
+        factors = (f for _, product in self.terms for f, _, _ in product if f[0] == "s")
+        degree = max(sum(power for _, power, _ in product) for _, product in self.terms)
+        return degree, max((int(f[1:]) for f in factors), default=0)
 
     @property
     def parameters(self):
@@ -161,8 +179,9 @@ class Discovered(Effect):
             return channels.t
         if letter == "q":
             return channels.remembered(vibration)[:, AXES.index(rest)]
-        place = SETTLING.index(int(rest)) if letter == "s" else 3 + AXES.index(rest)
-        return channels.remembered(after_turn, self.sensor)[:, place]
+        if letter == "s":
+            return channels.remembered(settling, self.sensor, int(rest))
+        return channels.remembered(turn_rate, self.sensor)[:, AXES.index(rest)]
 
 
 def unit(factors):
