@@ -64,6 +64,12 @@ def test_the_time_column_is_one_whose_unit_is_of_time(names, at, unit):
     assert (found.time, found.units["time"]) == (at, unit)
 
 
+def test_the_stamp_of_a_message_comes_before_its_receipt():
+    # as rostopic echo -p prints it
+    names = "%time field.header.seq field.header.stamp ax ay az gx gy gz".split()
+    assert resolve(names).time == 2
+
+
 def test_missing_angular_rate_and_repeated_names():
     with pytest.raises(ImuloopError, match="no columns of angular_rate found"):
         resolve("t ax ay az".split())

@@ -29,10 +29,10 @@ _SENSORS = {
     ),
 }
 _KNOWN = {name for pair in _SENSORS.values() for usual in pair for name in usual}
-# of several the first is taken; the interval is that of increments, that of one sensor alone ends
-# in its name and _dt
+# of several the first is taken, a message's own stamp before its receipt; the interval is that of
+# increments, that of one sensor alone ends in its name and _dt
 _SINGLE = {
-    "time": "t time timestamp time_stamp stamp timestamps times sensor_time header_stamp utc"
+    "time": "header_stamp t time timestamp time_stamp stamp timestamps times sensor_time utc"
     " time_utc timestamp_utc utc_time datetime date_time epoch unix_time unix_timestamp"
     " seconds_elapsed elapsed elapsed_time millis micros".split(),
     "temperature": "temperature temp tmp temperature_imu chip_temperature".split(),
