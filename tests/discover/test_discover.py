@@ -30,10 +30,16 @@ SEEDS = range(11040, 11045)
 
 # of the first the library has a name, which the search does not know
 @pytest.mark.parametrize(
-    "truth", [pytest.param("quadratic", marks=pytest.mark.study), "fy2_fz_on_x", "T2_fx_on_x"]
+    ("truth", "plan"),
+    [
+        pytest.param("quadratic", "forty", marks=pytest.mark.study),
+        ("fy2_fz_on_x", "forty"),
+        ("T2_fx_on_x", "forty"),
+        ("settling_on_z", "rests"),
+    ],
 )
-def test_what_is_put_in_is_named(truth):
-    made = [outcome(truth, 4.0, "forty", seed) for seed in SEEDS]
+def test_what_is_put_in_is_named(truth, plan):
+    made = [outcome(truth, 4.0, plan, seed) for seed in SEEDS]
     # nine of ten by the study: four of five are less than that by chance once in ten
     assert sum(m.discovery.effect is not None and m.right for m in made) >= 4
     assert np.median([m.against_known for m in made]) < 1.3
