@@ -106,6 +106,14 @@ def test_a_formula_goes_through_json():
     assert FittedEffect.from_dict(fitted.to_dict()) == fitted
 
 
+@pytest.mark.parametrize(
+    ("formula", "complexity"),
+    [("x: fy^2*fz; y: T", (3, 0)), ("x: abs_fx", (2, 0)), ("z: s5; z: fx*s30", (2, 30))],
+)
+def test_what_is_simpler(formula, complexity):
+    assert Discovered(formula).complexity == complexity
+
+
 def test_a_time_constant_is_no_name_of_its_own():
     terms = ("z: s3", "z: s30", "z: s3*qy", "x: s3")
     own = Space("accelerometer", 25.0, terms, np.zeros((1, 4)), tuple((k,) for k in range(4)))

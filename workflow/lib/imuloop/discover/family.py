@@ -18,7 +18,7 @@ from imuloop.diagnose.p_values import log_f_tail
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.discover.discover import DRAWS, FLOOR, LEVEL, errors_of, held_out_kinds
-from imuloop.discover.pursuit import ALIKE, MARGIN, fitted, whitened
+from imuloop.discover.pursuit import MARGIN, SIMPLER, fitted, whitened
 from imuloop.discover.searched import of_poses
 
 # version of the JSON file
@@ -85,7 +85,7 @@ def discover_jointly(members, seed, draws=DRAWS):
     owns = [_own(w) for w in whites]
     total = sum(owns)
     alike = _alike(whites, best)
-    near = [k for k in alike if total[k] >= total[best] - ALIKE]
+    near = [k for k in alike if total[k] >= total[best] - SIMPLER]
     space = each[0].space
     best = min(near, key=lambda k: (space.complexity(k), -total[k], k))
     alike = _alike(whites, best)

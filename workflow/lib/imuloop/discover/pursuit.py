@@ -14,8 +14,9 @@ from imuloop.diagnose.variance import likely_sizes, total
 MOST = 4
 # share of a column's square that the base model has to leave
 LEFT = 1e-3
-# by how much a simpler form may be worse and is preferred
-ALIKE = 2.0
+# by how much fewer columns, and less complexity, which has no price in a likelihood, may be worse
+# and are preferred: the latter by two standard deviations; -2 log likelihood
+ALIKE, SIMPLER = 2.0, 4.0
 # to the likeliest reference temperature, and half a difference that gives the derivative, K
 STEPS, HALF = 3, 0.5
 # by how much the best has to be better than the best that is no imitator, in -2 log likelihood
@@ -162,11 +163,16 @@ def _basis(columns):
 
 def _simplest(white, space, scores):
     """Return the candidate of fewest columns, then of least complexity, as good as the best."""
-    best = int(np.argmax(scores))
-    near = np.flatnonzero(scores >= scores[best] - ALIKE).tolist()
-    rank = white.bases[best].shape[1]
-    alike = [k for k in near if white.bases[k].shape[1] <= rank and white.imitates(best, k)]
-    return min(alike, key=lambda k: (white.bases[k].shape[1], space.complexity(k), -scores[k], k))
+    best, rank = int(np.argmax(scores)), np.array([b.shape[1] for b in white.bases])
+
+    def alike(k, most, lead):
+        near = np.flatnonzero((rank <= most) & (scores >= scores[k] - lead)).tolist()
+        return [other for other in near if white.imitates(k, other)]
+
+    fewest = min(alike(best, rank[best], ALIKE), key=lambda k: (rank[k], -scores[k], k))
+    near = alike(fewest, rank[fewest], SIMPLER)
+    near = [k for k in near if rank[k] == rank[fewest]]
+    return min(near, key=lambda k: (space.complexity(k), -scores[k], k))
 
 
 def log_p(white, residuals):

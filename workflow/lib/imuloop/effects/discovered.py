@@ -136,11 +136,14 @@ class Discovered(Effect):
     def complexity(self):
         """Largest sum of powers in a term, and longest time constant, s: of less, less follows.
 
-        One that is longer than the rests says of the bias what none of them shows.
+        An absolute value is even, and counts as a square. A time constant that is longer than the
+        rests says of the bias what none of them shows.
         """
-        factors = (f for _, product in self.terms for f, _, _ in product if f[0] == "s")
-        degree = max(sum(power for _, power, _ in product) for _, product in self.terms)
-        return degree, max((int(f[1:]) for f in factors), default=0)
+        degree, longest = 0, 0
+        for _, product in self.terms:
+            degree = max(degree, sum(power + absolute for _, power, absolute in product))
+            longest = max(longest, *(int(f[1:]) for f, _, _ in product if f[0] == "s"), 0)
+        return degree, longest
 
     @property
     def parameters(self):
